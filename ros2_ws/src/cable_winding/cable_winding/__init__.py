@@ -1,0 +1,1 @@
+"""The shared language of the cable-winding twin: geometry, cases, published tables, markers."""

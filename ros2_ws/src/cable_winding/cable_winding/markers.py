@@ -1,0 +1,94 @@
+"""The marker record: one structured dtype for every place that says where markers lie."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cable_winding.helix import curve_length
+
+
+class MarkerFlag(IntFlag):
+    """What is known against a marker's numbers; zero means a plain good value.
+
+    PREDICTED: taken over from an earlier frame or a model, not seen in this frame.
+    """
+
+    OCCLUDED = 1
+    CLIPPED = 2
+    TOUCHING = 4
+    SLIPPED = 8
+    NOT_WOUND = 16
+    PREDICTED = 32
+
+
+# x, y, z are single precision because RViz displays no other point clouds.
+MARKER_DTYPE = np.dtype(
+    {
+        "names": ["x", "y", "z", "id", "r", "theta", "s", "sigma_theta", "sigma_z", "flags"],
+        "formats": ["<f4", "<f4", "<f4", "<u4", "<f8", "<f8", "<f8", "<f8", "<f8", "<u4"],
+        "offsets": [0, 4, 8, 12, 16, 24, 32, 40, 48, 56],
+        "itemsize": 64,
+    }
+)
+
+CORRECTED_DTYPE = np.dtype(
+    {
+        "names": [*MARKER_DTYPE.names, "s_fem", "h", "s_low", "s_high"],  # type: ignore[misc]
+        "formats": [MARKER_DTYPE[name] for name in MARKER_DTYPE.names] + ["<f8"] * 4,  # type: ignore[union-attr]
+        "offsets": [0, 4, 8, 12, 16, 24, 32, 40, 48, 56, 64, 72, 80, 88],
+        "itemsize": 96,
+    }
+)
+
+Markers = NDArray[np.void]
+
+
+def wound_markers(
+    *,
+    ids: ArrayLike,
+    theta: ArrayLike,
+    z: ArrayLike,
+    radius: float,
+    cylinder_angle: float,
+    sigma_theta: ArrayLike = 0.0,
+    sigma_z: ArrayLike = 0.0,
+    flags: ArrayLike = 0,
+) -> Markers:
+    """Return marker records for cable wound at a centreline radius.
+
+    The lab frame has +z along the cylinder; the cable lands at azimuth zero and P0 stands at
+    azimuth `cylinder_angle`, so a marker wound theta behind P0 stands at
+    cylinder_angle - theta.
+
+    Args:
+        ids: Marker numbers n, shape (n,).
+        theta: Wound angle of each marker relative to P0 [rad], unwrapped, shape (n,).
+        z: Axial position relative to P0 [m], shape (n,).
+        radius: Centreline radius R + r [m].
+        cylinder_angle: Theta [rad] of the cylinder at the records' time.
+        sigma_theta: One standard deviation of theta [rad].
+        sigma_z: One standard deviation of z [m].
+        flags: MarkerFlag bits.
+    """
+    theta = np.asarray(theta, dtype=float)
+    records = np.zeros(theta.shape, dtype=MARKER_DTYPE)
+    azimuth = cylinder_angle - theta
+    records["id"] = ids
+    records["x"] = radius * np.cos(azimuth)
+    records["y"] = radius * np.sin(azimuth)
+    records["z"] = z
+    records["r"] = radius
+    records["theta"] = theta
+    records["s"] = curve_length(radius, theta, np.asarray(z, dtype=float))
+    records["sigma_theta"] = sigma_theta
+    records["sigma_z"] = sigma_z
+    records["flags"] = flags
+    return records
+
+
+def is_wound(markers: Markers) -> NDArray[np.bool_]:
+    """Return a mask of the markers that lie on the cylinder."""
+    return (markers["flags"] & MarkerFlag.NOT_WOUND) == 0
