@@ -1,4 +1,4 @@
-"""The conditions of a winding run: cable, cylinder, weight; and the twelve of the paper's Table 1."""
+"""Conditions of a winding run: cable, cylinder, weight; the twelve of the paper's Table 1."""
 
 from __future__ import annotations
 

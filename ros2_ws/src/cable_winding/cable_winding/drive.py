@@ -1,13 +1,13 @@
-"""Drive profile of the winding machine: both axes ramp linearly, then hold (paper, section 2.1.2)."""
+"""Drive profile of the machine: both axes ramp linearly, then hold (paper, section 2.1.2)."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+
+from cable_winding.helix import FloatOrArray, like
 
 PAPER_ANGULAR_SPEED = 1.74
 PAPER_FEED_SPEED = 5.0e-3
@@ -51,40 +51,31 @@ class DriveProfile:
         """Axial advance of the guide per turn [m]."""
         return 2.0 * math.pi * self.advance_per_radian
 
-    @overload
-    def fraction(self, t: float) -> float: ...
-    @overload
-    def fraction(self, t: NDArray[np.float64]) -> NDArray[np.float64]: ...
-    def fraction(self, t: ArrayLike) -> float | NDArray[np.float64]:
+    def fraction(self, t: FloatOrArray) -> FloatOrArray:
         """Return the share of the full speed at time t [s]."""
-        t = np.asarray(t, dtype=float)
+        times = np.asarray(t, dtype=float)
         if self.ramp_time == 0.0:
-            share = np.where(t > 0.0, 1.0, 0.0)
+            share = np.where(times > 0.0, 1.0, 0.0)
         else:
-            share = np.clip(t / self.ramp_time, 0.0, 1.0)
-        return share if share.ndim else float(share)
+            share = np.clip(times / self.ramp_time, 0.0, 1.0)
+        return like(t, share)
 
-    @overload
-    def full_speed_time(self, t: float) -> float: ...
-    @overload
-    def full_speed_time(self, t: NDArray[np.float64]) -> NDArray[np.float64]: ...
-    def full_speed_time(self, t: ArrayLike) -> float | NDArray[np.float64]:
+    def full_speed_time(self, t: FloatOrArray) -> FloatOrArray:
         """Return the time [s] at full speed that covers the same way as the profile until t."""
-        t = np.maximum(np.asarray(t, dtype=float), 0.0)
-        if self.ramp_time == 0.0:
-            way = t
+        times = np.maximum(np.asarray(t, dtype=float), 0.0)
+        ramp = self.ramp_time
+        if ramp == 0.0:
+            way = times
         else:
-            way = np.where(
-                t < self.ramp_time, 0.5 * t * t / self.ramp_time, t - 0.5 * self.ramp_time
-            )
-        return way if way.ndim else float(way)
+            way = np.where(times < ramp, 0.5 * times * times / ramp, times - 0.5 * ramp)
+        return like(t, way)
 
-    def speeds(self, t: float) -> tuple[float, float]:
+    def speeds(self, t: FloatOrArray) -> tuple[FloatOrArray, FloatOrArray]:
         """Return (cylinder speed [rad/s], carriage speed [m/s]) at time t."""
         share = self.fraction(t)
         return self.angular_speed * share, self.feed_speed * share
 
-    def positions(self, t: float) -> tuple[float, float]:
+    def positions(self, t: FloatOrArray) -> tuple[FloatOrArray, FloatOrArray]:
         """Return (cylinder angle Theta [rad], carriage position [m]) at time t."""
         way = self.full_speed_time(t)
         return self.angular_speed * way, self.feed_speed * way

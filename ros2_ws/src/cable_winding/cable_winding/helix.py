@@ -53,8 +53,14 @@ def curve_length(radius: float, theta: FloatOrArray, z: FloatOrArray) -> FloatOr
         z: Axial position relative to P0 [m], same shape.
     """
     _require_positive("radius", radius)
-    length = np.hypot(radius * np.asarray(theta), z)
-    return length if np.ndim(length) else float(length)  # type: ignore[return-value]
+    return like(theta, np.hypot(radius * np.asarray(theta), z))
+
+
+def like(example: FloatOrArray, values: NDArray[np.float64]) -> FloatOrArray:
+    """Return values as an array for an array example, as a float for a scalar one."""
+    if isinstance(example, np.ndarray):
+        return values
+    return float(values)
 
 
 def _require_positive(name: str, value: float) -> None:

@@ -25,23 +25,22 @@ class MarkerFlag(IntFlag):
 
 
 # x, y, z are single precision because RViz displays no other point clouds.
-MARKER_DTYPE = np.dtype(
-    {
-        "names": ["x", "y", "z", "id", "r", "theta", "s", "sigma_theta", "sigma_z", "flags"],
-        "formats": ["<f4", "<f4", "<f4", "<u4", "<f8", "<f8", "<f8", "<f8", "<f8", "<u4"],
-        "offsets": [0, 4, 8, 12, 16, 24, 32, 40, 48, 56],
-        "itemsize": 64,
-    }
-)
+_MARKER_FIELDS = [
+    ("x", "<f4"),
+    ("y", "<f4"),
+    ("z", "<f4"),
+    ("id", "<u4"),
+    ("r", "<f8"),
+    ("theta", "<f8"),
+    ("s", "<f8"),
+    ("sigma_theta", "<f8"),
+    ("sigma_z", "<f8"),
+    ("flags", "<u4"),
+]
+_CORRECTION_FIELDS = [("s_fem", "<f8"), ("h", "<f8"), ("s_low", "<f8"), ("s_high", "<f8")]
 
-CORRECTED_DTYPE = np.dtype(
-    {
-        "names": [*MARKER_DTYPE.names, "s_fem", "h", "s_low", "s_high"],  # type: ignore[misc]
-        "formats": [MARKER_DTYPE[name] for name in MARKER_DTYPE.names] + ["<f8"] * 4,  # type: ignore[union-attr]
-        "offsets": [0, 4, 8, 12, 16, 24, 32, 40, 48, 56, 64, 72, 80, 88],
-        "itemsize": 96,
-    }
-)
+MARKER_DTYPE = np.dtype(_MARKER_FIELDS, align=True)
+CORRECTED_DTYPE = np.dtype([*_MARKER_FIELDS, *_CORRECTION_FIELDS], align=True)
 
 Markers = NDArray[np.void]
 
@@ -91,4 +90,5 @@ def wound_markers(
 
 def is_wound(markers: Markers) -> NDArray[np.bool_]:
     """Return a mask of the markers that lie on the cylinder."""
-    return (markers["flags"] & MarkerFlag.NOT_WOUND) == 0
+    mask: NDArray[np.bool_] = (markers["flags"] & MarkerFlag.NOT_WOUND) == 0
+    return mask

@@ -1,0 +1,1 @@
+"""ROS side of the shared language: topics, messages, parameters, managed nodes, processes."""

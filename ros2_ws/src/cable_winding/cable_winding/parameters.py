@@ -1,0 +1,163 @@
+"""Parameters stated once: dataclass fields that carry type, default, range and meaning."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+Value = bool | int | float | str | list[float]
+Configuration = TypeVar("Configuration")
+
+
+class ParameterError(ValueError):
+    """A parameter has an unknown name, a wrong type or a value outside its range."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Declaration:
+    """One parameter as its dataclass field states it."""
+
+    name: str
+    default: Value
+    description: str
+    low: float | None
+    high: float | None
+    choices: tuple[str, ...] | None
+    read_only: bool
+
+    @property
+    def type_name(self) -> str:
+        """Name of the parameter's type as people read it."""
+        return "float list" if isinstance(self.default, list) else type(self.default).__name__
+
+    def convert(self, value: object) -> Value:
+        """Return a value of the declared type inside the declared range.
+
+        A whole number is taken where a float is declared.
+
+        Raises:
+            ParameterError: Wrong type, NaN, or outside range or choices.
+        """
+        converted = self._typed(value)
+        if isinstance(converted, str):
+            if self.choices is not None and converted not in self.choices:
+                raise ParameterError(
+                    f"parameter {self.name} must be one of {', '.join(self.choices)}, "
+                    f"got {converted!r}"
+                )
+            return converted
+        for number in converted if isinstance(converted, list) else [converted]:
+            self._check_range(number)
+        return converted
+
+    def _typed(self, value: object) -> Value:
+        wanted = self.default
+        if isinstance(wanted, bool):
+            if isinstance(value, bool):
+                return value
+        elif isinstance(wanted, int):
+            if isinstance(value, int) and not isinstance(value, bool):
+                return value
+        elif isinstance(wanted, float):
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                return float(value)
+        elif isinstance(wanted, str):
+            if isinstance(value, str):
+                return value
+        elif isinstance(value, Iterable) and not isinstance(value, str):
+            items = list(value)
+            if len(items) == len(wanted) and all(
+                isinstance(item, int | float) and not isinstance(item, bool) for item in items
+            ):
+                return [float(item) for item in items]
+            raise ParameterError(
+                f"parameter {self.name} must be a list of {len(wanted)} numbers, got {items}"
+            )
+        raise ParameterError(f"parameter {self.name} must be a {self.type_name}, got {value!r}")
+
+    def _check_range(self, number: float) -> None:
+        if not math.isfinite(number):
+            raise ParameterError(f"parameter {self.name} must be finite, got {number}")
+        if self.low is not None and number < self.low:
+            raise ParameterError(
+                f"parameter {self.name} must be at least {self.low:g}, got {number:g}"
+            )
+        if self.high is not None and number > self.high:
+            raise ParameterError(
+                f"parameter {self.name} must be at most {self.high:g}, got {number:g}"
+            )
+
+
+def parameter(
+    default: Value,
+    description: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] | None = None,
+    read_only: bool = True,
+) -> Any:
+    """Return a dataclass field that is also a parameter declaration.
+
+    Args:
+        default: The value when nobody sets one; its type is the parameter's type.
+        description: One sentence, with the unit.
+        low: Smallest allowed number.
+        high: Largest allowed number.
+        choices: Allowed texts.
+        read_only: Whether the value is fixed once the node runs.
+    """
+    metadata = {
+        "description": description,
+        "low": low,
+        "high": high,
+        "choices": choices,
+        "read_only": read_only,
+    }
+    if isinstance(default, list):
+        return dataclasses.field(default_factory=lambda: list(default), metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def declarations(configuration: type) -> tuple[Declaration, ...]:
+    """Return the parameters that a configuration dataclass states."""
+    return tuple(
+        Declaration(name=item.name, default=_default(item), **item.metadata)
+        for item in dataclasses.fields(configuration)
+    )
+
+
+def _default(item: dataclasses.Field[Any]) -> Value:
+    if item.default_factory is not dataclasses.MISSING:
+        made: Value = item.default_factory()
+        return made
+    stated: Value = item.default
+    return stated
+
+
+def refuse_unknown(names: Iterable[str], known: Iterable[str], *, owner: str) -> None:
+    """Raise ParameterError for the first name that is not known, naming the nearest one."""
+    known = sorted(known)
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise ParameterError(f"{owner} has no parameter {name}{hint}")
+
+
+def build(
+    configuration: type[Configuration], values: Mapping[str, object], *, owner: str
+) -> Configuration:
+    """Return a configuration from named values.
+
+    Raises:
+        ParameterError: An unknown name, a wrong type, or a value outside its range.
+    """
+    stated = {item.name: item for item in declarations(configuration)}
+    refuse_unknown(values, stated, owner=owner)
+    converted = {name: stated[name].convert(value) for name, value in values.items()}
+    return configuration(**converted)

@@ -1,0 +1,186 @@
+"""Every topic of the graph, declared once: name, type, quality of service, rate, recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState, PointCloud2
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker
+
+# Reliable delivery keeps what a stalled reader has not taken yet: depth is rate x worst stall.
+WORST_STALL_S = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Topic:
+    """One topic of the graph contract.
+
+    Attributes:
+        name: Relative to the graph's namespace, or absolute.
+        type: Message class.
+        rate: Nominal messages per simulated second; None for topics sent on change.
+        publisher: Name of the node that publishes it; "every node" for shared topics.
+        depth: History kept for a slow reader.
+        latched: Whether late subscribers get the last message.
+        recorded: Whether the recorder stores it.
+        description: One line for the interface table.
+    """
+
+    name: str
+    type: type
+    rate: float | None
+    publisher: str
+    depth: int
+    latched: bool = False
+    recorded: bool = True
+    description: str
+
+    @property
+    def type_name(self) -> str:
+        """Full ROS name of the message type, as bags write it."""
+        package, kind, *_ = self.type.__module__.split(".")
+        return f"{package}/{kind}/{self.type.__name__}"
+
+    @property
+    def qos(self) -> QoSProfile:
+        """Reliable, keep last `depth`, transient local when latched."""
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if self.latched else DurabilityPolicy.VOLATILE
+        return QoSProfile(
+            history=HistoryPolicy.KEEP_LAST,
+            depth=self.depth,
+            reliability=ReliabilityPolicy.RELIABLE,
+            durability=durability,
+        )
+
+    def subscribe(
+        self, node: Node, callback: Callable[[Any], None], *, raw: bool = False
+    ) -> Subscription:
+        """Return a subscription on a node; raw callbacks get the serialised bytes."""
+        return node.create_subscription(
+            self.type,
+            self.name,
+            callback,
+            self.qos,
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            raw=raw,
+        )
+
+    def advertise(self, node: Node) -> Publisher:
+        """Return a plain publisher on a node that is not managed."""
+        return node.create_publisher(
+            self.type,
+            self.name,
+            self.qos,
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        )
+
+
+def _topic(
+    name: str,
+    type_: type,
+    rate: float | None,
+    publisher: str,
+    description: str,
+    *,
+    latched: bool = False,
+    recorded: bool = True,
+) -> Topic:
+    return Topic(
+        name=name,
+        type=type_,
+        rate=rate,
+        publisher=publisher,
+        depth=1 if latched else max(10, int((rate or 10.0) * WORST_STALL_S)),
+        latched=latched,
+        recorded=recorded,
+        description=description,
+    )
+
+
+RIG, TRACKER, FEM, CORRECTION, RECORDER = (
+    "winding_rig",
+    "marker_tracker",
+    "cable_fem",
+    "correction",
+    "recorder",
+)
+
+CLOCK = _topic("/clock", Clock, 100.0, RIG, "simulated time")
+JOINT_STATES = _topic(
+    "rig/joint_states", JointState, 1000.0, RIG, "encoder samples of cylinder and carriage"
+)
+JOINT_COMMANDS = _topic(
+    "rig/joint_commands", JointState, 50.0, RIG, "setpoints of cylinder and carriage"
+)
+TENSION = _topic("rig/tension", WrenchStamped, 100.0, RIG, "load cell at the guide, force.x [N]")
+IMAGE = _topic("camera/image_raw", Image, 200.0, RIG, "windowed camera frames, bgr8")
+CAMERA_INFO = _topic(
+    "camera/camera_info", CameraInfo, 200.0, RIG, "full-resolution calibration, window and binning"
+)
+PREVIEW = _topic("camera/image_raw/compressed", CompressedImage, 25.0, RIG, "JPEG preview")
+TRACKED_MARKERS = _topic(
+    "tracker/markers", PointCloud2, 200.0, TRACKER, "measured markers, one message per frame"
+)
+FEM_MARKERS = _topic("fem/markers", PointCloud2, 50.0, FEM, "markers of the solver in step")
+FEM_CABLE = _topic("fem/cable", PointCloud2, 20.0, FEM, "centreline with tension and strain")
+FEM_CABLE_LINE = _topic("fem/cable_line", Marker, 20.0, FEM, "centreline as a LINE_STRIP for RViz")
+FEM_PREDICTION = _topic(
+    "fem/prediction", PointCloud2, None, FEM, "final markers of the run, ahead of it", latched=True
+)
+CORRECTED_MARKERS = _topic(
+    "correction/markers", PointCloud2, 50.0, CORRECTION, "predicted lengths times the weight h"
+)
+CORRECTION_CASE = _topic(
+    "correction/case",
+    DiagnosticArray,
+    None,
+    CORRECTION,
+    "known condition that this run resembles, with its share of votes",
+    latched=True,
+)
+DIAGNOSTICS = _topic("/diagnostics", DiagnosticArray, None, "every node", "state of each node")
+RECORDER_PROGRESS = _topic(
+    "recorder/progress",
+    Header,
+    50.0,
+    RECORDER,
+    "stamp up to which the recorder has stored the fast topics",
+    recorded=False,
+)
+
+TOPICS: tuple[Topic, ...] = (
+    CLOCK,
+    JOINT_STATES,
+    JOINT_COMMANDS,
+    TENSION,
+    IMAGE,
+    CAMERA_INFO,
+    PREVIEW,
+    TRACKED_MARKERS,
+    FEM_MARKERS,
+    FEM_CABLE,
+    FEM_CABLE_LINE,
+    FEM_PREDICTION,
+    CORRECTED_MARKERS,
+    CORRECTION_CASE,
+    DIAGNOSTICS,
+    RECORDER_PROGRESS,
+)
+
+SERVICES = {
+    "rig/start": "start or resume winding",
+    "rig/stop": "ramp both axes down and hold",
+    "rig/reset": "back to the start of the run; only while stopped",
+    "rig/emergency_stop": "cut the drives at once",
+}
