@@ -1,0 +1,24 @@
+"""Simulated high-speed camera with exact ground truth; it shares no code with the tracker."""
+
+from winding_rig_node.camera.config import (
+    CameraCalibration,
+    CameraConfig,
+    Light,
+    SensorNoise,
+    Window,
+)
+from winding_rig_node.camera.preview import encode_jpeg
+from winding_rig_node.camera.renderer import Renderer
+from winding_rig_node.camera.scene import Paint, Scene
+
+__all__ = [
+    "CameraCalibration",
+    "CameraConfig",
+    "Light",
+    "Paint",
+    "Renderer",
+    "Scene",
+    "SensorNoise",
+    "Window",
+    "encode_jpeg",
+]

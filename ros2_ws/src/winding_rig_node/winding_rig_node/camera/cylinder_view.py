@@ -1,0 +1,95 @@
+"""What never moves in the picture: cylinder, backdrop and the fall of the light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_rig_node.camera.config import CameraConfig
+from winding_rig_node.camera.optics import sample_rays
+from winding_rig_node.camera.scene import Paint
+
+FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StaticView:
+    """The still part of the picture of one cylinder.
+
+    Attributes:
+        inverse_depth: Of the cylinder at each sample [1/m], zero beside it,
+            shape (rows * s, columns * s).
+        radiance: Mean of each pixel without the cable, shape (rows, columns, 3).
+        falloff: Light that reaches each pixel, 1 in the middle, shape (rows, columns).
+    """
+
+    inverse_depth: SingleArray
+    radiance: SingleArray
+    falloff: SingleArray
+
+
+def static_view(
+    config: CameraConfig, radius: float, ends: tuple[float, float], paint: Paint
+) -> StaticView:
+    """Cast a ray through every sample at the cylinder and the backdrop.
+
+    Args:
+        config: The camera.
+        radius: Of the cylinder [m].
+        ends: Axial ends of the cylinder [m].
+        paint: Colours.
+    """
+    rows, columns = config.window.shape
+    s = config.supersampling
+    inverse = np.zeros((rows * s, columns * s), dtype=np.float32)
+    radiance = np.zeros((rows, columns, 3), dtype=np.float32)
+    rays = sample_rays(config)
+    for top in range(0, rows, 64):
+        part = slice(top * s, min(top + 64, rows) * s)
+        depth, normal, along = _cylinder_hit(config, rays[part], radius, ends)
+        colour = _cylinder_colour(config, normal, along, paint)
+        beside = np.isnan(depth)
+        colour[beside] = paint.backdrop
+        inverse[part] = np.where(beside, 0.0, 1.0 / depth)
+        blocks = colour.reshape(-1, s, columns, s, 3)
+        radiance[top : top + 64] = blocks.mean(axis=(1, 3))
+    return StaticView(inverse_depth=inverse, radiance=radiance, falloff=_falloff(config))
+
+
+def _cylinder_hit(
+    config: CameraConfig, rays: FloatArray, radius: float, ends: tuple[float, float]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    x, y, z = config.position
+    a = rays[..., 0] ** 2 + rays[..., 1] ** 2
+    half = x * rays[..., 0] + y * rays[..., 1]
+    room = half**2 - a * (x * x + y * y - radius**2)
+    with np.errstate(invalid="ignore"):
+        depth = (-half - np.sqrt(room)) / a
+    along = z + depth * rays[..., 2]
+    outside = ~((along > ends[0]) & (along < ends[1]) & (depth > 0.0))
+    depth[outside] = np.nan
+    normal = np.stack([x + depth * rays[..., 0], y + depth * rays[..., 1]], axis=-1) / radius
+    return depth, normal, along
+
+
+def _cylinder_colour(
+    config: CameraConfig, normal: FloatArray, along: FloatArray, paint: Paint
+) -> FloatArray:
+    """Turned metal: diffuse light with fine grooves around the circumference."""
+    light = config.light
+    lamp = np.array(light.direction) / np.linalg.norm(light.direction)
+    diffuse = np.maximum(normal[..., 0] * lamp[0] + normal[..., 1] * lamp[1], 0.0)
+    grooves = 1.0 + 0.03 * np.sin(along * 9.0e3) + 0.03 * np.sin(along * 2.3e3 + 1.0)
+    shade = (light.ambient + (1.0 - light.ambient) * diffuse) * grooves
+    return np.asarray(shade[..., None] * np.array(paint.cylinder), dtype=float)
+
+
+def _falloff(config: CameraConfig) -> SingleArray:
+    rows, columns = config.window.shape
+    u = np.linspace(-1.0, 1.0, columns)
+    v = np.linspace(-1.0, 1.0, rows)
+    share = 1.0 - 0.5 * config.light.falloff * (u[None, :] ** 2 + v[:, None] ** 2)
+    return share.astype(np.float32)

@@ -1,0 +1,147 @@
+"""Renderer: a scene becomes the frame that the simulated camera delivers."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_rig_node.camera.cable_mesh import draw_cable, path_height
+from winding_rig_node.camera.config import CameraConfig
+from winding_rig_node.camera.cylinder_view import StaticView, static_view
+from winding_rig_node.camera.optics import lens_numbers
+from winding_rig_node.camera.raster import resolve
+from winding_rig_node.camera.scene import Paint, Scene
+from winding_rig_node.camera.sensor import expose, noise_table
+
+FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
+ByteArray = NDArray[np.uint8]
+
+# Chords of this many pixels stay within 0.01 px of the arc at every radius of the paper.
+SECTION_STEP = 3.0
+
+
+class Renderer:
+    """Draw scenes into frames of one camera.
+
+    A renderer keeps its sample buffers between frames: it belongs to one thread at a time, which
+    may be any thread, and the drawing itself releases the interpreter lock.
+    """
+
+    def __init__(self, config: CameraConfig) -> None:
+        self.config = config
+        rows, columns = config.window.shape
+        s = config.supersampling
+        self._lens = lens_numbers(config)
+        self._light = _light_numbers(config)
+        self._table = noise_table()
+        self._inverse_depth = np.zeros((rows * s, columns * s), dtype=np.float32)
+        self._label = np.zeros((rows * s, columns * s), dtype=np.uint8)
+        self._shade = np.zeros((rows * s, columns * s), dtype=np.float32)
+        self._gloss = np.zeros((rows * s, columns * s), dtype=np.float32)
+        self._radiance = np.zeros((rows, columns, 3), dtype=np.float32)
+        self._views: dict[tuple[float, tuple[float, float], Paint], StaticView] = {}
+
+    def render(self, scene: Scene, rng: np.random.Generator) -> ByteArray:
+        """Return the frame of a scene, uint8 of shape (rows, columns, 3), blue-green-red.
+
+        Args:
+            scene: What stands before the camera.
+            rng: Source of the sensor's noise.
+        """
+        config = self.config
+        radiance = self._draw(scene)
+        rows, columns = config.window.shape
+        frame = np.empty((rows, columns, 3), dtype=np.uint8)
+        offsets = rng.integers(0, self._table.size - 3 * columns, size=rows)
+        expose(
+            radiance,
+            self._view(scene).falloff,
+            config.light.gain,
+            config.noise.read,
+            config.noise.shot,
+            self._table,
+            offsets,
+            frame,
+        )
+        return frame
+
+    def _view(self, scene: Scene) -> StaticView:
+        key = (scene.cylinder_radius, scene.cylinder_ends, scene.paint)
+        if key not in self._views:
+            self._views[key] = static_view(self.config, *key)
+        return self._views[key]
+
+    def _draw(self, scene: Scene) -> SingleArray:
+        view = self._view(scene)
+        self._inverse_depth[:] = view.inverse_depth
+        self._label[:] = 0
+        draw_cable(
+            self._lens,
+            _body_numbers(scene),
+            np.ascontiguousarray(scene.path_theta, dtype=float),
+            np.ascontiguousarray(scene.path_z, dtype=float),
+            np.ascontiguousarray(scene.marker_theta, dtype=float),
+            _half_bands(scene),
+            scene.tail_angle,
+            self._light,
+            self._section_step(scene),
+            self._inverse_depth,
+            self._label,
+            self._shade,
+            self._gloss,
+        )
+        resolve(
+            self.config.supersampling,
+            view.radiance,
+            self._label,
+            self._shade,
+            self._gloss,
+            _palette(scene),
+            self._radiance,
+        )
+        return self._radiance
+
+    def _section_step(self, scene: Scene) -> float:
+        config = self.config
+        pixel = config.window.binning * config.position[0] / config.focal
+        return min(SECTION_STEP * pixel / scene.centreline_radius, 0.06)
+
+
+def _light_numbers(config: CameraConfig) -> FloatArray:
+    light = config.light
+    direction = np.array(light.direction) / np.linalg.norm(light.direction)
+    return np.array([*direction, light.ambient, light.highlight, light.gloss])
+
+
+def _body_numbers(scene: Scene) -> FloatArray:
+    return np.array(
+        [
+            scene.cylinder_radius,
+            scene.cable_radius,
+            scene.cylinder_angle,
+            scene.landing_z,
+            scene.guide_z,
+            scene.free_length,
+        ]
+    )
+
+
+def _half_bands(scene: Scene) -> FloatArray:
+    """Return half of each band as wound angle [rad]; its length is measured along the cable."""
+    rho = scene.centreline_radius
+    half = np.zeros(scene.marker_theta.size)
+    for n, theta in enumerate(scene.marker_theta):
+        if np.isfinite(theta):
+            if theta > scene.cylinder_angle:
+                slope = rho * (scene.guide_z - scene.landing_z) / scene.free_length
+            else:
+                _, slope = path_height(scene.path_theta, scene.path_z, float(theta))
+            half[n] = 0.5 * scene.band_width / np.hypot(rho, slope)
+    return half
+
+
+def _palette(scene: Scene) -> FloatArray:
+    paint = scene.paint
+    bands = [paint.marker] * scene.marker_theta.size
+    return np.array([(0.0, 0.0, 0.0), paint.cable, *bands])

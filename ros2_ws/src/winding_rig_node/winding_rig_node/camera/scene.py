@@ -1,0 +1,113 @@
+"""What stands before the camera at one instant: cylinder, cable, markers, guide."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Colour = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paint:
+    """Colours of the scene, blue-green-red reflectance of 0 to 255 under nominal light."""
+
+    marker: Colour = (25.0, 185.0, 225.0)
+    cable: Colour = (150.0, 150.0, 156.0)
+    cylinder: Colour = (96.0, 92.0, 90.0)
+    backdrop: Colour = (46.0, 42.0, 40.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """A snapshot in the lab frame: the cylinder turns about +z and the cable lands at azimuth 0.
+
+    A point wound theta behind P0 stands at azimuth cylinder_angle - theta. Cable that is not
+    wound yet lies on the straight span from the landing point towards -y, at the distance
+    (R + r) (theta - cylinder_angle) before the contact line.
+
+    Attributes:
+        cylinder_radius: R [m].
+        cable_radius: r [m].
+        cylinder_angle: Theta [rad].
+        path_theta: Ascending grid of wound angles [rad], shape (n,); it may reach beyond Theta.
+        path_z: Axial position of the wound cable on this grid [m], shape (n,).
+        marker_theta: Wound angle of each marker [rad], shape (m,), nan for one beyond the span.
+        guide_z: Axial position of the guide [m].
+        free_length: Distance of the guide before the contact line [m].
+        band_width: Of a marker's ring band along the cable [m].
+        tail_angle: Cable clamped behind P0, opposite to the winding sense [rad].
+        cylinder_ends: Axial ends of the cylinder [m].
+        cylinder_speed: Turning speed [rad/s], for motion blur only.
+        paint: Colours.
+    """
+
+    cylinder_radius: float
+    cable_radius: float
+    cylinder_angle: float
+    path_theta: FloatArray
+    path_z: FloatArray
+    marker_theta: FloatArray
+    guide_z: float
+    free_length: float
+    band_width: float = 6.0e-3
+    tail_angle: float = 0.5
+    cylinder_ends: tuple[float, float] = (-0.018, 0.118)
+    cylinder_speed: float = 0.0
+    paint: Paint = field(default_factory=Paint)
+
+    def __post_init__(self) -> None:
+        for name in ("cylinder_radius", "cable_radius", "free_length", "band_width"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} must be positive, got {value} m")
+        for name in ("cylinder_angle", "guide_z", "cylinder_speed"):
+            value = getattr(self, name)
+            if not math.isfinite(value):
+                raise ValueError(f"{name} must be finite, got {value}")
+        if self.path_theta.shape != self.path_z.shape or self.path_theta.size < 2:
+            raise ValueError(
+                "path_theta and path_z must be two arrays of one length of at least 2, got "
+                f"{self.path_theta.shape} and {self.path_z.shape}"
+            )
+        if not (np.isfinite(self.path_z).all() and (np.diff(self.path_theta) > 0.0).all()):
+            raise ValueError("path_theta must ascend and path_z must be finite")
+
+    @property
+    def centreline_radius(self) -> float:
+        """R + r [m]."""
+        return self.cylinder_radius + self.cable_radius
+
+    @property
+    def landing_z(self) -> float:
+        """Axial position of the contact line's landing point [m]."""
+        return float(np.interp(self.cylinder_angle, self.path_theta, self.path_z))
+
+    def centreline(self, theta: NDArray[np.float64]) -> FloatArray:
+        """Return lab points of the cable's centre line at wound angles, shape (n, 3)."""
+        theta = np.asarray(theta, dtype=float)
+        rho = self.centreline_radius
+        azimuth = self.cylinder_angle - theta
+        way = rho * (theta - self.cylinder_angle)
+        landing = self.landing_z
+        wound = np.stack(
+            [
+                rho * np.cos(azimuth),
+                rho * np.sin(azimuth),
+                np.interp(theta, self.path_theta, self.path_z),
+            ],
+            axis=-1,
+        )
+        free = np.stack(
+            [
+                np.full_like(way, rho),
+                -way,
+                landing + (self.guide_z - landing) * way / self.free_length,
+            ],
+            axis=-1,
+        )
+        return np.where((way > 0.0)[:, None], free, wound)

@@ -1,0 +1,67 @@
+"""From radiance to grey levels: exposure, read and shot noise, eight bits."""
+
+# Compiled kernels take their arrays by position.
+# ruff: noqa: PLR0917
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_rig_node.camera.compiled import compiled
+
+SingleArray = NDArray[np.float32]
+ByteArray = NDArray[np.uint8]
+IndexArray = NDArray[np.int64]
+
+NOISE_TABLE_SIZE = 1 << 20
+
+
+def noise_table(seed: int = 20230301) -> SingleArray:
+    """Return standard normal numbers that rows of pixels read from a random offset."""
+    return np.random.default_rng(seed).standard_normal(NOISE_TABLE_SIZE, dtype=np.float32)
+
+
+@compiled
+def expose(
+    radiance: SingleArray,
+    falloff: SingleArray,
+    gain: float,
+    read: float,
+    shot: float,
+    table: SingleArray,
+    offsets: IndexArray,
+    out: ByteArray,
+) -> None:  # pragma: no cover
+    """Write the eight-bit frame of a radiance image.
+
+    Args:
+        radiance: Shape (rows, columns, 3).
+        falloff: Light at each pixel, shape (rows, columns).
+        gain: Exposure factor.
+        read: Standard deviation of a dark pixel [grey levels].
+        shot: Variance per grey level.
+        table: Standard normal numbers.
+        offsets: Where each row starts to read the table, shape (rows,); a row needs
+            3 * columns numbers after it.
+        out: Shape (rows, columns, 3).
+    """
+    rows, columns = falloff.shape
+    deviation = np.empty(256, dtype=np.float32)
+    for level in range(256):
+        deviation[level] = math.sqrt(read * read + shot * level)
+    noisy = read > 0.0 or shot > 0.0
+    for row in range(rows):
+        cursor = offsets[row]
+        for column in range(columns):
+            light = np.float32(gain) * falloff[row, column]
+            for channel in range(3):
+                value = radiance[row, column, channel] * light
+                if noisy:
+                    level = min(max(int(value), 0), 255)
+                    value += deviation[level] * table[cursor]
+                    cursor += 1
+                value = value + np.float32(0.5)
+                out[row, column, channel] = np.uint8(min(max(value, 0.0), 255.0))
