@@ -7,7 +7,7 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 Value = bool | int | float | str | list[float]
 Configuration = TypeVar("Configuration")
@@ -133,10 +133,8 @@ def declarations(configuration: type) -> tuple[Declaration, ...]:
 
 def _default(item: dataclasses.Field[Any]) -> Value:
     if item.default_factory is not dataclasses.MISSING:
-        made: Value = item.default_factory()
-        return made
-    stated: Value = item.default
-    return stated
+        return cast(Value, item.default_factory())
+    return cast(Value, item.default)
 
 
 def refuse_unknown(names: Iterable[str], known: Iterable[str], *, owner: str) -> None:

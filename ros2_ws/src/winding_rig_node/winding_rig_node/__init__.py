@@ -1,0 +1,1 @@
+"""The experiment and its clock: simulated winding machine, sensors and camera."""

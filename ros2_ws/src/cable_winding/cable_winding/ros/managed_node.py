@@ -47,6 +47,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._refused: Counter[str] = Counter()
         self._refusal = ""
         self._failure = ""
+        self._fatal: Exception | None = None
         self._diagnostics = DIAGNOSTICS.advertise(self)
         self._last_told: list[Status] = []
         self._silent_periods = 0
@@ -70,6 +71,10 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     def status(self) -> Status:
         """Return the state of the node's own work."""
         return Status(name=self.get_name())
+
+    def fail(self, error: Exception) -> None:
+        """End the process with an error that happened in a thread of the node's own."""
+        self._fatal = error
 
     def advertise(self, topic: Topic) -> LifecyclePublisher:
         """Return a publisher that is silent unless the node is active."""
@@ -166,6 +171,8 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             return response
 
     def _tell(self) -> None:
+        if self._fatal is not None:
+            raise self._fatal
         statuses = self._statuses()
         self._silent_periods += 1
         changed = [(s.name, s.level, s.message) for s in statuses] != [

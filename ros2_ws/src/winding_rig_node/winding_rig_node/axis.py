@@ -1,0 +1,86 @@
+"""One driven axis: motor, encoder and speed controller in a loop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from winding_rig_node.encoder import EncoderConfig, EncoderState, read_encoder
+from winding_rig_node.motor import MotorConfig, MotorState, advance_motor
+from winding_rig_node.pid import PidConfig, PidState, step_pid
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisConfig:
+    """Motor, encoder and controller gains of one axis."""
+
+    motor: MotorConfig
+    encoder: EncoderConfig
+    pid: PidConfig
+
+
+@dataclass(kw_only=True)
+class AxisState:
+    """Everything that changes on one axis."""
+
+    motor: MotorState = field(default_factory=MotorState)
+    encoder: EncoderState = field(default_factory=EncoderState)
+    pid: PidState = field(default_factory=PidState)
+    voltage: float = 0.0
+    acceleration: float = 0.0
+
+
+def tuned_pid(motor: MotorConfig, bandwidth: float) -> PidConfig:
+    """Return gains by pole placement on the motor's first-order speed response.
+
+    Args:
+        motor: The axis; its time constant tau and speed per volt K.
+        bandwidth: Natural frequency of the closed loop [Hz]; critically damped.
+    """
+    omega = 2.0 * math.pi * bandwidth
+    tau, gain = motor.time_constant, motor.speed_per_volt
+    proportional = (2.0 * omega * tau - 1.0) / gain
+    if proportional <= 0.0:
+        raise ValueError(
+            f"bandwidth must exceed {1.0 / (4.0 * math.pi * tau):.3g} Hz for a motor with a time "
+            f"constant of {tau:.3g} s, got {bandwidth:g} Hz"
+        )
+    return PidConfig(
+        proportional=proportional,
+        integral=omega * omega * tau / gain,
+        derivative=0.02 * tau / gain,
+        limit=motor.supply,
+        tracking_time=1.0 / omega,
+    )
+
+
+def control_axis(
+    config: AxisConfig, state: AxisState, *, setpoint: float, acceleration: float, dt: float
+) -> None:
+    """Set the axis voltage for a speed setpoint and its known acceleration."""
+    motor = config.motor
+    dry = math.copysign(motor.friction_voltage, setpoint) if setpoint else 0.0
+    feedforward = (setpoint + motor.time_constant * acceleration) / motor.speed_per_volt + dry
+    state.acceleration = acceleration
+    state.voltage = step_pid(
+        config.pid,
+        state.pid,
+        setpoint=setpoint,
+        measured=state.encoder.speed,
+        feedforward=feedforward,
+        dt=dt,
+    )
+
+
+def advance_axis(
+    config: AxisConfig, state: AxisState, *, load: float, dt: float, braked: bool
+) -> None:
+    """Move the axis by one sample period and read its encoder."""
+    advance_motor(config.motor, state.motor, state.voltage, load, dt, braked=braked)
+    read_encoder(
+        config.encoder,
+        state.encoder,
+        state.motor.position,
+        dt,
+        acceleration=0.0 if braked else state.acceleration,
+    )
