@@ -1,0 +1,22 @@
+"""How kernels are compiled: cached machine code, or plain Python under NUMBA_DISABLE_JIT=1."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+from numba import njit
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+# NaN must stay visible to the divergence check, so "nnan" and "ninf" are left out.
+_REORDER = {"reassoc", "contract", "arcp", "nsz"}
+
+
+def kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile an array function to cached machine code that releases the interpreter lock."""
+    compiled: Callable[P, R] = njit(
+        cache=True, nogil=True, fastmath=_REORDER, error_model="numpy"
+    )(function)
+    return compiled

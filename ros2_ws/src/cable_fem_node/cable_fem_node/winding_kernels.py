@@ -1,0 +1,354 @@
+"""The winding machine's own kernel: a rod between a turning cylinder and a guide that feeds it.
+
+One call advances many central-difference steps. Node 0 is P0, tied to the surface and clamped
+along its tangent; the last node is the guide's eye. The last element stands for the cable that
+slides through the eye: it pulls with the span tension whatever its length, and elements are cut
+from it (or given back to it) as the cable is drawn in.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.compile import kernel
+from cable_fem_node.rod_kernels import (
+    bend_end,
+    bend_nodes,
+    element_force,
+    law_energy,
+    stretch_elements,
+)
+from cable_fem_node.uniaxial import TABLE_HIGH, TABLE_LOW
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Why an advance stopped.
+RUNNING = 0
+FULL = 1
+DIVERGED = 2
+EMPTY = 3
+
+# An element is cut from the span's last one at this many segment lengths, given back below that.
+CUT_AT = 1.6
+MERGE_AT = 0.4
+
+
+class Cable(NamedTuple):
+    """Arrays of the moving cable; column i is node i (or the element from node i to i + 1)."""
+
+    position: FloatArray  # (3, capacity) [m]
+    velocity: FloatArray  # (3, capacity) [m/s], half a step behind the position
+    reference: FloatArray  # (capacity,) reference length of the element [m]
+    slip: FloatArray  # (2, capacity) stick spring: along the circumference and z [m]
+    contact_radius: FloatArray  # (capacity,) radius at which the node touches [m]
+    touching: IntArray  # (capacity,) 1 while in contact
+    roll: FloatArray  # (2, capacity) roll angle [rad] and rate [rad/s] about the tangent
+
+
+class Work(NamedTuple):
+    """Scratch arrays of the kernel, sized like the cable's."""
+
+    tangent: FloatArray
+    inverse: FloatArray
+    tension: FloatArray
+    cosine: FloatArray
+    slope: FloatArray
+    force: FloatArray
+
+
+class Constants(NamedTuple):
+    """Numbers that stay the same during a run (SI)."""
+
+    segment: float
+    mass: float
+    area: float
+    bending: float
+    table_low: float
+    table_per_spacing: float
+    normal_stiffness: float
+    normal_damping: float
+    stick_stiffness: float
+    stick_damping: float
+    friction: float
+    damping_rate: float
+    start_radius: float
+    contact_line: float
+    free_length: float
+    cable_radius: float
+    roll_inertia: float
+    torsion: float
+
+
+# Rows of the drive: value at the beginning, value at the end of the advance.
+ANGLE, SPEED, GUIDE, FEED, TENSION, STRETCH, LANDING = range(7)
+
+# Entries of the ledger [J] that the kernel adds to.
+(
+    WORK_TIE,
+    WORK_SURFACE,
+    WORK_SPAN,
+    WORK_INFLOW,
+    LOSS_FRICTION,
+    LOSS_CONTACT,
+    LOSS_DAMPING,
+) = range(7)
+LEDGER_SIZE = 7
+
+
+@kernel
+def hermite(a: float, b: float, da: float, db: float, u: float) -> float:
+    """Return the cubic through two values with slopes per unit of u."""
+    step = b - a
+    return a + u * (da + u * (3.0 * step - 2.0 * da - db + u * (da + db - 2.0 * step)))
+
+
+@kernel
+def advance_winding(
+    nodes: int,
+    steps: int,
+    dt: float,
+    surface_step: float,
+    drive: FloatArray,
+    cable: Cable,
+    work: Work,
+    k: Constants,
+    table: FloatArray,
+    ledger: FloatArray,
+    rolling: bool,
+) -> tuple[int, int, float, int, int]:
+    """Advance the cable by equal steps while the drive runs from its first to its second column.
+
+    Args:
+        nodes: Number of nodes in use.
+        steps: Number of steps to take.
+        dt: Step [s].
+        surface_step: Rotation of the cylinder during the step before the first [rad].
+        drive: Shape (7, 2), rows ANGLE .. LANDING.
+        cable: State, changed in place.
+        work: Scratch.
+        k: Constants.
+        table: Stress table of the law.
+        ledger: Energies [J], added to in place.
+        rolling: Let the cable roll on the surface about its own axis.
+
+    Returns:
+        nodes, steps taken, the last step's rotation, status, element at fault.
+    """
+    x, v = cable.position, cable.velocity
+    reference = cable.reference
+    tangent, inverse, tension = work.tangent, work.inverse, work.tension
+    cosine, slope, force = work.cosine, work.slope, work.force
+    capacity = reference.shape[0]
+    span = steps * dt
+    keep = 1.0 / (1.0 + 0.5 * k.damping_rate * dt)
+    first = np.zeros(3)
+    free = np.zeros(3)
+    angle = drive[ANGLE, 0]
+
+    for step in range(steps):
+        u = step / steps
+        pull = drive[TENSION, 0] + u * (drive[TENSION, 1] - drive[TENSION, 0])
+        pulled = drive[STRETCH, 0] + u * (drive[STRETCH, 1] - drive[STRETCH, 0])
+        landing = drive[LANDING, 0] + u * (drive[LANDING, 1] - drive[LANDING, 0])
+        share = (step + 1.0) / steps
+        next_angle = hermite(
+            drive[ANGLE, 0], drive[ANGLE, 1], drive[SPEED, 0] * span, drive[SPEED, 1] * span, share
+        )
+        next_guide = hermite(
+            drive[GUIDE, 0], drive[GUIDE, 1], drive[FEED, 0] * span, drive[FEED, 1] * span, share
+        )
+        rotation = next_angle - angle
+        rate = rotation / dt
+        elements = nodes - 1
+        end = elements - 1
+
+        stretch_elements(
+            elements, x, reference, table, k.table_low, k.table_per_spacing, k.area,
+            tangent, inverse, tension,
+        )
+        tension[end] = pull
+        bend_nodes(elements, reference, k.bending, tangent, cosine, slope)
+        first[0], first[1] = math.sin(angle), -math.cos(angle)
+        bend_end(
+            0, 0, first[0], first[1], 0.0, reference[0], k.bending, tangent, cosine, slope
+        )
+        cosine[elements] = 0.0
+        slope[elements] = 0.0
+        element_force(
+            elements, first, free, tangent, inverse, tension, cosine, slope, force
+        )
+
+        guide_speed = (next_guide - x[2, elements]) / dt
+        speed_here = k.contact_line * rate
+        work_surface = 0.0
+        loss_friction = 0.0
+        loss_contact = 0.0
+        loss_damping = 0.0
+        for i in range(1, elements):
+            px, py = x[0, i], x[1, i]
+            vx, vy, vz = v[0, i], v[1, i], v[2, i]
+            fx = force[0, i] - force[0, i - 1]
+            fy = force[1, i] - force[1, i - 1]
+            fz = force[2, i] - force[2, i - 1]
+            touching = cable.touching[i]
+            reach = cable.contact_radius[i] if touching else landing
+            square = px * px + py * py
+            if square < reach * reach:
+                radius = math.sqrt(square)
+                nx, ny = px / radius, py / radius
+                depth = reach - radius
+                inward = -(vx * nx + vy * ny)
+                along = vy * nx - vx * ny
+                normal = k.normal_stiffness * depth + k.normal_damping * inward
+                if normal < 0.0:
+                    normal = 0.0
+                if touching:
+                    moved = along * dt - surface_step * radius
+                    aside = vz * dt
+                    if rolling:
+                        aside -= k.cable_radius * cable.roll[1, i] * dt
+                    slip_t = cable.slip[0, i] + moved
+                    slip_z = cable.slip[1, i] + aside
+                else:
+                    cable.touching[i] = 1
+                    cable.contact_radius[i] = landing
+                    slip_t = 0.0
+                    slip_z = 0.0
+                    moved = 0.0
+                    aside = 0.0
+                ft = -k.stick_stiffness * slip_t
+                fs = -k.stick_stiffness * slip_z
+                size = math.sqrt(ft * ft + fs * fs)
+                most = k.friction * normal
+                if size > most:
+                    scale = most / size
+                    loss_friction += most * size * (1.0 - scale) / k.stick_stiffness
+                    ft *= scale
+                    fs *= scale
+                    slip_t *= scale
+                    slip_z *= scale
+                else:
+                    ft -= k.stick_damping * moved / dt
+                    fs -= k.stick_damping * aside / dt
+                    loss_friction += k.stick_damping * (moved * moved + aside * aside) / dt
+                cable.slip[0, i] = slip_t
+                cable.slip[1, i] = slip_z
+                loss_contact += (normal - k.normal_stiffness * depth) * inward * dt
+                work_surface += ft * rotation * radius
+                fx += normal * nx - ft * ny
+                fy += normal * ny + ft * nx
+                fz += fs
+                rx, ry, rz = -rate * py, rate * px, 0.0
+                if rolling:
+                    work_roll = -fs * k.cable_radius
+                    cable.roll[1, i] += dt * work_roll / k.roll_inertia
+            else:
+                if touching:
+                    cable.touching[i] = 0
+                    loss_friction += (
+                        0.5
+                        * k.stick_stiffness
+                        * (cable.slip[0, i] ** 2 + cable.slip[1, i] ** 2)
+                    )
+                    cable.slip[0, i] = 0.0
+                    cable.slip[1, i] = 0.0
+                if py > 0.0:
+                    rx, ry, rz = -rate * py, rate * px, 0.0
+                else:
+                    rx, ry, rz = 0.0, speed_here, -py / k.free_length * guide_speed
+            # Mass-proportional damping towards the velocity of the motion that is meant.
+            wx, wy, wz = vx - rx, vy - ry, vz - rz
+            half = 0.5 * k.damping_rate * dt
+            ax = (wx * (1.0 - half) + dt / k.mass * fx) * keep + rx
+            ay = (wy * (1.0 - half) + dt / k.mass * fy) * keep + ry
+            az = (wz * (1.0 - half) + dt / k.mass * fz) * keep + rz
+            mx, my, mz = 0.5 * (ax + vx), 0.5 * (ay + vy), 0.5 * (az + vz)
+            loss_damping += (
+                k.mass * k.damping_rate * dt * ((mx - rx) * mx + (my - ry) * my + (mz - rz) * mz)
+            )
+            v[0, i], v[1, i], v[2, i] = ax, ay, az
+            x[0, i] = px + dt * ax
+            x[1, i] = py + dt * ay
+            x[2, i] = x[2, i] + dt * az
+        near = end
+        ledger[WORK_SPAN] += dt * (
+            force[0, end] * v[0, near] + force[1, end] * v[1, near] + force[2, end] * v[2, near]
+        )
+        ledger[WORK_SURFACE] += work_surface
+        ledger[LOSS_FRICTION] += loss_friction
+        ledger[LOSS_CONTACT] += loss_contact
+        ledger[LOSS_DAMPING] += loss_damping
+
+        # Prescribed ends: P0 turns with the surface (its clamp too), the guide follows the feed.
+        angle = next_angle
+        tie_x, tie_y = k.start_radius * math.cos(angle), k.start_radius * math.sin(angle)
+        moment = slope[0] * (first[0] * tangent[1, 0] - first[1] * tangent[0, 0])
+        ledger[WORK_TIE] += -force[0, 0] * (tie_x - x[0, 0]) - force[1, 0] * (tie_y - x[1, 0])
+        ledger[WORK_TIE] += moment * rotation
+        x[0, 0], x[1, 0], x[2, 0] = tie_x, tie_y, 0.0
+        v[0, 0], v[1, 0], v[2, 0] = -rate * tie_y, rate * tie_x, 0.0
+        x[2, elements] = next_guide
+        v[2, elements] = guide_speed
+        surface_step = rotation
+
+        ex = x[0, elements] - x[0, end]
+        ey = x[1, elements] - x[1, end]
+        ez = x[2, elements] - x[2, end]
+        length = math.sqrt(ex * ex + ey * ey + ez * ez)
+        last = length / pulled
+        if not 0.0 < last < 1.0e3 * k.segment:
+            return nodes, step + 1, surface_step, DIVERGED, end
+        if last > CUT_AT * k.segment:
+            if nodes == capacity:
+                return nodes, step + 1, surface_step, FULL, end
+            part = k.segment / last
+            for c in range(3):
+                x[c, nodes] = x[c, elements]
+                v[c, nodes] = v[c, elements]
+                x[c, elements] = x[c, end] + part * (x[c, nodes] - x[c, end])
+                v[c, elements] = v[c, end]
+            cable.touching[elements] = 0
+            cable.slip[0, elements] = 0.0
+            cable.slip[1, elements] = 0.0
+            cable.contact_radius[elements] = 0.0
+            cable.touching[nodes] = 0
+            reference[end] = k.segment
+            reference[elements] = last - k.segment
+            ledger[WORK_INFLOW] += inflow(x, v, end, elements, k, table)
+            nodes += 1
+        elif last < MERGE_AT * k.segment:
+            if nodes < 4:
+                return nodes, step + 1, surface_step, EMPTY, end
+            ledger[WORK_INFLOW] -= inflow(x, v, end - 1, end, k, table)
+            for c in range(3):
+                x[c, end] = x[c, elements]
+                v[c, end] = v[c, elements]
+            reference[end - 1] = k.segment + last
+            cable.touching[end] = 0
+            nodes -= 1
+        else:
+            reference[end] = last
+    for i in range(nodes - 2):
+        stretch = 1.0 / (inverse[i] * reference[i])
+        if not TABLE_LOW < stretch < TABLE_HIGH:
+            return nodes, steps, surface_step, DIVERGED, i
+    return nodes, steps, surface_step, RUNNING, 0
+
+
+@kernel
+def inflow(
+    x: FloatArray, v: FloatArray, a: int, b: int, k: Constants, table: FloatArray
+) -> float:
+    """Return the energy [J] of one segment between nodes a and b: strain, and motion of b or a."""
+    ex = x[0, b] - x[0, a]
+    ey = x[1, b] - x[1, a]
+    ez = x[2, b] - x[2, a]
+    stretch = math.sqrt(ex * ex + ey * ey + ez * ez) / k.segment
+    motion = v[0, b] ** 2 + v[1, b] ** 2 + v[2, b] ** 2
+    strain = law_energy(stretch, table, k.table_low, k.table_per_spacing)
+    return k.area * k.segment * strain + 0.5 * k.mass * motion
