@@ -16,7 +16,7 @@ _REORDER = {"reassoc", "contract", "arcp", "nsz"}
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile an array function to cached machine code that releases the interpreter lock."""
-    compiled: Callable[P, R] = njit(
-        cache=True, nogil=True, fastmath=_REORDER, error_model="numpy"
-    )(function)
+    compiled: Callable[P, R] = njit(cache=True, nogil=True, fastmath=_REORDER, error_model="numpy")(
+        function
+    )
     return compiled

@@ -20,48 +20,26 @@ from cable_fem_node.compile import kernel
 
 FloatArray = NDArray[np.float64]
 
-# Below this value of 1 - cos(phi) (28 degrees) the series replaces acos.
-_SERIES_LIMIT = 0.12
+# Below this value of 1 - cos(phi) (28 degrees) the series replaces acos: relative error 2e-12.
+SERIES_LIMIT = 0.12
+
+
+@kernel
+def turning_series(u: float) -> float:
+    """Return phi / sin(phi) for small u = 1 - cos(phi): the arcsine series n! / (2n + 1)!! u^n."""
+    high = 0.0024864024864024864 + u * (0.0011700717524915897 + u * 0.00055424452486443733)
+    middle = 0.025396825396825397 + u * (
+        0.011544011544011544 + u * (0.0053280053280053280 + u * high)
+    )
+    low = 0.13333333333333333 + u * (0.057142857142857143 + u * middle)
+    return 1.0 + u * (0.33333333333333333 + u * low)
 
 
 @kernel
 def turning_factor(u: float) -> float:
     """Return phi / sin(phi) for u = 1 - cos(phi)."""
-    if u < _SERIES_LIMIT:
-        # Coefficients n! / (2n + 1)!! of the arcsine series: relative error below 1e-13.
-        series = 1.0 + u * (
-            0.33333333333333333
-            + u
-            * (
-                0.13333333333333333
-                + u
-                * (
-                    0.057142857142857143
-                    + u
-                    * (
-                        0.025396825396825397
-                        + u
-                        * (
-                            0.011544011544011544
-                            + u
-                            * (
-                                0.0053280053280053280
-                                + u
-                                * (
-                                    0.0024864024864024864
-                                    + u
-                                    * (
-                                        0.0011700717524915897
-                                        + u * (0.00055424452486443733 + u * 0.00026392596422116063)
-                                    )
-                                )
-                            )
-                        )
-                    )
-                )
-            )
-        )
-        return series
+    if u < SERIES_LIMIT:
+        return turning_series(u)
     c = max(1.0 - u, -1.0 + 1.0e-12)
     return math.acos(c) / math.sqrt(1.0 - c * c)
 
@@ -77,44 +55,21 @@ def turning_angle_squared(u: float) -> float:
 
 @kernel
 def law_value(stretch: float, table: FloatArray, low: float, per_spacing: float) -> float:
-    """Return the tabulated nominal stress [Pa]; beyond the table its end slopes go on."""
-    place = (stretch - low) * per_spacing
-    last = table.shape[0] - 2
-    i = int(min(max(place, 0.0), float(last)))
+    """Return the tabulated nominal stress [Pa]; beyond the table its end values stay."""
+    place = min(max((stretch - low) * per_spacing, 0.0), table.shape[0] - 1.0e-9)
+    i = int(place)
     u = place - i
-    if u < 0.0:
-        return table[0, 0] + u * table[0, 1]
-    if u > 1.0:
-        return table[last + 1, 0] + (u - 1.0) * table[last + 1, 1]
-    a = table[i, 0]
-    step = table[i + 1, 0] - a
-    left = table[i, 1]
-    right = table[i + 1, 1]
-    return a + u * (left + u * (3.0 * step - 2.0 * left - right + u * (left + right - 2.0 * step)))
+    return table[i, 0] + u * (table[i, 1] + u * (table[i, 2] + u * table[i, 3]))
 
 
 @kernel
 def law_energy(stretch: float, table: FloatArray, low: float, per_spacing: float) -> float:
     """Return the tabulated energy density [J/m^3], the integral of `law_value`."""
-    place = (stretch - low) * per_spacing
-    last = table.shape[0] - 2
-    i = int(min(max(place, 0.0), float(last)))
+    place = min(max((stretch - low) * per_spacing, 0.0), table.shape[0] - 1.0e-9)
+    i = int(place)
     u = place - i
-    if u < 0.0:
-        return table[0, 2] + u * (table[0, 0] + 0.5 * u * table[0, 1]) / per_spacing
-    if u > 1.0:
-        u -= 1.0
-        end = last + 1
-        return table[end, 2] + u * (table[end, 0] + 0.5 * u * table[end, 1]) / per_spacing
-    a = table[i, 0]
-    step = table[i + 1, 0] - a
-    left = table[i, 1]
-    right = table[i + 1, 1]
-    second = 3.0 * step - 2.0 * left - right
-    third = left + right - 2.0 * step
-    return (
-        table[i, 2] + u * (a + u * (left / 2.0 + u * (second / 3.0 + u * third / 4.0))) / per_spacing
-    )
+    rise = table[i, 0] + u * (table[i, 1] / 2.0 + u * (table[i, 2] / 3.0 + u * table[i, 3] / 4.0))
+    return table[i, 4] + u * rise / per_spacing
 
 
 @kernel
@@ -154,14 +109,22 @@ def bend_nodes(
     slope: FloatArray,
 ) -> None:
     """Fill cos(phi) and dE/dcos(phi) [J] of the inner nodes 1..elements-1."""
+    sharpest = 0.0
     for i in range(1, elements):
         c = (
             tangent[0, i - 1] * tangent[0, i]
             + tangent[1, i - 1] * tangent[1, i]
             + tangent[2, i - 1] * tangent[2, i]
         )
+        u = 1.0 - c
+        sharpest = max(sharpest, u)
         cosine[i] = c
-        slope[i] = -2.0 * bending * turning_factor(1.0 - c) / (reference[i - 1] + reference[i])
+        slope[i] = -2.0 * bending * turning_series(u) / (reference[i - 1] + reference[i])
+    if sharpest >= SERIES_LIMIT:
+        for i in range(1, elements):
+            u = 1.0 - cosine[i]
+            if u >= SERIES_LIMIT:
+                slope[i] = -2.0 * bending * turning_factor(u) / (reference[i - 1] + reference[i])
 
 
 @kernel
@@ -204,22 +167,20 @@ def element_force(
     `first` and `last` are the clamp directions (3,); their slope is zero where an end is free.
     The net force on node i is force[i] - force[i - 1].
     """
+    end = elements - 1
     for i in range(elements):
-        tx, ty, tz = tangent[0, i], tangent[1, i], tangent[2, i]
-        if i > 0:
-            px, py, pz = tangent[0, i - 1], tangent[1, i - 1], tangent[2, i - 1]
-        else:
-            px, py, pz = first[0], first[1], first[2]
-        if i < elements - 1:
-            nx, ny, nz = tangent[0, i + 1], tangent[1, i + 1], tangent[2, i + 1]
-        else:
-            nx, ny, nz = last[0], last[1], last[2]
         a = slope[i] * inverse[i]
         b = slope[i + 1] * inverse[i]
         along = tension[i] - a * cosine[i] - b * cosine[i + 1]
-        force[0, i] = along * tx + a * px + b * nx
-        force[1, i] = along * ty + a * py + b * ny
-        force[2, i] = along * tz + a * pz + b * nz
+        for c in range(3):
+            force[c, i] = along * tangent[c, i]
+    for c in range(3):
+        force[c, 0] += slope[0] * inverse[0] * first[c]
+        force[c, end] += slope[elements] * inverse[end] * last[c]
+        for i in range(1, elements):
+            force[c, i] += slope[i] * inverse[i] * tangent[c, i - 1]
+        for i in range(end):
+            force[c, i] += slope[i + 1] * inverse[i] * tangent[c, i + 1]
 
 
 @kernel

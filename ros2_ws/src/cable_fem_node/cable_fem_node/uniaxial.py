@@ -59,7 +59,9 @@ class UniaxialLaw:
         if self.poisson == 0.5 and not self.incompressible and self._hyperelastic:
             raise ValueError("poisson 0.5 needs incompressible=True")
         if self.incompressible and not self._hyperelastic:
-            raise ValueError(f"incompressible applies to neo_hookean and mooney_rivlin, not {self.law}")
+            raise ValueError(
+                f"incompressible applies to neo_hookean and mooney_rivlin, not {self.law}"
+            )
 
     @property
     def _hyperelastic(self) -> bool:
@@ -109,9 +111,10 @@ class UniaxialLaw:
         side = self._free_lateral(axial)
         volume = axial * side**2
         deviation = 4.0 / (3.0 * axial) * (axial**2 - side**2)
-        return deviation * (
-            c10 * volume ** (-2.0 / 3.0) + c01 * side**2 * volume ** (-4.0 / 3.0)
-        ) + self.bulk_modulus * (volume - 1.0) * side**2
+        return (
+            deviation * (c10 * volume ** (-2.0 / 3.0) + c01 * side**2 * volume ** (-4.0 / 3.0))
+            + self.bulk_modulus * (volume - 1.0) * side**2
+        )
 
     def energy_density(self, stretch: ArrayLike) -> NDArray[np.float64]:
         """Return the strain energy per reference volume [J/m^3], same shape as `stretch`."""
@@ -164,7 +167,11 @@ class UniaxialLaw:
         if self.law == "linear":
             return 1.0 + nominal_stress / self.young
         low, high = TABLE_LOW, min(at, TABLE_HIGH)
-        if not float(self.nominal_stress(low)) <= nominal_stress <= float(self.nominal_stress(high)):
+        if (
+            not float(self.nominal_stress(low))
+            <= nominal_stress
+            <= float(self.nominal_stress(high))
+        ):
             raise ValueError(
                 f"nominal stress {nominal_stress / 1e6:.4g} MPa needs a stretch outside "
                 f"{low:g} to {high:.4g}, the range of the solver's tables"
@@ -180,17 +187,27 @@ class UniaxialLaw:
         return 0.5 * (low + high)
 
     def table(self) -> NDArray[np.float64]:
-        """Return the response on the uniform grid of TABLE_LOW..TABLE_HIGH, shape (n + 1, 3).
+        """Return the response on the uniform grid of TABLE_LOW..TABLE_HIGH, shape (intervals, 5).
 
-        Columns: nominal stress [Pa], its slope times the grid spacing [Pa], energy density
-        [J/m^3]; cubic Hermite interpolation of the first with the second is exact to 1e-9 E.
+        Columns 0..3: coefficients of the cubic in u = 0..1 that gives the nominal stress [Pa]
+        in each interval (Hermite, exact to 1e-9 E); column 4: energy density [J/m^3] at its left.
         """
         grid = np.linspace(TABLE_LOW, TABLE_HIGH, TABLE_INTERVALS + 1)
         spacing = (TABLE_HIGH - TABLE_LOW) / TABLE_INTERVALS
         step = 1.0e-5
-        slope = (self.nominal_stress(grid + step) - self.nominal_stress(grid - step)) / (2.0 * step)
+        slope = self.nominal_stress(grid + step) - self.nominal_stress(grid - step)
+        slope *= spacing / (2.0 * step)
+        stress = self.nominal_stress(grid)
+        rise = np.diff(stress)
+        left, right = slope[:-1], slope[1:]
         return np.column_stack(
-            [self.nominal_stress(grid), slope * spacing, self.energy_density(grid)]
+            [
+                stress[:-1],
+                left,
+                3.0 * rise - 2.0 * left - right,
+                left + right - 2.0 * rise,
+                self.energy_density(grid[:-1]),
+            ]
         )
 
     def tangent(self, stretch: float) -> float:

@@ -52,9 +52,9 @@ CABLE_DTYPE = np.dtype([(name, "<f8") for name in ("x", "y", "z", "s", "tension"
 # Share of the critical step that is taken; the rest covers damping and large rotations.
 STEP_SAFETY = 0.8
 
-# The contact spring is as stiff as the segment's own axial spring is at its ends, which costs no
-# step, or stiffer where the cable would sink in by more than this share of the radius.
-SINK_SHARE = 0.01
+# The contact spring is six times as stiff as a segment, or stiffer where the cable would sink in
+# by more than this share of the radius.
+SINK_SHARE = 0.005
 
 
 class DivergenceError(RuntimeError):
@@ -334,9 +334,7 @@ class RodWinding:
         nodes = self.nodes
         scalars = np.array([self.time, self._surface_step, self._initial_energy])
         counters = np.array([self.nodes, self.steps, self.element_steps])
-        arrays = {
-            name: getattr(self._cable, name)[..., :nodes].copy() for name in Cable._fields
-        }
+        arrays = {name: getattr(self._cable, name)[..., :nodes].copy() for name in Cable._fields}
         with path.open("wb") as file:
             np.savez(
                 file,
@@ -424,8 +422,13 @@ class RodWinding:
         cable, k = self._cable, self._constants
         elements = self.nodes - 2
         stretching = stored_energy(
-            elements, cable.position, cable.reference, self._table, k.table_low,
-            k.table_per_spacing, k.area,
+            elements,
+            cable.position,
+            cable.reference,
+            self._table,
+            k.table_low,
+            k.table_per_spacing,
+            k.area,
         )
         edges = np.diff(cable.position[:, : self.nodes], axis=1)
         tangents = edges / np.sqrt((edges**2).sum(axis=0))
@@ -435,7 +438,9 @@ class RodWinding:
         clamp = math.sin(angle) * tangents[0, 0] - math.cos(angle) * tangents[1, 0]
         turned = math.acos(min(1.0, clamp)) ** 2
         clamped = k.bending * turned / float(cable.reference[0])
-        return stretching + bending_energy(elements + 1, cable.reference, k.bending, cosine) + clamped
+        return (
+            stretching + bending_energy(elements + 1, cable.reference, k.bending, cosine) + clamped
+        )
 
     def _contact_energy(self) -> float:
         cable, k = self._cable, self._constants
@@ -453,9 +458,7 @@ class RodWinding:
 
     def _theta(self) -> FloatArray:
         x, y = self._cable.position[0, : self.nodes], self._cable.position[1, : self.nodes]
-        turn = np.arctan2(
-            x[:-1] * y[1:] - y[:-1] * x[1:], x[:-1] * x[1:] + y[:-1] * y[1:]
-        )
+        turn = np.arctan2(x[:-1] * y[1:] - y[:-1] * x[1:], x[:-1] * x[1:] + y[:-1] * y[1:])
         theta = np.zeros(self.nodes)
         np.cumsum(-turn, out=theta[1:])
         return theta
@@ -482,7 +485,7 @@ def _constants(config: WindingConfig, law: UniaxialLaw) -> Constants:
     radius = config.wound_radius(stretch)
     mass = config.mass_scaling * case.material.density * area * h
     axial = case.material.young * area / h
-    normal = max(4.0 * axial, tension * stretch * h / (SINK_SHARE * radius**2))
+    normal = max(6.0 * axial, tension * stretch * h / (SINK_SHARE * radius**2))
     stick = 0.25 * normal
     wave = math.sqrt(case.material.young / (config.mass_scaling * case.material.density))
     first_mode = 0.5 * math.pi * wave / config.free_length
@@ -563,4 +566,5 @@ def _work(capacity: int) -> Work:
         cosine=np.zeros(capacity),
         slope=np.zeros(capacity),
         force=np.zeros((3, capacity)),
+        net=np.zeros((3, capacity)),
     )

@@ -59,6 +59,7 @@ class Work(NamedTuple):
     cosine: FloatArray
     slope: FloatArray
     force: FloatArray
+    net: FloatArray
 
 
 class Constants(NamedTuple):
@@ -108,6 +109,146 @@ def hermite(a: float, b: float, da: float, db: float, u: float) -> float:
 
 
 @kernel
+def touch_surface(
+    elements: int,
+    dt: float,
+    turned: float,
+    turning: float,
+    landing: float,
+    cable: Cable,
+    net: FloatArray,
+    k: Constants,
+    ledger: FloatArray,
+    rolling: bool,
+) -> None:
+    """Add the cylinder's push and friction to the net forces of the inner nodes.
+
+    Normal penalty with dashpot; a stick spring per node that remembers how far the node has
+    moved over the turning surface, cut back to Coulomb's limit (return mapping).
+
+    Args:
+        elements: Number of elements.
+        dt: Step [s].
+        turned: Rotation of the cylinder in the step before [rad].
+        turning: Rotation in the step that follows [rad].
+        landing: Radius at which a free node touches [m].
+        cable: State; stick springs and contact flags are changed.
+        net: Net forces (3, nodes) [N], added to.
+        k: Constants.
+        ledger: Energies, added to.
+        rolling: Whether the cable may roll about its axis.
+    """
+    x, v, slip, roll = cable.position, cable.velocity, cable.slip, cable.roll
+    touching, contact_radius = cable.touching, cable.contact_radius
+    per_stick = 1.0 / k.stick_stiffness
+    dashpot = k.stick_damping / dt
+    work = 0.0
+    sliding = 0.0
+    bouncing = 0.0
+    for i in range(1, elements):
+        px, py = x[0, i], x[1, i]
+        held = touching[i] == 1
+        reach = contact_radius[i] if held else landing
+        square = px * px + py * py
+        if square < reach * reach:
+            radius = math.sqrt(square)
+            inverse = 1.0 / radius
+            nx, ny = px * inverse, py * inverse
+            vx, vy = v[0, i], v[1, i]
+            inward = -(vx * nx + vy * ny)
+            elastic = k.normal_stiffness * (reach - radius)
+            normal = max(elastic + k.normal_damping * inward, 0.0)
+            if held:
+                moved = (vy * nx - vx * ny) * dt - turned * radius
+                aside = v[2, i] * dt
+                if rolling:
+                    aside -= k.cable_radius * roll[1, i] * dt
+                slip_t = slip[0, i] + moved
+                slip_z = slip[1, i] + aside
+            else:
+                touching[i] = 1
+                contact_radius[i] = landing
+                moved = aside = slip_t = slip_z = 0.0
+            ft = -k.stick_stiffness * slip_t
+            fz = -k.stick_stiffness * slip_z
+            most = k.friction * normal
+            size = ft * ft + fz * fz
+            if size > most * most:
+                size = math.sqrt(size)
+                scale = most / size
+                sliding += most * (size - most) * per_stick
+                ft *= scale
+                fz *= scale
+                slip_t *= scale
+                slip_z *= scale
+            else:
+                ft -= dashpot * moved
+                fz -= dashpot * aside
+                sliding += dashpot * (moved * moved + aside * aside)
+            slip[0, i] = slip_t
+            slip[1, i] = slip_z
+            bouncing += (normal - elastic) * inward
+            work += ft * radius
+            net[0, i] += normal * nx - ft * ny
+            net[1, i] += normal * ny + ft * nx
+            net[2, i] += fz
+            if rolling:
+                roll[1, i] -= dt * fz * k.cable_radius / k.roll_inertia
+        elif held:
+            touching[i] = 0
+            sliding += 0.5 * k.stick_stiffness * (slip[0, i] ** 2 + slip[1, i] ** 2)
+            slip[0, i] = 0.0
+            slip[1, i] = 0.0
+    ledger[WORK_SURFACE] += work * turning
+    ledger[LOSS_FRICTION] += sliding
+    ledger[LOSS_CONTACT] += bouncing * dt
+
+
+@kernel
+def move_nodes(
+    elements: int,
+    dt: float,
+    rate: float,
+    guide_speed: float,
+    cable: Cable,
+    net: FloatArray,
+    k: Constants,
+) -> float:
+    """Take one central-difference step of the inner nodes; return the damping loss [J].
+
+    Mass-proportional damping acts on the velocity relative to the motion that is meant: with
+    the surface where the cable lies on it, with the feed in the span. Damping towards the lab
+    frame would add false tension.
+    """
+    x, v = cable.position, cable.velocity
+    half = 0.5 * k.damping_rate * dt
+    decay = (1.0 - half) / (1.0 + half)
+    push = dt / (k.mass * (1.0 + half))
+    feed = k.contact_line * rate
+    follow = -guide_speed / k.free_length
+    loss = 0.0
+    for i in range(1, elements):
+        px, py = x[0, i], x[1, i]
+        wound = cable.touching[i] == 1 or py > 0.0
+        rx = -rate * py if wound else 0.0
+        ry = rate * px if wound else feed
+        rz = 0.0 if wound else follow * py
+        wx, wy, wz = v[0, i] - rx, v[1, i] - ry, v[2, i] - rz
+        ux = wx * decay + push * net[0, i]
+        uy = wy * decay + push * net[1, i]
+        uz = wz * decay + push * net[2, i]
+        mx, my, mz = 0.5 * (ux + wx), 0.5 * (uy + wy), 0.5 * (uz + wz)
+        loss += mx * (mx + rx) + my * (my + ry) + mz * (mz + rz)
+        v[0, i] = ux + rx
+        v[1, i] = uy + ry
+        v[2, i] = uz + rz
+        x[0, i] = px + dt * v[0, i]
+        x[1, i] = py + dt * v[1, i]
+        x[2, i] += dt * v[2, i]
+    return k.mass * k.damping_rate * dt * loss
+
+
+@kernel
 def advance_winding(
     nodes: int,
     steps: int,
@@ -142,10 +283,9 @@ def advance_winding(
     x, v = cable.position, cable.velocity
     reference = cable.reference
     tangent, inverse, tension = work.tangent, work.inverse, work.tension
-    cosine, slope, force = work.cosine, work.slope, work.force
+    cosine, slope, force, net = work.cosine, work.slope, work.force, work.net
     capacity = reference.shape[0]
     span = steps * dt
-    keep = 1.0 / (1.0 + 0.5 * k.damping_rate * dt)
     first = np.zeros(3)
     free = np.zeros(3)
     angle = drive[ANGLE, 0]
@@ -168,121 +308,34 @@ def advance_winding(
         end = elements - 1
 
         stretch_elements(
-            elements, x, reference, table, k.table_low, k.table_per_spacing, k.area,
-            tangent, inverse, tension,
+            elements,
+            x,
+            reference,
+            table,
+            k.table_low,
+            k.table_per_spacing,
+            k.area,
+            tangent,
+            inverse,
+            tension,
         )
         tension[end] = pull
         bend_nodes(elements, reference, k.bending, tangent, cosine, slope)
         first[0], first[1] = math.sin(angle), -math.cos(angle)
-        bend_end(
-            0, 0, first[0], first[1], 0.0, reference[0], k.bending, tangent, cosine, slope
-        )
+        bend_end(0, 0, first[0], first[1], 0.0, reference[0], k.bending, tangent, cosine, slope)
         cosine[elements] = 0.0
         slope[elements] = 0.0
-        element_force(
-            elements, first, free, tangent, inverse, tension, cosine, slope, force
-        )
+        element_force(elements, first, free, tangent, inverse, tension, cosine, slope, force)
 
+        for c in range(3):
+            for i in range(1, elements):
+                net[c, i] = force[c, i] - force[c, i - 1]
+        touch_surface(elements, dt, surface_step, rotation, landing, cable, net, k, ledger, rolling)
         guide_speed = (next_guide - x[2, elements]) / dt
-        speed_here = k.contact_line * rate
-        work_surface = 0.0
-        loss_friction = 0.0
-        loss_contact = 0.0
-        loss_damping = 0.0
-        for i in range(1, elements):
-            px, py = x[0, i], x[1, i]
-            vx, vy, vz = v[0, i], v[1, i], v[2, i]
-            fx = force[0, i] - force[0, i - 1]
-            fy = force[1, i] - force[1, i - 1]
-            fz = force[2, i] - force[2, i - 1]
-            touching = cable.touching[i]
-            reach = cable.contact_radius[i] if touching else landing
-            square = px * px + py * py
-            if square < reach * reach:
-                radius = math.sqrt(square)
-                nx, ny = px / radius, py / radius
-                depth = reach - radius
-                inward = -(vx * nx + vy * ny)
-                along = vy * nx - vx * ny
-                normal = k.normal_stiffness * depth + k.normal_damping * inward
-                if normal < 0.0:
-                    normal = 0.0
-                if touching:
-                    moved = along * dt - surface_step * radius
-                    aside = vz * dt
-                    if rolling:
-                        aside -= k.cable_radius * cable.roll[1, i] * dt
-                    slip_t = cable.slip[0, i] + moved
-                    slip_z = cable.slip[1, i] + aside
-                else:
-                    cable.touching[i] = 1
-                    cable.contact_radius[i] = landing
-                    slip_t = 0.0
-                    slip_z = 0.0
-                    moved = 0.0
-                    aside = 0.0
-                ft = -k.stick_stiffness * slip_t
-                fs = -k.stick_stiffness * slip_z
-                size = math.sqrt(ft * ft + fs * fs)
-                most = k.friction * normal
-                if size > most:
-                    scale = most / size
-                    loss_friction += most * size * (1.0 - scale) / k.stick_stiffness
-                    ft *= scale
-                    fs *= scale
-                    slip_t *= scale
-                    slip_z *= scale
-                else:
-                    ft -= k.stick_damping * moved / dt
-                    fs -= k.stick_damping * aside / dt
-                    loss_friction += k.stick_damping * (moved * moved + aside * aside) / dt
-                cable.slip[0, i] = slip_t
-                cable.slip[1, i] = slip_z
-                loss_contact += (normal - k.normal_stiffness * depth) * inward * dt
-                work_surface += ft * rotation * radius
-                fx += normal * nx - ft * ny
-                fy += normal * ny + ft * nx
-                fz += fs
-                rx, ry, rz = -rate * py, rate * px, 0.0
-                if rolling:
-                    work_roll = -fs * k.cable_radius
-                    cable.roll[1, i] += dt * work_roll / k.roll_inertia
-            else:
-                if touching:
-                    cable.touching[i] = 0
-                    loss_friction += (
-                        0.5
-                        * k.stick_stiffness
-                        * (cable.slip[0, i] ** 2 + cable.slip[1, i] ** 2)
-                    )
-                    cable.slip[0, i] = 0.0
-                    cable.slip[1, i] = 0.0
-                if py > 0.0:
-                    rx, ry, rz = -rate * py, rate * px, 0.0
-                else:
-                    rx, ry, rz = 0.0, speed_here, -py / k.free_length * guide_speed
-            # Mass-proportional damping towards the velocity of the motion that is meant.
-            wx, wy, wz = vx - rx, vy - ry, vz - rz
-            half = 0.5 * k.damping_rate * dt
-            ax = (wx * (1.0 - half) + dt / k.mass * fx) * keep + rx
-            ay = (wy * (1.0 - half) + dt / k.mass * fy) * keep + ry
-            az = (wz * (1.0 - half) + dt / k.mass * fz) * keep + rz
-            mx, my, mz = 0.5 * (ax + vx), 0.5 * (ay + vy), 0.5 * (az + vz)
-            loss_damping += (
-                k.mass * k.damping_rate * dt * ((mx - rx) * mx + (my - ry) * my + (mz - rz) * mz)
-            )
-            v[0, i], v[1, i], v[2, i] = ax, ay, az
-            x[0, i] = px + dt * ax
-            x[1, i] = py + dt * ay
-            x[2, i] = x[2, i] + dt * az
-        near = end
+        ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, net, k)
         ledger[WORK_SPAN] += dt * (
-            force[0, end] * v[0, near] + force[1, end] * v[1, near] + force[2, end] * v[2, near]
+            force[0, end] * v[0, end] + force[1, end] * v[1, end] + force[2, end] * v[2, end]
         )
-        ledger[WORK_SURFACE] += work_surface
-        ledger[LOSS_FRICTION] += loss_friction
-        ledger[LOSS_CONTACT] += loss_contact
-        ledger[LOSS_DAMPING] += loss_damping
 
         # Prescribed ends: P0 turns with the surface (its clamp too), the guide follows the feed.
         angle = next_angle
@@ -341,9 +394,7 @@ def advance_winding(
 
 
 @kernel
-def inflow(
-    x: FloatArray, v: FloatArray, a: int, b: int, k: Constants, table: FloatArray
-) -> float:
+def inflow(x: FloatArray, v: FloatArray, a: int, b: int, k: Constants, table: FloatArray) -> float:
     """Return the energy [J] of one segment between nodes a and b: strain, and motion of b or a."""
     ex = x[0, b] - x[0, a]
     ey = x[1, b] - x[1, a]

@@ -1,0 +1,190 @@
+"""Winding a whole run ahead of time: where every marker ends up and how much cable is used."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from cable_winding.drive import PAPER_DURATION, DriveProfile
+from cable_winding.markers import Markers
+from numpy.typing import NDArray
+
+from cable_fem_node.energy import EnergyBalanceError, EnergyLedger
+from cable_fem_node.winding import RodWinding, WindingConfig
+
+FloatArray = NDArray[np.float64]
+
+FULL_TURN = 2.0 * math.pi
+
+# The issue's limit on energy that the ledger cannot explain.
+BALANCE_LIMIT_PCT = 1.0
+
+
+class OverlapError(ValueError):
+    """The cable would be wound over itself, which the contact model does not cover."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """Outcome of a run wound ahead.
+
+    Attributes:
+        config: What was wound.
+        drive: How the machine moved.
+        times: Times of the history [s], shape (m,).
+        history: Marker records over time, shape (m, markers + 1).
+        arc: Reference length from P0 along the wound cable [m], shape (k,).
+        theta: Wound angle there [rad], shape (k,).
+        z: Axial position there [m], shape (k,).
+        cable: Nodes at the end: x y z s tension strain, shape (nodes,).
+        energy: Ledger at the end.
+        stretch: Mean stretch of the wound cable.
+        stretch_closed_form: The law's stretch at the wound tension F - EI l / (2 rho^2).
+        span_stretch: The law's stretch at the span tension F.
+        cpu_seconds: Processor time of the run [s].
+        element_steps: Elements times steps.
+    """
+
+    config: WindingConfig
+    drive: DriveProfile
+    times: FloatArray
+    history: NDArray[np.void]
+    arc: FloatArray
+    theta: FloatArray
+    z: FloatArray
+    cable: NDArray[np.void]
+    energy: EnergyLedger
+    stretch: float
+    stretch_closed_form: float
+    span_stretch: float
+    cpu_seconds: float
+    element_steps: int
+
+    @property
+    def markers(self) -> Markers:
+        """Records of P0..Pn at the end of the run."""
+        return self.history[-1]
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        return float(self.times[-1])
+
+    @property
+    def cpu_s_per_sim_s(self) -> float:
+        """Processor seconds per simulated second."""
+        return self.cpu_seconds / self.duration
+
+    @property
+    def turns(self) -> int:
+        """Complete turns of cable on the cylinder."""
+        return int(self.theta[-1] / FULL_TURN)
+
+    def cable_per_turn(self) -> FloatArray:
+        """Return the reference length of cable in each complete turn [m], shape (turns,)."""
+        bounds = FULL_TURN * np.arange(self.turns + 1)
+        return np.diff(np.interp(bounds, self.theta, self.arc))
+
+    def pitch_per_turn(self) -> FloatArray:
+        """Return the axial advance of each complete turn [m], shape (turns,)."""
+        return np.diff(self.z_at(FULL_TURN * np.arange(self.turns + 1)))
+
+    def z_at(self, theta: FloatArray) -> FloatArray:
+        """Return z [m] of the laid cable at wound angles [rad] within the wound range."""
+        return np.interp(theta, self.theta, self.z)
+
+
+def predict(
+    config: WindingConfig,
+    drive: DriveProfile | None = None,
+    duration: float = PAPER_DURATION,
+    progress: Callable[[float], None] | None = None,
+    *,
+    rate: float = 50.0,
+    cpu_clock: Callable[[], float] = time.process_time,
+) -> Prediction:
+    """Wind a whole run ahead with the rod.
+
+    Args:
+        config: The model.
+        drive: The machine's motion; the paper's by default.
+        duration: Time to wind [s].
+        progress: Called with the share done, 0..1.
+        rate: Marker records per second.
+        cpu_clock: Processor time [s], for the speed that is reported.
+
+    Raises:
+        OverlapError: The feed would lay the cable over itself.
+        DivergenceError: The integration failed.
+        EnergyBalanceError: The energy balance does not close within 1 %.
+        ValueError: Duration or rate is not positive.
+    """
+    drive = DriveProfile() if drive is None else drive
+    for name, value in (("duration", duration), ("rate", rate)):
+        if not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} must be positive and finite, got {value}")
+    model = RodWinding(config)
+    refuse_overlap(config, drive)
+    frames = max(1, math.ceil(duration * rate - 1.0e-9))
+    times = duration * np.arange(frames + 1) / frames
+    history = np.empty((frames + 1, config.case.marker_count + 1), dtype=model.markers().dtype)
+    history[0] = model.markers()
+    started = cpu_clock()
+    for i, t in enumerate(times[1:].tolist(), start=1):
+        angle, guide = drive.positions(t)
+        speed, feed = drive.speeds(t)
+        model.advance_to(
+            t, cylinder_angle=angle, angular_speed=speed, guide_z=guide, feed_speed=feed
+        )
+        history[i] = model.markers()
+        if progress is not None:
+            progress(i / frames)
+    used = cpu_clock() - started
+    energy = model.energy
+    if energy.balance_pct > BALANCE_LIMIT_PCT:
+        raise EnergyBalanceError(
+            f"energy balance open by {energy.balance_pct:.3g} % at t = {duration:g} s "
+            f"(limit {BALANCE_LIMIT_PCT:g} %)"
+        )
+    arc, theta, z = model.wound_path()
+    stretch = model.stretch()
+    wound = stretch[: arc.size - 1]
+    span = model.span_tension
+    return Prediction(
+        config=config,
+        drive=drive,
+        times=times,
+        history=history,
+        arc=arc,
+        theta=theta,
+        z=z,
+        cable=model.cable(),
+        energy=energy,
+        stretch=float(wound.mean()) if wound.size else float(stretch[0]),
+        stretch_closed_form=config.wound_stretch(span),
+        span_stretch=config.uniaxial.stretch_at(span / config.case.section_area),
+        cpu_seconds=used,
+        element_steps=model.element_steps,
+    )
+
+
+def refuse_overlap(config: WindingConfig, drive: DriveProfile) -> None:
+    """Refuse a feed whose steady pitch is below the cable's diameter.
+
+    The first turns lie closer than the steady pitch because the cable lags behind the guide;
+    there neighbours may touch, as they do on the paper's stiffest cable, without riding up.
+
+    Raises:
+        OverlapError: The pitch is below the diameter of the stretched cable.
+    """
+    stretch = config.uniaxial.stretch_at(config.weight_tension / config.case.section_area)
+    lateral = float(config.uniaxial.lateral_stretch(stretch))
+    width = config.case.cable_diameter * lateral
+    if drive.pitch < width:
+        raise OverlapError(
+            f"the guide advances {drive.pitch * 1e3:.3g} mm per turn, less than the cable's "
+            f"{width * 1e3:.3g} mm: layers would overlap, and cable-on-cable contact is not modelled"
+        )
