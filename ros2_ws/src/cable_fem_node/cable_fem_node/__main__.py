@@ -3,8 +3,13 @@
 import sys
 
 from cable_winding.ros.process import run_node
-
 from cable_fem_node.node import CableFemNode
 
+
+def main() -> int:
+    """Entry point of the node's process."""
+    return run_node(CableFemNode)
+
+
 if __name__ == "__main__":
-    sys.exit(run_node(CableFemNode))
+    sys.exit(main())

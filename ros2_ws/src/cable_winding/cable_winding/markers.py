@@ -42,6 +42,12 @@ _CORRECTION_FIELDS = [("s_fem", "<f8"), ("h", "<f8"), ("s_low", "<f8"), ("s_high
 MARKER_DTYPE = np.dtype(_MARKER_FIELDS, align=True)
 CORRECTED_DTYPE = np.dtype([*_MARKER_FIELDS, *_CORRECTION_FIELDS], align=True)
 
+# Nodes of the cable's centreline: position, undeformed arc length, tension [N], strain.
+CABLE_DTYPE = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("s", "<f8"), ("tension", "<f8"), ("strain", "<f8")],
+    align=True,
+)
+
 Markers = NDArray[np.void]
 
 

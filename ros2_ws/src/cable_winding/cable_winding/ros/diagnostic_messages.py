@@ -71,15 +71,20 @@ def decode_diagnostics(message: DiagnosticArray) -> tuple[float, tuple[Status, .
 
 
 def encode_case_votes(t: float, votes: Mapping[int, float]) -> DiagnosticArray:
-    """Return the share of votes of each known case, best first, as a DiagnosticArray."""
+    """Return the share of votes of each known case, best first, as a DiagnosticArray.
+
+    No votes mean that nothing has been measured yet.
+    """
     ranked = sorted(votes.items(), key=lambda item: (-item[1], item[0]))
-    best, share = ranked[0]
+    message = "no marker is measured yet"
+    if ranked:
+        message = f"resembles case {ranked[0][0]} with {ranked[0][1]:.0%} of the votes"
     return encode_diagnostics(
         t,
         [
             Status(
                 name="correction: case",
-                message=f"resembles case {best} with {share:.0%} of the votes",
+                message=message,
                 values={f"case {number}": f"{vote:.6f}" for number, vote in ranked},
             )
         ],

@@ -1,0 +1,39 @@
+# Every target works alone on a fresh clone: it makes .venv when it is missing or stale.
+PYTHON ?= python3.11
+# Wheel index with CPU builds of torch, for machines where the default one would bring CUDA.
+TORCH_INDEX ?=
+EXTRAS := ros,dashboard,dev
+BIN := .venv/bin
+STAMP := .venv/.installed
+
+ifeq ($(shell command -v $(PYTHON) 2>/dev/null),)
+PYTHON := python3
+endif
+
+.PHONY: demo test bench lint clean install
+install: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12) and "Python 3.11 or 3.12 is needed, got " + sys.version.split()[0] + "; set PYTHON=")'
+	$(PYTHON) -m venv --clear .venv
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt \
+	    $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) --editable '.[$(EXTRAS)]'
+	touch $@
+
+demo: $(STAMP)
+	$(BIN)/winding run --case 4 --bag runs/demo-$$(date +%Y%m%d-%H%M%S)-$$$$/bag
+
+test: $(STAMP)
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
+
+bench: $(STAMP)
+	$(BIN)/python -m pytest tests/benchmarks --run-benchmarks -q -s
+
+lint: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+clean:
+	rm -rf .venv runs build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache bench.json
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,26 @@
+"""The `winding` command; each subcommand lives in a file of its own and imports its room late."""
+
+from __future__ import annotations
+
+import typer
+
+from winding_bringup.commands.graph import graph
+from winding_bringup.commands.run import run
+
+app = typer.Typer(
+    help="Predicts, watches and corrects how a flexible cable lays itself on a cylinder.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+for _command in (run, graph):
+    app.command()(_command)
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

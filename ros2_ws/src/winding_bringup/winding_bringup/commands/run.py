@@ -1,0 +1,197 @@
+"""`winding run`: wind one case through the real graph and say what came out."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from winding_bringup.commands.refusal import FAILED, INTERRUPTED, refuse
+
+if TYPE_CHECKING:
+    from winding_bringup.recorder import Tape
+    from winding_bringup.session import SessionConfig, SessionResult
+
+_MILLIMETRE = 1.0e-3
+
+
+def run(
+    case: Annotated[int | None, typer.Option(help="Row of the paper's Table 1, 1 to 12.")] = None,
+    cylinder_diameter_mm: Annotated[
+        float | None, typer.Option(help="Cylinder of a condition of one's own.")
+    ] = None,
+    cable_diameter_mm: Annotated[float | None, typer.Option(help="Its cable, undeformed.")] = None,
+    tension_n: Annotated[float | None, typer.Option(help="Its dead weight.")] = None,
+    marker_spacing_mm: Annotated[float | None, typer.Option(help="Its marker spacing.")] = None,
+    lay: Annotated[
+        str | None,
+        typer.Option(help="paper: the published measurement; fem: a cable with hidden properties."),
+    ] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(help="Simulated seconds per second, 1 by default; 0: as fast as all follow."),
+    ] = None,
+    duration_s: Annotated[float, typer.Option(help="Simulated length of the run.")] = 20.0,
+    bag: Annotated[
+        Path | None, typer.Option(help="Record every topic into this new rosbag2 folder.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Folder of the report.")] = None,
+    json: Annotated[Path | None, typer.Option(help="File of the run's numbers.")] = None,
+    weights: Annotated[
+        str | None, typer.Option(help="Trained weight: shipped name or folder.")
+    ] = None,
+    parameters: Annotated[
+        Path | None, typer.Option(help="ROS parameter file for the nodes.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the simulated sensors.")] = None,
+    domain: Annotated[
+        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
+    ] = None,
+    namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
+) -> None:
+    """Wind one case: predict, measure, correct; end with a table and a report."""
+    from cable_winding.condition import ConditionParameters
+    from cable_winding.parameters import build
+
+    own = {
+        "cylinder_diameter": _scaled(cylinder_diameter_mm, _MILLIMETRE),
+        "cable_diameter": _scaled(cable_diameter_mm, _MILLIMETRE),
+        "weight": tension_n,
+        "marker_spacing": _scaled(marker_spacing_mm, _MILLIMETRE),
+    }
+    try:
+        values = _condition_values(case, own) | {"duration": duration_s}
+        condition = build(ConditionParameters, values, owner="winding run")
+        wound = condition.condition()
+        condition.drive()
+    except ValueError as error:
+        refuse(error)
+    _refuse_namespace(namespace)
+    if parameters is not None and not parameters.is_file():
+        refuse(f"no parameter file at {parameters}")
+    lay = lay or ("fem" if wound.number == 0 else "paper")
+    directory = Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{_label(wound.number)}"
+    directory = _unused(directory)
+    from cable_winding.ros import topics
+    from winding_bringup.session import SessionConfig
+
+    config = SessionConfig(
+        directory=directory,
+        condition=values,
+        own={
+            topics.RIG: _given(speed=speed, lay=lay, seed=seed),
+            topics.CORRECTION: _given(weights=weights),
+        },
+        duration=duration_s,
+        bag=bag,
+        parameters_file=parameters,
+        domain=domain,
+        namespace=namespace,
+    )
+    result = _session(config, condition)
+    _deliver(condition, config, result, report or directory / "report", json or directory / "run.json")
+
+
+def _given(**values: object) -> dict[str, object]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _scaled(value: float | None, unit: float) -> float | None:
+    return None if value is None else value * unit
+
+
+def _condition_values(case: int | None, own: dict[str, float | None]) -> dict[str, object]:
+    given = {name: value for name, value in own.items() if value is not None}
+    if case is not None and given:
+        raise ValueError(
+            f"{next(iter(given)).replace('_', ' ')} is given beside --case {case}; leave --case "
+            "out for a condition of one's own"
+        )
+    if case is not None:
+        if case < 1:
+            raise ValueError(f"case must be one of 1 to 12, got {case}")
+        return {"case": case}
+    if not given:
+        raise ValueError(
+            "say what to wind: --case 1 to 12, or --cylinder-diameter-mm, --cable-diameter-mm, "
+            "--tension-n and --marker-spacing-mm"
+        )
+    missing = [name for name in own if name not in given]
+    if missing:
+        raise ValueError(f"a condition of one's own also needs its {missing[0].replace('_', ' ')}")
+    return {"case": 0, **given}
+
+
+def _refuse_namespace(namespace: str) -> None:
+    import re
+
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*", namespace):
+        refuse(f"namespace must be made of letters, digits, _ and /, got {namespace!r}")
+
+
+def _label(case: int) -> str:
+    return f"case{case:02d}" if case else "own"
+
+
+def _unused(directory: Path) -> Path:
+    candidate, count = directory, 1
+    while candidate.exists():
+        count += 1
+        candidate = directory.with_name(f"{directory.name}-{count}")
+    return candidate
+
+
+def _session(config: SessionConfig, condition: object) -> SessionResult:
+    from rich.console import Console
+    from rich.live import Live
+    from rich.text import Text
+
+    from cable_winding.condition import ConditionParameters
+    from winding_bringup.live import LiveView
+    from winding_bringup.orchestrator import GraphError
+    from winding_bringup.ownership import DomainError
+    from winding_bringup.recorder import RecorderError
+    from winding_bringup.session import run_session
+
+    assert isinstance(condition, ConditionParameters)
+    console = Console(stderr=True)
+    first = Text("starting four nodes (first starts compile the kernels and take longer) ...")
+    try:
+        with Live(first, console=console, refresh_per_second=4, transient=True) as live:
+
+            def view(tape: Tape, wall: float) -> None:
+                picture = LiveView(condition.condition(), config.duration, tape)
+                live.update(picture.render(wall))
+
+            return run_session(config, view)
+    except (DomainError, RecorderError) as error:
+        refuse(error)
+    except (GraphError, TimeoutError, OSError) as error:
+        refuse(error, FAILED)
+    except (KeyboardInterrupt, asyncio.CancelledError):
+        refuse("interrupted; the nodes are stopped", INTERRUPTED)
+
+
+def _deliver(
+    condition: object, config: SessionConfig, result: SessionResult, report: Path, json: Path
+) -> None:
+    from cable_winding.condition import ConditionParameters
+    from winding_bringup.results import results_table, run_record
+    from winding_study.report import write_report
+    from winding_study.run_record import write_run_json
+
+    assert isinstance(condition, ConditionParameters)
+    from rich.console import Console
+
+    record = run_record(condition, result)
+    write_run_json(record, json)
+    page = write_report(record, report)
+    console = Console(file=sys.stdout)
+    console.print(results_table(record))
+    for name, path in (("report", page), ("numbers", json), ("bag", config.bag)):
+        if path is not None:
+            console.print(f"{name}: {path}", soft_wrap=True)

@@ -1,0 +1,161 @@
+"""The graph as data: which nodes there are, what they publish, and who listens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cable_winding.ros import topics
+from cable_winding.ros.topics import Topic
+
+DEFAULT_NAMESPACE = "winding"
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeSpec:
+    """One node of the graph.
+
+    Attributes:
+        name: Node name.
+        package: Python package; `python -m package` is the node's process.
+        node_class: Class in `package.node` for composition in one process.
+        publishes: Topics it publishes, /diagnostics aside.
+        subscribes: Topics it listens to.
+        answer: Topic whose stamps say how far the node has come; it holds simulated time.
+    """
+
+    name: str
+    package: str
+    node_class: str
+    publishes: tuple[Topic, ...]
+    subscribes: tuple[Topic, ...]
+    answer: Topic | None = None
+
+
+# Sinks first, the rig last: who listens is awake before anybody speaks.
+GRAPH: tuple[NodeSpec, ...] = (
+    NodeSpec(
+        name=topics.CORRECTION,
+        package="correction_node",
+        node_class="CorrectionNode",
+        publishes=(topics.CORRECTED_MARKERS, topics.CORRECTION_CASE),
+        subscribes=(topics.FEM_MARKERS, topics.TRACKED_MARKERS),
+        answer=topics.CORRECTED_MARKERS,
+    ),
+    NodeSpec(
+        name=topics.FEM,
+        package="cable_fem_node",
+        node_class="CableFemNode",
+        publishes=(
+            topics.FEM_MARKERS,
+            topics.FEM_CABLE,
+            topics.FEM_CABLE_LINE,
+            topics.FEM_PREDICTION,
+        ),
+        subscribes=(topics.JOINT_STATES, topics.TENSION),
+        answer=topics.FEM_MARKERS,
+    ),
+    NodeSpec(
+        name=topics.TRACKER,
+        package="marker_tracker_node",
+        node_class="MarkerTrackerNode",
+        publishes=(topics.TRACKED_MARKERS,),
+        subscribes=(topics.IMAGE, topics.CAMERA_INFO, topics.JOINT_STATES),
+        answer=topics.TRACKED_MARKERS,
+    ),
+    NodeSpec(
+        name=topics.RIG,
+        package="winding_rig_node",
+        node_class="RigNode",
+        publishes=(
+            topics.CLOCK,
+            topics.JOINT_STATES,
+            topics.JOINT_COMMANDS,
+            topics.TENSION,
+            topics.IMAGE,
+            topics.CAMERA_INFO,
+            topics.PREVIEW,
+        ),
+        subscribes=(
+            topics.TRACKED_MARKERS,
+            topics.FEM_MARKERS,
+            topics.CORRECTED_MARKERS,
+            topics.RECORDER_PROGRESS,
+        ),
+    ),
+)
+
+
+def pace_topics(graph: tuple[NodeSpec, ...] = GRAPH) -> tuple[Topic, ...]:
+    """Return the topics whose stamps hold simulated time back, the recorder's included."""
+    answers = tuple(spec.answer for spec in graph if spec.answer is not None)
+    return (*answers, topics.RECORDER_PROGRESS)
+
+
+def expected_subscribers(
+    recorded: frozenset[str], graph: tuple[NodeSpec, ...] = GRAPH
+) -> dict[str, dict[str, int]]:
+    """Return how many subscriptions each node's publishers must match before time starts.
+
+    Args:
+        recorded: Names of the topics that the recorder listens to.
+        graph: The nodes.
+
+    Returns:
+        Node name -> topic name -> count of subscriptions inside the graph.
+    """
+    return {
+        spec.name: {
+            topic.name: sum(topic in other.subscribes for other in graph)
+            + (topic.name in recorded)
+            # /clock also drives the node clock of everybody but the rig that owns it.
+            + (len(graph) - 1 if topic is topics.CLOCK else 0)
+            for topic in spec.publishes
+        }
+        for spec in graph
+    }
+
+
+def as_text(graph: tuple[NodeSpec, ...] = GRAPH) -> str:
+    """Return the graph as lines `publisher -> topic [type, rate] -> listeners`."""
+    lines = []
+    for spec in reversed(graph):
+        lines.append(f"{spec.name}  (python -m {spec.package})")
+        for topic in spec.publishes:
+            rate = "on change" if topic.rate is None else f"{topic.rate:g} Hz"
+            heard = [other.name for other in graph if topic in other.subscribes]
+            if topic is topics.CLOCK:
+                heard = ["every node"]
+            lines.append(
+                f"  {topic.name}  [{topic.type_name}, {rate}]"
+                + (f"  -> {', '.join(heard)}" if heard else "")
+            )
+    return "\n".join(lines)
+
+
+def as_mermaid(graph: tuple[NodeSpec, ...] = GRAPH) -> str:
+    """Return the graph as a Mermaid flowchart: one arrow per publisher, topic and listener."""
+    lines = ["flowchart LR"]
+    lines += [f"  {spec.name}([{spec.name}])" for spec in reversed(graph)]
+    lines.append(f"  {topics.RECORDER}[({topics.RECORDER})]")
+    for spec in reversed(graph):
+        for topic in spec.publishes:
+            lines += [
+                f"  {spec.name} -- {topic.name} --> {other.name}"
+                for other in graph
+                if topic in other.subscribes and topic not in pace_only(other)
+            ]
+    lines += [f"  {spec.name} -- all topics --> {topics.RECORDER}" for spec in reversed(graph)]
+    lines += [
+        f"  {spec.name} -. stamps of {spec.answer.name} .-> {topics.RIG}"
+        for spec in reversed(graph)
+        if spec.answer is not None
+    ]
+    lines.append(
+        f"  {topics.RECORDER} -. stamps of {topics.RECORDER_PROGRESS.name} .-> {topics.RIG}"
+    )
+    return "\n".join(lines)
+
+
+def pace_only(spec: NodeSpec) -> tuple[Topic, ...]:
+    """Return the topics that a node listens to for their stamps alone."""
+    return spec.subscribes if spec.name == topics.RIG else ()

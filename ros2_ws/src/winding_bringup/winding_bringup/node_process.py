@@ -1,0 +1,107 @@
+"""One node's process: start, listen to its complaints, stop by INT, TERM, KILL."""
+
+from __future__ import annotations
+
+import asyncio
+import collections
+import os
+import signal
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from winding_bringup.graph import NodeSpec
+
+_ESCALATION = ((signal.SIGINT, 5.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 5.0))
+
+
+class NodeProcess:
+    """A node in a process of its own, with its output in a file."""
+
+    def __init__(
+        self,
+        spec: NodeSpec,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        log: Path,
+    ) -> None:
+        self.spec = spec
+        self._arguments = list(arguments)
+        self._environment = dict(environment)
+        self._log = log
+        self._complaints: collections.deque[str] = collections.deque(maxlen=200)
+        self._process: asyncio.subprocess.Process | None = None
+        self._reader: asyncio.Task[None] | None = None
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        assert self._process is not None
+        return self._process.pid
+
+    @property
+    def started(self) -> bool:
+        """Whether there is a process to stop."""
+        return self._process is not None
+
+    @property
+    def return_code(self) -> int | None:
+        """Exit code, or None while it runs."""
+        return None if self._process is None else self._process.returncode
+
+    async def start(self) -> None:
+        """Start the process in a session of its own: Ctrl-C reaches only the orchestrator."""
+        self._process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            "-m",
+            self.spec.package,
+            *self._arguments,
+            env=self._environment,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.STDOUT,
+            start_new_session=True,
+        )
+        self._reader = asyncio.create_task(self._read())
+
+    async def ended(self) -> int:
+        """Wait for the process to end; return its exit code."""
+        assert self._process is not None
+        return await self._process.wait()
+
+    async def stop(self) -> int:
+        """End the process, ever more firmly; return its exit code."""
+        assert self._process is not None
+        for number, patience in _ESCALATION:
+            if self._process.returncode is not None:
+                break
+            try:
+                os.killpg(self._process.pid, number)
+            except ProcessLookupError:
+                break
+            try:
+                await asyncio.wait_for(self._process.wait(), patience)
+            except TimeoutError:
+                continue
+        if self._reader is not None:
+            await self._reader
+        return await self._process.wait()
+
+    def complaint(self) -> str:
+        """Return the last line that says what went wrong, or an empty text."""
+        errors = [
+            line for line in self._complaints if line.startswith(("error:", "[ERROR]", "[FATAL]"))
+        ]
+        if errors:
+            return errors[-1].removeprefix("error: ").split("]: ", 1)[-1]
+        return self._complaints[-1] if self._complaints else ""
+
+    async def _read(self) -> None:
+        assert self._process is not None and self._process.stdout is not None
+        with self._log.open("wb") as file:
+            while line := await self._process.stdout.readline():
+                file.write(line)
+                file.flush()
+                text = line.decode(errors="replace").rstrip()
+                if text:
+                    self._complaints.append(text)

@@ -1,0 +1,191 @@
+"""Start the graph's processes, drive them to active, watch them, stop them in reverse."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from std_srvs.srv import Trigger
+
+from cable_winding.ros import topics
+from winding_bringup.environment import child_environment, ros_arguments
+from winding_bringup.graph import GRAPH, NodeSpec, expected_subscribers
+from winding_bringup.node_process import NodeProcess
+from winding_bringup.ros_client import RosClient
+
+# First starts import torch and compile kernels on a busy machine.
+_START_TIMEOUT = 120.0
+_CONFIGURE_TIMEOUT = 300.0
+_MATCH_TIMEOUT = 30.0
+_POLL = 0.02
+
+
+class GraphError(RuntimeError):
+    """The graph could not be brought up or kept up; the message names the culprit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraphConfig:
+    """How a graph is run.
+
+    Attributes:
+        namespace: Without slashes around it.
+        log_directory: Folder of the nodes' output.
+        parameters: Node name -> parameter name -> value.
+        parameters_file: Parameter file of the user, given to every node.
+        recorded: Topics that the recorder of this process listens to.
+    """
+
+    namespace: str
+    log_directory: Path
+    parameters: Mapping[str, Mapping[str, object]]
+    parameters_file: Path | None = None
+    recorded: frozenset[str] = frozenset()
+
+
+class Orchestrator:
+    """Runs one graph; every wait is for a state, none for a time."""
+
+    def __init__(self, config: GraphConfig, client: RosClient) -> None:
+        self.config = config
+        self._client = client
+        self.processes = [self._process(spec) for spec in GRAPH]
+
+    async def start(self) -> None:
+        """Start every process; raise GraphError when one ends before it answers."""
+        await asyncio.gather(*(process.start() for process in self.processes))
+
+    async def bring_up(self) -> None:
+        """Configure all nodes, activate them sinks first, wait until all are matched."""
+        await self._while_alive(
+            asyncio.gather(*(self._configure(process) for process in self.processes))
+        )
+        for process in self.processes:
+            await self._while_alive(
+                self._change(process, Transition.TRANSITION_ACTIVATE, _START_TIMEOUT)
+            )
+        await self._while_alive(self._matched())
+
+    async def command(self, service: str) -> None:
+        """Call one of the rig's commands, such as rig/start."""
+        response = await self._client.call(
+            Trigger, f"/{self.config.namespace}/{service}", Trigger.Request(), _START_TIMEOUT
+        )
+        if not response.success:
+            raise GraphError(f"{service} was refused: {response.message}")
+
+    async def first_death(self) -> NodeProcess:
+        """Wait until a process ends; return it."""
+        tasks = {asyncio.create_task(process.ended()): process for process in self.processes}
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+        return tasks[done.pop()]
+
+    async def stop(self) -> dict[str, int]:
+        """Stop every process, the rig first; return exit codes by node."""
+        codes = {}
+        for process in reversed(self.processes):
+            if process.return_code is None and process.started:
+                await self._client.try_call(
+                    ChangeState,
+                    self._service(process, "change_state"),
+                    ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE)),
+                    2.0,
+                )
+            if process.started:
+                codes[process.spec.name] = await process.stop()
+        return codes
+
+    def _process(self, spec: NodeSpec) -> NodeProcess:
+        directory = self.config.log_directory
+        arguments = ["--ros-args", *ros_arguments(self.config.namespace)]
+        if self.config.parameters_file is not None:
+            arguments += ["--params-file", str(self.config.parameters_file)]
+        own = directory / f"{spec.name}.yaml"
+        full_name = f"/{self.config.namespace}/{spec.name}"
+        values = {"use_sim_time": True, **self.config.parameters.get(spec.name, {})}
+        own.write_text(yaml.safe_dump({full_name: {"ros__parameters": values}}), encoding="utf-8")
+        arguments += ["--params-file", str(own)]
+        return NodeProcess(
+            spec,
+            arguments,
+            child_environment(camera=topics.IMAGE in spec.publishes),
+            directory / f"{spec.name}.log",
+        )
+
+    def _service(self, process: NodeProcess, name: str) -> str:
+        return f"/{self.config.namespace}/{process.spec.name}/{name}"
+
+    async def _configure(self, process: NodeProcess) -> None:
+        state = await self._client.call(
+            GetState, self._service(process, "get_state"), GetState.Request(), _START_TIMEOUT
+        )
+        if state.current_state.id != State.PRIMARY_STATE_UNCONFIGURED:
+            raise GraphError(
+                f"{process.spec.name} is {state.current_state.label} before it was configured: "
+                "another graph uses its name"
+            )
+        await self._change(process, Transition.TRANSITION_CONFIGURE, _CONFIGURE_TIMEOUT)
+
+    async def _change(self, process: NodeProcess, transition: int, timeout: float) -> None:
+        response = await self._client.call(
+            ChangeState,
+            self._service(process, "change_state"),
+            ChangeState.Request(transition=Transition(id=transition)),
+            timeout,
+            # A transition must not be asked for twice while the node works on it.
+            retry=False,
+        )
+        if not response.success:
+            await process.stop()
+            raise GraphError(f"{process.spec.name}: {process.complaint()}")
+
+    async def _matched(self) -> None:
+        expected = expected_subscribers(self.config.recorded)
+        try:
+            async with asyncio.timeout(_MATCH_TIMEOUT):
+                while missing := self._unmatched(expected):
+                    await asyncio.sleep(_POLL)
+        except TimeoutError:
+            raise GraphError(
+                f"not every subscriber found its publisher in {_MATCH_TIMEOUT:g} s: {missing[0]}"
+            ) from None
+
+    def _unmatched(self, expected: Mapping[str, Mapping[str, int]]) -> list[str]:
+        return [
+            f"{node} {topic} has {self._client.matched(node, topic)} of {count} subscribers"
+            for node, counts in expected.items()
+            for topic, count in counts.items()
+            if self._client.matched(node, topic) < count
+        ]
+
+    async def _while_alive(self, work: asyncio.Future[object] | object) -> None:
+        task = asyncio.ensure_future(work)  # type: ignore[arg-type]
+        death = asyncio.create_task(self.first_death())
+        done, _ = await asyncio.wait({task, death}, return_when=asyncio.FIRST_COMPLETED)
+        if task in done:
+            death.cancel()
+            task.result()
+            return
+        task.cancel()
+        dead = death.result()
+        # Its output may still be on its way through the pipe.
+        await dead.stop()
+        raise self.obituary(dead)
+
+    @staticmethod
+    def obituary(process: NodeProcess) -> GraphError:
+        """Return the error that names a node that ended by itself."""
+        said = process.complaint()
+        return GraphError(
+            f"{process.spec.name} ended with exit code {process.return_code}"
+            + (f": {said}" if said else "")
+        )

@@ -1,0 +1,126 @@
+"""The orchestrator's own node, spun in a thread, with service calls that asyncio can await."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from cable_winding.ros import topics
+from cable_winding.ros.diagnostic_messages import Status, decode_diagnostics
+from cable_winding.ros.managed_node import MATCHED
+from winding_bringup.environment import ros_arguments
+
+_SPIN_PERIOD = 0.1
+# A request sent before the server is matched is lost, so requests are repeated.
+_RETRY_PERIOD = 1.0
+
+
+class RosClient:
+    """Node `orchestrator`: calls services, remembers what every node says of itself."""
+
+    def __init__(self, namespace: str) -> None:
+        self._context = Context()
+        rclpy.init(
+            context=self._context, signal_handler_options=rclpy.SignalHandlerOptions.NO
+        )
+        self.node = Node(
+            "orchestrator",
+            context=self._context,
+            cli_args=["--ros-args", *ros_arguments(namespace)],
+        )
+        self._hardware_id = f"/{namespace}"
+        self._statuses: dict[str, Status] = {}
+        self._clients: dict[str, Any] = {}
+        topics.DIAGNOSTICS.subscribe(self.node, self._note)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._quit = threading.Event()
+        self._thread = threading.Thread(target=self._spin, name="orchestrator")
+
+    def start(self) -> None:
+        """Begin to spin."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop spinning and leave the graph."""
+        self._quit.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+    def status(self, name: str) -> Status | None:
+        """Return the last status of that name, such as `winding_rig` or `winding_rig: topics`."""
+        return self._statuses.get(name)
+
+    def matched(self, node: str, topic: str) -> int:
+        """Return how many subscriptions a node's publisher says it has."""
+        status = self._statuses.get(f"{node}: topics")
+        return int(status.values.get(f"{MATCHED}{topic}", 0)) if status else 0
+
+    async def call(
+        self, service: type, name: str, request: Any, timeout: float, *, retry: bool = True
+    ) -> Any:
+        """Return a service's response.
+
+        Raises:
+            TimeoutError: No response within timeout [s].
+        """
+        client = self._client(service, name)
+        try:
+            async with asyncio.timeout(timeout):
+                while not client.service_is_ready():
+                    await asyncio.sleep(0.02)
+                while True:
+                    answer = self._awaitable(client.call_async(request))
+                    if not retry:
+                        return await answer
+                    try:
+                        return await asyncio.wait_for(answer, _RETRY_PERIOD)
+                    except TimeoutError:
+                        continue
+        except TimeoutError:
+            raise TimeoutError(f"no answer from {name} in {timeout:g} s") from None
+
+    async def try_call(self, service: type, name: str, request: Any, timeout: float) -> Any | None:
+        """Return a service's response, or None when there is none within timeout [s]."""
+        try:
+            return await self.call(service, name, request, timeout, retry=False)
+        except TimeoutError:
+            return None
+
+    def _client(self, service: type, name: str) -> Any:
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(service, name)
+            self._executor.wake()
+        return self._clients[name]
+
+    def _awaitable(self, future: Any) -> asyncio.Future[Any]:
+        loop = asyncio.get_running_loop()
+        result: asyncio.Future[Any] = loop.create_future()
+
+        def hand_over(done: Any) -> None:
+            def settle() -> None:
+                if not result.done():
+                    result.set_result(done.result())
+
+            loop.call_soon_threadsafe(settle)
+
+        future.add_done_callback(hand_over)
+        return result
+
+    def _note(self, message: Any) -> None:
+        if any(status.hardware_id == self._hardware_id for status in message.status):
+            _, statuses = decode_diagnostics(message)
+            self._statuses |= {status.name: status for status in statuses}
+
+    def _spin(self) -> None:
+        while not self._quit.is_set():
+            self._executor.spin_once(timeout_sec=_SPIN_PERIOD)
