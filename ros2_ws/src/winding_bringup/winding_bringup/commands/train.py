@@ -30,10 +30,10 @@ def train(
     steps: Annotated[int, typer.Option(min=1, help="Training steps.")] = 1500,
 ) -> None:
     """Train the network and compare it, in-sample and case by case left out, with baselines."""
-    from correction_node.dataset import load_data_set  # noqa: PLC0415
-    from correction_node.protocol import learn, verdict  # noqa: PLC0415
-    from correction_node.training import TrainingConfig  # noqa: PLC0415
-    from correction_node.weights import SHIPPED, save_weight, weights_directory  # noqa: PLC0415
+    from correction_node.dataset import load_data_set
+    from correction_node.protocol import learn, verdict
+    from correction_node.training import TrainingConfig
+    from correction_node.weights import SHIPPED, save_weight, weights_directory
 
     console = Console()
     try:
