@@ -1,1 +1,1 @@
-"""Prediction: the explicit cable solver (rods, solids, contact) and the winding model built on it."""
+"""Prediction: the explicit cable solver (rods, solids, contact) and its winding model."""

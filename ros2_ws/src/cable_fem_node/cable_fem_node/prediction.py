@@ -8,12 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from cable_winding.drive import PAPER_DURATION, DriveProfile
-from cable_winding.markers import Markers
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cable_fem_node.energy import EnergyBalanceError, EnergyLedger
-from cable_fem_node.winding import RodWinding, WindingConfig
+from cable_fem_node.rod_winding import RodWinding
+from cable_fem_node.winding_config import WindingConfig
+from cable_winding.drive import PAPER_DURATION, DriveProfile
+from cable_winding.markers import Markers
 
 FloatArray = NDArray[np.float64]
 
@@ -66,7 +67,8 @@ class Prediction:
     @property
     def markers(self) -> Markers:
         """Records of P0..Pn at the end of the run."""
-        return self.history[-1]
+        last: Markers = self.history[-1]
+        return last
 
     @property
     def duration(self) -> float:
@@ -92,9 +94,9 @@ class Prediction:
         """Return the axial advance of each complete turn [m], shape (turns,)."""
         return np.diff(self.z_at(FULL_TURN * np.arange(self.turns + 1)))
 
-    def z_at(self, theta: FloatArray) -> FloatArray:
+    def z_at(self, theta: ArrayLike) -> FloatArray:
         """Return z [m] of the laid cable at wound angles [rad] within the wound range."""
-        return np.interp(theta, self.theta, self.z)
+        return np.asarray(np.interp(np.asarray(theta, dtype=float), self.theta, self.z))
 
 
 def predict(
@@ -126,8 +128,9 @@ def predict(
     for name, value in (("duration", duration), ("rate", rate)):
         if not (math.isfinite(value) and value > 0.0):
             raise ValueError(f"{name} must be positive and finite, got {value}")
-    model = RodWinding(config)
     refuse_overlap(config, drive)
+    model = RodWinding(config)
+    model.compile()
     frames = max(1, math.ceil(duration * rate - 1.0e-9))
     times = duration * np.arange(frames + 1) / frames
     history = np.empty((frames + 1, config.case.marker_count + 1), dtype=model.markers().dtype)
@@ -186,5 +189,6 @@ def refuse_overlap(config: WindingConfig, drive: DriveProfile) -> None:
     if drive.pitch < width:
         raise OverlapError(
             f"the guide advances {drive.pitch * 1e3:.3g} mm per turn, less than the cable's "
-            f"{width * 1e3:.3g} mm: layers would overlap, and cable-on-cable contact is not modelled"
+            f"{width * 1e3:.3g} mm: layers would overlap, "
+            "and cable-on-cable contact is not modelled"
         )

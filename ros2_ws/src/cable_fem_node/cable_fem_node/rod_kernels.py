@@ -1,3 +1,4 @@
+# ruff: noqa: PLR0917 - compiled functions take arrays by position
 """Internal forces of an extensible, bending rod of isotropic round section (no twist needed).
 
 A straight round rod bends with the energy EI phi^2 / (2 l) at every inner node, phi the turning
@@ -59,7 +60,8 @@ def law_value(stretch: float, table: FloatArray, low: float, per_spacing: float)
     place = min(max((stretch - low) * per_spacing, 0.0), table.shape[0] - 1.0e-9)
     i = int(place)
     u = place - i
-    return table[i, 0] + u * (table[i, 1] + u * (table[i, 2] + u * table[i, 3]))
+    value: float = table[i, 0] + u * (table[i, 1] + u * (table[i, 2] + u * table[i, 3]))
+    return value
 
 
 @kernel
@@ -69,7 +71,8 @@ def law_energy(stretch: float, table: FloatArray, low: float, per_spacing: float
     i = int(place)
     u = place - i
     rise = table[i, 0] + u * (table[i, 1] / 2.0 + u * (table[i, 2] / 3.0 + u * table[i, 3] / 4.0))
-    return table[i, 4] + u * rise / per_spacing
+    energy: float = table[i, 4] + u * rise / per_spacing
+    return energy
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Uniaxial response of the cable's material laws: what a stretched cable with free sides carries."""
+"""Uniaxial response of the material laws: what a stretched cable with free sides carries."""
 
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# ruff: noqa: PLR0917 - compiled functions take arrays by position
 """The winding machine's own kernel: a rod between a turning cylinder and a guide that feeds it.
 
 One call advances many central-difference steps. Node 0 is P0, tied to the surface and clamped
@@ -9,7 +10,6 @@ from it (or given back to it) as the cable is drawn in.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,82 +23,33 @@ from cable_fem_node.rod_kernels import (
     stretch_elements,
 )
 from cable_fem_node.uniaxial import TABLE_HIGH, TABLE_LOW
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
-# Why an advance stopped.
-RUNNING = 0
-FULL = 1
-DIVERGED = 2
-EMPTY = 3
-
-# An element is cut from the span's last one at this many segment lengths, given back below that.
-CUT_AT = 1.6
-MERGE_AT = 0.4
-
-
-class Cable(NamedTuple):
-    """Arrays of the moving cable; column i is node i (or the element from node i to i + 1)."""
-
-    position: FloatArray  # (3, capacity) [m]
-    velocity: FloatArray  # (3, capacity) [m/s], half a step behind the position
-    reference: FloatArray  # (capacity,) reference length of the element [m]
-    slip: FloatArray  # (2, capacity) stick spring: along the circumference and z [m]
-    contact_radius: FloatArray  # (capacity,) radius at which the node touches [m]
-    touching: IntArray  # (capacity,) 1 while in contact
-    roll: FloatArray  # (2, capacity) roll angle [rad] and rate [rad/s] about the tangent
-
-
-class Work(NamedTuple):
-    """Scratch arrays of the kernel, sized like the cable's."""
-
-    tangent: FloatArray
-    inverse: FloatArray
-    tension: FloatArray
-    cosine: FloatArray
-    slope: FloatArray
-    force: FloatArray
-    net: FloatArray
-
-
-class Constants(NamedTuple):
-    """Numbers that stay the same during a run (SI)."""
-
-    segment: float
-    mass: float
-    area: float
-    bending: float
-    table_low: float
-    table_per_spacing: float
-    normal_stiffness: float
-    normal_damping: float
-    stick_stiffness: float
-    stick_damping: float
-    friction: float
-    damping_rate: float
-    start_radius: float
-    contact_line: float
-    free_length: float
-    cable_radius: float
-    roll_inertia: float
-    torsion: float
-
-
-# Rows of the drive: value at the beginning, value at the end of the advance.
-ANGLE, SPEED, GUIDE, FEED, TENSION, STRETCH, LANDING = range(7)
-
-# Entries of the ledger [J] that the kernel adds to.
-(
-    WORK_TIE,
-    WORK_SURFACE,
-    WORK_SPAN,
-    WORK_INFLOW,
-    LOSS_FRICTION,
+from cable_fem_node.winding_state import (
+    ANGLE,
+    CUT_AT,
+    DIVERGED,
+    EMPTY,
+    FEED,
+    FULL,
+    GUIDE,
+    LANDING,
     LOSS_CONTACT,
     LOSS_DAMPING,
-) = range(7)
-LEDGER_SIZE = 7
+    LOSS_FRICTION,
+    MERGE_AT,
+    RUNNING,
+    SPEED,
+    STRETCH,
+    TENSION,
+    WORK_INFLOW,
+    WORK_SPAN,
+    WORK_SURFACE,
+    WORK_TIE,
+    Cable,
+    Constants,
+    Work,
+)
+
+FloatArray = NDArray[np.float64]
 
 
 @kernel
@@ -117,6 +68,7 @@ def touch_surface(
     landing: float,
     cable: Cable,
     net: FloatArray,
+    couple: FloatArray,
     k: Constants,
     ledger: FloatArray,
     rolling: bool,
@@ -134,6 +86,7 @@ def touch_surface(
         landing: Radius at which a free node touches [m].
         cable: State; stick springs and contact flags are changed.
         net: Net forces (3, nodes) [N], added to.
+        couple: Friction's torque about the cable's axis (nodes,) [N m], set.
         k: Constants.
         ledger: Energies, added to.
         rolling: Whether the cable may roll about its axis.
@@ -192,9 +145,9 @@ def touch_surface(
             net[0, i] += normal * nx - ft * ny
             net[1, i] += normal * ny + ft * nx
             net[2, i] += fz
-            if rolling:
-                roll[1, i] -= dt * fz * k.cable_radius / k.roll_inertia
+            couple[i] = -fz * k.cable_radius
         elif held:
+            couple[i] = 0.0
             touching[i] = 0
             sliding += 0.5 * k.stick_stiffness * (slip[0, i] ** 2 + slip[1, i] ** 2)
             slip[0, i] = 0.0
@@ -246,6 +199,35 @@ def move_nodes(
         x[1, i] = py + dt * v[1, i]
         x[2, i] += dt * v[2, i]
     return k.mass * k.damping_rate * dt * loss
+
+
+@kernel
+def roll_nodes(elements: int, dt: float, cable: Cable, work: Work, k: Constants) -> None:
+    """Take one step of the cable's rotation about its own axis.
+
+    The roll angle counts from the surface normal, so a wound helix twists by its geodesic
+    torsion even where the cable does not roll. P0 is held, the guide lets the cable spin.
+    """
+    roll, touching, tangent = cable.roll, cable.touching, work.tangent
+    decay = 1.0 - k.damping_rate * dt
+    before = 0.0
+    for i in range(1, elements):
+        torque = work.couple[i]
+        before_here = before
+        if i == 1:
+            before_here = k.torsion * (roll[0, 1] - roll[0, 0]) / k.segment
+        after = 0.0
+        if i < elements - 1:
+            twist = (roll[0, i + 1] - roll[0, i]) / k.segment
+            if touching[i] == 1 and touching[i + 1] == 1:
+                level = math.sqrt(tangent[0, i] ** 2 + tangent[1, i] ** 2)
+                twist -= tangent[2, i] * level / k.contact_line
+            after = k.torsion * twist
+        before = after
+        torque += after - before_here
+        roll[1, i] = decay * roll[1, i] + dt * torque / k.roll_inertia
+    for i in range(1, elements):
+        roll[0, i] += dt * roll[1, i]
 
 
 @kernel
@@ -330,7 +312,21 @@ def advance_winding(
         for c in range(3):
             for i in range(1, elements):
                 net[c, i] = force[c, i] - force[c, i - 1]
-        touch_surface(elements, dt, surface_step, rotation, landing, cable, net, k, ledger, rolling)
+        touch_surface(
+            elements,
+            dt,
+            surface_step,
+            rotation,
+            landing,
+            cable,
+            net,
+            work.couple,
+            k,
+            ledger,
+            rolling,
+        )
+        if rolling:
+            roll_nodes(elements, dt, cable, work, k)
         guide_speed = (next_guide - x[2, elements]) / dt
         ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, net, k)
         ledger[WORK_SPAN] += dt * (
@@ -365,6 +361,9 @@ def advance_winding(
                 v[c, nodes] = v[c, elements]
                 x[c, elements] = x[c, end] + part * (x[c, nodes] - x[c, end])
                 v[c, elements] = v[c, end]
+            cable.roll[0, elements] = cable.roll[0, end]
+            cable.roll[1, elements] = cable.roll[1, end]
+            work.couple[elements] = 0.0
             cable.touching[elements] = 0
             cable.slip[0, elements] = 0.0
             cable.slip[1, elements] = 0.0
@@ -402,4 +401,5 @@ def inflow(x: FloatArray, v: FloatArray, a: int, b: int, k: Constants, table: Fl
     stretch = math.sqrt(ex * ex + ey * ey + ez * ez) / k.segment
     motion = v[0, b] ** 2 + v[1, b] ** 2 + v[2, b] ** 2
     strain = law_energy(stretch, table, k.table_low, k.table_per_spacing)
-    return k.area * k.segment * strain + 0.5 * k.mass * motion
+    energy: float = k.area * k.segment * strain + 0.5 * k.mass * motion
+    return energy

@@ -1,0 +1,133 @@
+"""From a winding configuration to the kernel's constants, stable step and empty arrays."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.uniaxial import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, UniaxialLaw
+from cable_fem_node.winding_config import WindingConfig
+from cable_fem_node.winding_state import (
+    ANGLE,
+    FEED,
+    GUIDE,
+    LANDING,
+    MERGE_AT,
+    SPEED,
+    STRETCH,
+    TENSION,
+    Cable,
+    Constants,
+    Work,
+)
+
+FloatArray = NDArray[np.float64]
+
+# Share of the critical step that is taken; the rest covers damping and large rotations.
+STEP_SAFETY = 0.8
+
+# The contact spring is six times as stiff as a segment, or stiffer where the cable would sink in
+# by more than this share of the radius.
+SINK_SHARE = 0.005
+
+
+def chord_radius(radius: float, length: float) -> float:
+    """Return the radius of nodes whose chords are as long as the arcs of the circle [m]."""
+    half = 0.5 * length / radius
+    return radius * half / math.sin(half)
+
+
+def constants_of(config: WindingConfig, law: UniaxialLaw) -> Constants:
+    """Return the kernel's constants."""
+    case = config.case
+    h, area = config.segment_length, case.section_area
+    tension = config.weight_tension
+    stretch = law.stretch_at(tension / area)
+    radius = config.wound_radius(stretch)
+    mass = config.mass_scaling * case.material.density * area * h
+    axial = case.material.young * area / h
+    normal = max(6.0 * axial, tension * stretch * h / (SINK_SHARE * radius**2))
+    stick = 0.25 * normal
+    wave = math.sqrt(case.material.young / (config.mass_scaling * case.material.density))
+    first_mode = 0.5 * math.pi * wave / config.free_length
+    shear = law.shear_modulus
+    polar = 0.5 * math.pi * case.cable_radius**4
+    return Constants(
+        segment=h,
+        mass=mass,
+        area=area,
+        bending=config.bending_stiffness,
+        table_low=TABLE_LOW,
+        table_per_spacing=TABLE_INTERVALS / (TABLE_HIGH - TABLE_LOW),
+        normal_stiffness=normal,
+        normal_damping=0.4 * math.sqrt(normal * mass),
+        stick_stiffness=stick,
+        stick_damping=0.2 * math.sqrt(stick * mass),
+        friction=config.friction,
+        damping_rate=2.0 * config.damping_ratio * first_mode,
+        start_radius=chord_radius(radius, stretch * h),
+        contact_line=radius,
+        free_length=config.free_length,
+        cable_radius=case.cable_radius,
+        roll_inertia=0.5 * mass * case.cable_radius**2,
+        torsion=shear * polar,
+    )
+
+
+def stable_step(config: WindingConfig, law: UniaxialLaw, k: Constants) -> float:
+    """Return the step [s]: a share of 2 / omega of the stiffest axial and transverse motion."""
+    tension = 2.0 * config.weight_tension
+    stretch = law.stretch_at(0.5 * tension / k.area)
+    tangent = max(law.tangent(1.0), law.tangent(stretch))
+    along = 4.0 * tangent * k.area / k.segment + k.stick_stiffness
+    short = 0.5 * (1.0 + MERGE_AT)
+    across = (
+        k.normal_stiffness
+        + 16.0 * k.bending / (short * k.segment**3)
+        + 4.0 * tension / (stretch * k.segment)
+    )
+    return STEP_SAFETY * 2.0 * math.sqrt(k.mass / max(along, across))
+
+
+def part_way(drive: FloatArray, u: float, span: float) -> FloatArray:
+    """Return the drive with its first column moved to the share u of the way."""
+    part = drive.copy()
+    for value, slope in ((ANGLE, SPEED), (GUIDE, FEED)):
+        a, b = drive[value]
+        da, db = drive[slope] * span
+        step = b - a
+        second, third = 3.0 * step - 2.0 * da - db, da + db - 2.0 * step
+        part[value, 0] = a + u * (da + u * (second + u * third))
+        part[slope, 0] = (da + u * (2.0 * second + 3.0 * u * third)) / span
+    for value in (TENSION, STRETCH, LANDING):
+        part[value, 0] = drive[value, 0] + u * (drive[value, 1] - drive[value, 0])
+    return part
+
+
+def empty_cable(capacity: int) -> Cable:
+    """Return a cable's arrays with room for so many nodes."""
+    return Cable(
+        position=np.zeros((3, capacity)),
+        velocity=np.zeros((3, capacity)),
+        reference=np.zeros(capacity),
+        slip=np.zeros((2, capacity)),
+        contact_radius=np.zeros(capacity),
+        touching=np.zeros(capacity, dtype=np.int64),
+        roll=np.zeros((2, capacity)),
+    )
+
+
+def empty_work(capacity: int) -> Work:
+    """Return scratch arrays for so many nodes."""
+    return Work(
+        tangent=np.zeros((3, capacity)),
+        inverse=np.zeros(capacity),
+        tension=np.zeros(capacity),
+        cosine=np.zeros(capacity),
+        slope=np.zeros(capacity),
+        force=np.zeros((3, capacity)),
+        net=np.zeros((3, capacity)),
+        couple=np.zeros(capacity),
+    )
