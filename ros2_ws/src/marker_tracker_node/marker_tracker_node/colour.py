@@ -1,0 +1,214 @@
+"""What marker colour is: learnt from sampled pixels, told apart from the scene around them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+ByteArray = NDArray[np.uint8]
+
+LEVELS = 32
+TABLE_SIZE = LEVELS**3
+# Light from a third to three times the sampled one, with the clipping that comes with it.
+EXPOSURES = np.geomspace(0.3, 3.0, 13)
+
+MIN_SAMPLES = 8
+MIN_SATURATION = 0.25
+MAX_HUE_SPREAD = 20.0
+HUE_FLOOR = 5.0
+HUE_SIGMAS = 4.0
+SATURATION_SHARE = 0.62
+MIN_VALUE_LEVELS = 24.0
+HUE_BINS = 90
+SATURATION_BINS = 24
+BACKGROUND_ODDS = 1.0
+
+
+class ColourRefusedError(ValueError):
+    """The sampled pixels cannot define a marker colour."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColourModel:
+    """A region of hue and saturation, less what the background shows there.
+
+    Attributes:
+        hue: Robust middle of the samples [deg].
+        hue_spread: Half width of the accepted hues [deg].
+        min_saturation: Least accepted saturation, 0 to 1.
+        table: One for each accepted colour, by five bits of blue, green and red, shape (32768,).
+        separation: Share of the background samples that the model rejects; nan without any.
+    """
+
+    hue: float
+    hue_spread: float
+    min_saturation: float
+    table: ByteArray
+    separation: float
+
+    @classmethod
+    def from_samples(cls, samples: ByteArray, background: ByteArray | None = None) -> ColourModel:
+        """Learn the model.
+
+        Args:
+            samples: Pixels of the marker, blue-green-red, shape (n, 3).
+            background: Pixels of the scene without markers, shape (m, 3).
+
+        Raises:
+            ColourRefusedError: There are too few samples, they are grey, of many hues, or one
+                single value, which a photographed marker never shows.
+        """
+        samples = _pixels(samples)
+        _require_variation(samples)
+        hue, saturation, _ = hsv(samples)
+        grey = float(np.median(saturation))
+        if grey < MIN_SATURATION:
+            raise ColourRefusedError(
+                f"samples are grey: median saturation {grey:.2f} is below {MIN_SATURATION}"
+            )
+        centre, deviation = _circular_middle(hue, saturation)
+        if deviation > MAX_HUE_SPREAD:
+            raise ColourRefusedError(
+                f"samples show many hues: spread {deviation:.0f} deg exceeds {MAX_HUE_SPREAD:.0f}"
+            )
+        lit_hue, _, _ = hsv(_exposed(samples))
+        shift = _hue_difference(lit_hue, centre)
+        near = np.abs(shift) < 3.0 * MAX_HUE_SPREAD
+        low, high = np.percentile(shift[near], [2.0, 98.0])
+        margin = max(HUE_FLOOR, min(HUE_SIGMAS * deviation, MAX_HUE_SPREAD))
+        middle = (centre + 0.5 * (low + high)) % 360.0
+        spread = 0.5 * (high - low) + margin
+        floor = SATURATION_SHARE * float(np.percentile(saturation, 10.0))
+        accepted = _region(middle, spread, max(floor, 0.5 * MIN_SATURATION))
+        separation = math.nan
+        if background is not None and len(background):
+            background = _pixels(background)
+            accepted &= _more_marker_than_background(samples, background)
+            separation = 1.0 - float(accepted[colour_index(background)].mean())
+        if not accepted[colour_index(samples)].mean() > 0.5:
+            raise ColourRefusedError("samples cannot be told apart from the background")
+        return cls(
+            hue=middle,
+            hue_spread=spread,
+            min_saturation=floor,
+            table=accepted.astype(np.uint8),
+            separation=separation,
+        )
+
+    def mask(self, frame: ByteArray) -> NDArray[np.bool_]:
+        """Return which pixels of a frame have the marker's colour, shape (rows, columns)."""
+        return self.table[colour_index(frame)].astype(bool)
+
+
+def hsv(pixels: ByteArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return hue [deg], saturation and value (0 to 1) of blue-green-red pixels (..., 3)."""
+    flat = np.ascontiguousarray(pixels).reshape(1, -1, 3).astype(np.float32) / 255.0
+    planes = cv2.cvtColor(flat, cv2.COLOR_BGR2HSV)[0].astype(float)
+    shape = pixels.shape[:-1]
+    return planes[:, 0].reshape(shape), planes[:, 1].reshape(shape), planes[:, 2].reshape(shape)
+
+
+def colour_index(pixels: ByteArray) -> NDArray[np.int64]:
+    """Return the table index of blue-green-red pixels (..., 3)."""
+    reduced = (pixels >> 3).astype(np.int64)
+    return (reduced[..., 0] << 10) | (reduced[..., 1] << 5) | reduced[..., 2]
+
+
+def yellow_prior(hue: float, tolerance: float) -> ByteArray:
+    """Return a table of the saturated colours around a hue [deg], to find a marker to sample."""
+    return _region(hue, tolerance, 0.45).astype(np.uint8)
+
+
+def _pixels(samples: ByteArray) -> ByteArray:
+    samples = np.asarray(samples)
+    if samples.dtype != np.uint8 or samples.ndim != 2 or samples.shape[-1] != 3:
+        raise ColourRefusedError(
+            f"samples must be uint8 of shape (n, 3), got {samples.dtype} {samples.shape}"
+        )
+    return samples
+
+
+def _require_variation(samples: ByteArray) -> None:
+    if len(samples) < MIN_SAMPLES:
+        raise ColourRefusedError(
+            f"at least {MIN_SAMPLES} sampled pixels are needed, got {len(samples)}"
+        )
+    if (samples == samples[0]).all():
+        raise ColourRefusedError(f"samples are uniform: every pixel is {samples[0].tolist()}")
+
+
+def _circular_middle(hue: FloatArray, saturation: FloatArray) -> tuple[float, float]:
+    """Return circular mean [deg] and robust deviation [deg] of hues weighted by saturation."""
+    angle = np.radians(hue)
+    mean = math.degrees(
+        math.atan2(
+            float((saturation * np.sin(angle)).sum()), float((saturation * np.cos(angle)).sum())
+        )
+    )
+    difference = _hue_difference(hue, mean)
+    middle = float(np.median(difference))
+    deviation = 1.4826 * float(np.median(np.abs(difference - middle)))
+    return (mean + middle) % 360.0, deviation
+
+
+def _hue_difference(hue: FloatArray, centre: float) -> FloatArray:
+    return np.asarray((hue - centre + 180.0) % 360.0 - 180.0, dtype=float)
+
+
+def _exposed(samples: ByteArray) -> ByteArray:
+    """Return the samples under every exposure, clipped as the sensor clips."""
+    few = samples[:: max(len(samples) // 256, 1)]
+    lit = few[None, :, :].astype(float) * EXPOSURES[:, None, None]
+    return np.minimum(lit, 255.0).astype(np.uint8).reshape(-1, 3)
+
+
+def _table_colours() -> ByteArray:
+    level = (np.arange(LEVELS) * 8 + 4).astype(np.uint8)
+    blue, green, red = np.meshgrid(level, level, level, indexing="ij")
+    return np.stack([blue, green, red], axis=-1).reshape(-1, 3)
+
+
+def _region(hue: float, spread: float, min_saturation: float) -> NDArray[np.bool_]:
+    colours = _table_colours()
+    h, s, v = hsv(colours)
+    return np.asarray(
+        (np.abs(_hue_difference(h, hue)) <= spread)
+        & (s >= min_saturation)
+        & (v >= MIN_VALUE_LEVELS / 255.0),
+        dtype=bool,
+    )
+
+
+def _more_marker_than_background(samples: ByteArray, background: ByteArray) -> NDArray[np.bool_]:
+    """Return where in the table a marker pixel is likelier than one of the background.
+
+    Densities are histograms of hue and saturation, blurred by the noise of a pixel.
+    """
+    hue, saturation, _ = hsv(_table_colours())
+    marker = _density(_exposed(samples))
+    scene = _density(background)
+    cell = _cell(hue, saturation)
+    return np.asarray(marker.ravel()[cell] >= BACKGROUND_ODDS * scene.ravel()[cell], dtype=bool)
+
+
+def _cell(hue: FloatArray, saturation: FloatArray) -> NDArray[np.int64]:
+    column = np.minimum((hue / 360.0 * HUE_BINS).astype(np.int64), HUE_BINS - 1)
+    row = np.minimum((saturation * SATURATION_BINS).astype(np.int64), SATURATION_BINS - 1)
+    return row * HUE_BINS + column
+
+
+def _density(pixels: ByteArray) -> FloatArray:
+    hue, saturation, value = hsv(pixels)
+    bright = value * 255.0 >= MIN_VALUE_LEVELS
+    counts = np.bincount(
+        _cell(hue[bright], saturation[bright]), minlength=HUE_BINS * SATURATION_BINS
+    ).astype(float)
+    grid = counts.reshape(SATURATION_BINS, HUE_BINS)
+    wrapped = np.concatenate([grid[:, -6:], grid, grid[:, :6]], axis=1)
+    blurred = cv2.GaussianBlur(wrapped, (0, 0), sigmaX=1.5, sigmaY=1.5)[:, 6:-6]
+    return np.asarray(blurred / max(len(pixels), 1), dtype=float)

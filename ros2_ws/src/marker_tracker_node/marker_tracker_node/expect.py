@@ -1,0 +1,205 @@
+"""Where things should be: the laid cable's path and the gate of a band upon it."""
+
+# Compiled kernels take their arrays by position.
+# ruff: noqa: PLR0917
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.band import band_centroid, surface_point
+from marker_tracker_node.compiled import compiled
+from marker_tracker_node.pinhole import pixel_of_plane, plane_of_point
+from marker_tracker_node.state import (
+    ACROSS,
+    ADVANCE,
+    ALONG,
+    ANGLE,
+    CABLE,
+    GUIDE,
+    HALF_BAND,
+    HEIGHT,
+    LAG,
+    PATH_COUNT,
+    PATH_SIZE,
+    PATH_STEP,
+    RHO,
+    STATUS,
+    THETA,
+)
+
+FloatArray = NDArray[np.float64]
+
+TAIL = 0.5
+
+
+@compiled
+def extend_path(
+    config: FloatArray, shared: FloatArray, path: FloatArray, angle: float, guide: float
+) -> None:  # pragma: no cover
+    """Lay the expected path up to a cylinder angle: dz/dtheta = (z_guide - z) / lag.
+
+    Args:
+        config: See `TrackerConfig.numbers`.
+        shared: See `state`; holds angle and guide of the last frame.
+        path: See `TrackerState.path`.
+        angle: Cylinder angle of this frame [rad].
+        guide: Guide position of this frame [m]; nan to expect the commanded feed.
+    """
+    if not math.isfinite(guide):
+        guide = config[ADVANCE] * angle
+    start, before = shared[ANGLE], shared[GUIDE]
+    count = int(shared[PATH_COUNT])
+    share = 1.0 - math.exp(-PATH_STEP / config[LAG])
+    while count < PATH_SIZE and count * PATH_STEP <= angle:
+        middle = (count - 0.5) * PATH_STEP
+        part = (middle - start) / (angle - start) if angle > start else 1.0
+        target = before + (guide - before) * min(max(part, 0.0), 1.0)
+        path[count] = path[count - 1] + share * (target - path[count - 1])
+        count += 1
+    shared[PATH_COUNT] = count
+    shared[GUIDE] = guide
+
+
+@compiled
+def path_height(
+    shared: FloatArray, path: FloatArray, theta: float
+) -> tuple[float, float]:  # pragma: no cover
+    """Return expected z [m] and dz/dtheta [m/rad] at a wound angle."""
+    last = int(shared[PATH_COUNT]) - 1
+    place = theta / PATH_STEP
+    if place <= 0.0 or last < 1:
+        return 0.0, 0.0
+    low = min(int(place), last - 1)
+    slope = (path[low + 1] - path[low]) / PATH_STEP
+    return path[low] + slope * (theta - low * PATH_STEP), slope
+
+
+@compiled
+def seen_height(
+    shared: FloatArray, marks: FloatArray, path: FloatArray, theta: float
+) -> tuple[float, float]:  # pragma: no cover
+    """Return expected z [m] and slope, drawn through the markers that are known already."""
+    height, slope = path_height(shared, path, theta)
+    below, above = -1, -1
+    for n in range(marks.shape[0]):
+        if marks[n, STATUS] > 0.0:
+            if marks[n, THETA] <= theta:
+                below = n
+            elif above < 0:
+                above = n
+    if below < 0 and above < 0:
+        return height, slope
+    if below < 0:
+        below = above
+    first = marks[below, HEIGHT] - path_height(shared, path, marks[below, THETA])[0]
+    if above < 0 or above == below:
+        return height + first, slope
+    second = marks[above, HEIGHT] - path_height(shared, path, marks[above, THETA])[0]
+    tilt = (second - first) / (marks[above, THETA] - marks[below, THETA])
+    return height + first + tilt * (theta - marks[below, THETA]), slope + tilt
+
+
+@compiled
+def creases(
+    config: FloatArray,
+    shared: FloatArray,
+    marks: FloatArray,
+    path: FloatArray,
+    azimuth: float,
+    theta: float,
+    z: float,
+    slope: float,
+) -> tuple[float, float]:  # pragma: no cover
+    """Return the angles around the section where neighbouring turns cut the band off [rad].
+
+    Two turns closer than a cable diameter meet in the plane between them.
+
+    Args:
+        config: See `TrackerConfig.numbers`.
+        shared: See `state`.
+        marks: See `state`.
+        path: See `TrackerState.path`.
+        azimuth: Of the band, unwrapped [rad].
+        theta: Of the band [rad].
+        z: Of the band [m].
+        slope: dz/dtheta there [m/rad].
+    """
+    low, high = -math.pi, math.pi
+    scale = config[RHO] / math.hypot(config[RHO], slope) / (2.0 * config[CABLE])
+    turn = 2.0 * math.pi
+    if theta - turn > -TAIL:
+        gap = (z - seen_height(shared, marks, path, theta - turn)[0]) * scale
+        if gap < 1.0:
+            low = -math.asin(max(gap, 0.0))
+    if azimuth > turn - TAIL:
+        gap = (seen_height(shared, marks, path, theta + turn)[0] - z) * scale
+        if gap < 1.0:
+            high = math.asin(max(gap, 0.0))
+    return low, high
+
+
+@compiled
+def aim(
+    view: FloatArray,
+    config: FloatArray,
+    azimuth: float,
+    z: float,
+    slope: float,
+    low: float,
+    high: float,
+    gate: FloatArray,
+) -> float:  # pragma: no cover
+    """Write the gate of a band and return the pixels that it should fill.
+
+    Args:
+        view: See `PinholeCamera.numbers`.
+        config: See `TrackerConfig.numbers`.
+        azimuth: Of the band, unwrapped [rad].
+        z: Of the band [m].
+        slope: dz/dtheta there [m/rad].
+        low: See `creases`.
+        high: See `creases`.
+        gate: See `GATE_SIZE`.
+    """
+    rho, r, half = config[RHO], config[CABLE], config[HALF_BAND]
+    a, b, area = band_centroid(view, config, azimuth, z, slope, low, high)
+    gate[0], gate[1] = pixel_of_plane(view, a, b)
+    way = half / math.hypot(rho, slope)
+    x, y, h = surface_point(rho, r, azimuth - way, z + slope * way, slope, 0.0)
+    a, b, depth = plane_of_point(view, x, y, h)
+    u1, v1 = pixel_of_plane(view, a, b)
+    x, y, h = surface_point(rho, r, azimuth + way, z - slope * way, slope, 0.0)
+    a, b, _depth = plane_of_point(view, x, y, h)
+    u2, v2 = pixel_of_plane(view, a, b)
+    length = math.hypot(u1 - u2, v1 - v2)
+    gate[2], gate[3] = (u1 - u2) / length, (v1 - v2) / length
+    scale = view[12] / (depth * view[23])
+    gate[4] = 0.5 * length + config[ALONG] * scale
+    span = (r + config[ACROSS]) * scale
+    gate[5], gate[6] = -span, span
+    if low > -0.5 * math.pi:
+        gate[5] = _across(view, config, azimuth, z, slope, low, gate)
+    if high < 0.5 * math.pi:
+        gate[6] = _across(view, config, azimuth, z, slope, high, gate)
+    return float(area * view[12] * view[13] / (view[23] * view[23]))
+
+
+@compiled
+def _across(
+    view: FloatArray,
+    config: FloatArray,
+    azimuth: float,
+    z: float,
+    slope: float,
+    psi: float,
+    gate: FloatArray,
+) -> float:  # pragma: no cover
+    """Return how far across a gate a point of the section appears [px]."""
+    x, y, h = surface_point(config[RHO], config[CABLE], azimuth, z, slope, psi)
+    a, b, _depth = plane_of_point(view, x, y, h)
+    u, v = pixel_of_plane(view, a, b)
+    return float(gate[2] * (v - gate[1]) - gate[3] * (u - gate[0]))

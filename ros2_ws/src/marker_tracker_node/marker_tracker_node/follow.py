@@ -1,0 +1,95 @@
+"""Measuring one band in its gate."""
+
+# Compiled kernels take their arrays by position.
+# ruff: noqa: PLR0917
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.band import solve_band
+from marker_tracker_node.compiled import compiled
+from marker_tracker_node.gate import gate_leaves_image, gate_moments
+from marker_tracker_node.pinhole import plane_of_pixel
+from marker_tracker_node.state import ALONG
+
+FloatArray = NDArray[np.float64]
+ByteArray = NDArray[np.uint8]
+
+# What came of looking for a band.
+OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED = range(4)
+LEAST_AREA, MOST_AREA = 0.7, 1.4
+TOUCH_REACH = 1.5
+
+
+@compiled
+def share_between(gates: FloatArray, first: int, second: int) -> bool:  # pragma: no cover
+    """Part two gates that overlap half way between them and return whether the bands touch."""
+    du = gates[second, 0] - gates[first, 0]
+    dv = gates[second, 1] - gates[first, 1]
+    along = du * gates[first, 2] + dv * gates[first, 3]
+    if abs(along) > gates[first, 4] + gates[second, 4]:
+        return False
+    across = gates[first, 2] * dv - gates[first, 3] * du
+    left, right = (first, second) if across > 0.0 else (second, first)
+    distance = abs(across)
+    if distance >= gates[left, 6] - gates[right, 5]:
+        return bool(distance < gates[left, 6] - gates[right, 5] + TOUCH_REACH)
+    gates[left, 6] = min(gates[left, 6], 0.5 * distance)
+    gates[right, 5] = max(gates[right, 5], -0.5 * distance)
+    return True
+
+
+@compiled
+def in_picture(
+    view: FloatArray, config: FloatArray, gate: FloatArray, rows: int, columns: int
+) -> int:  # pragma: no cover
+    """Return OUT_OF_SIGHT, CLIPPED or HIDDEN (nothing found yet) for a gate."""
+    margin = config[ALONG] * view[12] / (abs(view[9]) * view[23]) - 1.0
+    partly, wholly = gate_leaves_image(gate, margin, rows, columns)
+    if wholly:
+        return OUT_OF_SIGHT
+    return CLIPPED if partly else HIDDEN
+
+
+@compiled
+def measure(
+    frame: ByteArray,
+    table: ByteArray,
+    view: FloatArray,
+    config: FloatArray,
+    gate: FloatArray,
+    expected: float,
+    azimuth: float,
+    z: float,
+    slope: float,
+    low: float,
+    high: float,
+) -> tuple[int, float, float, float]:  # pragma: no cover
+    """Return what came of it, azimuth [rad], z [m] and measured over expected area.
+
+    Args:
+        frame: Shape (rows, columns, 3).
+        table: See `gate_moments`.
+        view: See `PinholeCamera.numbers`.
+        config: See `TrackerConfig.numbers`.
+        gate: Where to look.
+        expected: Pixels that the band should fill times its usual share of them.
+        azimuth: Expected [rad].
+        z: Expected [m].
+        slope: dz/dtheta [m/rad].
+        low: See `creases`.
+        high: See `creases`.
+    """
+    count, column, row = gate_moments(frame, table, gate)
+    share = count / max(expected, 1.0)
+    if count < 4 or share < LEAST_AREA or share > MOST_AREA:
+        return HIDDEN, math.nan, math.nan, share
+    a, b = plane_of_pixel(view, column, row)
+    found, height = solve_band(view, config, a, b, azimuth, z, slope, low, high)
+    if not (math.isfinite(found) and math.isfinite(height)):
+        return HIDDEN, math.nan, math.nan, share
+    return MEASURED, found, height, share

@@ -1,0 +1,82 @@
+"""Counting marker-coloured pixels: inside one band's gate, and along the laid cable."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.compiled import compiled
+
+FloatArray = NDArray[np.float64]
+ByteArray = NDArray[np.uint8]
+
+# A gate: centre column and row, unit direction along the cable, half length along it, and the
+# limits across it [px].
+GATE_SIZE = 7
+
+
+@compiled
+def gate_moments(
+    frame: ByteArray, table: ByteArray, gate: FloatArray
+) -> tuple[int, float, float]:  # pragma: no cover
+    """Return number and mean column and row of the marker pixels in a gate.
+
+    Args:
+        frame: Shape (rows, columns, 3).
+        table: One where a colour belongs to the marker, by 5 bits of each channel.
+        gate: See GATE_SIZE.
+    """
+    rows, columns = frame.shape[:2]
+    column, row, tu, tv = gate[0], gate[1], gate[2], gate[3]
+    half, low, high = gate[4], gate[5], gate[6]
+    span = max(-low, high)
+    width = half * abs(tu) + span * abs(tv)
+    height = half * abs(tv) + span * abs(tu)
+    top, bottom = max(math.ceil(row - height), 0), min(math.floor(row + height), rows - 1)
+    left, right = max(math.ceil(column - width), 0), min(math.floor(column + width), columns - 1)
+    count, sum_column, sum_row = 0, 0, 0
+    for v in range(top, bottom + 1):
+        dv = v - row
+        for u in range(left, right + 1):
+            du = u - column
+            # Across counts towards +z, to the right of a cable that runs up the image.
+            across = tu * dv - tv * du
+            if across < low or across > high or abs(du * tu + dv * tv) > half:
+                continue
+            index = (
+                ((frame[v, u, 0] >> 3) << 10) | ((frame[v, u, 1] >> 3) << 5) | (frame[v, u, 2] >> 3)
+            )
+            if table[index]:
+                count += 1
+                sum_column += u
+                sum_row += v
+    if count == 0:
+        return 0, math.nan, math.nan
+    return count, sum_column / count, sum_row / count
+
+
+@compiled
+def gate_leaves_image(
+    gate: FloatArray, margin: float, rows: int, columns: int
+) -> tuple[bool, bool]:  # pragma: no cover
+    """Return whether a gate without its margin leaves the image, and whether it does so wholly."""
+    half = max(gate[4] - margin, 0.0)
+    span = max(max(-gate[5], gate[6]) - margin, 0.0)
+    width = half * abs(gate[2]) + span * abs(gate[3])
+    height = half * abs(gate[3]) + span * abs(gate[2])
+    column, row = gate[0], gate[1]
+    partly = (
+        column - width < -0.5
+        or column + width > columns - 0.5
+        or row - height < -0.5
+        or row + height > rows - 0.5
+    )
+    wholly = (
+        column + width < -0.5
+        or column - width > columns - 0.5
+        or row + height < -0.5
+        or row - height > rows - 0.5
+    )
+    return partly, wholly

@@ -1,0 +1,52 @@
+"""What a tracker has to say about itself, for diagnostics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class FrameFault(Enum):
+    """Why a frame was not used."""
+
+    EMPTY = "empty frame"
+    WRONG_SIZE = "frame of another size than the camera's"
+    WRONG_ENCODING = "frame that is not 8-bit blue-green-red"
+    OUT_OF_ORDER = "frame older than the last"
+    DUPLICATE = "frame with the stamp of the last"
+    NOT_A_TIME = "frame without a finite time"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerReport:
+    """Counts since the start and the situation in the last frame.
+
+    Attributes:
+        frames: Frames used.
+        rejected: Frames refused, by reason.
+        known: Markers that are known, P0 among them.
+        measured: Markers measured in the last frame.
+        slipped: Numbers of the markers that have slipped.
+        encoder_lost: Whether the last frame came without an encoder reading.
+        encoder_losses: Times that the encoder went missing.
+        encoder_wraps: Turns that the encoder lost by wrapping.
+        colour_refusal: Why no colour could be learnt yet; empty when there is one.
+        colour_separation: Share of background pixels that the colour model rejects; nan if
+            unknown.
+    """
+
+    frames: int
+    rejected: dict[FrameFault, int]
+    known: int
+    measured: int
+    slipped: tuple[int, ...]
+    encoder_lost: bool
+    encoder_losses: int
+    encoder_wraps: int
+    colour_refusal: str
+    colour_separation: float
+
+    @property
+    def healthy(self) -> bool:
+        """Whether nothing is wrong at the moment."""
+        return not (self.encoder_lost or self.colour_refusal or self.slipped) and self.known > 0
