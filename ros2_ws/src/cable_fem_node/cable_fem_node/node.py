@@ -5,18 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from numpy.typing import NDArray
+from sensor_msgs.msg import JointState
+
+from cable_fem_node.parameters import FemParameters
+from cable_fem_node.prediction import predict
+from cable_fem_node.rod_winding import RodWinding
+from cable_fem_node.winding_config import WindingConfig
 from cable_winding.markers import CABLE_DTYPE
 from cable_winding.ros import topics
 from cable_winding.ros.cloud_messages import encode_cloud, encode_line_strip
 from cable_winding.ros.diagnostic_messages import Level, Status
 from cable_winding.ros.managed_node import ManagedNode
 from cable_winding.ros.rig_messages import decode_joint_state, decode_tension
-from geometry_msgs.msg import WrenchStamped
-from numpy.typing import NDArray
-from sensor_msgs.msg import JointState
-
-from cable_fem_node.parameters import FemParameters
-from cable_fem_node.winding import RodWinding, WindingConfig, predict
 
 
 class CableFemNode(ManagedNode[FemParameters]):

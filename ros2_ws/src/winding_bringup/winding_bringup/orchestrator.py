@@ -55,6 +55,7 @@ class Orchestrator:
         self.config = config
         self._client = client
         self.processes = [self._process(spec) for spec in GRAPH]
+        self._active: set[str] = set()
 
     async def start(self) -> None:
         """Start every process; raise GraphError when one ends before it answers."""
@@ -69,6 +70,7 @@ class Orchestrator:
             await self._while_alive(
                 self._change(process, Transition.TRANSITION_ACTIVATE, _START_TIMEOUT)
             )
+            self._active.add(process.spec.name)
         await self._while_alive(self._matched())
 
     async def command(self, service: str) -> None:
@@ -93,7 +95,7 @@ class Orchestrator:
         """Stop every process, the rig first; return exit codes by node."""
         codes = {}
         for process in reversed(self.processes):
-            if process.return_code is None and process.started:
+            if process.return_code is None and process.spec.name in self._active:
                 await self._client.try_call(
                     ChangeState,
                     self._service(process, "change_state"),

@@ -42,7 +42,7 @@ def encode_cloud(t: float, records: NDArray[np.void]) -> PointCloud2:
     )
     message.header.stamp = encode_stamp(t)
     message.header.frame_id = BASE_FRAME
-    message._data = np.frombuffer(np.ascontiguousarray(records).tobytes(), dtype=np.uint8)
+    message._data = np.frombuffer(bytearray(records.tobytes()), dtype=np.uint8)
     return message
 
 
