@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-from numba import njit
+from numba import config, njit
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -20,3 +21,14 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
         function
     )
     return compiled
+
+
+def is_compiled() -> bool:
+    """Return whether machine code of earlier runs lies beside this package (or where Numba caches).
+
+    Under NUMBA_DISABLE_JIT=1 there is nothing to compile.
+    """
+    if config.DISABLE_JIT:
+        return True
+    folder = Path(config.CACHE_DIR) if config.CACHE_DIR else Path(__file__).parent / "__pycache__"
+    return any(folder.rglob("*.nbi"))
