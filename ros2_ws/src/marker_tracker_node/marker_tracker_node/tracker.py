@@ -218,8 +218,11 @@ class Tracker:
         table = _NO_COLOUR if self.colour is None else self.colour.table
         before = self.state.shared[BLIND]
         state = self.state
+        # Frames from messages are read-only; one kind of array means one compilation.
+        still = np.ascontiguousarray(frames).view()
+        still.flags.writeable = False
         advance_all(
-            np.ascontiguousarray(frames),
+            still,
             table,
             self._view,
             self._numbers,

@@ -68,6 +68,7 @@ def section(
     height: FloatArray,
     light: FloatArray,
     theta: float,
+    size: FloatArray,
     out: FloatArray,
 ) -> bool:  # pragma: no cover
     """Write one cross-section's projected rim and return whether it can be seen.
@@ -79,6 +80,7 @@ def section(
         height: Path heights [m].
         light: Unit direction (3), ambient, highlight, exponent.
         theta: Wound angle of the section [rad].
+        size: Columns and rows of the sample grid and the room around it for a section.
         out: Column, row, inverse depth, shade, gloss of each rim point, shape (FACETS + 1, 5).
     """
     rho, r, turn = body[0] + body[1], body[1], body[2]
@@ -96,6 +98,10 @@ def section(
         cz, slope = path_height(grid, height, theta)
         cx, cy = rho * ex, rho * ey
         tx, ty, tz = ey, -ex, slope / rho
+    column, row, inverse = project(lens, cx, cy, cz)
+    room = size[2]
+    if inverse <= 0.0 or not (-room < column < size[0] + room and -room < row < size[1] + room):
+        return False
     norm = math.sqrt(tx * tx + ty * ty + tz * tz)
     tx, ty, tz = tx / norm, ty / norm, tz / norm
     bx, by, bz = ty * 0.0 - tz * ey, tz * ex - tx * 0.0, tx * ey - ty * ex
@@ -110,8 +116,6 @@ def section(
         nx, ny, nz = c * ex + s * bx, c * ey + s * by, s * bz
         px, py, pz = cx + r * nx, cy + r * ny, cz + r * nz
         column, row, inverse = project(lens, px, py, pz)
-        if inverse <= 0.0:
-            return False
         diffuse = nx * light[0] + ny * light[1] + nz * light[2]
         shade = light[3] + (1.0 - light[3]) * max(diffuse, 0.0)
         wx, wy, wz = lens[9] - px, lens[10] - py, lens[11] - pz
@@ -138,6 +142,7 @@ def draw_cable(
     label: ByteArray,
     shade: SingleArray,
     gloss: SingleArray,
+    touched: ByteArray,
 ) -> None:  # pragma: no cover
     """Draw cable (label 1) and marker bands (label 2 + n) into the sample buffers.
 
@@ -155,8 +160,14 @@ def draw_cable(
         label: Same shape, zero where nothing was drawn.
         shade: Same shape.
         gloss: Same shape.
+        touched: See `fill_triangle`.
     """
     turn = body[2]
+    samples = int(lens[23])
+    size = np.empty(3)
+    size[0], size[1] = inverse_depth.shape[1], inverse_depth.shape[0]
+    grain = lens[12] * lens[23] / (lens[22] * (abs(lens[9]) - body[0] - 2.0 * body[1]))
+    size[2] = (body[1] + step * (body[0] + body[1])) * grain
     end = turn + body[5] / (body[0] + body[1])
     edges = breaks(-tail, turn, end, markers, half_band)
     previous = np.empty((FACETS + 1, 5))
@@ -171,19 +182,19 @@ def draw_cable(
             if abs(middle - markers[n]) < half_band[n]:
                 value = 2 + n
         count = math.ceil((last - first) / step)
-        seen = section(lens, body, grid, height, light, first, previous)
+        seen = section(lens, body, grid, height, light, first, size, previous)
         for k in range(1, count + 1):
             theta = first + (last - first) * k / count
-            visible = section(lens, body, grid, height, light, theta, current)
+            visible = section(lens, body, grid, height, light, theta, size, current)
             if visible and seen:
                 for m in range(FACETS):
                     fill_triangle(
                         previous[m], previous[m + 1], current[m],
-                        value, inverse_depth, label, shade, gloss,
+                        value, inverse_depth, label, shade, gloss, touched, samples,
                     )  # fmt: skip
                     fill_triangle(
                         current[m], previous[m + 1], current[m + 1],
-                        value, inverse_depth, label, shade, gloss,
+                        value, inverse_depth, label, shade, gloss, touched, samples,
                     )  # fmt: skip
             seen = visible
             previous, current = current, previous

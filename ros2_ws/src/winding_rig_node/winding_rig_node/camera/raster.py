@@ -16,6 +16,9 @@ FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 ByteArray = NDArray[np.uint8]
 
+# Frames are resolved in blocks of a row of this many pixels; untouched ones are background.
+BLOCK = 16
+
 
 @compiled
 def fill_triangle(
@@ -27,6 +30,8 @@ def fill_triangle(
     label: ByteArray,
     shade: SingleArray,
     gloss: SingleArray,
+    touched: ByteArray,
+    samples: int,
 ) -> None:  # pragma: no cover
     """Write label, shade and gloss of a triangle where it lies before what is there.
 
@@ -39,6 +44,8 @@ def fill_triangle(
         label: See inverse_depth.
         shade: See inverse_depth.
         gloss: See inverse_depth.
+        touched: Receives one for each block that the triangle may change.
+        samples: Per pixel and direction.
     """
     rows, columns = inverse_depth.shape
     top = max(math.ceil(min(a[1], b[1], c[1])), 0)
@@ -50,6 +57,9 @@ def fill_triangle(
     area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     if area == 0.0:
         return
+    for block_row in range(top // samples, bottom // samples + 1):
+        for block in range(left // (samples * BLOCK), right // (samples * BLOCK) + 1):
+            touched[block_row, block] = 1
     scale = 1.0 / area
     u_column = (b[1] - c[1]) * scale
     v_column = (c[1] - a[1]) * scale
@@ -74,45 +84,55 @@ def fill_triangle(
 def resolve(
     samples: int,
     background: SingleArray,
+    behind: SingleArray,
+    palette: FloatArray,
+    inverse_depth: SingleArray,
     label: ByteArray,
     shade: SingleArray,
     gloss: SingleArray,
-    palette: FloatArray,
+    touched: ByteArray,
     out: SingleArray,
 ) -> None:  # pragma: no cover
-    """Write the mean radiance of each pixel.
+    """Write the mean radiance of each pixel and clear the sample buffers for the next frame.
 
     Args:
         samples: Per pixel and direction.
         background: Radiance without the cable, shape (rows, columns, 3).
-        label: Of each sample, shape (rows * samples, columns * samples); zero for none.
-        shade: Same shape as label.
-        gloss: Same shape as label.
+        behind: Inverse depth of the cylinder at each sample.
         palette: Reflectance by label, shape (labels, 3).
+        inverse_depth: Buffer, shape (rows * samples, columns * samples).
+        label: Same shape; zero for none.
+        shade: Same shape.
+        gloss: Same shape.
+        touched: Blocks that were drawn into.
         out: Radiance, shape (rows, columns, 3).
     """
     rows, columns = background.shape[:2]
-    share = 1.0 / (samples * samples)
+    share = np.float32(1.0 / (samples * samples))
     for row in range(rows):
-        for column in range(columns):
-            blue, green, red = 0.0, 0.0, 0.0
-            hits = 0
-            for j in range(row * samples, (row + 1) * samples):
-                for i in range(column * samples, (column + 1) * samples):
-                    value = label[j, i]
-                    if value:
-                        hits += 1
-                        light = shade[j, i]
-                        white = 255.0 * gloss[j, i]
-                        blue += palette[value, 0] * light + white
-                        green += palette[value, 1] * light + white
-                        red += palette[value, 2] * light + white
-            if hits == 0:
-                out[row, column, 0] = background[row, column, 0]
-                out[row, column, 1] = background[row, column, 1]
-                out[row, column, 2] = background[row, column, 2]
-            else:
-                rest = 1.0 - hits * share
-                out[row, column, 0] = blue * share + rest * background[row, column, 0]
-                out[row, column, 1] = green * share + rest * background[row, column, 1]
-                out[row, column, 2] = red * share + rest * background[row, column, 2]
+        for block in range(touched.shape[1]):
+            first, last = block * BLOCK, min((block + 1) * BLOCK, columns)
+            out[row, first:last] = background[row, first:last]
+            if touched[row, block] == 0:
+                continue
+            touched[row, block] = 0
+            for column in range(first, last):
+                blue, green, red = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+                hits = 0
+                for j in range(row * samples, (row + 1) * samples):
+                    for i in range(column * samples, (column + 1) * samples):
+                        value = label[j, i]
+                        if value:
+                            hits += 1
+                            light = shade[j, i]
+                            white = np.float32(255.0) * gloss[j, i]
+                            blue += np.float32(palette[value, 0]) * light + white
+                            green += np.float32(palette[value, 1]) * light + white
+                            red += np.float32(palette[value, 2]) * light + white
+                            label[j, i] = 0
+                            inverse_depth[j, i] = behind[j, i]
+                if hits:
+                    rest = np.float32(1.0) - np.float32(hits) * share
+                    out[row, column, 0] = blue * share + rest * background[row, column, 0]
+                    out[row, column, 1] = green * share + rest * background[row, column, 1]
+                    out[row, column, 2] = red * share + rest * background[row, column, 2]

@@ -9,7 +9,7 @@ from winding_rig_node.camera.cable_mesh import draw_cable, path_height
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.cylinder_view import StaticView, static_view
 from winding_rig_node.camera.optics import lens_numbers
-from winding_rig_node.camera.raster import resolve
+from winding_rig_node.camera.raster import BLOCK, resolve
 from winding_rig_node.camera.scene import Paint, Scene
 from winding_rig_node.camera.sensor import expose, noise_table
 
@@ -40,6 +40,8 @@ class Renderer:
         self._shade = np.zeros((rows * s, columns * s), dtype=np.float32)
         self._gloss = np.zeros((rows * s, columns * s), dtype=np.float32)
         self._radiance = np.zeros((rows, columns, 3), dtype=np.float32)
+        self._touched = np.zeros((rows, -(-columns // BLOCK)), dtype=np.uint8)
+        self._drawn: StaticView | None = None
         self._views: dict[tuple[float, tuple[float, float], Paint], StaticView] = {}
 
     def render(self, scene: Scene, rng: np.random.Generator) -> ByteArray:
@@ -74,8 +76,9 @@ class Renderer:
 
     def _draw(self, scene: Scene) -> SingleArray:
         view = self._view(scene)
-        self._inverse_depth[:] = view.inverse_depth
-        self._label[:] = 0
+        if self._drawn is not view:
+            self._inverse_depth[:] = view.inverse_depth
+            self._drawn = view
         draw_cable(
             self._lens,
             _body_numbers(scene),
@@ -90,14 +93,18 @@ class Renderer:
             self._label,
             self._shade,
             self._gloss,
+            self._touched,
         )
         resolve(
             self.config.supersampling,
             view.radiance,
+            view.inverse_depth,
+            _palette(scene),
+            self._inverse_depth,
             self._label,
             self._shade,
             self._gloss,
-            _palette(scene),
+            self._touched,
             self._radiance,
         )
         return self._radiance

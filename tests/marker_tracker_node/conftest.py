@@ -1,0 +1,144 @@
+"""A filmed winding run: the rig's renderer before the tracker under test."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from cable_winding.cases import Case, paper_case
+from cable_winding.drive import DriveProfile
+from cable_winding.fleet import FleetAngleLaw
+from marker_tracker_node import CameraPose, PinholeCamera, Tracker, TrackerConfig
+from winding_rig_node.camera import CameraConfig, Renderer, Scene
+from winding_rig_node.lay import CableLay, published_lay
+
+FREE_LENGTH = 0.198
+COUNTS = 8192
+DRIVE = DriveProfile()
+
+
+def smooth_lay(case: Case, stretch: float = 1.0) -> CableLay:
+    """A cable that follows the fleet-angle law exactly, its markers one spacing apart."""
+    law = FleetAngleLaw(
+        advance_per_radian=DRIVE.advance_per_radian,
+        free_length=FREE_LENGTH,
+        radius=case.centreline_radius,
+    )
+    grid = np.arange(0.0, 42.0, 0.01)
+    way = np.hypot(case.centreline_radius, law.slope(grid))
+    length = np.concatenate([[0.0], np.cumsum(0.5 * (way[1:] + way[:-1]) * 0.01)])
+    marked = stretch * case.marker_spacing * np.arange(case.marker_count + 1)
+    return CableLay(
+        path_theta=grid, path_z=law.z(grid), marker_theta=np.interp(marked, length, grid)
+    )
+
+
+@dataclass
+class Film:
+    """Frames of a run with their ground truth.
+
+    Attributes:
+        case: What is wound.
+        lay: Where the cable lies; the paper's measured lay unless another is given.
+        camera: That films.
+        seed: Of the sensor noise.
+    """
+
+    case: Case
+    lay: CableLay
+    camera: CameraConfig = field(default_factory=CameraConfig)
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        self.renderer = Renderer(self.camera)
+        self.rng = np.random.default_rng(self.seed)
+        known = ~np.isnan(self.lay.marker_theta)
+        self.theta = self.lay.marker_theta
+        self.z = np.full(self.theta.shape, np.nan)
+        self.z[known] = np.interp(self.theta[known], self.lay.path_theta, self.lay.path_z)
+        self.s = np.hypot(self.case.centreline_radius * self.theta, self.z)
+
+    def scene(self, angle: float, guide_z: float, **changes: object) -> Scene:
+        scene = Scene(
+            cylinder_radius=self.case.cylinder_radius,
+            cable_radius=self.case.cable_radius,
+            cylinder_angle=angle,
+            path_theta=self.lay.path_theta,
+            path_z=self.lay.path_z,
+            marker_theta=self.theta,
+            guide_z=guide_z,
+            free_length=FREE_LENGTH,
+        )
+        return replace(scene, **changes) if changes else scene
+
+    def frame_at(self, angle: float) -> np.ndarray:
+        return self.renderer.render(self.scene(angle, angle * DRIVE.advance_per_radian), self.rng)
+
+    def frames(
+        self, fps: float, start: float = 0.0, stop: float = 20.0
+    ) -> Iterator[tuple[float, np.ndarray, float, float]]:
+        """Yield time, frame, encoder reading and guide position."""
+        for k in range(math.ceil(start * fps), math.ceil(stop * fps)):
+            t = k / fps
+            angle, guide = DRIVE.positions(t)
+            frame = self.renderer.render(self.scene(angle, guide), self.rng)
+            yield t, frame, encoder(angle), guide
+
+    def pinhole(self) -> PinholeCamera:
+        info = self.camera.calibration()
+        return PinholeCamera.from_info(
+            width=info.width,
+            height=info.height,
+            k=info.k,
+            d=info.d,
+            roi=info.roi,
+            binning=info.binning,
+            distortion_model=info.distortion_model,
+        )
+
+    def tracker(self, **changes: object) -> Tracker:
+        config = TrackerConfig(
+            cylinder_radius=self.case.cylinder_radius,
+            cable_radius=self.case.cable_radius,
+            marker_spacing=self.case.marker_spacing,
+            marker_count=self.case.marker_count,
+            expected_stretch=1.0 + self.case.nominal_stress / self.case.material.young,
+            pose=CameraPose(position=self.camera.position),
+        )
+        return Tracker(replace(config, **changes), self.pinhole())  # type: ignore[arg-type]
+
+
+def encoder(angle: float) -> float:
+    """The nearest count of the encoder, as an angle."""
+    step = 2.0 * math.pi / COUNTS
+    return round(angle / step) * step
+
+
+@pytest.fixture(scope="session")
+def paper_film():
+    """A function that films a case of the paper as it was measured."""
+
+    def film(number: int, **camera: object) -> Film:
+        case = paper_case(number)
+        return Film(
+            case=case,
+            lay=published_lay(case, DRIVE, FREE_LENGTH, DRIVE.positions(20.0)[0]),
+            camera=replace(CameraConfig(), **camera),  # type: ignore[arg-type]
+        )
+
+    return film
+
+
+@pytest.fixture(scope="session")
+def smooth_film():
+    """A function that films a cable on the fleet-angle law."""
+
+    def film(number: int, camera: CameraConfig | None = None, stretch: float = 1.0) -> Film:
+        case = paper_case(number)
+        return Film(case=case, lay=smooth_lay(case, stretch), camera=camera or CameraConfig())
+
+    return film
