@@ -1,0 +1,1 @@
+"""Offline questions: the twelve cases beside the paper, calibration of the rig, reports."""

@@ -6,15 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
+
+from winding_bringup.commands.refusal import refuse
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from correction_node.evaluation import Score
 
 
 def train(
+    *,
     data: Annotated[
         str,
         typer.Option(
@@ -24,12 +26,15 @@ def train(
     ] = "rod",
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder for weights.safetensors and card.json [models/DATA]."),
+        typer.Option(help="Folder for weights.safetensors and card.json; else the shipped one."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the starting weights.")] = 0,
     steps: Annotated[int, typer.Option(min=1, help="Training steps.")] = 1500,
 ) -> None:
     """Train the network and compare it, in-sample and case by case left out, with baselines."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
     from correction_node.dataset import load_data_set
     from correction_node.protocol import learn, verdict
     from correction_node.training import TrainingConfig
@@ -39,12 +44,10 @@ def train(
     try:
         data_set = load_data_set(data)
     except (FileNotFoundError, ValueError) as error:
-        console.print(f"[red]error:[/red] {error}", highlight=False)
-        raise typer.Exit(2) from error
+        refuse(error)
     if out is None:
         if data not in SHIPPED:
-            console.print("[red]error:[/red] give --out for weights trained on your own data")
-            raise typer.Exit(2)
+            refuse("give --out for weights trained on data of your own")
         out = weights_directory(data)
     trainings = 1 + len({cell.case for cell in data_set.cells})
     with Progress(
@@ -73,7 +76,9 @@ def train(
 
 
 def _table(scores: dict[str, Score], data: str) -> Table:
-    table = Table(title=f"Mean error of a length, data '{data}' [%] (Table 8's measure)")
+    from rich.table import Table
+
+    table = Table(title=f"Mean error of a length, data '{data}', in % (Table 8's measure)")
     table.add_column("model")
     for column in ("in-sample", "leave one case out", "worst case left out"):
         table.add_column(column, justify="right")
