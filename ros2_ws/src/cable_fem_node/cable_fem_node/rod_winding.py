@@ -14,6 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.energy import EnergyLedger
+from cable_fem_node.points import (
+    LEDGER_SIZE,
+    LOSS_CONTACT,
+    LOSS_DAMPING,
+    LOSS_FRICTION,
+    WORK_INFLOW,
+    WORK_SPAN,
+    WORK_SURFACE,
+    WORK_TIE,
+    Points,
+    empty_points,
+)
 from cable_fem_node.rod_kernels import bending_energy, stored_energy
 from cable_fem_node.uniaxial import TABLE_HIGH, TABLE_LOW
 from cable_fem_node.winding_config import WindingConfig
@@ -21,7 +33,6 @@ from cable_fem_node.winding_kernels import advance_winding
 from cable_fem_node.winding_setup import (
     chord_radius,
     constants_of,
-    empty_cable,
     empty_work,
     part_way,
     stable_step,
@@ -34,18 +45,9 @@ from cable_fem_node.winding_state import (
     FULL,
     GUIDE,
     LANDING,
-    LEDGER_SIZE,
-    LOSS_CONTACT,
-    LOSS_DAMPING,
-    LOSS_FRICTION,
     SPEED,
     STRETCH,
     TENSION,
-    WORK_INFLOW,
-    WORK_SPAN,
-    WORK_SURFACE,
-    WORK_TIE,
-    Cable,
 )
 from cable_winding.markers import MarkerFlag, Markers, wound_markers
 
@@ -73,7 +75,8 @@ class RodWinding:
         count = max(3, round(config.free_length / (stretch * config.segment_length)))
         self.nodes = count + 1
         capacity = 2 * count + 64
-        self._cable = empty_cable(capacity)
+        self._cable = empty_points(capacity)
+        self._reference = np.zeros(capacity)
         self._work = empty_work(capacity)
         self.time = 0.0
         self.steps = 0
@@ -89,7 +92,7 @@ class RodWinding:
         cable.position[0, : self.nodes] = self._constants.contact_line
         cable.position[0, 0] = self._constants.start_radius
         cable.position[1, : self.nodes] = -along
-        cable.reference[: self.nodes - 1] = np.diff(along) / stretch
+        self._reference[: self.nodes - 1] = np.diff(along) / stretch
         self._initial_energy = self._internal_energy()
 
     def advance_to(
@@ -202,7 +205,7 @@ class RodWinding:
         """Return the stretch of every element, shape (nodes - 1,)."""
         edges = np.diff(self._cable.position[:, : self.nodes], axis=1)
         length = np.sqrt((edges**2).sum(axis=0))
-        return np.asarray(length / self._cable.reference[: self.nodes - 1])
+        return np.asarray(length / self._reference[: self.nodes - 1])
 
     def tension(self) -> FloatArray:
         """Return the tension [N] of every element, shape (nodes - 1,)."""
@@ -228,7 +231,7 @@ class RodWinding:
     @property
     def cable_used(self) -> float:
         """Reference length of cable that has left the guide [m]."""
-        return float(self._cable.reference[: self.nodes - 1].sum())
+        return float(self._reference[: self.nodes - 1].sum())
 
     @property
     def energy(self) -> EnergyLedger:
@@ -255,7 +258,7 @@ class RodWinding:
         nodes = self.nodes
         scalars = np.array([self.time, self._surface_step, self._initial_energy])
         counters = np.array([self.nodes, self.steps, self.element_steps])
-        arrays = {name: getattr(self._cable, name)[..., :nodes].copy() for name in Cable._fields}
+        arrays = {name: getattr(self._cable, name)[..., :nodes].copy() for name in Points._fields}
         with path.open("wb") as file:
             np.savez(
                 file,
@@ -263,6 +266,7 @@ class RodWinding:
                 counters=counters,
                 drive=self._drive,
                 ledger=self._ledger,
+                reference=self._reference[:nodes],
                 signature=np.array(self._signature()),
                 **arrays,
             )
@@ -282,7 +286,8 @@ class RodWinding:
             model.time, model._surface_step, model._initial_energy = map(float, stored["scalars"])
             model._drive, model._ledger = stored["drive"], stored["ledger"]
             model._grow(2 * model.nodes)
-            for name in Cable._fields:
+            model._reference[: model.nodes] = stored["reference"]
+            for name in Points._fields:
                 getattr(model._cable, name)[..., : model.nodes] = stored[name]
         return model
 
@@ -301,6 +306,7 @@ class RodWinding:
                 self._surface_step,
                 part,
                 self._cable,
+                self._reference,
                 self._work,
                 self._constants,
                 self._table,
@@ -326,11 +332,13 @@ class RodWinding:
                 begin = part_way(drive, done / total, span)
 
     def _grow(self, capacity: int) -> None:
-        old = self._cable
-        self._cable = empty_cable(capacity)
+        old, reference = self._cable, self._reference
+        self._cable = empty_points(capacity)
+        self._reference = np.zeros(capacity)
         self._work = empty_work(capacity)
-        used = old.reference.shape[0]
-        for name in Cable._fields:
+        used = reference.shape[0]
+        self._reference[:used] = reference[:capacity]
+        for name in Points._fields:
             getattr(self._cable, name)[..., :used] = getattr(old, name)[..., :capacity]
 
     def _landing_radius(self, stretch: float, tension: float) -> float:
@@ -346,7 +354,7 @@ class RodWinding:
         stretching = stored_energy(
             elements,
             cable.position,
-            cable.reference,
+            self._reference,
             self._table,
             k.table_low,
             k.table_per_spacing,
@@ -359,9 +367,9 @@ class RodWinding:
         angle = self._drive[ANGLE] if self.steps else 0.0
         clamp = math.sin(angle) * tangents[0, 0] - math.cos(angle) * tangents[1, 0]
         turned = math.acos(min(1.0, clamp)) ** 2
-        clamped = k.bending * turned / float(cable.reference[0])
+        clamped = k.bending * turned / float(self._reference[0])
         return (
-            stretching + bending_energy(elements + 1, cable.reference, k.bending, cosine) + clamped
+            stretching + bending_energy(elements + 1, self._reference, k.bending, cosine) + clamped
         )
 
     def _torsion_energy(self) -> float:
@@ -386,7 +394,7 @@ class RodWinding:
 
     def _arc(self) -> FloatArray:
         s = np.zeros(self.nodes)
-        np.cumsum(self._cable.reference[: self.nodes - 1], out=s[1:])
+        np.cumsum(self._reference[: self.nodes - 1], out=s[1:])
         return s
 
     def _theta(self) -> FloatArray:

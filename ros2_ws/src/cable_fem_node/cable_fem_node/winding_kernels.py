@@ -15,6 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.compile import kernel
+from cable_fem_node.contact_kernels import touch_cylinder
+from cable_fem_node.points import (
+    LOSS_DAMPING,
+    WORK_INFLOW,
+    WORK_SPAN,
+    WORK_TIE,
+    Points,
+)
 from cable_fem_node.rod_kernels import (
     bend_end,
     bend_nodes,
@@ -32,19 +40,11 @@ from cable_fem_node.winding_state import (
     FULL,
     GUIDE,
     LANDING,
-    LOSS_CONTACT,
-    LOSS_DAMPING,
-    LOSS_FRICTION,
     MERGE_AT,
     RUNNING,
     SPEED,
     STRETCH,
     TENSION,
-    WORK_INFLOW,
-    WORK_SPAN,
-    WORK_SURFACE,
-    WORK_TIE,
-    Cable,
     Constants,
     Work,
 )
@@ -60,110 +60,12 @@ def hermite(a: float, b: float, da: float, db: float, u: float) -> float:
 
 
 @kernel
-def touch_surface(
-    elements: int,
-    dt: float,
-    turned: float,
-    turning: float,
-    landing: float,
-    cable: Cable,
-    net: FloatArray,
-    couple: FloatArray,
-    k: Constants,
-    ledger: FloatArray,
-    rolling: bool,
-) -> None:
-    """Add the cylinder's push and friction to the net forces of the inner nodes.
-
-    Normal penalty with dashpot; a stick spring per node that remembers how far the node has
-    moved over the turning surface, cut back to Coulomb's limit (return mapping).
-
-    Args:
-        elements: Number of elements.
-        dt: Step [s].
-        turned: Rotation of the cylinder in the step before [rad].
-        turning: Rotation in the step that follows [rad].
-        landing: Radius at which a free node touches [m].
-        cable: State; stick springs and contact flags are changed.
-        net: Net forces (3, nodes) [N], added to.
-        couple: Friction's torque about the cable's axis (nodes,) [N m], set.
-        k: Constants.
-        ledger: Energies, added to.
-        rolling: Whether the cable may roll about its axis.
-    """
-    x, v, slip, roll = cable.position, cable.velocity, cable.slip, cable.roll
-    touching, contact_radius = cable.touching, cable.contact_radius
-    per_stick = 1.0 / k.stick_stiffness
-    dashpot = k.stick_damping / dt
-    work = 0.0
-    sliding = 0.0
-    bouncing = 0.0
-    for i in range(1, elements):
-        px, py = x[0, i], x[1, i]
-        held = touching[i] == 1
-        reach = contact_radius[i] if held else landing
-        square = px * px + py * py
-        if square < reach * reach:
-            radius = math.sqrt(square)
-            inverse = 1.0 / radius
-            nx, ny = px * inverse, py * inverse
-            vx, vy = v[0, i], v[1, i]
-            inward = -(vx * nx + vy * ny)
-            elastic = k.normal_stiffness * (reach - radius)
-            normal = max(elastic + k.normal_damping * inward, 0.0)
-            if held:
-                moved = (vy * nx - vx * ny) * dt - turned * radius
-                aside = v[2, i] * dt
-                if rolling:
-                    aside -= k.cable_radius * roll[1, i] * dt
-                slip_t = slip[0, i] + moved
-                slip_z = slip[1, i] + aside
-            else:
-                touching[i] = 1
-                contact_radius[i] = landing
-                moved = aside = slip_t = slip_z = 0.0
-            ft = -k.stick_stiffness * slip_t
-            fz = -k.stick_stiffness * slip_z
-            most = k.friction * normal
-            size = ft * ft + fz * fz
-            if size > most * most:
-                size = math.sqrt(size)
-                scale = most / size
-                sliding += most * (size - most) * per_stick
-                ft *= scale
-                fz *= scale
-                slip_t *= scale
-                slip_z *= scale
-            else:
-                ft -= dashpot * moved
-                fz -= dashpot * aside
-                sliding += dashpot * (moved * moved + aside * aside)
-            slip[0, i] = slip_t
-            slip[1, i] = slip_z
-            bouncing += (normal - elastic) * inward
-            work += ft * radius
-            net[0, i] += normal * nx - ft * ny
-            net[1, i] += normal * ny + ft * nx
-            net[2, i] += fz
-            couple[i] = -fz * k.cable_radius
-        elif held:
-            couple[i] = 0.0
-            touching[i] = 0
-            sliding += 0.5 * k.stick_stiffness * (slip[0, i] ** 2 + slip[1, i] ** 2)
-            slip[0, i] = 0.0
-            slip[1, i] = 0.0
-    ledger[WORK_SURFACE] += work * turning
-    ledger[LOSS_FRICTION] += sliding
-    ledger[LOSS_CONTACT] += bouncing * dt
-
-
-@kernel
 def move_nodes(
     elements: int,
     dt: float,
     rate: float,
     guide_speed: float,
-    cable: Cable,
+    cable: Points,
     net: FloatArray,
     k: Constants,
 ) -> float:
@@ -202,7 +104,7 @@ def move_nodes(
 
 
 @kernel
-def roll_nodes(elements: int, dt: float, cable: Cable, work: Work, k: Constants) -> None:
+def roll_nodes(elements: int, dt: float, cable: Points, work: Work, k: Constants) -> None:
     """Take one step of the cable's rotation about its own axis.
 
     The roll angle counts from the surface normal, so a wound helix twists by its geodesic
@@ -237,7 +139,8 @@ def advance_winding(
     dt: float,
     surface_step: float,
     drive: FloatArray,
-    cable: Cable,
+    cable: Points,
+    reference: FloatArray,
     work: Work,
     k: Constants,
     table: FloatArray,
@@ -253,6 +156,7 @@ def advance_winding(
         surface_step: Rotation of the cylinder during the step before the first [rad].
         drive: Shape (7, 2), rows ANGLE .. LANDING.
         cable: State, changed in place.
+        reference: Reference length of the elements (capacity,) [m], changed in place.
         work: Scratch.
         k: Constants.
         table: Stress table of the law.
@@ -263,7 +167,6 @@ def advance_winding(
         nodes, steps taken, the last step's rotation, status, element at fault.
     """
     x, v = cable.position, cable.velocity
-    reference = cable.reference
     tangent, inverse, tension = work.tangent, work.inverse, work.tension
     cosine, slope, force, net = work.cosine, work.slope, work.force, work.net
     capacity = reference.shape[0]
@@ -312,7 +215,8 @@ def advance_winding(
         for c in range(3):
             for i in range(1, elements):
                 net[c, i] = force[c, i] - force[c, i - 1]
-        touch_surface(
+        touch_cylinder(
+            1,
             elements,
             dt,
             surface_step,

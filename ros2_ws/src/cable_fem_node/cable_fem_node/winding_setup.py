@@ -18,7 +18,6 @@ from cable_fem_node.winding_state import (
     SPEED,
     STRETCH,
     TENSION,
-    Cable,
     Constants,
     Work,
 )
@@ -104,19 +103,6 @@ def part_way(drive: FloatArray, u: float, span: float) -> FloatArray:
     for value in (TENSION, STRETCH, LANDING):
         part[value, 0] = drive[value, 0] + u * (drive[value, 1] - drive[value, 0])
     return part
-
-
-def empty_cable(capacity: int) -> Cable:
-    """Return a cable's arrays with room for so many nodes."""
-    return Cable(
-        position=np.zeros((3, capacity)),
-        velocity=np.zeros((3, capacity)),
-        reference=np.zeros(capacity),
-        slip=np.zeros((2, capacity)),
-        contact_radius=np.zeros(capacity),
-        touching=np.zeros(capacity, dtype=np.int64),
-        roll=np.zeros((2, capacity)),
-    )
 
 
 def empty_work(capacity: int) -> Work:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Why an advance stopped.
 RUNNING = 0
@@ -19,18 +18,6 @@ EMPTY = 3
 # An element is cut from the span's last one at this many segment lengths, given back below that.
 CUT_AT = 1.6
 MERGE_AT = 0.4
-
-
-class Cable(NamedTuple):
-    """Arrays of the moving cable; column i is node i (or the element from node i to i + 1)."""
-
-    position: FloatArray  # (3, capacity) [m]
-    velocity: FloatArray  # (3, capacity) [m/s], half a step behind the position
-    reference: FloatArray  # (capacity,) reference length of the element [m]
-    slip: FloatArray  # (2, capacity) stick spring: along the circumference and z [m]
-    contact_radius: FloatArray  # (capacity,) radius at which the node touches [m]
-    touching: IntArray  # (capacity,) 1 while in contact
-    roll: FloatArray  # (2, capacity) roll angle [rad] and rate [rad/s] about the tangent
 
 
 class Work(NamedTuple):
@@ -71,15 +58,3 @@ class Constants(NamedTuple):
 
 # Rows of the drive: value at the beginning, value at the end of the advance.
 ANGLE, SPEED, GUIDE, FEED, TENSION, STRETCH, LANDING = range(7)
-
-# Entries of the ledger [J] that the kernel adds to.
-(
-    WORK_TIE,
-    WORK_SURFACE,
-    WORK_SPAN,
-    WORK_INFLOW,
-    LOSS_FRICTION,
-    LOSS_CONTACT,
-    LOSS_DAMPING,
-) = range(7)
-LEDGER_SIZE = 7

@@ -1,0 +1,63 @@
+"""Nodes in motion and in contact, and the ledger that every explicit model keeps."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Entries of the ledger [J] that kernels add to.
+(
+    WORK_TIE,
+    WORK_SURFACE,
+    WORK_SPAN,
+    WORK_INFLOW,
+    LOSS_FRICTION,
+    LOSS_CONTACT,
+    LOSS_DAMPING,
+) = range(7)
+LEDGER_SIZE = 7
+
+
+class Points(NamedTuple):
+    """Arrays of the nodes; column i is node i."""
+
+    position: FloatArray  # (3, capacity) [m]
+    velocity: FloatArray  # (3, capacity) [m/s], half a step behind the position
+    slip: FloatArray  # (2, capacity) stick spring: along the circumference and z [m]
+    contact_radius: FloatArray  # (capacity,) radius at which the node touches [m]
+    touching: IntArray  # (capacity,) 1 while in contact
+    roll: FloatArray  # (2, capacity) roll angle [rad] and rate [rad/s] about the cable's axis
+
+
+class ContactLaw(Protocol):
+    """Constants of a contact with the cylinder (SI, per node)."""
+
+    @property
+    def normal_stiffness(self) -> float: ...  # noqa: D102
+    @property
+    def normal_damping(self) -> float: ...  # noqa: D102
+    @property
+    def stick_stiffness(self) -> float: ...  # noqa: D102
+    @property
+    def stick_damping(self) -> float: ...  # noqa: D102
+    @property
+    def friction(self) -> float: ...  # noqa: D102
+    @property
+    def cable_radius(self) -> float: ...  # noqa: D102
+
+
+def empty_points(capacity: int) -> Points:
+    """Return the arrays of so many nodes, at rest in the origin."""
+    return Points(
+        position=np.zeros((3, capacity)),
+        velocity=np.zeros((3, capacity)),
+        slip=np.zeros((2, capacity)),
+        contact_radius=np.zeros(capacity),
+        touching=np.zeros(capacity, dtype=np.int64),
+        roll=np.zeros((2, capacity)),
+    )
