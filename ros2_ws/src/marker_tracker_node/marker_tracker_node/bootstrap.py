@@ -45,7 +45,8 @@ def sample_marker(
             f"{angle:.2f} rad"
         )
     gate = np.zeros(GATE_SIZE)
-    expected = aim(view, config.numbers(), angle, 0.0, 0.0, -np.pi, np.pi, gate)
+    alone = np.array([-np.pi, np.pi, np.inf, np.inf])
+    expected = aim(view, config.numbers(), angle, 0.0, 0.0, alone, gate)
     scale = view[12] / (abs(view[9]) * view[23])
     inner = _window(frame, gate, gate[4] + SEARCH_REACH * scale)
     prior = yellow_prior(config.marker_hue, config.marker_hue_tolerance)

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.band import band_centroid, surface_point
+from marker_tracker_node.band import band_centroid, centre_point, surface_point
 from marker_tracker_node.compiled import compiled
 from marker_tracker_node.pinhole import pixel_of_plane, plane_of_point
 from marker_tracker_node.state import (
@@ -104,7 +104,7 @@ def seen_height(
 
 
 @compiled
-def creases(
+def neighbours(
     config: FloatArray,
     shared: FloatArray,
     marks: FloatArray,
@@ -113,8 +113,9 @@ def creases(
     theta: float,
     z: float,
     slope: float,
-) -> tuple[float, float]:  # pragma: no cover
-    """Return the angles around the section where neighbouring turns cut the band off [rad].
+    out: FloatArray,
+) -> None:  # pragma: no cover
+    """Write the distances to the turns of cable beside a band and where they cut it off.
 
     Two turns closer than a cable diameter meet in the plane between them.
 
@@ -127,19 +128,21 @@ def creases(
         theta: Of the band [rad].
         z: Of the band [m].
         slope: dz/dtheta there [m/rad].
+        out: Angles around the section [rad] where the turns on the -z and the +z side cut the
+            band, and their distances [m].
     """
-    low, high = -math.pi, math.pi
-    scale = config[RHO] / math.hypot(config[RHO], slope) / (2.0 * config[CABLE])
+    out[0], out[1], out[2], out[3] = -math.pi, math.pi, math.inf, math.inf
+    lean = config[RHO] / math.hypot(config[RHO], slope)
+    diameter = 2.0 * config[CABLE]
     turn = 2.0 * math.pi
     if theta - turn > -TAIL:
-        gap = (z - seen_height(shared, marks, path, theta - turn)[0]) * scale
-        if gap < 1.0:
-            low = -math.asin(max(gap, 0.0))
+        out[2] = max((z - seen_height(shared, marks, path, theta - turn)[0]) * lean, 0.0)
+        if out[2] < diameter:
+            out[0] = -math.asin(out[2] / diameter)
     if azimuth > turn - TAIL:
-        gap = (seen_height(shared, marks, path, theta + turn)[0] - z) * scale
-        if gap < 1.0:
-            high = math.asin(max(gap, 0.0))
-    return low, high
+        out[3] = max((seen_height(shared, marks, path, theta + turn)[0] - z) * lean, 0.0)
+        if out[3] < diameter:
+            out[1] = math.asin(out[3] / diameter)
 
 
 @compiled
@@ -149,8 +152,7 @@ def aim(
     azimuth: float,
     z: float,
     slope: float,
-    low: float,
-    high: float,
+    beside: FloatArray,
     gate: FloatArray,
 ) -> float:  # pragma: no cover
     """Write the gate of a band and return the pixels that it should fill.
@@ -161,12 +163,11 @@ def aim(
         azimuth: Of the band, unwrapped [rad].
         z: Of the band [m].
         slope: dz/dtheta there [m/rad].
-        low: See `creases`.
-        high: See `creases`.
+        beside: See `neighbours`.
         gate: See `GATE_SIZE`.
     """
     rho, r, half = config[RHO], config[CABLE], config[HALF_BAND]
-    a, b, area = band_centroid(view, config, azimuth, z, slope, low, high)
+    a, b, area = band_centroid(view, config, azimuth, z, slope, beside[0], beside[1])
     gate[0], gate[1] = pixel_of_plane(view, a, b)
     way = half / math.hypot(rho, slope)
     x, y, h = surface_point(rho, r, azimuth - way, z + slope * way, slope, 0.0)
@@ -178,28 +179,35 @@ def aim(
     length = math.hypot(u1 - u2, v1 - v2)
     gate[2], gate[3] = (u1 - u2) / length, (v1 - v2) / length
     scale = view[12] / (depth * view[23])
-    gate[4] = 0.5 * length + config[ALONG] * scale
+    gate[7] = 0.5 * length
+    gate[4] = gate[7] + config[ALONG] * scale
     span = (r + config[ACROSS]) * scale
-    gate[5], gate[6] = -span, span
-    if low > -0.5 * math.pi:
-        gate[5] = _across(view, config, azimuth, z, slope, low, gate)
-    if high < 0.5 * math.pi:
-        gate[6] = _across(view, config, azimuth, z, slope, high, gate)
+    gate[5] = max(-span, _border(view, config, azimuth, z, slope, beside[0], -beside[2], gate))
+    gate[6] = min(span, _border(view, config, azimuth, z, slope, beside[1], beside[3], gate))
     return float(area * view[12] * view[13] / (view[23] * view[23]))
 
 
 @compiled
-def _across(
+def _border(
     view: FloatArray,
     config: FloatArray,
     azimuth: float,
     z: float,
     slope: float,
     psi: float,
+    distance: float,
     gate: FloatArray,
 ) -> float:  # pragma: no cover
-    """Return how far across a gate a point of the section appears [px]."""
-    x, y, h = surface_point(config[RHO], config[CABLE], azimuth, z, slope, psi)
+    """Return where across a gate the band's territory ends [px].
+
+    That is the crease with a turn that overlaps the band, or half way to one that does not.
+    """
+    if not math.isfinite(distance):
+        return distance
+    if abs(distance) < 2.0 * config[CABLE]:
+        x, y, h = surface_point(config[RHO], config[CABLE], azimuth, z, slope, psi)
+    else:
+        x, y, h = centre_point(config[RHO], azimuth, z + 0.5 * distance)
     a, b, _depth = plane_of_point(view, x, y, h)
     u, v = pixel_of_plane(view, a, b)
     return float(gate[2] * (v - gate[1]) - gate[3] * (u - gate[0]))

@@ -27,20 +27,20 @@ TOUCH_REACH = 1.5
 
 @compiled
 def share_between(gates: FloatArray, first: int, second: int) -> bool:  # pragma: no cover
-    """Part two gates that overlap half way between them and return whether the bands touch."""
+    """Keep two gates off each other's band along the cable and return whether the bands touch."""
     du = gates[second, 0] - gates[first, 0]
     dv = gates[second, 1] - gates[first, 1]
-    along = du * gates[first, 2] + dv * gates[first, 3]
-    if abs(along) > gates[first, 4] + gates[second, 4]:
+    along = abs(du * gates[first, 2] + dv * gates[first, 3])
+    across = abs(gates[first, 2] * dv - gates[first, 3] * du)
+    left, right = (first, second) if du > 0.0 else (second, first)
+    reach = gates[left, 6] - gates[right, 5] + TOUCH_REACH
+    if across > reach or along > gates[first, 4] + gates[second, 4]:
         return False
-    across = gates[first, 2] * dv - gates[first, 3] * du
-    left, right = (first, second) if across > 0.0 else (second, first)
-    distance = abs(across)
-    if distance >= gates[left, 6] - gates[right, 5]:
-        return bool(distance < gates[left, 6] - gates[right, 5] + TOUCH_REACH)
-    gates[left, 6] = min(gates[left, 6], 0.5 * distance)
-    gates[right, 5] = max(gates[right, 5], -0.5 * distance)
-    return True
+    if along < gates[first, 7] + gates[second, 7]:
+        return True
+    gates[first, 4] = min(gates[first, 4], along - gates[second, 7])
+    gates[second, 4] = min(gates[second, 4], along - gates[first, 7])
+    return False
 
 
 @compiled
@@ -66,8 +66,7 @@ def measure(
     azimuth: float,
     z: float,
     slope: float,
-    low: float,
-    high: float,
+    beside: FloatArray,
 ) -> tuple[int, float, float, float]:  # pragma: no cover
     """Return what came of it, azimuth [rad], z [m] and measured over expected area.
 
@@ -81,15 +80,14 @@ def measure(
         azimuth: Expected [rad].
         z: Expected [m].
         slope: dz/dtheta [m/rad].
-        low: See `creases`.
-        high: See `creases`.
+        beside: See `neighbours`.
     """
     count, column, row = gate_moments(frame, table, gate)
     share = count / max(expected, 1.0)
     if count < 4 or share < LEAST_AREA or share > MOST_AREA:
         return HIDDEN, math.nan, math.nan, share
     a, b = plane_of_pixel(view, column, row)
-    found, height = solve_band(view, config, a, b, azimuth, z, slope, low, high)
+    found, height = solve_band(view, config, a, b, azimuth, z, slope, beside[0], beside[1])
     if not (math.isfinite(found) and math.isfinite(height)):
         return HIDDEN, math.nan, math.nan, share
     return MEASURED, found, height, share

@@ -12,9 +12,20 @@ from marker_tracker_node.compiled import compiled
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
-# A gate: centre column and row, unit direction along the cable, half length along it, and the
-# limits across it [px].
-GATE_SIZE = 7
+# A gate: centre column and row, unit direction along the cable, half length along it, limits
+# across it, half length of the band alone [px].
+GATE_SIZE = 8
+
+
+@compiled
+def strip(
+    slope: float, offset: float, low: float, high: float
+) -> tuple[float, float]:  # pragma: no cover
+    """Return between which x a straight line slope x + offset stays within limits."""
+    if abs(slope) < 1.0e-9:
+        return (-math.inf, math.inf) if low <= offset <= high else (math.inf, -math.inf)
+    first, second = (low - offset) / slope, (high - offset) / slope
+    return min(first, second), max(first, second)
 
 
 @compiled
@@ -31,27 +42,30 @@ def gate_moments(
     rows, columns = frame.shape[:2]
     column, row, tu, tv = gate[0], gate[1], gate[2], gate[3]
     half, low, high = gate[4], gate[5], gate[6]
-    span = max(-low, high)
-    width = half * abs(tu) + span * abs(tv)
-    height = half * abs(tv) + span * abs(tu)
+    height = half * abs(tv) + max(-low, high) * abs(tu)
     top, bottom = max(math.ceil(row - height), 0), min(math.floor(row + height), rows - 1)
-    left, right = max(math.ceil(column - width), 0), min(math.floor(column + width), columns - 1)
     count, sum_column, sum_row = 0, 0, 0
     for v in range(top, bottom + 1):
         dv = v - row
-        for u in range(left, right + 1):
-            du = u - column
-            # Across counts towards +z, to the right of a cable that runs up the image.
-            across = tu * dv - tv * du
-            if across < low or across > high or abs(du * tu + dv * tv) > half:
-                continue
+        # Across counts towards +z, to the right of a cable that runs up the image.
+        left, right = strip(-tv, tu * dv, low, high)
+        near, far = strip(tu, tv * dv, -half, half)
+        first = math.ceil(column + max(max(left, near), -column))
+        last = math.floor(column + min(min(right, far), columns - 1.0 - column))
+        line = frame[v]
+        hits, place = 0, 0
+        for u in range(first, last + 1):
             index = (
-                ((frame[v, u, 0] >> 3) << 10) | ((frame[v, u, 1] >> 3) << 5) | (frame[v, u, 2] >> 3)
+                (np.uint32(line[u, 0] >> 3) << 10)
+                | (np.uint32(line[u, 1] >> 3) << 5)
+                | np.uint32(line[u, 2] >> 3)
             )
-            if table[index]:
-                count += 1
-                sum_column += u
-                sum_row += v
+            hit = table[index]
+            hits += hit
+            place += hit * u
+        count += hits
+        sum_column += place
+        sum_row += hits * v
     if count == 0:
         return 0, math.nan, math.nan
     return count, sum_column / count, sum_row / count

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.band import surface_point
 from marker_tracker_node.compiled import compiled
-from marker_tracker_node.expect import aim, creases, seen_height
+from marker_tracker_node.expect import aim, neighbours, seen_height
 from marker_tracker_node.follow import HIDDEN, MEASURED, in_picture, measure, share_between
 from marker_tracker_node.pinhole import pixel_of_plane, plane_of_point
 from marker_tracker_node.state import (
@@ -286,10 +286,11 @@ def _examine(
     height, slope = seen_height(shared, marks, path, theta)
     z = height + shift
     share = 0.0
+    beside = np.empty(4)
     for step in range(3):
         azimuth = turned - theta
-        low, high = creases(config, shared, marks, path, azimuth, theta, z, slope)
-        expected = aim(view, config, azimuth, z, slope, low, high, gates[known])
+        neighbours(config, shared, marks, path, azimuth, theta, z, slope, beside)
+        expected = aim(view, config, azimuth, z, slope, beside, gates[known])
         if step == 0:
             # The first look may be half a band off.
             gates[known, 4] *= 1.3
@@ -298,7 +299,7 @@ def _examine(
         for n in range(known):
             share_between(gates, n, known)
         came, found, seen, share = measure(
-            frame, table, view, config, gates[known], expected, azimuth, z, slope, low, high
+            frame, table, view, config, gates[known], expected, azimuth, z, slope, beside
         )
         if came != MEASURED:
             return

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cable_winding.markers import MarkerFlag
 from marker_tracker_node.compiled import compiled
-from marker_tracker_node.expect import aim, creases, extend_path, seen_height
+from marker_tracker_node.expect import aim, extend_path, neighbours, seen_height
 from marker_tracker_node.follow import (
     CLIPPED,
     HIDDEN,
@@ -149,7 +149,8 @@ def advance(
     order = np.zeros(count, dtype=np.int64)
     known = 0
     came = np.zeros(count, dtype=np.int64)
-    aimed = np.zeros((count, 6))
+    aimed = np.zeros((count, 4))
+    beside = np.empty((count, 4))
     for n in range(count):
         came[n] = OUT_OF_SIGHT
         if marks[n, STATUS] == 0.0:
@@ -159,21 +160,21 @@ def advance(
         if abs(away) > config[USABLE] or azimuth < -config[USABLE]:
             continue
         slope = seen_height(shared, marks, path, marks[n, THETA])[1]
-        low, high = creases(
-            config, shared, marks, path, azimuth, marks[n, THETA], marks[n, HEIGHT], slope
-        )
-        expected = aim(view, config, azimuth, marks[n, HEIGHT], slope, low, high, gates[known])
+        neighbours(
+            config, shared, marks, path, azimuth, marks[n, THETA], marks[n, HEIGHT], slope,
+            beside[n],
+        )  # fmt: skip
+        expected = aim(view, config, azimuth, marks[n, HEIGHT], slope, beside[n], gates[known])
         came[n] = in_picture(view, config, gates[known], rows, columns)
         if came[n] == OUT_OF_SIGHT:
             continue
-        aimed[n, 0], aimed[n, 1], aimed[n, 2] = azimuth, slope, low
-        aimed[n, 3], aimed[n, 4] = high, expected
+        aimed[n, 0], aimed[n, 1], aimed[n, 2] = azimuth, slope, expected
         order[known] = n
         known += 1
     for i in range(known):
         for j in range(i + 1, known):
             if share_between(gates, i, j):
-                aimed[order[i], 5], aimed[order[j], 5] = 1.0, 1.0
+                aimed[order[i], 3], aimed[order[j], 3] = 1.0, 1.0
 
     found = np.full((count, 2), math.nan)
     for i in range(known):
@@ -181,8 +182,8 @@ def advance(
         if came[n] == CLIPPED:
             continue
         came[n], azimuth, z, share = measure(
-            frame, table, view, config, gates[i], aimed[n, 4] * marks[n, AREA],
-            aimed[n, 0], marks[n, HEIGHT], aimed[n, 1], aimed[n, 2], aimed[n, 3],
+            frame, table, view, config, gates[i], aimed[n, 2] * marks[n, AREA],
+            aimed[n, 0], marks[n, HEIGHT], aimed[n, 1], beside[n],
         )  # fmt: skip
         if came[n] != MEASURED:
             continue
@@ -296,7 +297,7 @@ def _write(
                 marks[n, MISSES] += 1.0
         out[n, O_SIGMA_THETA] = math.sqrt(marks[n, VAR_THETA]) * share
         out[n, O_SIGMA_HEIGHT] = math.sqrt(marks[n, VAR_HEIGHT]) * share
-        if aimed[n, 5] > 0.0:
+        if aimed[n, 3] > 0.0:
             flags |= FLAG_TOUCHING
         if abs(marks[n, RECENT] - marks[n, REFERENCE]) > config[SLIP]:
             flags |= FLAG_SLIPPED
