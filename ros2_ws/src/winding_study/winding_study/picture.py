@@ -1,0 +1,100 @@
+"""How every picture of a report looks, and how it gets into one HTML file."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+INK = "#1f2933"
+FAINT = "#9aa5b1"
+GRID = "#e4e7eb"
+PREDICTED = "#2563a8"
+TRACKED = "#d97706"
+CORRECTED = "#0f8a6d"
+PUBLISHED = "#1f2933"
+PAPER = "#b3bcc7"
+
+WIDTH_INCHES = 9.2
+# More points than pixels only make the file heavy.
+MOST_POINTS = 1500
+
+_STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "text.color": INK,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.major.size": 0.0,
+    "ytick.major.size": 0.0,
+    "legend.frameon": False,
+    "lines.linewidth": 1.4,
+    "svg.hashsalt": "winding",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """One picture of a report.
+
+    Attributes:
+        title: Heading above it.
+        caption: What to see in it.
+        source: Data URI of the SVG.
+    """
+
+    title: str
+    caption: str
+    source: str
+
+
+@contextmanager
+def canvas(height: float, rows: int = 1, columns: int = 1) -> Iterator[tuple[Figure, list[Axes]]]:
+    """Yield a figure in the report's style with its axes, row by row; height in inches."""
+    with mpl.rc_context(_STYLE):  # type: ignore[arg-type]
+        figure = Figure(figsize=(WIDTH_INCHES, height), layout="constrained")
+        axes = np.atleast_1d(figure.subplots(rows, columns)).ravel().tolist()
+        yield figure, axes
+
+
+def picture(figure: Figure, title: str, caption: str) -> Picture:
+    """Return a figure as a picture whose bytes depend on nothing but its content."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="svg", metadata={"Date": None})
+    encoded = base64.b64encode(stream.getvalue()).decode("ascii")
+    return Picture(title=title, caption=caption, source=f"data:image/svg+xml;base64,{encoded}")
+
+
+def thinned(
+    t: NDArray[np.float64], value: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a signal with the smallest and largest sample of each stretch, no peak lost."""
+    if len(t) <= MOST_POINTS:
+        return t, value
+    parts = np.array_split(np.arange(len(t)), MOST_POINTS // 2)
+    keep = np.unique(
+        [
+            index
+            for part in parts
+            for index in (part[value[part].argmin()], part[value[part].argmax()])
+        ]
+    )
+    return t[keep], value[keep]
