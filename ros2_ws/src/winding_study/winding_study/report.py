@@ -10,13 +10,9 @@ from statistics import fmean
 from jinja2 import Environment, StrictUndefined
 
 from cable_winding.published import MEGAPASCAL, MILLIMETRE
-from winding_study.run_pictures import (
-    lay_picture,
-    lengths_picture,
-    marker_picture,
-    speeds_picture,
-    tension_picture,
-)
+from winding_study.lay_pictures import lay_picture, marker_picture
+from winding_study.length_pictures import lengths_picture
+from winding_study.machine_pictures import speeds_picture, tension_picture
 from winding_study.run_record import RunRecord
 
 PAGE = "index.html"
@@ -66,7 +62,7 @@ def render_report(record: RunRecord) -> str:
 
 
 def _title(record: RunRecord) -> str:
-    return f"Case {record.case.number}" if record.case.number else "A condition of one's own"
+    return f"Case {record.case.number}" if record.case.number else "Own condition"
 
 
 def _conditions(record: RunRecord) -> dict[str, str]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cable_winding.cases import Case
 from cable_winding.drive import DriveProfile
-from cable_winding.published import length_error_pct
+from cable_winding.published import PublishedMarker, length_error_pct, published_markers
 
 Array = NDArray[np.float64]
 
@@ -148,6 +148,24 @@ class RunRecord:
     sim_s: float | None = None
     facts: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    @property
+    def marker_ids(self) -> tuple[int, ...]:
+        """The markers that the run is about."""
+        return tuple(row.id for row in self.rows)
+
+    @property
+    def published(self) -> tuple[PublishedMarker, ...]:
+        """The paper's markers of this case; none for a condition of one's own."""
+        return published_markers(self.case.number) if self.case.number else ()
+
+    @property
+    def end(self) -> float:
+        """Time at which the run's time axes end [s]."""
+        stamps = [
+            float(series.t.max()) for series in (self.predicted, self.tracked) if series.t.size
+        ]
+        return max([self.sim_s or 0.0, *stamps]) or 1.0
 
 
 def run_json(record: RunRecord) -> dict[str, Any]:

@@ -1,0 +1,168 @@
+from __future__ import annotations
+
+import base64
+import dataclasses
+import re
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from cable_winding.cases import Case, paper_case
+from winding_study.machine_pictures import tracking
+from winding_study.picture import MOST_POINTS, thinned
+from winding_study.report import render_report, write_report
+from winding_study.run_record import MarkerRow, MarkerSeries, Signal
+
+
+class _Page(HTMLParser):
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.sources: list[str] = []
+        self.links: list[str] = []
+        self.tags: list[str] = []
+        self.cells: list[list[str]] = []
+        self._inside = False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs) -> None:
+        self.tags.append(tag)
+        named = dict(attrs)
+        self.sources += [named["src"]] if "src" in named else []
+        self.links += [named["href"]] if "href" in named else []
+        if tag == "tr":
+            self.cells.append([])
+        self._inside = tag == "td"
+
+    def handle_data(self, data: str) -> None:
+        if self._inside and data.strip():
+            self.cells[-1].append(data.strip())
+
+
+def _empty_signal() -> Signal:
+    return Signal(t=np.empty(0), value=np.empty(0))
+
+
+def _empty_series() -> MarkerSeries:
+    return MarkerSeries(
+        t=np.empty(0), id=np.empty(0, int), theta=np.empty(0), z=np.empty(0), s=np.empty(0)
+    )
+
+
+def test_the_page_is_one_file_that_loads_nothing(synthetic, tmp_path) -> None:
+    path = write_report(synthetic(), tmp_path / "deep" / "report")
+    assert path == tmp_path / "deep" / "report" / "index.html"
+    assert list(path.parent.iterdir()) == [path]
+    text = path.read_text(encoding="utf-8")
+    page = _Page(text)
+    assert page.links == []
+    assert "script" not in page.tags
+    assert "url(" not in text
+    assert len(page.sources) == 5
+    assert all(source.startswith("data:image/svg+xml;base64,") for source in page.sources)
+
+
+def test_every_picture_is_a_drawing_without_outside_references(synthetic) -> None:
+    for source in _Page(render_report(synthetic())).sources:
+        drawing = base64.b64decode(source.partition(",")[2])
+        assert ET.fromstring(drawing).tag == "{http://www.w3.org/2000/svg}svg"
+        assert not re.search(rb'(href|src)="(?!#)', drawing)
+
+
+def test_the_table_has_every_marker_and_every_number(synthetic) -> None:
+    record = synthetic()
+    rows = [row for row in _Page(render_report(record)).cells if row and row[0].startswith("P")]
+    assert [row[0] for row in rows] == ["P1", "P2", "P3", "P4"]
+    for text, row in zip(rows, record.rows, strict=True):
+        numbers = [float(value) for value in text[1:6] + text[7:]]
+        expected = [
+            1e3 * row.original,
+            1e3 * row.s_fem,
+            1e3 * row.s_tracked,
+            row.h,
+            1e3 * row.s_corrected,
+            1e3 * row.s_published,
+            row.error_fem_pct,
+            row.error_corrected_pct,
+        ]
+        # Printed to 0.01.
+        assert numbers == pytest.approx(expected, abs=0.0051)
+
+
+def test_the_same_run_gives_the_same_bytes(synthetic) -> None:
+    assert render_report(synthetic()) == render_report(synthetic())
+
+
+def test_markers_that_were_never_wound_are_dashes(synthetic) -> None:
+    page = render_report(synthetic(paper_case(8)))
+    row = next(cells for cells in _Page(page).cells if cells and cells[0] == "P4")
+    assert row == ["P4", "800.00", *["–"] * 8]
+
+
+def test_a_condition_of_ones_own_has_no_published_columns_to_show(synthetic) -> None:
+    own = Case(cylinder_diameter=0.045, cable_diameter=0.003, weight=2.5, marker_spacing=0.15)
+    page = render_report(synthetic(own))
+    assert "Own condition" in page
+    assert len(_Page(page).sources) == 5
+
+
+def test_a_run_that_left_nothing_still_gives_a_page(synthetic) -> None:
+    nothing = dataclasses.replace(
+        synthetic(),
+        cylinder_speed=_empty_signal(),
+        carriage_speed=_empty_signal(),
+        cylinder_setpoint=_empty_signal(),
+        carriage_setpoint=_empty_signal(),
+        tension=_empty_signal(),
+        predicted=_empty_series(),
+        tracked=_empty_series(),
+        corrected=_empty_series(),
+        rows=(MarkerRow(id=1, original=0.1),),
+        frames=None,
+        frames_lost=None,
+        joint_states=None,
+        joint_states_lost=None,
+        wall_s=None,
+        sim_s=None,
+        facts={},
+        notes=(),
+    )
+    page = render_report(nothing)
+    assert len(_Page(page).sources) == 5
+    assert "What these numbers are worth" not in page
+
+
+def test_text_from_outside_cannot_become_markup(synthetic) -> None:
+    record = dataclasses.replace(
+        synthetic(), notes=("<script>alert(1)</script>",), facts={"<b>": '"><img src=x>'}
+    )
+    page = _Page(render_report(record))
+    assert "script" not in page.tags
+    assert all(source.startswith("data:") for source in page.sources)
+
+
+def test_losses_are_said(synthetic) -> None:
+    page = render_report(dataclasses.replace(synthetic(), frames_lost=17))
+    assert "17 lost" in page
+
+
+def test_thinning_loses_no_peak() -> None:
+    t = np.linspace(0.0, 20.0, 20001)
+    value = np.sin(t)
+    value[12345] = 9.0
+    value[777] = -9.0
+    thin_t, thin = thinned(t, value)
+    assert len(thin) <= MOST_POINTS
+    assert (thin.max(), thin.min()) == (9.0, -9.0)
+    assert (np.diff(thin_t) > 0.0).all()
+    assert np.isin(thin_t, t).all()
+
+
+def test_tracking_is_measured_after_the_ramp_only() -> None:
+    t = np.arange(0.0, 10.0, 0.01)
+    value = np.where(t < 1.0, 0.0, np.where(t.round(6) % 0.02 < 0.005, 2.02, 1.98))
+    # Half of the samples one percent above, half below: one percent rms, one percent above.
+    assert (
+        tracking(Signal(t=t, value=value), 2.0, 1.0) == "1.00 % rms (highest sample 1.0 % above it)"
+    )
