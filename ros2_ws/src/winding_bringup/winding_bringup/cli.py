@@ -5,7 +5,10 @@ from __future__ import annotations
 import typer
 
 from winding_bringup.commands.graph import graph
+from winding_bringup.commands.predict import predict
 from winding_bringup.commands.run import run
+from winding_bringup.commands.study import study
+from winding_bringup.commands.train import train
 
 app = typer.Typer(
     help="Predicts, watches and corrects how a flexible cable lays itself on a cylinder.",
@@ -13,7 +16,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-for _command in (run, graph):
+for _command in (run, predict, study, train, graph):
     app.command()(_command)
 
 

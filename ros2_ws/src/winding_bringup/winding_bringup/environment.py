@@ -40,15 +40,17 @@ def child_environment(*, camera: bool) -> dict[str, str]:
 
 
 def ros_arguments(namespace: str) -> list[str]:
-    """Return the ROS arguments that place a process in a namespace.
+    """Return the ROS arguments that place a process in a namespace; none for an empty one.
 
     A graph outside the default namespace gets a clock of its own, so that two graphs can share
     a domain.
     """
+    if not namespace:
+        return []
     arguments = ["-r", f"__ns:=/{namespace}"]
     if namespace != DEFAULT_NAMESPACE:
         arguments += ["-r", f"/clock:=/{namespace}/clock"]
-    return arguments
+    return ["--ros-args", *arguments]
 
 
 def clean_shared_memory() -> None:

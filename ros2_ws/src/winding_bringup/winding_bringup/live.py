@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rclpy.serialization import deserialize_message
 from rich.console import Group, RenderableType
 from rich.progress_bar import ProgressBar
 from rich.table import Table
@@ -15,7 +16,6 @@ from cable_winding.ros import topics
 from cable_winding.ros.cloud_messages import decode_cloud
 from cable_winding.ros.rig_messages import decode_joint_state, decode_tension
 from cable_winding.ros.topics import Topic
-from rclpy.serialization import deserialize_message
 from winding_bringup.recorder import Tape
 
 

@@ -97,7 +97,8 @@ class NodeProcess:
         return self._complaints[-1] if self._complaints else ""
 
     async def _read(self) -> None:
-        assert self._process is not None and self._process.stdout is not None
+        assert self._process is not None
+        assert self._process.stdout is not None
         with self._log.open("wb") as file:
             while line := await self._process.stdout.readline():
                 file.write(line)

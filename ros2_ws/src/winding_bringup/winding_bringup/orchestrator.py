@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Coroutine, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import yaml
 from lifecycle_msgs.msg import State, Transition
@@ -63,9 +64,7 @@ class Orchestrator:
 
     async def bring_up(self) -> None:
         """Configure all nodes, activate them sinks first, wait until all are matched."""
-        await self._while_alive(
-            asyncio.gather(*(self._configure(process) for process in self.processes))
-        )
+        await self._while_alive(self._configure_all())
         for process in self.processes:
             await self._while_alive(
                 self._change(process, Transition.TRANSITION_ACTIVATE, _START_TIMEOUT)
@@ -108,7 +107,7 @@ class Orchestrator:
 
     def _process(self, spec: NodeSpec) -> NodeProcess:
         directory = self.config.log_directory
-        arguments = ["--ros-args", *ros_arguments(self.config.namespace)]
+        arguments = ros_arguments(self.config.namespace)
         if self.config.parameters_file is not None:
             arguments += ["--params-file", str(self.config.parameters_file)]
         own = directory / f"{spec.name}.yaml"
@@ -125,6 +124,9 @@ class Orchestrator:
 
     def _service(self, process: NodeProcess, name: str) -> str:
         return f"/{self.config.namespace}/{process.spec.name}/{name}"
+
+    async def _configure_all(self) -> None:
+        await asyncio.gather(*(self._configure(process) for process in self.processes))
 
     async def _configure(self, process: NodeProcess) -> None:
         state = await self._client.call(
@@ -169,8 +171,8 @@ class Orchestrator:
             if self._client.matched(node, topic) < count
         ]
 
-    async def _while_alive(self, work: asyncio.Future[object] | object) -> None:
-        task = asyncio.ensure_future(work)  # type: ignore[arg-type]
+    async def _while_alive(self, work: Coroutine[Any, Any, Any]) -> None:
+        task = asyncio.create_task(work)
         death = asyncio.create_task(self.first_death())
         done, _ = await asyncio.wait({task, death}, return_when=asyncio.FIRST_COMPLETED)
         if task in done:

@@ -10,8 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rclpy.node import Node
-from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness
-from rosbags.interfaces import QosReliability, QosTime
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from std_msgs.msg import Header
@@ -81,7 +88,7 @@ class Recorder:
             self._open(bag, recorded, node)
         for topic in recorded:
             topic.subscribe(node, self._take(topic), raw=True)
-        self._thread = threading.Thread(target=self._store, name="recorder")
+        self._thread = threading.Thread(target=self._store, name="recorder", daemon=True)
         self._thread.start()
 
     def close(self) -> None:

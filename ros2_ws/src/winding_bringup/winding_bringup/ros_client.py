@@ -26,13 +26,11 @@ class RosClient:
 
     def __init__(self, namespace: str) -> None:
         self._context = Context()
-        rclpy.init(
-            context=self._context, signal_handler_options=rclpy.SignalHandlerOptions.NO
-        )
+        rclpy.init(context=self._context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
         self.node = Node(
             "orchestrator",
             context=self._context,
-            cli_args=["--ros-args", *ros_arguments(namespace)],
+            cli_args=ros_arguments(namespace),
         )
         self._hardware_id = f"/{namespace}"
         self._statuses: dict[str, Status] = {}

@@ -87,6 +87,10 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._topic_publishers[topic.name] = publisher
         return publisher
 
+    def matched(self, topic: str) -> int:
+        """Return how many subscriptions one of the node's publishers has."""
+        return int(self._topic_publishers[topic].get_subscription_count())
+
     def subscribe(
         self, topic: Topic, callback: Callable[[Any], None], *, raw: bool = False
     ) -> Subscription:
@@ -193,10 +197,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         own = self.status()
         if self._failure:
             own = Status(name=own.name, level=Level.ERROR, message=self._failure, values=own.values)
-        values = {
-            f"{MATCHED}{name}": str(publisher.get_subscription_count())
-            for name, publisher in self._topic_publishers.items()
-        }
+        values = {f"{MATCHED}{name}": str(self.matched(name)) for name in self._topic_publishers}
         values |= {f"refused {name}": str(count) for name, count in self._refused.items()}
         return [
             own,

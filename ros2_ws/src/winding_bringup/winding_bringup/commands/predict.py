@@ -61,8 +61,7 @@ def predict(
     ] = None,
 ) -> None:
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
-    from cable_fem_node.energy import EnergyBalanceError
-    from cable_fem_node.rod_winding import DivergenceError
+    from cable_fem_node.failure import DivergenceError, EnergyBalanceError
     from cable_fem_node.winding_config import WindingConfig
     from cable_winding.drive import DriveProfile
     from cable_winding.fleet import PAPER_FREE_LENGTH, free_length_of

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from winding_bringup.session import SessionConfig, SessionResult
 
 _MILLIMETRE = 1.0e-3
+_PIPE_WIDTH = 110
 
 
 def run(
@@ -93,7 +94,9 @@ def run(
         namespace=namespace,
     )
     result = _session(config, condition)
-    _deliver(condition, config, result, report or directory / "report", json or directory / "run.json")
+    _deliver(
+        condition, config, result, report or directory / "report", json or directory / "run.json"
+    )
 
 
 def _given(**values: object) -> dict[str, object]:
@@ -191,6 +194,8 @@ def _deliver(
     write_run_json(record, json)
     page = write_report(record, report)
     console = Console(file=sys.stdout)
+    # A pipe has no width: the table would be cut to fit eighty columns.
+    console = console if console.is_terminal else Console(file=sys.stdout, width=_PIPE_WIDTH)
     console.print(results_table(record))
     for name, path in (("report", page), ("numbers", json), ("bag", config.bag)):
         if path is not None:

@@ -1,0 +1,222 @@
+"""From the tape of a session to what the report and the table say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from cable_winding.condition import ConditionParameters
+from cable_winding.helix import curve_length
+from cable_winding.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
+from cable_winding.published import published_markers
+from cable_winding.readings import AxisReading
+from cable_winding.ros import topics
+from cable_winding.ros.cloud_messages import decode_cloud
+from cable_winding.ros.diagnostic_messages import decode_case_votes
+from cable_winding.ros.rig_messages import decode_joint_state, decode_tension
+from cable_winding.ros.topics import Topic
+from winding_bringup.recorder import Tape
+from winding_bringup.session import SessionResult
+from winding_study.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
+
+# A marker in one of these states was not measured in the frame that says so.
+_UNSEEN = int(
+    MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED | MarkerFlag.OCCLUDED | MarkerFlag.CLIPPED
+)
+
+
+def run_record(condition: ConditionParameters, result: SessionResult) -> RunRecord:
+    """Return what a finished session says of its run."""
+    tape = result.tape
+    case = condition.condition()
+    measured = list(_decoded(tape, topics.JOINT_STATES, decode_joint_state))
+    commanded = list(_decoded(tape, topics.JOINT_COMMANDS, decode_joint_state))
+    tension = list(_decoded(tape, topics.TENSION, decode_tension))
+    tracked = _series(tape, topics.TRACKED_MARKERS, MARKER_DTYPE, unseen=_UNSEEN)
+    predicted = _series(tape, topics.FEM_MARKERS, MARKER_DTYPE, unseen=MarkerFlag.NOT_WOUND)
+    corrected = _series(tape, topics.CORRECTED_MARKERS, CORRECTED_DTYPE)
+    frames = _stamps(tape, topics.CAMERA_INFO)
+    answered = _stamps(tape, topics.TRACKED_MARKERS)
+    joints = _stamps(tape, topics.JOINT_STATES)
+    published = published_markers(case.number) if case.number else ()
+    experiment = {item.marker: item.experiment.s for item in published if item.experiment}
+    final = _final_corrections(tape)
+    return RunRecord(
+        case=case,
+        drive=condition.drive(),
+        cylinder_speed=_signal(measured, "angular_speed"),
+        carriage_speed=_signal(measured, "feed_speed"),
+        cylinder_setpoint=_signal(commanded, "angular_speed"),
+        carriage_setpoint=_signal(commanded, "feed_speed"),
+        tension=Signal(
+            t=np.array([t for t, _ in tension]), value=np.array([force for _, force in tension])
+        ),
+        predicted=predicted,
+        tracked=tracked,
+        corrected=corrected,
+        rows=tuple(
+            _row(
+                marker,
+                case.original_length(marker),
+                mean_length(tracked.of(marker), case.centreline_radius),
+                final.get(marker),
+                next(
+                    (p.experiment.s for p in published if p.marker == marker and p.experiment), None
+                ),
+            )
+            for marker in range(1, case.marker_count + 1)
+        ),
+        frames=len(answered),
+        frames_lost=_missing(frames, topics.CAMERA_INFO, condition.duration)
+        + len(np.setdiff1d(frames, answered)),
+        joint_states=len(joints),
+        joint_states_lost=_missing(joints, topics.JOINT_STATES, condition.duration),
+        wall_s=result.wall_s,
+        sim_s=tape.last_stamp(topics.JOINT_STATES),
+        facts=_facts(tape),
+        notes=_notes(case.number),
+    )
+
+
+def mean_length(series: MarkerSeries, radius: float) -> float | None:
+    """Return the curve length [m] of a marker's mean place over all frames that show it."""
+    if series.t.size == 0:
+        return None
+    return curve_length(radius, float(series.theta.mean()), float(series.z.mean()))
+
+
+def results_table(record: RunRecord) -> Table:
+    """Return every marker of a run: original, predicted, tracked, corrected, published, errors."""
+    name = f"case {record.case.number}" if record.case.number else "a condition of one's own"
+    table = Table(title=f"Curve lengths of {name}", box=SIMPLE_HEAD, title_justify="left")
+    table.add_column("marker")
+    for heading in (
+        "original\nmm",
+        "FEM\nmm",
+        "tracked\nmm",
+        "h\n",
+        "corrected\nmm",
+        "published\nmm",
+        "error of\nFEM, %",
+        "error after\ncorrection, %",
+    ):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for row in record.rows:
+        table.add_row(
+            f"P{row.id}",
+            *(_cell(value, 1e3, 2) for value in (row.original, row.s_fem, row.s_tracked)),
+            _cell(row.h, 1.0, 4),
+            *(_cell(value, 1e3, 2) for value in (row.s_corrected, row.s_published)),
+            *(_cell(value, 1.0, 2) for value in (row.error_fem_pct, row.error_corrected_pct)),
+        )
+    return table
+
+
+def _decoded(
+    tape: Tape, topic: Topic, decode: Callable[[Any], tuple[float, Any]]
+) -> Iterator[tuple[float, Any]]:
+    for message in tape.messages.get(topic.name, ()):
+        yield decode(deserialize_message(message.data, topic.type))
+
+
+def _signal(readings: list[tuple[float, AxisReading]], name: str) -> Signal:
+    return Signal(
+        t=np.array([t for t, _ in readings]),
+        value=np.array([getattr(reading, name) for _, reading in readings]),
+    )
+
+
+def _series(tape: Tape, topic: Topic, dtype: np.dtype[np.void], unseen: int = 0) -> MarkerSeries:
+    stamps, rows = [], []
+    for t, markers in _decoded(tape, topic, lambda message: decode_cloud(message, dtype)):
+        seen = markers[((markers["flags"] & unseen) == 0) & np.isfinite(markers["s"])]
+        rows.append(seen)
+        stamps.append(np.full(len(seen), t))
+    joined = np.concatenate(rows) if rows else np.zeros(0, dtype=dtype)
+    return MarkerSeries(
+        t=np.concatenate(stamps) if stamps else np.zeros(0),
+        id=joined["id"].astype(np.int64),
+        theta=joined["theta"].astype(float),
+        z=joined["z"].astype(float),
+        s=joined["s"].astype(float),
+    )
+
+
+def _stamps(tape: Tape, topic: Topic) -> NDArray[np.int64]:
+    return np.array([m.stamp_ns for m in tape.messages.get(topic.name, ())], dtype=np.int64)
+
+
+def _missing(stamps: NDArray[np.int64], topic: Topic, duration: float) -> int:
+    """Return how many of the instants 0, 1/rate, ... duration have no message."""
+    assert topic.rate is not None
+    instants = np.round(np.arange(int(duration * topic.rate + 1e-9) + 1) * (1e9 / topic.rate))
+    return len(np.setdiff1d(instants.astype(np.int64), stamps))
+
+
+def _final_corrections(tape: Tape) -> dict[int, np.void]:
+    message = tape.last(topics.CORRECTED_MARKERS)
+    if message is None:
+        return {}
+    _, markers = decode_cloud(
+        deserialize_message(message.data, topics.CORRECTED_MARKERS.type), CORRECTED_DTYPE
+    )
+    return {int(marker["id"]): marker for marker in markers[is_wound(markers)]}
+
+
+def _row(
+    marker: int,
+    original: float,
+    tracked: float | None,
+    correction: np.void | None,
+    published: float | None,
+) -> MarkerRow:
+    if correction is None:
+        return MarkerRow(id=marker, original=original, s_tracked=tracked, s_published=published)
+    return MarkerRow(
+        id=marker,
+        original=original,
+        s_fem=float(correction["s_fem"]),
+        s_tracked=tracked,
+        h=float(correction["h"]),
+        s_corrected=float(correction["s"]),
+        s_low=float(correction["s_low"]),
+        s_high=float(correction["s_high"]),
+        s_published=published,
+    )
+
+
+def _facts(tape: Tape) -> dict[str, str]:
+    message = tape.last(topics.CORRECTION_CASE)
+    if message is None:
+        return {}
+    _, votes = decode_case_votes(deserialize_message(message.data, topics.CORRECTION_CASE.type))
+    if not votes:
+        return {}
+    case, share = next(iter(votes.items()))
+    return {"resembles": f"case {case}, {share:.0%} of the votes"}
+
+
+def _notes(case: int) -> tuple[str, ...]:
+    tracked = (
+        "The tracked lengths are measured by the camera in this run: each marker's mean place "
+        "over all frames that show it."
+    )
+    if case == 0:
+        return (tracked, "The condition is not published: there is no experiment beside it.")
+    return (
+        tracked,
+        "The machine lays the cable where the paper's experiment measured it, so the tracked "
+        "lengths test the camera and the tracker, not the solver.",
+        "The weight h was trained on all twelve published cases, this one among them: its error "
+        "here is in-sample. The held-out error of each case is in the weight's card.",
+    )
+
+
+def _cell(value: float | None, factor: float, digits: int) -> str:
+    return "-" if value is None else f"{value * factor:.{digits}f}"

@@ -1,0 +1,103 @@
+"""Isolation: a DDS domain per test process, a Context and an executor per test."""
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+# A test waits ten times as long as the thing usually takes, on two busy cores.
+PATIENCE = 60.0
+_FIRST_DOMAIN = 60
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--run-benchmarks", action="store_true", help="also measure speed")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0")
+    # rcl reads these when a context is made, so they are set before any test imports rclpy.
+    os.environ["ROS_DOMAIN_ID"] = str(_FIRST_DOMAIN + int(worker.removeprefix("gw")))
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ["ROS_LOG_DIR"] = tempfile.mkdtemp(prefix="winding-test-log-")
+    # Generated message classes check types and ranges only when they are asked to.
+    os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--run-benchmarks"):
+        return
+    skip = pytest.mark.skip(reason="speed is measured by `make bench`")
+    for item in items:
+        if "benchmarks" in item.path.parts:
+            item.add_marker(skip)
+
+
+class Ros:
+    """Nodes of one test on a private context, spun by one executor."""
+
+    def __init__(self) -> None:
+        import rclpy
+        from rclpy.context import Context
+        from rclpy.executors import SingleThreadedExecutor
+
+        self.context = Context()
+        rclpy.init(context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self._nodes: list[Any] = []
+
+    def add(self, factory: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+        """Make a node on the private context and spin it with the others."""
+        node = factory(*args, context=self.context, **kwargs)
+        self._nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def plain(self, name: str = "probe") -> Any:
+        """Make a node without parameters or topics of its own."""
+        from rclpy.node import Node
+
+        return self.add(Node, name)
+
+    def spin_until(self, reached: Callable[[], Any], patience: float = PATIENCE) -> None:
+        """Spin until a predicate holds; fail the test when it does not in time."""
+        end = time.monotonic() + patience
+        while not reached():
+            if time.monotonic() > end:
+                pytest.fail(f"not reached in {patience:g} s")
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def call(self, node: Any, service: type, name: str, request: Any) -> Any:
+        """Return a service's response."""
+        client = node.create_client(service, name)
+        self.spin_until(client.service_is_ready)
+        future = client.call_async(request)
+        self.spin_until(future.done)
+        return future.result()
+
+    def close(self) -> None:
+        import rclpy
+
+        for node in self._nodes:
+            self.executor.remove_node(node)
+            node.destroy_node()
+        self.executor.shutdown()
+        rclpy.try_shutdown(context=self.context)
+
+
+@pytest.fixture
+def ros() -> Iterator[Ros]:
+    harness = Ros()
+    yield harness
+    harness.close()
+
+
+@pytest.fixture(scope="module")
+def module_ros() -> Iterator[Ros]:
+    """One harness for a module whose tests look at the same run."""
+    harness = Ros()
+    yield harness
+    harness.close()

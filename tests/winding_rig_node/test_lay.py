@@ -1,0 +1,67 @@
+"""The true lay behind the camera's pictures."""
+
+import numpy as np
+import pytest
+
+from cable_winding.cases import Case, paper_case
+from cable_winding.drive import DriveProfile
+from cable_winding.fleet import PAPER_FREE_LENGTH, FleetAngleLaw
+from cable_winding.helix import curve_length
+from cable_winding.published import published_markers
+from winding_rig_node.lay import HiddenCable, neo_hookean_stretch, published_lay, simulated_lay
+
+END = 33.93
+
+
+@pytest.mark.parametrize("number", range(1, 13))
+def test_published_lay_passes_through_every_measured_marker(number: int) -> None:
+    lay = published_lay(paper_case(number), DriveProfile(), PAPER_FREE_LENGTH, END)
+    for marker in published_markers(number):
+        theta = lay.marker_theta[marker.marker]
+        if marker.experiment is None:
+            assert np.isnan(theta)
+        else:
+            assert theta == marker.experiment.theta
+            z = np.interp(theta, lay.path_theta, lay.path_z)
+            assert z == pytest.approx(marker.experiment.z, abs=1e-12)
+
+
+def test_simulated_lay_without_load_winds_the_undeformed_cable() -> None:
+    case = paper_case(4)
+    hidden = HiddenCable(free_length=0.2, load_factor=1e-9, drag=0.0)
+    lay = simulated_lay(case, DriveProfile(), hidden, END)
+    z = np.interp(lay.marker_theta[1], lay.path_theta, lay.path_z)
+    length = curve_length(case.centreline_radius, float(lay.marker_theta[1]), float(z))
+    # S_1 is the straight helix to a path that curves a little: shorter by under 0.1 %.
+    assert length == pytest.approx(case.marker_spacing, rel=1e-3)
+
+
+def test_simulated_lay_follows_the_fleet_angle_law() -> None:
+    case, drive = paper_case(9), DriveProfile()
+    hidden = HiddenCable.drawn(np.random.default_rng(3))
+    lay = simulated_lay(case, drive, hidden, END)
+    law = FleetAngleLaw(
+        advance_per_radian=drive.advance_per_radian,
+        free_length=hidden.free_length,
+        radius=case.centreline_radius,
+    )
+    np.testing.assert_allclose(lay.path_z, law.z(lay.path_theta), atol=1e-12)
+
+
+def test_more_weight_winds_longer_lengths() -> None:
+    hidden = HiddenCable(free_length=0.2, load_factor=0.7, drag=0.1)
+    light = simulated_lay(paper_case(3), DriveProfile(), hidden, END)
+    heavy = simulated_lay(paper_case(4), DriveProfile(), hidden, END)
+    assert (heavy.marker_theta[1:] > light.marker_theta[1:]).all()
+
+
+@pytest.mark.parametrize("load", [0.0, 0.06, 0.24, 0.48])
+def test_neo_hookean_stretch_balances_its_load(load: float) -> None:
+    stretch = neo_hookean_stretch(load)
+    assert (stretch - stretch**-2) / 3.0 == pytest.approx(load, abs=1e-9)
+
+
+def test_published_lay_of_an_unpublished_condition_is_refused() -> None:
+    own = Case(cylinder_diameter=0.04, cable_diameter=0.003, weight=2.0, marker_spacing=0.1)
+    with pytest.raises(ValueError, match="needs a published case"):
+        published_lay(own, DriveProfile(), PAPER_FREE_LENGTH, END)
