@@ -10,15 +10,18 @@ from winding_rig_node.camera.config import (
 from winding_rig_node.camera.preview import encode_jpeg
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Paint, Scene
+from winding_rig_node.camera.surroundings import Patch, Surroundings
 
 __all__ = [
     "CameraCalibration",
     "CameraConfig",
     "Light",
     "Paint",
+    "Patch",
     "Renderer",
     "Scene",
     "SensorNoise",
+    "Surroundings",
     "Window",
     "encode_jpeg",
 ]

@@ -79,6 +79,8 @@ class Light:
         highlight: Strength of the specular highlight on the cable, share of white.
         gloss: Exponent of the highlight.
         falloff: Relative loss of light from the middle of the window to its corners.
+        flicker: Each frame's light is multiplied by a factor drawn between 1 / (1 + flicker) and
+            1 + flicker.
     """
 
     gain: float = 1.0
@@ -87,12 +89,15 @@ class Light:
     highlight: float = 0.08
     gloss: float = 24.0
     falloff: float = 0.12
+    flicker: float = 0.0
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.gain) and self.gain > 0.0):
             raise ValueError(f"gain must be positive, got {self.gain}")
         if not np.linalg.norm(self.direction) > 0.0:
             raise ValueError(f"direction must not be zero, got {self.direction}")
+        if not (math.isfinite(self.flicker) and self.flicker >= 0.0):
+            raise ValueError(f"flicker must not be negative, got {self.flicker}")
         for name in ("ambient", "highlight", "falloff"):
             value = getattr(self, name)
             if not 0.0 <= value <= 1.0:
@@ -140,6 +145,10 @@ class CameraConfig:
         light: On the scene.
         supersampling: Samples per pixel and direction.
         encoding: Of the delivered image; "bgr8".
+        exposure: Time in which the cylinder smears the picture [s].
+        exposure_samples: Instants that the smear is the mean of.
+        defocus: Standard deviation of the blur [px of the delivered image].
+        bayer: Whether each pixel sees one colour only and the others are interpolated.
     """
 
     width: int = 1920
@@ -154,6 +163,10 @@ class CameraConfig:
     light: Light = field(default_factory=Light)
     supersampling: int = 2
     encoding: str = BGR8
+    exposure: float = 0.0
+    exposure_samples: int = 5
+    defocus: float = 0.0
+    bayer: bool = False
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.focal) and self.focal > 0.0):
@@ -162,6 +175,12 @@ class CameraConfig:
             raise ValueError(f"encoding must be {BGR8!r}, got {self.encoding!r}")
         if not 1 <= self.supersampling <= 16:
             raise ValueError(f"supersampling must lie in 1 to 16, got {self.supersampling}")
+        for name in ("exposure", "defocus"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{name} must not be negative, got {value}")
+        if self.exposure_samples < 1:
+            raise ValueError(f"exposure_samples must be at least 1, got {self.exposure_samples}")
         window = self.window
         if window.x_offset + window.width > self.width:
             raise ValueError(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.optics import sample_rays
 from winding_rig_node.camera.scene import Paint
+from winding_rig_node.camera.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -32,30 +33,40 @@ class StaticView:
 
 
 def static_view(
-    config: CameraConfig, radius: float, ends: tuple[float, float], paint: Paint
+    config: CameraConfig,
+    radius: float,
+    ends: tuple[float, float],
+    paint: Paint,
+    surroundings: Surroundings,
 ) -> StaticView:
-    """Cast a ray through every sample at the cylinder and the backdrop.
+    """Cast a ray through every sample at the cylinder and what stands behind it.
 
     Args:
         config: The camera.
         radius: Of the cylinder [m].
         ends: Axial ends of the cylinder [m].
         paint: Colours.
+        surroundings: What stands behind.
     """
     rows, columns = config.window.shape
     s = config.supersampling
     inverse = np.zeros((rows * s, columns * s), dtype=np.float32)
     radiance = np.zeros((rows, columns, 3), dtype=np.float32)
-    rays = sample_rays(config)
+    plain = np.empty_like(radiance)
+    plain[:] = paint.backdrop
+    backdrop = surroundings.behind(config, plain)
     for top in range(0, rows, 64):
-        part = slice(top * s, min(top + 64, rows) * s)
-        depth, normal, along = _cylinder_hit(config, rays[part], radius, ends)
+        bottom = min(top + 64, rows)
+        part = slice(top * s, bottom * s)
+        rays = sample_rays(config, top, bottom)
+        depth, normal, along = _cylinder_hit(config, rays, radius, ends)
         colour = _cylinder_colour(config, normal, along, paint)
         beside = np.isnan(depth)
-        colour[beside] = paint.backdrop
+        colour[beside] = 0.0
         inverse[part] = np.where(beside, 0.0, 1.0 / depth)
-        blocks = colour.reshape(-1, s, columns, s, 3)
-        radiance[top : top + 64] = blocks.mean(axis=(1, 3))
+        blocks = colour.reshape(-1, s, columns, s, 3).mean(axis=(1, 3))
+        open_share = beside.reshape(-1, s, columns, s).mean(axis=(1, 3))
+        radiance[top:bottom] = blocks + open_share[..., None] * backdrop[top:bottom]
     return StaticView(inverse_depth=inverse, radiance=radiance, falloff=_falloff(config))
 
 

@@ -12,6 +12,9 @@ from winding_rig_node.camera.config import NOMINAL_AXES, CameraConfig
 
 FloatArray = NDArray[np.float64]
 
+INVERSION_STEPS = 200
+INVERSION_TOLERANCE = 1.0e-11
+
 # Layout of the numbers that the kernels take, see `lens_numbers`.
 LENS_SIZE = 24
 
@@ -91,37 +94,65 @@ def project_points(config: CameraConfig, points: FloatArray) -> FloatArray:
     return pixels
 
 
-def sample_rays(config: CameraConfig) -> FloatArray:
-    """Return the direction of every sample of the window in the lab frame.
+def sample_rays(config: CameraConfig, first: int, last: int) -> FloatArray:
+    """Return the direction of every sample of some rows of the window, in the lab frame.
 
-    The distortion is inverted by Newton's method on the forward model, to 1e-12 of the image
-    plane.
+    Args:
+        config: The camera.
+        first: First row of the delivered image.
+        last: Row after the last.
 
     Returns:
-        Directions with unit depth, shape (rows * s, columns * s, 3), s the supersampling.
+        Directions with unit depth, shape ((last - first) * s, columns * s, 3), s the
+        supersampling.
 
     Raises:
-        ValueError: The distortion cannot be inverted over the window.
+        ValueError: The distortion cannot be inverted over these rows.
     """
-    rows, columns = config.window.shape
+    _, columns = config.window.shape
     s = config.supersampling
     step = config.window.binning / s
     u = config.window.x_offset - 0.5 + (np.arange(columns * s) + 0.5) * step
-    v = config.window.y_offset - 0.5 + (np.arange(rows * s) + 0.5) * step
-    goal = np.stack(
-        np.meshgrid((u - config.centre[0]) / config.focal, (v - config.centre[1]) / config.focal),
-        axis=-1,
+    v = config.window.y_offset - 0.5 + (np.arange(first * s, last * s) + 0.5) * step
+    plane, worst = _undistorted(
+        lens_numbers(config),
+        np.asarray((u - config.centre[0]) / config.focal, dtype=float),
+        np.asarray((v - config.centre[1]) / config.focal, dtype=float),
     )
-    plane = goal.copy()
-    for _ in range(20):
-        residual = distort(config, plane) - goal
-        if np.abs(residual).max() < 1.0e-12:
-            break
-        plane -= _solve(_distortion_slope(config, plane), residual)
-    else:
+    if not worst < INVERSION_TOLERANCE:
         raise ValueError(f"distortion {config.distortion} cannot be inverted over the window")
     camera = np.concatenate([plane, np.ones((*plane.shape[:2], 1))], axis=-1)
-    return camera @ axes(config).T
+    return np.asarray(camera @ axes(config).T, dtype=float)
+
+
+@compiled
+def _undistorted(
+    lens: FloatArray, across: FloatArray, down: FloatArray
+) -> tuple[FloatArray, float]:  # pragma: no cover
+    """Return undistorted plane coordinates of a grid, by fixed point, and the worst residual."""
+    plane = np.empty((down.size, across.size, 2))
+    worst = 0.0
+    for row in range(down.size):
+        a, b = across[0], down[row]
+        for column in range(across.size):
+            residual = math.inf
+            # The last pixel's answer is the best guess for the next one.
+            for _ in range(INVERSION_STEPS):
+                q = a * a + b * b
+                radial = 1.0 + q * (lens[15] + q * (lens[16] + q * lens[19]))
+                shift_a = 2.0 * lens[17] * a * b + lens[18] * (q + 2.0 * a * a)
+                shift_b = lens[17] * (q + 2.0 * b * b) + 2.0 * lens[18] * a * b
+                residual = max(
+                    abs(a * radial + shift_a - across[column]),
+                    abs(b * radial + shift_b - down[row]),
+                )
+                if not residual > 0.1 * INVERSION_TOLERANCE:
+                    break
+                a, b = (across[column] - shift_a) / radial, (down[row] - shift_b) / radial
+            if not residual <= worst:
+                worst = residual
+            plane[row, column, 0], plane[row, column, 1] = a, b
+    return plane, worst
 
 
 def distort(config: CameraConfig, plane: FloatArray) -> FloatArray:
@@ -137,16 +168,3 @@ def distort(config: CameraConfig, plane: FloatArray) -> FloatArray:
         ],
         axis=-1,
     )
-
-
-def _distortion_slope(config: CameraConfig, plane: FloatArray) -> FloatArray:
-    step = 1.0e-6
-    columns = [
-        (distort(config, plane + offset) - distort(config, plane - offset)) / (2.0 * step)
-        for offset in (np.array([step, 0.0]), np.array([0.0, step]))
-    ]
-    return np.stack(columns, axis=-1)
-
-
-def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=float)

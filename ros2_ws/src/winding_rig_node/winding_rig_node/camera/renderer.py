@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from winding_rig_node.camera.cable_mesh import draw_cable, path_height
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.cylinder_view import StaticView, static_view
-from winding_rig_node.camera.optics import lens_numbers
+from winding_rig_node.camera.optics import lens_numbers, project_points
 from winding_rig_node.camera.raster import BLOCK, resolve
 from winding_rig_node.camera.scene import Paint, Scene
-from winding_rig_node.camera.sensor import expose, noise_table
+from winding_rig_node.camera.sensor import demosaiced, expose, noise_table
+from winding_rig_node.camera.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -19,6 +23,11 @@ ByteArray = NDArray[np.uint8]
 
 # Chords of this many pixels stay within 0.01 px of the arc at every radius of the paper.
 SECTION_STEP = 3.0
+
+# Of one marker band: pixel (column, row) of its middle on the centre line, of the centroid of its
+# visible surface, and the visible area [px]; nan where there is none.
+BAND_DTYPE = np.dtype([("centre", "<f8", 2), ("centroid", "<f8", 2), ("area", "<f8")])
+Bands = NDArray[np.void]
 
 
 class Renderer:
@@ -28,8 +37,9 @@ class Renderer:
     may be any thread, and the drawing itself releases the interpreter lock.
     """
 
-    def __init__(self, config: CameraConfig) -> None:
+    def __init__(self, config: CameraConfig, surroundings: Surroundings | None = None) -> None:
         self.config = config
+        self.surroundings = surroundings or Surroundings()
         rows, columns = config.window.shape
         s = config.supersampling
         self._lens = lens_numbers(config)
@@ -52,29 +62,75 @@ class Renderer:
             rng: Source of the sensor's noise.
         """
         config = self.config
-        radiance = self._draw(scene)
+        radiance = self.surroundings.cover(config, self._smeared(scene))
+        if config.defocus > 0.0:
+            radiance = cv2.GaussianBlur(radiance, (0, 0), config.defocus)
+        gain = config.light.gain
+        if config.light.flicker > 0.0:
+            gain *= (1.0 + config.light.flicker) ** rng.uniform(-1.0, 1.0)
         rows, columns = config.window.shape
         frame = np.empty((rows, columns, 3), dtype=np.uint8)
         offsets = rng.integers(0, self._table.size - 3 * columns, size=rows)
         expose(
             radiance,
             self._view(scene).falloff,
-            config.light.gain,
+            gain,
             config.noise.read,
             config.noise.shot,
             self._table,
             offsets,
             frame,
         )
-        return frame
+        return demosaiced(frame) if config.bayer else frame
+
+    def visible_bands(self, scene: Scene) -> Bands:
+        """Return the ground truth of every marker band as the sharp picture shows it.
+
+        Rods of the surroundings do not hide anything here.
+        """
+        self._paint(scene)
+        label = self._label
+        s = self.config.supersampling
+        bands = np.zeros(scene.marker_theta.size, dtype=BAND_DTYPE)
+        landed = np.isfinite(scene.marker_theta)
+        bands["centre"] = np.nan
+        bands["centre"][landed] = project_points(
+            self.config, scene.centreline(scene.marker_theta[landed])
+        )
+        for n in range(bands.size):
+            rows, columns = np.nonzero(label == n + 2)
+            bands["area"][n] = rows.size / s**2
+            if rows.size:
+                middle = np.array([columns.mean(), rows.mean()])
+                bands["centroid"][n] = (middle + 0.5) / s - 0.5
+            else:
+                bands["centroid"][n] = np.nan
+        self._resolve(scene)
+        return bands
+
+    def _smeared(self, scene: Scene) -> SingleArray:
+        """Return the mean radiance over the exposure, which the scene's instant halves."""
+        config = self.config
+        way = config.exposure * scene.cylinder_speed
+        if way == 0.0 or config.exposure_samples == 1:
+            return self._draw(scene)
+        total = np.zeros_like(self._radiance)
+        for k in range(config.exposure_samples):
+            share = (k + 0.5) / config.exposure_samples - 0.5
+            total += self._draw(replace(scene, cylinder_angle=scene.cylinder_angle + share * way))
+        return np.asarray(total / np.float32(config.exposure_samples), dtype=np.float32)
 
     def _view(self, scene: Scene) -> StaticView:
         key = (scene.cylinder_radius, scene.cylinder_ends, scene.paint)
         if key not in self._views:
-            self._views[key] = static_view(self.config, *key)
+            self._views[key] = static_view(self.config, *key, self.surroundings)
         return self._views[key]
 
     def _draw(self, scene: Scene) -> SingleArray:
+        self._paint(scene)
+        return self._resolve(scene)
+
+    def _paint(self, scene: Scene) -> None:
         view = self._view(scene)
         if self._drawn is not view:
             self._inverse_depth[:] = view.inverse_depth
@@ -95,6 +151,9 @@ class Renderer:
             self._gloss,
             self._touched,
         )
+
+    def _resolve(self, scene: Scene) -> SingleArray:
+        view = self._view(scene)
         resolve(
             self.config.supersampling,
             view.radiance,

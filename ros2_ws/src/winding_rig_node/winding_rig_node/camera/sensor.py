@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +23,18 @@ NOISE_TABLE_SIZE = 1 << 20
 def noise_table(seed: int = 20230301) -> SingleArray:
     """Return standard normal numbers that rows of pixels read from a random offset."""
     return np.random.default_rng(seed).standard_normal(NOISE_TABLE_SIZE, dtype=np.float32)
+
+
+def demosaiced(frame: ByteArray) -> ByteArray:
+    """Return what a sensor with an RGGB colour filter makes of a frame.
+
+    Each pixel keeps one channel and the other two are interpolated between its neighbours.
+    """
+    raw = frame[..., 1].copy()
+    raw[0::2, 0::2] = frame[0::2, 0::2, 2]
+    raw[1::2, 1::2] = frame[1::2, 1::2, 0]
+    # OpenCV names the pattern by the second row's second and third pixel.
+    return np.asarray(cv2.cvtColor(raw, cv2.COLOR_BayerBG2BGR), dtype=np.uint8)
 
 
 @compiled

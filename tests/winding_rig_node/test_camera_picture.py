@@ -1,0 +1,299 @@
+"""What the simulated camera shows, against geometry and an independent renderer."""
+
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from cable_winding.fleet import FleetAngleLaw
+from winding_rig_node.camera import (
+    CameraConfig,
+    Light,
+    Patch,
+    Renderer,
+    Scene,
+    SensorNoise,
+    Surroundings,
+    encode_jpeg,
+)
+from winding_rig_node.camera.optics import distort, project_points, sample_rays
+from winding_rig_node.camera.polygon import draw_polygons
+
+QUIET = SensorNoise(read=0.0, shot=0.0)
+FLAT = Light(ambient=1.0, highlight=0.0, falloff=0.0)
+
+
+def scene(angle=6.4, radius=0.015, cable=0.002, **changes):
+    law = FleetAngleLaw(advance_per_radian=2.87e-3, free_length=0.198, radius=radius + cable)
+    theta = np.linspace(0.0, 40.0, 1001)
+    made = Scene(
+        cylinder_radius=radius,
+        cable_radius=cable,
+        cylinder_angle=angle,
+        path_theta=theta,
+        path_z=law.z(theta),
+        marker_theta=np.array([0.0, 6.1, 12.2]),
+        guide_z=2.87e-3 * angle,
+        free_length=0.198,
+    )
+    return replace(made, **changes)
+
+
+def picture(config, made, seed=0, surroundings=None):
+    return Renderer(config, surroundings).render(made, np.random.default_rng(seed))
+
+
+def yellow(frame):
+    hsv = cv2.cvtColor(frame, cv2.COLOR_BGR2HSV)
+    return cv2.inRange(hsv, (18, 110, 30), (38, 255, 255)) > 0
+
+
+def centroid(mask):
+    rows, columns = np.nonzero(mask)
+    return np.array([columns.mean(), rows.mean()])
+
+
+def test_resolution_is_that_of_the_paper_at_the_cylinder():
+    ends = np.array([[0.03, 0.0, 0.045], [0.03, 0.0, 0.055]])
+    pixels = project_points(CameraConfig().full_frame(), ends)
+    # 12.5 px/mm as designed; 2 % is the change of distance over the cylinder radii.
+    assert np.linalg.norm(pixels[1] - pixels[0]) / 10.0 == pytest.approx(12.5, rel=0.03)
+
+
+def test_window_shows_the_whole_winding_range():
+    config = CameraConfig()
+    rows, columns = config.window.shape
+    assert (rows, columns) == (96, 640)
+    pixels = project_points(config, np.array([[0.017, 0.0, -0.015], [0.017, 0.0, 0.115]]))
+    assert (pixels[:, 0] > 0).all()
+    assert (pixels[:, 0] < columns - 1).all()
+
+
+def test_image_right_is_feed_and_image_down_is_rotation():
+    config = CameraConfig()
+    pixels = project_points(
+        config, np.array([[0.017, 0.0, 0.05], [0.017, 0.0, 0.06], [0.016, 0.003, 0.05]])
+    )
+    assert pixels[1, 0] > pixels[0, 0]
+    assert pixels[2, 1] > pixels[0, 1]
+
+
+def test_binned_window_and_full_frame_see_the_same_point():
+    config = CameraConfig()
+    point = np.array([[0.0165, 0.004, 0.031]])
+    binned = project_points(config, point)[0]
+    full = project_points(config.full_frame(), point)[0]
+    window = config.window
+    back = np.array([window.x_offset, window.y_offset]) + window.binning * (binned + 0.5) - 0.5
+    np.testing.assert_allclose(back, full, atol=1e-9)  # the same arithmetic twice
+
+
+def test_rays_invert_the_distortion():
+    config = replace(CameraConfig(), distortion=(-0.35, 0.12, 1e-3, -8e-4, 0.0), supersampling=1)
+    rays = sample_rays(config, 0, 96)
+    points = np.array(config.position) + 0.4 * rays[::31, ::97].reshape(-1, 3)
+    rows, columns = np.meshgrid(np.arange(0, 96, 31), np.arange(0, 640, 97), indexing="ij")
+    pixels = project_points(config, points)
+    np.testing.assert_allclose(pixels[:, 0], columns.ravel(), atol=1e-6)  # 1e-12 f / binning
+    np.testing.assert_allclose(pixels[:, 1], rows.ravel(), atol=1e-6)
+
+
+def test_a_distortion_that_folds_the_picture_is_refused():
+    config = replace(CameraConfig().full_frame(), distortion=(-40.0, 0.0, 0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="cannot be inverted"):
+        sample_rays(replace(config, supersampling=1), 0, 8)
+
+
+def test_distortion_agrees_with_opencv():
+    config = CameraConfig()
+    plane = np.array([[0.15, -0.08], [-0.19, 0.1], [0.01, 0.02]])
+    seen, _ = cv2.projectPoints(
+        np.column_stack([plane, np.ones(3)]),
+        np.zeros(3),
+        np.zeros(3),
+        np.eye(3),
+        np.array(config.distortion),
+    )
+    np.testing.assert_allclose(distort(config, plane), seen.reshape(-1, 2), atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, 6.4, 12.8, 25.0])
+def test_visible_bands_agree_with_an_independent_polygon_renderer(angle):
+    config = replace(
+        CameraConfig().full_frame(2),
+        noise=QUIET,
+        light=FLAT,
+        supersampling=4,
+        tilt=(3e-3, -5e-3, 4e-3),
+    )
+    made = scene(angle, marker_theta=np.array([angle - 0.3]) if angle > 0.4 else np.array([0.0]))
+    ours = centroid(yellow(picture(config, made)))
+    theirs = centroid(yellow(draw_polygons(config, made)))
+    # Polygon corners are rounded to 1/16 of a sample, edges inclusive: 0.16 px is what a
+    # polygon renderer was measured to be good for at twice this resolution.
+    np.testing.assert_allclose(ours, theirs, atol=0.16)
+
+
+def test_ground_truth_is_the_centroid_of_the_picture():
+    config = replace(CameraConfig().full_frame(), noise=QUIET, light=FLAT)
+    made = scene(0.3)
+    renderer = Renderer(config)
+    band = renderer.visible_bands(made)[0]
+    mask = yellow(renderer.render(made, np.random.default_rng(0)))
+    # Threshold on mixed pixels against exact samples: both edges lose the same.
+    np.testing.assert_allclose(centroid(mask), band["centroid"], atol=0.1)
+    assert mask.sum() == pytest.approx(band["area"], rel=0.05)
+
+
+def test_the_visible_centroid_is_not_the_centre_line():
+    config = replace(CameraConfig().full_frame(), noise=QUIET)
+    band = Renderer(config).visible_bands(scene(0.6))[0]
+    off = band["centroid"] - band["centre"]
+    assert 5.0 < off[1] < 25.0  # 0.6 r sin(0.6) is 0.7 mm, 8 px
+
+
+def test_a_band_moves_down_the_free_span_by_the_cylinder_way():
+    config = replace(CameraConfig().full_frame(), noise=QUIET)
+    renderer = Renderer(config)
+    late = np.array([6.5])
+    before = renderer.visible_bands(scene(6.1, marker_theta=late))[0]["centre"]
+    after = renderer.visible_bands(scene(6.2, marker_theta=late))[0]["centre"]
+    way = 0.1 * 0.017 * config.focal / (config.position[0] - 0.017)
+    assert after[1] - before[1] == pytest.approx(way, rel=0.01)
+
+
+def test_the_far_side_is_hidden_and_an_unknown_marker_is_not_drawn():
+    made = scene(math.pi, marker_theta=np.array([0.0, np.nan]))
+    bands = Renderer(CameraConfig().full_frame(2)).visible_bands(made)
+    assert (bands["area"] == 0.0).all()
+    assert np.isnan(bands["centre"][1]).all()
+
+
+def test_same_seed_same_frame():
+    made = scene()
+    assert (picture(CameraConfig(), made, 5) == picture(CameraConfig(), made, 5)).all()
+    assert (picture(CameraConfig(), made, 5) != picture(CameraConfig(), made, 6)).any()
+
+
+def test_noise_has_the_configured_deviation():
+    config = replace(CameraConfig(), noise=SensorNoise(read=8.0, shot=0.0))
+    still = picture(replace(config, noise=QUIET), scene()).astype(float)
+    noisy = picture(config, scene()).astype(float)
+    # 180,000 samples know their deviation to 0.2 %; rounding adds 1/12 grey level squared.
+    assert (noisy - still).std() == pytest.approx(math.hypot(8.0, math.sqrt(2 / 12)), rel=0.02)
+
+
+def test_light_scales_grey_levels():
+    dark = picture(replace(CameraConfig(), noise=QUIET, light=Light(gain=0.5)), scene())
+    full = picture(replace(CameraConfig(), noise=QUIET), scene())
+    np.testing.assert_allclose(dark, 0.5 * full, atol=1.0)  # rounding of both
+
+
+def test_flicker_changes_light_from_frame_to_frame():
+    renderer = Renderer(replace(CameraConfig(), light=Light(flicker=0.5), noise=QUIET))
+    rng = np.random.default_rng(3)
+    means = [renderer.render(scene(), rng).mean() for _ in range(20)]
+    assert 1.3 < max(means) / min(means) < 2.3
+
+
+def test_motion_blur_smears_along_the_motion():
+    sharp = replace(CameraConfig().full_frame(), noise=QUIET)
+    made = scene(0.2, cylinder_speed=1.74)
+    blurred = replace(sharp, exposure=0.02, exposure_samples=9)
+    # Way of the surface during the exposure, in pixels.
+    way = 1.74 * 0.02 * 0.019 * sharp.focal / (sharp.position[0] - 0.019)
+    edge = [
+        np.abs(np.diff(picture(config, made)[:, 360, 0].astype(float))).max()
+        for config in (sharp, blurred)
+    ]
+    assert way > 5.0
+    assert edge[1] < 0.5 * edge[0]
+
+
+def test_defocus_softens_edges():
+    sharp = replace(CameraConfig(), noise=QUIET)
+    edge = [
+        np.abs(np.diff(picture(config, scene()).astype(float), axis=1)).max()
+        for config in (sharp, replace(sharp, defocus=3.0))
+    ]
+    assert edge[1] < 0.4 * edge[0]
+
+
+def test_bayer_keeps_flat_regions_and_colours_edges():
+    config = replace(CameraConfig(), noise=QUIET)
+    plain, filtered = (
+        picture(config, scene(0.2)).astype(float),
+        picture(replace(config, bayer=True), scene(0.2)).astype(float),
+    )
+    assert np.abs(filtered - plain).mean() < 3.0
+    assert np.abs(filtered - plain).max() > 20.0
+    assert centroid(yellow(filtered.astype(np.uint8))) == pytest.approx(
+        centroid(yellow(plain.astype(np.uint8))), abs=0.3
+    )
+
+
+def test_a_rod_hides_the_cable_and_a_decoy_does_not():
+    config = replace(CameraConfig(), noise=QUIET)
+    spot = {"column": 960.0, "row": 536.0, "width": 1920.0, "height": 60.0}
+    rod = Surroundings(patches=(Patch(**spot, colour=(40, 40, 40), in_front=True),))
+    decoy = Surroundings(patches=(Patch(**spot, colour=(20, 200, 240)),))
+    made = scene(0.0)
+    assert yellow(picture(config, made)).sum() > 200
+    assert yellow(picture(config, made, surroundings=rod)).sum() < 150
+    behind = picture(config, made, surroundings=decoy)
+    assert yellow(behind)[:, :40].sum() > 500
+    assert yellow(behind)[:, 100:140].sum() == yellow(picture(config, made))[:, 100:140].sum()
+
+
+def test_a_photograph_fills_the_backdrop_only():
+    photo = np.random.default_rng(1).integers(0, 255, (50, 80, 3)).astype(np.uint8)
+    config = replace(CameraConfig().full_frame(3), noise=QUIET)
+    plain = picture(config, scene())
+    filled = picture(config, scene(), surroundings=Surroundings(photograph=photo))
+    changed = (plain != filled).any(axis=2)
+    assert changed[:40].mean() > 0.9
+    assert changed[175:185, 100:500].mean() == 0.0
+
+
+def test_preview_is_a_jpeg_of_the_frame():
+    frame = picture(CameraConfig(), scene())
+    data = encode_jpeg(frame, quality=90, shrink=2)
+    back = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert data[:2] == b"\xff\xd8"
+    assert back.shape == (48, 320, 3)
+    small = cv2.resize(frame, (320, 48), interpolation=cv2.INTER_AREA)
+    assert np.abs(back.astype(float) - small).mean() < 4.0  # loss of quality 90
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: CameraConfig(focal=0.0), "focal"),
+        (lambda: CameraConfig(encoding="mono8"), "encoding"),
+        (lambda: CameraConfig(width=100), "ends at column"),
+        (lambda: CameraConfig(defocus=-1.0), "defocus"),
+        (lambda: SensorNoise(read=-1.0), "read noise"),
+        (lambda: Light(gain=0.0), "gain"),
+        (lambda: Light(ambient=1.5), "ambient"),
+        (lambda: scene(path_z=np.zeros(3)), "one length"),
+        (lambda: scene(cylinder_angle=math.nan), "finite"),
+        (lambda: scene(cable_radius=-1.0), "cable_radius"),
+        (lambda: Patch(column=0, row=0, width=0, height=1, colour=(0, 0, 0)), "patch size"),
+        (lambda: Surroundings(photograph=np.zeros((4, 4))), "photograph"),
+        (lambda: encode_jpeg(np.zeros((4, 4, 3), np.uint8), quality=0), "quality"),
+    ],
+)
+def test_impossible_descriptions_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_calibration_says_what_camera_info_says():
+    info = CameraConfig().calibration()
+    assert (info.width, info.height, info.distortion_model) == (1920, 1080, "plumb_bob")
+    assert info.roi == (0, 393, 1920, 288)
+    assert info.binning == 3
+    assert info.k[0, 0] == CameraConfig().focal
+    assert info.d.shape == (5,)
