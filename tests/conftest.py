@@ -1,9 +1,13 @@
 """Isolation: a DDS domain per test process, a Context and an executor per test."""
 
 import os
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -101,3 +105,48 @@ def module_ros() -> Iterator[Ros]:
     harness = Ros()
     yield harness
     harness.close()
+
+
+def winding(
+    *arguments: object, cwd: Path, patience: float = 240.0
+) -> subprocess.CompletedProcess[str]:
+    """Run the `winding` command in a folder, as a person would."""
+    return subprocess.run(
+        [sys.executable, "-m", "winding_bringup.cli", *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=patience,
+        check=False,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedRun:
+    """A run of real processes with everything that it left behind."""
+
+    duration: float
+    bag: Path
+    report: Path
+    json: Path
+    finished: subprocess.CompletedProcess[str]
+
+
+@pytest.fixture(scope="session")
+def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
+    """Wind the first seconds of case 4 with four processes, recorded."""
+    folder = tmp_path_factory.mktemp("run")
+    duration = 5.0
+    bag, report, json = folder / "bag", folder / "report", folder / "run.json"
+    finished = winding(
+        "run", "--case", 4, "--speed", 0, "--duration-s", duration,
+        "--bag", bag, "--report", report, "--json", json,
+        cwd=folder,
+    )  # fmt: skip
+    return RecordedRun(duration=duration, bag=bag, report=report, json=json, finished=finished)
+
+
+@pytest.fixture(scope="session")
+def command() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """The `winding` command."""
+    return winding

@@ -66,9 +66,7 @@ def run_record(condition: ConditionParameters, result: SessionResult) -> RunReco
                 case.original_length(marker),
                 mean_length(tracked.of(marker), case.centreline_radius),
                 final.get(marker),
-                next(
-                    (p.experiment.s for p in published if p.marker == marker and p.experiment), None
-                ),
+                experiment.get(marker),
             )
             for marker in range(1, case.marker_count + 1)
         ),

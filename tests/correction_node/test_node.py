@@ -1,0 +1,103 @@
+"""The correction's node: the weight on every prediction, the case on every new measurement."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
+
+from cable_winding.cases import paper_case
+from cable_winding.markers import CORRECTED_DTYPE, MarkerFlag, wound_markers
+from cable_winding.published import published_markers
+from cable_winding.ros import topics
+from cable_winding.ros.cloud_messages import decode_cloud, encode_cloud
+from cable_winding.ros.diagnostic_messages import decode_case_votes
+from correction_node.node import CorrectionNode
+
+
+def overrides(**values: object) -> list[Parameter]:
+    return [Parameter(name, value=value) for name, value in values.items()]
+
+
+def measured(number: int, wound: int) -> np.ndarray:
+    """Return the published markers of a case, of which the first `wound` lie on the cylinder."""
+    lays = [marker.experiment for marker in published_markers(number)]
+    return wound_markers(
+        ids=np.arange(1, 5),
+        theta=[lay.theta if lay else np.nan for lay in lays],
+        z=[lay.z if lay else np.nan for lay in lays],
+        radius=paper_case(number).centreline_radius,
+        cylinder_angle=0.0,
+        flags=[0 if index < wound else MarkerFlag.NOT_WOUND for index in range(4)],
+    )
+
+
+class Bench:
+    """An active node between a probe's publishers and subscriptions."""
+
+    def __init__(self, ros: Any, **parameters: object) -> None:
+        self.node = ros.add(CorrectionNode, parameter_overrides=overrides(**parameters))
+        probe = ros.plain()
+        self.corrected: list[Any] = []
+        self.votes: list[Any] = []
+        topics.CORRECTED_MARKERS.subscribe(probe, self.corrected.append)
+        topics.CORRECTION_CASE.subscribe(probe, self.votes.append)
+        self.fem = topics.FEM_MARKERS.advertise(probe)
+        self.tracked = topics.TRACKED_MARKERS.advertise(probe)
+        assert self.node.trigger_configure() is TransitionCallbackReturn.SUCCESS
+        assert self.node.trigger_activate() is TransitionCallbackReturn.SUCCESS
+        ros.spin_until(
+            lambda: (
+                self.fem.get_subscription_count() == 1
+                and self.tracked.get_subscription_count() == 1
+                and self.node.matched("correction/markers") == 1
+            )
+        )
+
+
+def test_every_prediction_is_answered_with_its_stamp(ros: Any) -> None:
+    bench = Bench(ros, case=4)
+    for step in range(5):
+        bench.fem.publish(encode_cloud(0.02 * step, measured(4, 2)))
+    ros.spin_until(lambda: len(bench.corrected) == 5)
+    stamps = [decode_cloud(message, CORRECTED_DTYPE)[0] for message in bench.corrected]
+    np.testing.assert_allclose(stamps, 0.02 * np.arange(5), atol=1e-9)
+
+
+def test_corrected_length_is_weight_times_prediction_within_its_interval(ros: Any) -> None:
+    bench = Bench(ros, case=4)
+    bench.fem.publish(encode_cloud(1.0, measured(4, 2)))
+    ros.spin_until(lambda: bench.corrected)
+    _, markers = decode_cloud(bench.corrected[0], CORRECTED_DTYPE)
+    assert markers["id"].tolist() == [1, 2]
+    np.testing.assert_allclose(markers["s"], markers["h"] * markers["s_fem"], rtol=1e-12)
+    assert ((markers["s_low"] < markers["s"]) & (markers["s"] < markers["s_high"])).all()
+
+
+def test_case_is_named_when_a_further_marker_is_measured_and_not_before(ros: Any) -> None:
+    bench = Bench(ros, case=8)
+    ros.spin_until(lambda: len(bench.votes) == 1)
+    assert decode_case_votes(bench.votes[0])[1] == {}
+    for step, wound in enumerate((0, 0, 1, 1, 3, 3)):
+        bench.tracked.publish(encode_cloud(0.1 * step, measured(8, wound)))
+    ros.spin_until(lambda: len(bench.votes) == 3)
+    stamps = [decode_case_votes(message)[0] for message in bench.votes[1:]]
+    assert stamps == pytest.approx([0.2, 0.4])
+    # Case 8 stretches like no other: its own published lengths must name it.
+    assert next(iter(decode_case_votes(bench.votes[-1])[1])) == 8
+
+
+def test_condition_outside_the_trained_ones_is_left_as_predicted_and_said(ros: Any) -> None:
+    bench = Bench(
+        ros, case=0, cylinder_diameter=0.2, cable_diameter=0.004, weight=2.0, marker_spacing=0.1
+    )
+    bench.fem.publish(encode_cloud(1.0, measured(4, 1)))
+    ros.spin_until(lambda: bench.corrected)
+    assert decode_cloud(bench.corrected[0], CORRECTED_DTYPE)[1]["h"].tolist() == [1.0]
+    assert "cylinder" in bench.node.status().message
+
+
+def test_missing_weights_are_refused(ros: Any) -> None:
+    node = ros.add(CorrectionNode, parameter_overrides=overrides(weights="nowhere"))
+    assert node.trigger_configure() is TransitionCallbackReturn.FAILURE

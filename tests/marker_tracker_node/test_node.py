@@ -1,0 +1,148 @@
+"""The tracker's node: one answer per frame, refusals in diagnostics."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import CameraInfo
+
+from cable_winding.cases import paper_case
+from cable_winding.drive import DriveProfile
+from cable_winding.markers import MARKER_DTYPE, MarkerFlag
+from cable_winding.readings import AxisReading, ImageWindow
+from cable_winding.ros import topics
+from cable_winding.ros.camera_messages import CameraReading, encode_camera_info, encode_image
+from cable_winding.ros.cloud_messages import decode_cloud
+from cable_winding.ros.rig_messages import encode_joint_state
+from marker_tracker_node.node import MarkerTrackerNode
+from winding_rig_node.camera import CameraConfig, Renderer, Scene
+
+FRAMES = 40
+PERIOD = 0.005
+
+
+class Bench:
+    """An active tracker that is shown rendered frames of case 4."""
+
+    def __init__(self, ros: Any) -> None:
+        self.ros = ros
+        self.node = ros.add(MarkerTrackerNode, parameter_overrides=[Parameter("case", value=4)])
+        probe = ros.plain()
+        self.markers: list[Any] = []
+        topics.TRACKED_MARKERS.subscribe(probe, self.markers.append)
+        self.image = topics.IMAGE.advertise(probe)
+        self.info = topics.CAMERA_INFO.advertise(probe)
+        self.joints = topics.JOINT_STATES.advertise(probe)
+        assert self.node.trigger_configure() is TransitionCallbackReturn.SUCCESS
+        assert self.node.trigger_activate() is TransitionCallbackReturn.SUCCESS
+        publishers = (self.image, self.info, self.joints)
+        ros.spin_until(lambda: all(p.get_subscription_count() == 1 for p in publishers))
+        ros.spin_until(lambda: self.node.matched("tracker/markers") == 1)
+        self.camera = CameraConfig()
+        self._renderer = Renderer(self.camera)
+        self._rng = np.random.default_rng(0)
+
+    def calibration(self) -> CameraReading:
+        content = self.camera.calibration()
+        x, y, width, height = content.roi
+        return CameraReading(
+            width=content.width,
+            height=content.height,
+            matrix=content.k,
+            distortion=content.d,
+            window=ImageWindow(
+                x_offset=x, y_offset=y, width=width, height=height, binning=content.binning
+            ),
+        )
+
+    def frame(self, t: float) -> np.ndarray:
+        case = paper_case(4)
+        angle, guide = DriveProfile().positions(t)
+        return self._renderer.render(
+            Scene(
+                cylinder_radius=case.cylinder_radius,
+                cable_radius=case.cable_radius,
+                cylinder_angle=angle,
+                path_theta=np.linspace(0.0, 2.0, 50),
+                path_z=np.linspace(0.0, 1e-3, 50),
+                marker_theta=np.array([0.0, 6.28]),
+                guide_z=guide,
+                free_length=0.198,
+            ),
+            self._rng,
+        )
+
+    def encoder(self, t: float) -> None:
+        (angle, guide), (speed, feed) = DriveProfile().positions(t), DriveProfile().speeds(t)
+        self.joints.publish(
+            encode_joint_state(
+                t,
+                AxisReading(
+                    cylinder_angle=angle,
+                    angular_speed=speed,
+                    carriage_position=guide,
+                    feed_speed=feed,
+                ),
+            )
+        )
+
+    def calibrate(self) -> None:
+        self.info.publish(encode_camera_info(0.0, self.calibration()))
+        self.ros.spin_until(lambda: self.node._tracker is not None)
+
+
+@pytest.fixture
+def bench(ros: Any) -> Bench:
+    return Bench(ros)
+
+
+def test_every_frame_is_answered_with_its_stamp(bench: Bench) -> None:
+    bench.calibrate()
+    for index in range(FRAMES):
+        bench.encoder(index * PERIOD)
+        bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
+    bench.ros.spin_until(lambda: len(bench.markers) == FRAMES)
+    stamps = [decode_cloud(message, MARKER_DTYPE)[0] for message in bench.markers]
+    np.testing.assert_allclose(stamps, PERIOD * np.arange(FRAMES), atol=1e-9)
+    _, markers = decode_cloud(bench.markers[-1], MARKER_DTYPE)
+    assert markers["flags"][0] == 0
+    assert (markers["flags"][1:] & MarkerFlag.NOT_WOUND).all()
+
+
+def test_frames_wait_for_their_encoder_sample(bench: Bench) -> None:
+    bench.calibrate()
+    for index in range(5):
+        bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
+    bench.encoder(0.0)
+    bench.ros.spin_until(lambda: len(bench.markers) == 1)
+    bench.encoder(4 * PERIOD)
+    bench.ros.spin_until(lambda: len(bench.markers) == 5)
+
+
+def test_frame_without_calibration_is_refused_and_said(bench: Bench) -> None:
+    bench.info.publish(CameraInfo())
+    bench.image.publish(encode_image(0.0, bench.frame(0.0)))
+    bench.ros.spin_until(lambda: bench.node._refused["camera/image_raw"] == 1)
+    assert bench.node._refused["camera/camera_info"] == 1
+    assert bench.markers == []
+    assert bench.node.status().message == "no calibrated camera_info yet"
+
+
+def test_silent_encoder_is_said_and_frames_still_answered(bench: Bench) -> None:
+    bench.calibrate()
+    for index in range(FRAMES):
+        bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
+    # Frames older than the synchroniser's patience of 0.1 s go without the encoder.
+    bench.ros.spin_until(lambda: len(bench.markers) >= FRAMES - 21)
+    assert "the encoder is silent" in bench.node.status().message
+
+
+def test_frame_of_another_size_gets_an_empty_answer(bench: Bench) -> None:
+    bench.calibrate()
+    bench.encoder(0.0)
+    bench.image.publish(encode_image(0.0, np.zeros((48, 64, 3), dtype=np.uint8)))
+    bench.ros.spin_until(lambda: len(bench.markers) == 1)
+    assert len(decode_cloud(bench.markers[0], MARKER_DTYPE)[1]) == 0
+    assert "frame of another size" in bench.node.status().message

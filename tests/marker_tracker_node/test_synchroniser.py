@@ -1,0 +1,68 @@
+"""Every frame meets the encoder reading of its own instant."""
+
+import numpy as np
+import pytest
+
+from cable_winding.readings import AxisReading
+from marker_tracker_node.synchroniser import Synchroniser
+
+FRAME = np.zeros((2, 2, 3), dtype=np.uint8)
+
+
+def reading(angle: float) -> AxisReading:
+    return AxisReading(
+        cylinder_angle=angle, angular_speed=1.0, carriage_position=2.0 * angle, feed_speed=2.0
+    )
+
+
+def test_frame_waits_for_the_encoder() -> None:
+    pairing = Synchroniser()
+    pairing.add_reading(0.0, reading(0.0))
+    pairing.add_frame(0.005, FRAME)
+    assert list(pairing.ready()) == []
+    pairing.add_reading(0.005, reading(0.005))
+    assert [pair.t for pair in pairing.ready()] == [0.005]
+
+
+def test_reading_is_interpolated_to_the_frame() -> None:
+    pairing = Synchroniser()
+    pairing.add_reading(0.010, reading(1.0))
+    pairing.add_reading(0.012, reading(2.0))
+    pairing.add_frame(0.0115, FRAME)
+    (pair,) = pairing.ready()
+    assert pair.cylinder_angle == pytest.approx(1.75)
+    assert pair.guide_z == pytest.approx(3.5)
+
+
+def test_frame_in_an_encoder_drop_out_goes_without_a_reading() -> None:
+    pairing = Synchroniser(max_gap=0.02)
+    pairing.add_reading(1.0, reading(1.0))
+    pairing.add_frame(1.25, FRAME)
+    pairing.add_reading(1.5, reading(1.5))
+    (pair,) = pairing.ready()
+    assert pair.cylinder_angle is None
+
+
+def test_frames_do_not_wait_for_a_dead_encoder_forever() -> None:
+    pairing = Synchroniser(patience=0.1)
+    for index in range(5):
+        pairing.add_frame(0.05 * index, FRAME)
+    # The newest frame is at 0.2 s: frames of 0.1 s and before have waited long enough.
+    assert [pair.t for pair in pairing.ready()] == pytest.approx([0.0, 0.05, 0.1])
+
+
+def test_stale_reading_is_left_out() -> None:
+    pairing = Synchroniser()
+    pairing.add_reading(1.0, reading(1.0))
+    pairing.add_reading(0.5, reading(9.0))
+    pairing.add_frame(1.0, FRAME)
+    (pair,) = pairing.ready()
+    assert pair.cylinder_angle == 1.0
+
+
+def test_frame_before_the_first_reading_goes_without() -> None:
+    pairing = Synchroniser()
+    pairing.add_reading(1.0, reading(1.0))
+    pairing.add_frame(0.5, FRAME)
+    (pair,) = pairing.ready()
+    assert pair.cylinder_angle is None
