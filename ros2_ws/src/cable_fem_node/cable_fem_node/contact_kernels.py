@@ -1,4 +1,3 @@
-# ruff: noqa: PLR0917 - compiled functions take arrays by position
 """Contact with a turning rigid cylinder about the z axis: penalty, Coulomb, stick with memory."""
 
 from __future__ import annotations

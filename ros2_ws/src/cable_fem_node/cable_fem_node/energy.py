@@ -5,10 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 
-class EnergyBalanceError(RuntimeError):
-    """A run's energy balance is open: its numbers cannot be trusted."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class EnergyLedger:
     """Energies since the start of a run [J].

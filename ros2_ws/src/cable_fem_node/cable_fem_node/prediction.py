@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_fem_node.energy import EnergyBalanceError, EnergyLedger
+from cable_fem_node.energy import EnergyLedger
+from cable_fem_node.failure import EnergyBalanceError
 from cable_fem_node.rod_winding import RodWinding
 from cable_fem_node.winding_config import WindingConfig
 from cable_winding.drive import PAPER_DURATION, DriveProfile

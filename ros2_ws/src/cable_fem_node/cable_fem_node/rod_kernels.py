@@ -1,4 +1,3 @@
-# ruff: noqa: PLR0917 - compiled functions take arrays by position
 """Internal forces of an extensible, bending rod of isotropic round section (no twist needed).
 
 A straight round rod bends with the energy EI phi^2 / (2 l) at every inner node, phi the turning
@@ -38,19 +37,27 @@ def turning_series(u: float) -> float:
 
 @kernel
 def turning_factor(u: float) -> float:
-    """Return phi / sin(phi) for u = 1 - cos(phi)."""
+    """Return phi / sin(phi) for u = 1 - cos(phi); beyond a right angle it stays at pi / 2.
+
+    A hairpin between two elements is beyond the mesh; its true stiffness has no bound and no
+    stable step.
+    """
     if u < SERIES_LIMIT:
         return turning_series(u)
-    c = max(1.0 - u, -1.0 + 1.0e-12)
+    if u >= 1.0:
+        return 0.5 * math.pi
+    c = 1.0 - u
     return math.acos(c) / math.sqrt(1.0 - c * c)
 
 
 @kernel
 def turning_angle_squared(u: float) -> float:
-    """Return phi^2 for u = 1 - cos(phi)."""
+    """Return phi^2 for u = 1 - cos(phi), twice the integral of `turning_factor`."""
     if u < 1.0e-6:
         return u * (2.0 + u / 3.0)
-    phi = math.acos(max(1.0 - u, -1.0))
+    if u >= 1.0:
+        return math.pi * (0.25 * math.pi + u - 1.0)
+    phi = math.acos(1.0 - u)
     return phi * phi
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.energy import EnergyLedger
+from cable_fem_node.failure import DivergenceError
 from cable_fem_node.points import (
     LEDGER_SIZE,
     LOSS_CONTACT,
@@ -54,10 +55,6 @@ from cable_winding.markers import MarkerFlag, Markers, wound_markers
 FloatArray = NDArray[np.float64]
 
 NODE_DTYPE = np.dtype([(name, "<f8") for name in ("x", "y", "z", "s", "tension", "strain")])
-
-
-class DivergenceError(RuntimeError):
-    """The integration left the range of physics; says when, where and why."""
 
 
 class RodWinding:

@@ -1,8 +1,9 @@
 """The winding model's public names: configuration, live model, prediction."""
 
-from cable_fem_node.energy import EnergyBalanceError, EnergyLedger
+from cable_fem_node.energy import EnergyLedger
+from cable_fem_node.failure import DivergenceError, EnergyBalanceError
 from cable_fem_node.prediction import OverlapError, Prediction, predict
-from cable_fem_node.rod_winding import NODE_DTYPE, DivergenceError, RodWinding
+from cable_fem_node.rod_winding import NODE_DTYPE, RodWinding
 from cable_fem_node.tension import DeadWeight, RigTension, TensionLaw
 from cable_fem_node.uniaxial import LAWS, NoEquilibriumError, UniaxialLaw
 from cable_fem_node.winding_config import WindingConfig

@@ -1,4 +1,3 @@
-# ruff: noqa: PLR0917 - compiled functions take arrays by position
 """The winding machine's own kernel: a rod between a turning cylinder and a guide that feeds it.
 
 One call advances many central-difference steps. Node 0 is P0, tied to the surface and clamped
