@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import dataclass
 
 from cable_winding.ros import topics
@@ -18,6 +19,7 @@ class NodeSpec:
         name: Node name.
         package: Python package; `python -m package` is the node's process.
         node_class: Class in `package.node` for composition in one process.
+        parameters_class: Class in `package.parameters` that states its parameters.
         publishes: Topics it publishes, /diagnostics aside.
         subscribes: Topics it listens to.
         answer: Topic whose stamps say how far the node has come; it holds simulated time.
@@ -26,6 +28,7 @@ class NodeSpec:
     name: str
     package: str
     node_class: str
+    parameters_class: str
     publishes: tuple[Topic, ...]
     subscribes: tuple[Topic, ...]
     answer: Topic | None = None
@@ -37,6 +40,7 @@ GRAPH: tuple[NodeSpec, ...] = (
         name=topics.CORRECTION,
         package="correction_node",
         node_class="CorrectionNode",
+        parameters_class="CorrectionParameters",
         publishes=(topics.CORRECTED_MARKERS, topics.CORRECTION_CASE),
         subscribes=(topics.FEM_MARKERS, topics.TRACKED_MARKERS),
         answer=topics.CORRECTED_MARKERS,
@@ -45,6 +49,7 @@ GRAPH: tuple[NodeSpec, ...] = (
         name=topics.FEM,
         package="cable_fem_node",
         node_class="CableFemNode",
+        parameters_class="FemParameters",
         publishes=(
             topics.FEM_MARKERS,
             topics.FEM_CABLE,
@@ -58,6 +63,7 @@ GRAPH: tuple[NodeSpec, ...] = (
         name=topics.TRACKER,
         package="marker_tracker_node",
         node_class="MarkerTrackerNode",
+        parameters_class="TrackerParameters",
         publishes=(topics.TRACKED_MARKERS,),
         subscribes=(topics.IMAGE, topics.CAMERA_INFO, topics.JOINT_STATES),
         answer=topics.TRACKED_MARKERS,
@@ -66,6 +72,7 @@ GRAPH: tuple[NodeSpec, ...] = (
         name=topics.RIG,
         package="winding_rig_node",
         node_class="RigNode",
+        parameters_class="RigParameters",
         publishes=(
             topics.CLOCK,
             topics.JOINT_STATES,
@@ -83,6 +90,13 @@ GRAPH: tuple[NodeSpec, ...] = (
         ),
     ),
 )
+
+
+def parameters_of(spec: NodeSpec) -> type:
+    """Return the dataclass that states a node's parameters; importing it needs no ROS."""
+    module = importlib.import_module(f"{spec.package}.parameters")
+    stated: type = getattr(module, spec.parameters_class)
+    return stated
 
 
 def pace_topics(graph: tuple[NodeSpec, ...] = GRAPH) -> tuple[Topic, ...]:
@@ -140,22 +154,25 @@ def as_mermaid(graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     for spec in reversed(graph):
         for topic in spec.publishes:
             lines += [
-                f"  {spec.name} -- {topic.name} --> {other.name}"
+                _arrow(spec.name, "-->", topic.name, other.name)
                 for other in graph
                 if topic in other.subscribes and topic not in pace_only(other)
             ]
-    lines += [f"  {spec.name} -- all topics --> {topics.RECORDER}" for spec in reversed(graph)]
+    lines += [_arrow(spec.name, "-->", "all topics", topics.RECORDER) for spec in reversed(graph)]
     lines += [
-        f"  {spec.name} -. stamps of {spec.answer.name} .-> {topics.RIG}"
+        _arrow(spec.name, "-.->", f"stamps of {spec.answer.name}", topics.RIG)
         for spec in reversed(graph)
         if spec.answer is not None
     ]
-    lines.append(
-        f"  {topics.RECORDER} -. stamps of {topics.RECORDER_PROGRESS.name} .-> {topics.RIG}"
-    )
+    progress = topics.RECORDER_PROGRESS.name
+    lines.append(_arrow(topics.RECORDER, "-.->", f"stamps of {progress}", topics.RIG))
     return "\n".join(lines)
 
 
 def pace_only(spec: NodeSpec) -> tuple[Topic, ...]:
     """Return the topics that a node listens to for their stamps alone."""
     return spec.subscribes if spec.name == topics.RIG else ()
+
+
+def _arrow(source: str, line: str, label: str, target: str) -> str:
+    return f'  {source} {line}|"{label}"| {target}'

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from winding_bringup.graph import NodeSpec
 
+_ERROR_MARKS = ("error:", "[ERROR]", "[FATAL]")
 _ESCALATION = ((signal.SIGINT, 5.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 5.0))
 
 
@@ -30,6 +31,7 @@ class NodeProcess:
         self._environment = dict(environment)
         self._log = log
         self._complaints: collections.deque[str] = collections.deque(maxlen=200)
+        self._complained = asyncio.Event()
         self._process: asyncio.subprocess.Process | None = None
         self._reader: asyncio.Task[None] | None = None
 
@@ -87,11 +89,17 @@ class NodeProcess:
             await self._reader
         return await self._process.wait()
 
+    async def refusal(self, patience: float) -> str:
+        """Return what the process says went wrong, waiting for it for up to `patience` [s]."""
+        try:
+            await asyncio.wait_for(self._complained.wait(), patience)
+        except TimeoutError:
+            return "no reason given"
+        return self.complaint()
+
     def complaint(self) -> str:
         """Return the last line that says what went wrong, or an empty text."""
-        errors = [
-            line for line in self._complaints if line.startswith(("error:", "[ERROR]", "[FATAL]"))
-        ]
+        errors = [line for line in self._complaints if line.startswith(_ERROR_MARKS)]
         if errors:
             return errors[-1].removeprefix("error: ").split("]: ", 1)[-1]
         return self._complaints[-1] if self._complaints else ""
@@ -106,3 +114,5 @@ class NodeProcess:
                 text = line.decode(errors="replace").rstrip()
                 if text:
                     self._complaints.append(text)
+                if text.startswith(_ERROR_MARKS):
+                    self._complained.set()

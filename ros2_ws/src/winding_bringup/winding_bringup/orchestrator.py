@@ -24,6 +24,8 @@ _START_TIMEOUT = 120.0
 _CONFIGURE_TIMEOUT = 300.0
 _MATCH_TIMEOUT = 30.0
 _POLL = 0.02
+# The answer to a transition may overtake the sentence on the node's own output.
+_REFUSAL_PATIENCE = 5.0
 
 
 class GraphError(RuntimeError):
@@ -149,8 +151,7 @@ class Orchestrator:
             retry=False,
         )
         if not response.success:
-            await process.stop()
-            raise GraphError(f"{process.spec.name}: {process.complaint()}")
+            raise GraphError(f"{process.spec.name}: {await process.refusal(_REFUSAL_PATIENCE)}")
 
     async def _matched(self) -> None:
         expected = expected_subscribers(self.config.recorded)

@@ -9,9 +9,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from cable_winding.parameters import build
 from cable_winding.ros import topics
 from winding_bringup.environment import clean_shared_memory, set_process_environment
-from winding_bringup.graph import DEFAULT_NAMESPACE, GRAPH, pace_topics
+from winding_bringup.graph import DEFAULT_NAMESPACE, GRAPH, pace_topics, parameters_of
 from winding_bringup.orchestrator import GraphConfig, GraphError, Orchestrator
 from winding_bringup.ownership import chosen_domain, owned
 from winding_bringup.recorder import Recorder, RecorderError, Tape
@@ -65,12 +66,15 @@ def run_session(config: SessionConfig, view: View) -> SessionResult:
         view: Called a few times per second with the tape so far and the wall time [s].
 
     Raises:
+        ParameterError: A node's parameter has an unknown name or a bad value.
         DomainError: Domain and namespace are taken.
         RecorderError: The bag exists already.
         GraphError: A node refused or died; what was recorded until then is kept.
     """
     if config.bag is not None and config.bag.exists():
         raise RecorderError(f"{config.bag} exists already; a recording is never overwritten")
+    for spec in GRAPH:
+        build(parameters_of(spec), _parameters(config)[spec.name], owner=spec.name)
     domain = chosen_domain(config.domain)
     with owned(domain, config.namespace):
         set_process_environment(domain, config.directory / "log")

@@ -154,6 +154,7 @@ def _session(config: SessionConfig, condition: object) -> SessionResult:
     from rich.text import Text
 
     from cable_winding.condition import ConditionParameters
+    from cable_winding.parameters import ParameterError
     from winding_bringup.live import LiveView
     from winding_bringup.orchestrator import GraphError
     from winding_bringup.ownership import DomainError
@@ -171,7 +172,7 @@ def _session(config: SessionConfig, condition: object) -> SessionResult:
                 live.update(picture.render(wall))
 
             return run_session(config, view)
-    except (DomainError, RecorderError) as error:
+    except (ParameterError, DomainError, RecorderError) as error:
         refuse(error)
     except (GraphError, TimeoutError, OSError) as error:
         refuse(error, FAILED)

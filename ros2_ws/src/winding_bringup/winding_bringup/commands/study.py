@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_text
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,13 +20,20 @@ if TYPE_CHECKING:
 def study(
     *,
     element: Annotated[str, typer.Option(help="Element of the solver: rod.")] = "rod",
-    law: Annotated[str, typer.Option(help="Material law.")] = "linear",
+    law: Annotated[
+        str | None,
+        typer.Option(help="Material law; linear, or neo_hookean with --calibrate-rig."),
+    ] = None,
     segment_mm: Annotated[float, typer.Option(help="Length of an element.")] = 5.0,
     json: Annotated[Path | None, typer.Option(help="File of means and cells.")] = None,
     lengths: Annotated[
         Path | None, typer.Option(help="File of predicted lengths, as `winding train` reads them.")
     ] = None,
     processes: Annotated[int, typer.Option(min=1, help="Cases at a time.")] = 2,
+    calibrate_rig: Annotated[
+        bool,
+        typer.Option("--calibrate-rig", help="Fit the rig's span tension to the measured angles."),
+    ] = False,
 ) -> None:
     """Wind all twelve cases ahead and compare every measured marker."""
     from rich.console import Console
@@ -38,13 +45,18 @@ def study(
 
     if element != "rod":
         refuse(f"element must be rod, got {element!r}")
-    if law not in LAWS:
+    if not 0.0 < segment_mm < float("inf"):
+        refuse(f"segment-mm must be positive and finite, got {segment_mm}")
+    if law is not None and law not in LAWS:
         refuse(f"law must be one of {', '.join(LAWS)}, got {law!r}")
     for path in (json, lengths):
         if path is not None and not path.absolute().parent.is_dir():
             refuse(f"there is no folder {path.parent} for {path.name}")
+    if calibrate_rig:
+        _calibrate(law, json)
+        return
     console = Console()
-    results = _wind(StudyConfig(law=law, segment_length=1e-3 * segment_mm), processes)
+    results = _wind(StudyConfig(law=law or "linear", segment_length=1e-3 * segment_mm), processes)
     try:
         own = compare(results)
     except ValueError as error:
@@ -58,10 +70,42 @@ def study(
         "distance and the dead weight for all cases, nothing fitted."
     )
     if json is not None:
-        content = {**own.as_json(), "paper": paper.as_json()}
-        json.write_text(json_text.dumps(content, indent=1, allow_nan=False) + "\n")
+        _write(json, {**own.as_json(), "paper": paper.as_json()})
     if lengths is not None:
         lengths.write_text(format_lengths(predicted_lengths(results)), encoding="utf-8")
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    path.write_text(json_text.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _calibrate(law: str | None, json: Path | None) -> None:
+    from dataclasses import asdict
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from winding_study.calibration import LAW, calibrate
+
+    console = Console()
+    with Console(stderr=True).status("fitting five numbers thirteen times"):
+        fitted = calibrate(law or LAW)
+    table = Table(title=f"Span tension of the rig, fitted with law {fitted.law}")
+    for column in ("number", "value", "standard error"):
+        table.add_column(column, justify="left" if column == "number" else "right")
+    for (name, value), error in zip(
+        asdict(fitted.tension).items(), fitted.standard_errors, strict=True
+    ):
+        table.add_row(name.replace("_", " "), f"{value:.4f}", f"{error:.4f}")
+    console.print(table)
+    console.print(
+        f"theta, relative rms over {len(fitted.residuals_pct)} measured markers: "
+        f"{fitted.in_sample_rms_pct:.2f} % in-sample, "
+        f"{fitted.leave_one_case_out_rms_pct:.2f} % leave-one-case-out. The form of the law was "
+        "found on these very cells, so even the left-out number flatters it."
+    )
+    if json is not None:
+        _write(json, {"calibration": fitted.as_json()})
 
 
 def _wind(config: StudyConfig, processes: int) -> tuple[CaseResult, ...]:
