@@ -109,6 +109,6 @@ def _synthetic(case: Case | None = None, h: float = 0.957) -> RunRecord:
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def synthetic() -> Callable[..., RunRecord]:
     return _synthetic

@@ -40,6 +40,11 @@ class _Page(HTMLParser):
             self.cells[-1].append(data.strip())
 
 
+@pytest.fixture(scope="module")
+def page_text(synthetic) -> str:
+    return render_report(synthetic())
+
+
 def _empty_signal() -> Signal:
     return Signal(t=np.empty(0), value=np.empty(0))
 
@@ -63,16 +68,16 @@ def test_the_page_is_one_file_that_loads_nothing(synthetic, tmp_path) -> None:
     assert all(source.startswith("data:image/svg+xml;base64,") for source in page.sources)
 
 
-def test_every_picture_is_a_drawing_without_outside_references(synthetic) -> None:
-    for source in _Page(render_report(synthetic())).sources:
+def test_every_picture_is_a_drawing_without_outside_references(page_text: str) -> None:
+    for source in _Page(page_text).sources:
         drawing = base64.b64decode(source.partition(",")[2])
         assert ET.fromstring(drawing).tag == "{http://www.w3.org/2000/svg}svg"
         assert not re.search(rb'(href|src)="(?!#)', drawing)
 
 
-def test_the_table_has_every_marker_and_every_number(synthetic) -> None:
+def test_the_table_has_every_marker_and_every_number(synthetic, page_text: str) -> None:
     record = synthetic()
-    rows = [row for row in _Page(render_report(record)).cells if row and row[0].startswith("P")]
+    rows = [row for row in _Page(page_text).cells if row and row[0].startswith("P")]
     assert [row[0] for row in rows] == ["P1", "P2", "P3", "P4"]
     for text, row in zip(rows, record.rows, strict=True):
         numbers = [float(value) for value in text[1:6] + text[7:]]
@@ -90,8 +95,8 @@ def test_the_table_has_every_marker_and_every_number(synthetic) -> None:
         assert numbers == pytest.approx(expected, abs=0.0051)
 
 
-def test_the_same_run_gives_the_same_bytes(synthetic) -> None:
-    assert render_report(synthetic()) == render_report(synthetic())
+def test_the_same_run_gives_the_same_bytes(synthetic, page_text: str) -> None:
+    assert render_report(synthetic()) == page_text
 
 
 def test_markers_that_were_never_wound_are_dashes(synthetic) -> None:

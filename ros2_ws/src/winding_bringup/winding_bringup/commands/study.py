@@ -53,6 +53,8 @@ def study(
         if path is not None and not path.absolute().parent.is_dir():
             refuse(f"there is no folder {path.parent} for {path.name}")
     if calibrate_rig:
+        if lengths is not None:
+            refuse("--calibrate-rig winds nothing, so it has no --lengths")
         _calibrate(law, json)
         return
     console = Console()
@@ -93,10 +95,12 @@ def _calibrate(law: str | None, json: Path | None) -> None:
     table = Table(title=f"Span tension of the rig, fitted with law {fitted.law}")
     for column in ("number", "value", "standard error"):
         table.add_column(column, justify="left" if column == "number" else "right")
+    units = {"offset": " (F0), N", "diameter_gain": " (b), N", "build_up_length": " (L_c), m"}
     for (name, value), error in zip(
         asdict(fitted.tension).items(), fitted.standard_errors, strict=True
     ):
-        table.add_row(name.replace("_", " "), f"{value:.4f}", f"{error:.4f}")
+        label = name.replace("_", " ") + units.get(name, "")
+        table.add_row(label, f"{value:.4f}", f"{error:.4f}")
     console.print(table)
     console.print(
         f"theta, relative rms over {len(fitted.residuals_pct)} measured markers: "
