@@ -10,7 +10,7 @@ from marker_tracker_node.colour import (
     ColourModel,
     ColourRefusedError,
     colour_index,
-    yellow_prior,
+    hue_region,
 )
 from marker_tracker_node.config import TrackerConfig
 from marker_tracker_node.expect import aim
@@ -21,7 +21,8 @@ ByteArray = NDArray[np.uint8]
 
 # How far P0 may appear from its place before the camera's pose was ever refined [m].
 SEARCH_REACH = 5.0e-3
-LEAST_AREA = 0.3
+LEAST_AREA, MOST_AREA = 0.3, 1.7
+SATURATIONS = np.arange(0.45, 0.95, 0.05)
 NEAR_START = 0.3
 
 
@@ -49,10 +50,17 @@ def sample_marker(
     expected = aim(view, config.numbers(), angle, 0.0, 0.0, alone, gate)
     scale = view[12] / (abs(view[9]) * view[23])
     inner = _window(frame, gate, gate[4] + SEARCH_REACH * scale)
-    prior = yellow_prior(config.marker_hue, config.marker_hue_tolerance)
     patch = frame[inner]
-    blob = _largest_blob(prior[colour_index(patch)])
-    if blob.sum() < LEAST_AREA * expected:
+    index = colour_index(patch)
+    blob = np.zeros(patch.shape[:2], dtype=np.uint8)
+    for saturation in SATURATIONS:
+        prior = hue_region(config.marker_hue, config.marker_hue_tolerance, saturation)
+        blob = _largest_blob(prior[index])
+        # A cylinder of brass has the marker's hue and merges with it until only the marker is
+        # saturated enough.
+        if blob.sum() < MOST_AREA * expected:
+            break
+    if not LEAST_AREA * expected <= blob.sum() < MOST_AREA * expected:
         raise ColourRefusedError(
             f"P0 is not where it should be: {int(blob.sum())} pixels of its hue instead of "
             f"{expected:.0f}"

@@ -22,6 +22,10 @@ MIN_SATURATION = 0.25
 MAX_HUE_SPREAD = 20.0
 HUE_FLOOR = 5.0
 HUE_SIGMAS = 4.0
+# Clipped channels hide the true hue: shaded parts of the marker show it.
+CLIPPED_LEVEL = 250
+CLIPPED_SHARE = 0.2
+CLIPPED_MARGIN = 14.0
 SATURATION_SHARE = 0.62
 MIN_VALUE_LEVELS = 24.0
 HUE_BINS = 90
@@ -81,6 +85,8 @@ class ColourModel:
         near = np.abs(shift) < 3.0 * MAX_HUE_SPREAD
         low, high = np.percentile(shift[near], [2.0, 98.0])
         margin = max(HUE_FLOOR, min(HUE_SIGMAS * deviation, MAX_HUE_SPREAD))
+        if (samples >= CLIPPED_LEVEL).any(axis=1).mean() > CLIPPED_SHARE:
+            margin = max(margin, CLIPPED_MARGIN)
         middle = (centre + 0.5 * (low + high)) % 360.0
         spread = 0.5 * (high - low) + margin
         floor = SATURATION_SHARE * float(np.percentile(saturation, 10.0))
@@ -119,9 +125,9 @@ def colour_index(pixels: ByteArray) -> NDArray[np.int64]:
     return (reduced[..., 0] << 10) | (reduced[..., 1] << 5) | reduced[..., 2]
 
 
-def yellow_prior(hue: float, tolerance: float) -> ByteArray:
+def hue_region(hue: float, tolerance: float, min_saturation: float) -> ByteArray:
     """Return a table of the saturated colours around a hue [deg], to find a marker to sample."""
-    return _region(hue, tolerance, 0.45).astype(np.uint8)
+    return _region(hue, tolerance, min_saturation).astype(np.uint8)
 
 
 def _pixels(samples: ByteArray) -> ByteArray:

@@ -21,7 +21,10 @@ ByteArray = NDArray[np.uint8]
 
 # What came of looking for a band.
 OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED = range(4)
-LEAST_AREA, MOST_AREA = 0.7, 1.4
+# Share of the expected area within which a gathering of pixels may be a new band, and within
+# which a known band is whole: one that is covered in part would be measured beside its middle.
+NEW_AREA = (0.7, 1.4)
+WHOLE_AREA = (0.87, 1.2)
 TOUCH_REACH = 1.5
 
 
@@ -67,6 +70,7 @@ def measure(
     z: float,
     slope: float,
     beside: FloatArray,
+    limits: tuple[float, float],
 ) -> tuple[int, float, float, float]:  # pragma: no cover
     """Return what came of it, azimuth [rad], z [m] and measured over expected area.
 
@@ -81,10 +85,11 @@ def measure(
         z: Expected [m].
         slope: dz/dtheta [m/rad].
         beside: See `neighbours`.
+        limits: Least and most accepted share of the expected area.
     """
     count, column, row = gate_moments(frame, table, gate)
     share = count / max(expected, 1.0)
-    if count < 4 or share < LEAST_AREA or share > MOST_AREA:
+    if count < 4 or share < limits[0] or share > limits[1]:
         return HIDDEN, math.nan, math.nan, share
     a, b = plane_of_pixel(view, column, row)
     found, height = solve_band(view, config, a, b, azimuth, z, slope, beside[0], beside[1])

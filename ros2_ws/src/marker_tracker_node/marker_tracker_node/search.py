@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 from marker_tracker_node.band import surface_point
 from marker_tracker_node.compiled import compiled
 from marker_tracker_node.expect import aim, neighbours, seen_height
-from marker_tracker_node.follow import HIDDEN, MEASURED, in_picture, measure, share_between
+from marker_tracker_node.follow import (
+    HIDDEN,
+    MEASURED,
+    NEW_AREA,
+    in_picture,
+    measure,
+    share_between,
+)
 from marker_tracker_node.pinhole import pixel_of_plane, plane_of_point
 from marker_tracker_node.state import (
     AREA,
@@ -51,6 +58,8 @@ SEARCH_GRAIN = 0.24e-3
 PEAKS = 3
 LEAST_PEAK = 0.35
 P0_REACH = 0.45
+# A marker proves itself on the free span, this far before it lands [rad].
+APPROACH = 0.25
 SAME_PLACE = 0.035
 PROOF_HITS = 3
 PROOF_ADVANCE = 0.1
@@ -110,7 +119,7 @@ def search(
         if last < count - 1:
             _scan_range(
                 frame, table, view, config, shared, marks, candidates, path, gates, known, turned,
-                marks[last, THETA] + 0.6 * usual_gap(config, marks, last), turned,
+                marks[last, THETA] + 0.6 * usual_gap(config, marks, last), turned + APPROACH,
             )  # fmt: skip
     _promote(config, shared, marks, candidates)
 
@@ -299,7 +308,17 @@ def _examine(
         for n in range(known):
             share_between(gates, n, known)
         came, found, seen, share = measure(
-            frame, table, view, config, gates[known], expected, azimuth, z, slope, beside
+            frame,
+            table,
+            view,
+            config,
+            gates[known],
+            expected,
+            azimuth,
+            z,
+            slope,
+            beside,
+            NEW_AREA,
         )
         if came != MEASURED:
             return
@@ -307,7 +326,7 @@ def _examine(
     expected_z = seen_height(shared, marks, path, theta)[0]
     if abs(turned - theta) > 40.0 * math.pi or abs(z - expected_z) > config[SEARCH]:
         return
-    if theta > turned or slot_of(config, marks, theta) < 0:
+    if theta > turned + APPROACH or slot_of(config, marks, theta) < 0:
         return
     _remember(candidates, theta, z, share, turned)
 

@@ -18,6 +18,7 @@ from marker_tracker_node.follow import (
     HIDDEN,
     MEASURED,
     OUT_OF_SIGHT,
+    WHOLE_AREA,
     in_picture,
     measure,
     share_between,
@@ -74,6 +75,7 @@ ENCODER_TRUST = 0.2
 JUMP_THETA = 0.12
 JUMP_HEIGHT = 1.5e-3
 LOCK_GAIN = 0.5
+NOT_LANDED = -1
 
 
 @compiled
@@ -156,8 +158,11 @@ def advance(
         if marks[n, STATUS] == 0.0:
             continue
         azimuth = turned - marks[n, THETA]
+        if n > 0 and azimuth < 0.0:
+            came[n] = NOT_LANDED
+            continue
         away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
-        if abs(away) > config[USABLE] or azimuth < -config[USABLE]:
+        if abs(away) > config[USABLE]:
             continue
         slope = seen_height(shared, marks, path, marks[n, THETA])[1]
         neighbours(
@@ -184,6 +189,7 @@ def advance(
         came[n], azimuth, z, share = measure(
             frame, table, view, config, gates[i], aimed[n, 2] * marks[n, AREA],
             aimed[n, 0], marks[n, HEIGHT], aimed[n, 1], beside[n],
+            WHOLE_AREA,
         )  # fmt: skip
         if came[n] != MEASURED:
             continue
@@ -275,7 +281,7 @@ def _write(
     """Write wound angle and height from P0, their deviations and the flags."""
     base = found[0, 1] if math.isfinite(found[0, 1]) else marks[0, HEIGHT]
     for n in range(marks.shape[0]):
-        if marks[n, STATUS] == 0.0:
+        if marks[n, STATUS] == 0.0 or came[n] == NOT_LANDED:
             out[n, :O_FLAGS] = math.nan
             out[n, O_FLAGS] = FLAG_NOT_WOUND
             continue
