@@ -21,7 +21,8 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $@
 
 demo: $(STAMP)
-	$(BIN)/winding run --case 4 --bag runs/demo-$$(date +%Y%m%d-%H%M%S)-$$$$/bag
+	run=runs/demo-$$(date +%Y%m%d-%H%M%S)-$$$$; \
+	    $(BIN)/winding run --case 4 --output $$run --bag $$run/bag
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist loadgroup

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _MILLIMETRE = 1.0e-3
 _PIPE_WIDTH = 110
+_FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
 
 def run(
@@ -39,6 +40,10 @@ def run(
     duration_s: Annotated[float, typer.Option(help="Simulated length of the run.")] = 20.0,
     bag: Annotated[
         Path | None, typer.Option(help="Record every topic into this new rosbag2 folder.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(help="New folder of logs, report and numbers; runs/<time>-case<N> otherwise."),
     ] = None,
     report: Annotated[Path | None, typer.Option(help="Folder of the report.")] = None,
     json: Annotated[Path | None, typer.Option(help="File of the run's numbers.")] = None,
@@ -75,8 +80,11 @@ def run(
     if parameters is not None and not parameters.is_file():
         refuse(f"no parameter file at {parameters}")
     lay = lay or ("fem" if wound.number == 0 else "paper")
-    directory = Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{_label(wound.number)}"
-    directory = _unused(directory)
+    if output is not None and output.exists():
+        refuse(f"{output} exists already; a run is never written over another")
+    directory = output or _unused(
+        Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{_label(wound.number)}"
+    )
     from cable_winding.ros import topics
     from winding_bringup.session import SessionConfig
 
@@ -163,9 +171,10 @@ def _session(config: SessionConfig, condition: object) -> SessionResult:
 
     assert isinstance(condition, ConditionParameters)
     console = Console(stderr=True)
-    first = Text("starting four nodes (first starts compile the kernels and take longer) ...")
     try:
-        with Live(first, console=console, refresh_per_second=4, transient=True) as live:
+        if not console.is_terminal:
+            return run_session(config, _ProgressLines(config.duration))
+        with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
 
             def view(tape: Tape, wall: float) -> None:
                 picture = LiveView(condition.condition(), config.duration, tape)
@@ -178,6 +187,28 @@ def _session(config: SessionConfig, condition: object) -> SessionResult:
         refuse(error, FAILED)
     except (KeyboardInterrupt, asyncio.CancelledError):
         refuse("interrupted; the nodes are stopped", INTERRUPTED)
+
+
+class _ProgressLines:
+    """Progress for a log file: a line for every tenth of the run."""
+
+    def __init__(self, duration: float) -> None:
+        self._duration = duration
+        self._told = 0
+        print(_FIRST_WORDS, file=sys.stderr, flush=True)
+
+    def __call__(self, tape: Tape, wall: float) -> None:
+        from cable_winding.ros import topics
+
+        t = tape.last_stamp(topics.JOINT_STATES)
+        tenth = int(10.0 * t / self._duration)
+        if tenth > self._told:
+            self._told = tenth
+            print(
+                f"{t:6.2f} of {self._duration:.2f} s simulated, {wall:.1f} s on the clock",
+                file=sys.stderr,
+                flush=True,
+            )
 
 
 def _deliver(
