@@ -13,11 +13,13 @@ from cable_winding.published import published_markers
 from winding_study.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 
 
-def _series(case, drive, marks, *, rate, noise, rng) -> MarkerSeries:
+def _series(case, drive, marks, *, rate, rng, noise=0.0, in_view_only=False) -> MarkerSeries:
     columns: dict[str, list[np.ndarray]] = {name: [] for name in ("t", "id", "theta", "z", "s")}
     for marker, (theta, z) in marks.items():
         landed = drive.time_at_angle(theta)
         t = np.arange(np.ceil(landed * rate), 20.0 * rate) / rate
+        if in_view_only:
+            t = t[np.cos(drive.positions(t)[0] - theta) > 0.5]
         angle = theta + noise * rng.normal(size=t.size)
         height = z + 0.02 * noise * rng.normal(size=t.size)
         columns["t"].append(t)
@@ -89,9 +91,9 @@ def _synthetic(case: Case | None = None, h: float = 0.957) -> RunRecord:
         cylinder_setpoint=Signal(t=slow, value=drive.angular_speed * target),
         carriage_setpoint=Signal(t=slow, value=drive.feed_speed * target),
         tension=Signal(t=t[::10], value=case.weight + 0.01 * rng.normal(size=t[::10].size)),
-        predicted=_series(case, drive, predicted, rate=50.0, noise=0.0, rng=rng),
-        tracked=_series(case, drive, measured, rate=200.0, noise=5e-4, rng=rng),
-        corrected=_series(case, drive, predicted, rate=50.0, noise=0.0, rng=rng),
+        predicted=_series(case, drive, predicted, rate=50.0, rng=rng),
+        tracked=_series(case, drive, measured, rate=200.0, noise=5e-4, rng=rng, in_view_only=True),
+        corrected=_series(case, drive, predicted, rate=50.0, rng=rng),
         rows=tuple(rows),
         frames=4000,
         frames_lost=0,

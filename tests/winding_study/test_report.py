@@ -11,7 +11,7 @@ import pytest
 
 from cable_winding.cases import Case, paper_case
 from winding_study.machine_pictures import tracking
-from winding_study.picture import MOST_POINTS, thinned
+from winding_study.picture import MOST_POINTS, broken, thinned
 from winding_study.report import render_report, write_report
 from winding_study.run_record import MarkerRow, MarkerSeries, Signal
 
@@ -162,6 +162,20 @@ def test_thinning_loses_no_peak() -> None:
     assert (thin.max(), thin.min()) == (9.0, -9.0)
     assert (np.diff(thin_t) > 0.0).all()
     assert np.isin(thin_t, t).all()
+
+
+def test_no_line_is_drawn_across_a_gap() -> None:
+    t = np.concatenate([np.arange(0.0, 1.0, 0.005), np.arange(3.6, 4.6, 0.005)])
+    drawn_t, drawn = broken(t, np.ones(t.size))
+    assert np.flatnonzero(np.isnan(drawn)).tolist() == [200]
+    assert np.isnan(drawn_t[200])
+    np.testing.assert_array_equal(np.delete(drawn_t, 200), t)
+
+
+def test_a_signal_without_gaps_stays_whole() -> None:
+    t = np.arange(0.0, 1.0, 0.005)
+    assert np.isfinite(broken(t, t)[1]).all()
+    assert broken(t[:1], t[:1])[0].tolist() == [0.0]
 
 
 def test_tracking_is_measured_after_the_ramp_only() -> None:

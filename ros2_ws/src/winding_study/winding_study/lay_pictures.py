@@ -15,9 +15,9 @@ from winding_study.picture import (
     PUBLISHED,
     TRACKED,
     Picture,
+    broken,
     canvas,
     picture,
-    thinned,
 )
 from winding_study.run_record import MarkerSeries, RunRecord
 
@@ -32,7 +32,7 @@ def marker_picture(record: RunRecord) -> Picture:
             for axes, name, scale in ((theta, "theta", 1.0 / _TURN), (z, "z", 1e3)):
                 for series, colour, width in ((tracked, TRACKED, 3.0), (predicted, PREDICTED, 1.2)):
                     axes.plot(
-                        *thinned(series.t, scale * getattr(series, name)),
+                        *broken(series.t, scale * getattr(series, name)),
                         color=colour,
                         linewidth=width,
                         solid_capstyle="butt",
@@ -65,8 +65,8 @@ def marker_picture(record: RunRecord) -> Picture:
     return picture(
         figure,
         "Markers over time",
-        "A line begins where its marker comes to lie on the cylinder; a level line is a marker "
-        "that stays where it was laid.",
+        "A line begins where its marker comes to lie on the cylinder and breaks while the camera "
+        "does not see it; a level line is a marker that stays where it was laid.",
     )
 
 
@@ -144,7 +144,7 @@ def _difference(
         return
     model = np.interp(t, predicted.t, getattr(predicted, name))
     gap = scale * (model - getattr(tracked, name)[both])
-    axes.plot(*thinned(t, gap), color=PREDICTED, linewidth=0.8)
+    axes.plot(*broken(t, gap), color=PREDICTED, linewidth=0.8)
     axes.annotate(
         f"P{int(predicted.id[0])}",
         (t[-1], gap[-1]),

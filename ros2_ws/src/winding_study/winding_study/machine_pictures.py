@@ -7,7 +7,8 @@ import numpy as np
 from winding_study.picture import FAINT, PAPER, PREDICTED, Picture, canvas, picture, thinned
 from winding_study.run_record import RunRecord, Signal
 
-_SPEED_MEAN = 0.1
+# Long against the encoder's own beat, short against anything that a controller does slowly.
+_SPEED_MEAN = 0.5
 
 
 def speeds_picture(record: RunRecord) -> Picture:
@@ -32,7 +33,7 @@ def speeds_picture(record: RunRecord) -> Picture:
                 gap = 100.0 * (measured.value[held] / target - 1.0)
                 t = measured.t[held]
                 axes.plot(*thinned(t, gap), color=PAPER, linewidth=0.6, label="samples")
-                axes.plot(*_mean_over(t, gap, _SPEED_MEAN), color=PREDICTED, label="0.1 s mean")
+                axes.plot(*_mean_over(t, gap, _SPEED_MEAN), color=PREDICTED, label="0.5 s mean")
                 axes.legend(loc="upper right", ncols=2)
                 axes.margins(y=0.25)
             axes.set_title("off target after the ramp, %")

@@ -26,6 +26,8 @@ PAPER = "#b3bcc7"
 WIDTH_INCHES = 9.2
 # More points than pixels only make the file heavy.
 MOST_POINTS = 1500
+# A pause this many times the usual interval is a gap and not a slow sample.
+GAP = 5.0
 
 _STYLE = {
     "font.family": "DejaVu Sans",
@@ -100,3 +102,22 @@ def thinned(
         ]
     )
     return t[keep], value[keep]
+
+
+def broken(
+    t: NDArray[np.float64], value: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a thinned signal with NaN in its gaps, so that no line is drawn across them."""
+    if len(t) < 3:
+        return t, value
+    intervals = np.diff(t)
+    ends = np.flatnonzero(intervals > GAP * np.median(intervals)) + 1
+    pieces = [
+        thinned(*piece) for piece in zip(np.split(t, ends), np.split(value, ends), strict=True)
+    ]
+    nothing = np.array([np.nan])
+    joined = [
+        np.concatenate([part for piece in pieces for part in (piece[axis], nothing)][:-1])
+        for axis in (0, 1)
+    ]
+    return joined[0], joined[1]
