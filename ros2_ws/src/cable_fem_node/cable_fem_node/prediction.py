@@ -148,11 +148,7 @@ def predict(
             progress(i / frames)
     used = cpu_clock() - started
     energy = model.energy
-    if energy.balance_pct > BALANCE_LIMIT_PCT:
-        raise EnergyBalanceError(
-            f"energy balance open by {energy.balance_pct:.3g} % at t = {duration:g} s "
-            f"(limit {BALANCE_LIMIT_PCT:g} %)"
-        )
+    refuse_open_balance(energy, duration)
     arc, theta, z = model.wound_path()
     stretch = model.stretch()
     wound = stretch[: arc.size - 1]
@@ -173,6 +169,19 @@ def predict(
         cpu_seconds=used,
         element_steps=model.element_steps,
     )
+
+
+def refuse_open_balance(energy: EnergyLedger, t: float) -> None:
+    """Refuse results whose energy balance does not close.
+
+    Raises:
+        EnergyBalanceError: More than 1 % of the energy is not accounted for.
+    """
+    if energy.balance_pct > BALANCE_LIMIT_PCT:
+        raise EnergyBalanceError(
+            f"energy balance open by {energy.balance_pct:.3g} % at t = {t:g} s "
+            f"(limit {BALANCE_LIMIT_PCT:g} %)"
+        )
 
 
 def refuse_overlap(config: WindingConfig, drive: DriveProfile) -> None:

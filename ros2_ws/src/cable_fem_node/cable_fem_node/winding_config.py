@@ -49,9 +49,9 @@ class WindingConfig:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{name} must not be negative, got {value}")
-        if self.segment_length > 0.25 * self.free_length:
+        if self.segment_length > 0.3 * self.free_length:
             raise ValueError(
-                f"segment_length must be at most a quarter of the free length "
+                f"segment_length must be at most 0.3 of the free length "
                 f"{self.free_length:g} m, got {self.segment_length:g} m"
             )
         self.uniaxial.stretch_at(self.weight_tension / self.case.section_area)
