@@ -11,7 +11,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["setuptools"],
+    install_requires=["setuptools", "numba"],
     zip_safe=False,
     description="Explicit finite-element model of the wound cable, live and ahead of the run.",
     license="Apache-2.0",

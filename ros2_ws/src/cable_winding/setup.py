@@ -13,7 +13,7 @@ setup(
     ],
     install_requires=["setuptools"],
     zip_safe=False,
-    description="Shared language of the twin: geometry, cases, tables, topics, messages.",
+    description="Shared language of the twin: geometry, cases, tables, markers, topics, messages.",
     license="Apache-2.0",
     extras_require={"test": ["pytest"]},
 )

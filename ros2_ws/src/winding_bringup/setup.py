@@ -11,7 +11,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["setuptools"],
+    install_requires=["setuptools", "rosbags", "typer"],
     zip_safe=False,
     description="The graph as data, its orchestrator, recorder and the winding command.",
     license="Apache-2.0",
