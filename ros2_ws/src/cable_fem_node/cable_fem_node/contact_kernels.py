@@ -91,7 +91,8 @@ def touch_cylinder(
             if size > most * most:
                 size = math.sqrt(size)
                 scale = most / size
-                sliding += most * (size - most) * per_stick
+                # What the stick spring loses when it is cut back has become heat.
+                sliding += 0.5 * (size * size - most * most) * per_stick
                 ft *= scale
                 fz *= scale
                 slip_t *= scale

@@ -126,9 +126,13 @@ def advance_solid_winding(
             end_gap = tail[c] - target
             force = -m.eye_stiffness * gap / per
             end_force = -m.eye_stiffness * end_gap / per
+            # Along a slanting cable the eye slips: its force stands across the cable.
+            slant = -force * (high[c] - low[c]) / (high[1] - low[1])
             for i in range(per):
                 net[c, eye * per + i] += (1.0 - weight) * force
                 net[c, (eye + 1) * per + i] += weight * force
+                net[1, eye * per + i] += (1.0 - weight) * slant
+                net[1, (eye + 1) * per + i] += weight * slant
                 net[c, tail_begin + i] += end_force
             springs += 0.5 * m.eye_stiffness * (gap * gap + end_gap * end_gap)
             ledger[WORK_INFLOW] -= m.eye_stiffness * (gap + end_gap) * moves * dt
