@@ -13,7 +13,7 @@ from cable_winding.cases import Case, paper_case
 from cable_winding.drive import DriveProfile
 from cable_winding.fleet import FleetAngleLaw
 from marker_tracker_node import CameraPose, PinholeCamera, Tracker, TrackerConfig
-from winding_rig_node.camera import CameraConfig, Renderer, Scene
+from winding_rig_node.camera import CameraConfig, Paint, Renderer, Scene, Surroundings
 from winding_rig_node.lay import CableLay, published_lay
 
 FREE_LENGTH = 0.198
@@ -46,15 +46,19 @@ class Film:
         lay: Where the cable lies; the paper's measured lay unless another is given.
         camera: That films.
         seed: Of the sensor noise.
+        surroundings: What stands around the cylinder.
+        paint: Colours of the scene.
     """
 
     case: Case
     lay: CableLay
     camera: CameraConfig = field(default_factory=CameraConfig)
     seed: int = 1
+    surroundings: Surroundings = field(default_factory=Surroundings)
+    paint: Paint = field(default_factory=Paint)
 
     def __post_init__(self) -> None:
-        self.renderer = Renderer(self.camera)
+        self.renderer = Renderer(self.camera, self.surroundings)
         self.rng = np.random.default_rng(self.seed)
         known = ~np.isnan(self.lay.marker_theta)
         self.theta = self.lay.marker_theta
@@ -72,6 +76,7 @@ class Film:
             marker_theta=self.theta,
             guide_z=guide_z,
             free_length=FREE_LENGTH,
+            paint=self.paint,
         )
         return replace(scene, **changes) if changes else scene
 
@@ -79,10 +84,13 @@ class Film:
         return self.renderer.render(self.scene(angle, angle * DRIVE.advance_per_radian), self.rng)
 
     def frames(
-        self, fps: float, start: float = 0.0, stop: float = 20.0
+        self, fps: float, start: float = 0.0, stop: float = 20.0, missing: float = 0.0
     ) -> Iterator[tuple[float, np.ndarray, float, float]]:
-        """Yield time, frame, encoder reading and guide position."""
+        """Yield time, frame, encoder reading and guide position; leave a share out at random."""
+        dice = np.random.default_rng(3)
         for k in range(math.ceil(start * fps), math.ceil(stop * fps)):
+            if dice.random() < missing:
+                continue
             t = k / fps
             angle, guide = DRIVE.positions(t)
             frame = self.renderer.render(self.scene(angle, guide), self.rng)
@@ -122,13 +130,10 @@ def encoder(angle: float) -> float:
 def paper_film():
     """A function that films a case of the paper as it was measured."""
 
-    def film(number: int, **camera: object) -> Film:
+    def film(number: int, **changes: object) -> Film:
         case = paper_case(number)
-        return Film(
-            case=case,
-            lay=published_lay(case, DRIVE, FREE_LENGTH, DRIVE.positions(20.0)[0]),
-            camera=replace(CameraConfig(), **camera),  # type: ignore[arg-type]
-        )
+        lay = published_lay(case, DRIVE, FREE_LENGTH, DRIVE.positions(20.0)[0])
+        return Film(case=case, lay=lay, **changes)  # type: ignore[arg-type]
 
     return film
 
@@ -137,8 +142,8 @@ def paper_film():
 def smooth_film():
     """A function that films a cable on the fleet-angle law."""
 
-    def film(number: int, camera: CameraConfig | None = None, stretch: float = 1.0) -> Film:
+    def film(number: int, stretch: float = 1.0, **changes: object) -> Film:
         case = paper_case(number)
-        return Film(case=case, lay=smooth_lay(case, stretch), camera=camera or CameraConfig())
+        return Film(case=case, lay=smooth_lay(case, stretch), **changes)  # type: ignore[arg-type]
 
     return film

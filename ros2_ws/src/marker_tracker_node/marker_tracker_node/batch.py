@@ -1,8 +1,5 @@
 """A burst of frames in one compiled call."""
 
-# Compiled kernels take their arrays by position.
-# ruff: noqa: PLR0917
-
 from __future__ import annotations
 
 import numpy as np

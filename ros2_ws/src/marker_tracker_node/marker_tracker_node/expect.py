@@ -1,8 +1,5 @@
 """Where things should be: the laid cable's path and the gate of a band upon it."""
 
-# Compiled kernels take their arrays by position.
-# ruff: noqa: PLR0917
-
 from __future__ import annotations
 
 import math

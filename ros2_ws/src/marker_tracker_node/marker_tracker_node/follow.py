@@ -1,8 +1,5 @@
 """Measuring one band in its gate."""
 
-# Compiled kernels take their arrays by position.
-# ruff: noqa: PLR0917
-
 from __future__ import annotations
 
 import math

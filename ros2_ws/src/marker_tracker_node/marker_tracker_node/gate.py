@@ -50,8 +50,8 @@ def gate_moments(
         # Across counts towards +z, to the right of a cable that runs up the image.
         left, right = strip(-tv, tu * dv, low, high)
         near, far = strip(tu, tv * dv, -half, half)
-        first = math.ceil(column + max(max(left, near), -column))
-        last = math.floor(column + min(min(right, far), columns - 1.0 - column))
+        first = math.ceil(column + max(left, near, -column))
+        last = math.floor(column + min(right, far, columns - 1.0 - column))
         line = frame[v]
         hits, place = 0, 0
         for u in range(first, last + 1):

@@ -1,8 +1,5 @@
 """Looking for markers that are not known yet, along the cable that has been laid."""
 
-# Compiled kernels take their arrays by position.
-# ruff: noqa: PLR0917
-
 from __future__ import annotations
 
 import math

@@ -1,8 +1,5 @@
 """One frame: from an image and an encoder reading to every marker's wound angle and height."""
 
-# Compiled kernels take their arrays by position.
-# ruff: noqa: PLR0917
-
 from __future__ import annotations
 
 import math
@@ -26,6 +23,7 @@ from marker_tracker_node.follow import (
 from marker_tracker_node.gate import GATE_SIZE
 from marker_tracker_node.search import search
 from marker_tracker_node.state import (
+    ALONG,
     ANGLE,
     AREA,
     BLIND,
@@ -39,6 +37,7 @@ from marker_tracker_node.state import (
     RATE,
     RECENT,
     REFERENCE,
+    RHO,
     SHIFT,
     SHIFT_WEIGHT,
     SLIP,
@@ -76,6 +75,7 @@ JUMP_THETA = 0.12
 JUMP_HEIGHT = 1.5e-3
 LOCK_GAIN = 0.5
 NOT_LANDED = -1
+REAIM = 0.4
 
 
 @compiled
@@ -157,16 +157,16 @@ def advance(
         came[n] = OUT_OF_SIGHT
         if marks[n, STATUS] == 0.0:
             continue
-        azimuth = turned - marks[n, THETA]
+        azimuth = turned - marks[n, RECENT]
         if n > 0 and azimuth < 0.0:
             came[n] = NOT_LANDED
             continue
         away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
         if abs(away) > config[USABLE]:
             continue
-        slope = seen_height(shared, marks, path, marks[n, THETA])[1]
+        slope = seen_height(shared, marks, path, marks[n, RECENT])[1]
         neighbours(
-            config, shared, marks, path, azimuth, marks[n, THETA], marks[n, HEIGHT], slope,
+            config, shared, marks, path, azimuth, marks[n, RECENT], marks[n, HEIGHT], slope,
             beside[n],
         )  # fmt: skip
         expected = aim(view, config, azimuth, marks[n, HEIGHT], slope, beside[n], gates[known])
@@ -193,6 +193,17 @@ def advance(
         )  # fmt: skip
         if came[n] != MEASURED:
             continue
+        if abs(azimuth - aimed[n, 0]) * config[RHO] > REAIM * config[ALONG]:
+            # Far from where it was expected the gate may have cut the band: look again.
+            half = gates[i, 4]
+            expected = aim(view, config, azimuth, z, aimed[n, 1], beside[n], gates[i])
+            gates[i, 4] = min(gates[i, 4], half)
+            came[n], azimuth, z, share = measure(
+                frame, table, view, config, gates[i], expected * marks[n, AREA],
+                azimuth, z, aimed[n, 1], beside[n], WHOLE_AREA,
+            )  # fmt: skip
+            if came[n] != MEASURED:
+                continue
         if abs(azimuth - aimed[n, 0]) > JUMP_THETA or abs(z - marks[n, HEIGHT]) > JUMP_HEIGHT:
             came[n] = HIDDEN
             continue

@@ -1,8 +1,5 @@
 """The cable as strips of facets between cross-sections, only the half that faces the camera."""
 
-# Compiled kernels take their arrays by position.
-# ruff: noqa: PLR0917
-
 from __future__ import annotations
 
 import math
@@ -110,11 +107,15 @@ def section(
     facing = math.atan2(along_b, along_e)
     # Seen from a distance d the rim of a circle of radius r lies at acos(r / d), not at 90 degrees.
     reach = math.acos(min(r / math.hypot(along_e, along_b), 1.0))
+    # Facets are chords: corners lie outside by as much as middles lie inside, so that the mean
+    # distance is r. The rim itself is exact.
+    inner = r / (1.0 - (reach / FACETS) ** 2 / 3.0)
     for k in range(FACETS + 1):
         psi = facing + reach * (2.0 * k / FACETS - 1.0)
         c, s = math.cos(psi), math.sin(psi)
         nx, ny, nz = c * ex + s * bx, c * ey + s * by, s * bz
-        px, py, pz = cx + r * nx, cy + r * ny, cz + r * nz
+        reached = r if k in (0, FACETS) else inner
+        px, py, pz = cx + reached * nx, cy + reached * ny, cz + reached * nz
         column, row, inverse = project(lens, px, py, pz)
         diffuse = nx * light[0] + ny * light[1] + nz * light[2]
         shade = light[3] + (1.0 - light[3]) * max(diffuse, 0.0)

@@ -1,8 +1,5 @@
 """Depth-buffered triangles on the sample grid, and the mean of the samples of each pixel."""
 
-# Compiled kernels take their arrays by position.
-# ruff: noqa: PLR0917
-
 from __future__ import annotations
 
 import math

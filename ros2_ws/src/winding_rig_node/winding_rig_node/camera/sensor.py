@@ -1,8 +1,5 @@
 """From radiance to grey levels: exposure, read and shot noise, eight bits."""
 
-# Compiled kernels take their arrays by position.
-# ruff: noqa: PLR0917
-
 from __future__ import annotations
 
 import math

@@ -1,0 +1,166 @@
+"""Precision, recall and identity over five turns while something disturbs the picture."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cable_winding.markers import MarkerFlag
+from winding_rig_node.camera import CameraConfig, Light, Paint, Patch, SensorNoise, Surroundings
+
+UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
+FULL_VIEW = CameraConfig().full_frame(3)
+YELLOW = (25.0, 185.0, 225.0)
+# A published number is right when it is closer to its own marker than anything it could be
+# confused with: neighbouring markers lie 6 rad and 9 mm away.
+RIGHT_THETA, RIGHT_Z = 0.05, 1.0e-3
+
+
+def photograph(name):
+    datasets = pytest.importorskip("sklearn.datasets")
+    return datasets.load_sample_image(name)[..., ::-1].copy()
+
+
+def watch(film, fps=30.0, missing=0.0, dark=None):
+    """Track a run, black where `dark` says so, and return records, angles and the tracker."""
+    tracker = film.tracker()
+    records, angles = [], []
+    for t, frame, angle, guide in film.frames(fps, missing=missing):
+        if dark is not None and dark(angle):
+            frame[:] = 40
+        records.append(tracker.track(frame, t, angle, guide))
+        angles.append(angle)
+    return np.stack(records), np.array(angles), tracker
+
+
+def score(film, records, angles):
+    """Return precision and recall over markers within 60 degrees of the camera."""
+    valid = (records["flags"] & UNSEEN) == 0
+    right = (
+        valid
+        & (np.abs(records["theta"] - film.theta) < RIGHT_THETA)
+        & (np.abs(records["z"] - film.z) < RIGHT_Z)
+    )
+    azimuth = angles[:, None] - film.theta
+    facing = np.abs((azimuth + math.pi) % (2.0 * math.pi) - math.pi) < math.radians(60.0)
+    due = facing & (azimuth >= 0.0)
+    return right.sum() / max(valid.sum(), 1), (right & due).sum() / due.sum()
+
+
+DECOYS = tuple(
+    Patch(column=column, row=row, width=90, height=70, colour=colour)
+    for column, row, colour in (
+        (300, 150, YELLOW),
+        (700, 170, (20, 120, 240)),
+        (1200, 900, YELLOW),
+        (1500, 160, (25, 60, 120)),
+        (500, 930, (10, 150, 200)),
+    )
+)
+STICKER = (Patch(column=700, row=540, width=50, height=50, colour=YELLOW, in_front=True),)
+BRASS = Paint(cylinder=(70.0, 150.0, 180.0))
+
+DISTURBANCES = {
+    "plain": {},
+    "light x0.5": {"camera": replace(FULL_VIEW, light=Light(gain=0.5))},
+    "light x2": {"camera": replace(FULL_VIEW, light=Light(gain=2.0))},
+    "flicker x0.5 to x2": {"camera": replace(FULL_VIEW, light=Light(flicker=1.0))},
+    "noise of 8 grey levels": {"camera": replace(FULL_VIEW, noise=SensorNoise(read=8.0))},
+    "Bayer": {"camera": replace(FULL_VIEW, bayer=True)},
+    "highlight": {"camera": replace(FULL_VIEW, light=Light(highlight=0.6))},
+    "defocus": {"camera": replace(FULL_VIEW, defocus=2.0)},
+    "yellow decoys": {"surroundings": Surroundings(patches=DECOYS)},
+    "a sticker where cable will lie": {"surroundings": Surroundings(patches=STICKER)},
+    "a brass cylinder": {"paint": BRASS},
+    "brass, decoys, Bayer, noise, flicker": {
+        "camera": replace(
+            FULL_VIEW,
+            bayer=True,
+            noise=SensorNoise(read=8.0),
+            light=Light(gain=0.7, flicker=0.3),
+        ),
+        "surroundings": Surroundings(patches=DECOYS),
+        "paint": BRASS,
+    },
+}
+
+
+@pytest.mark.parametrize("name", DISTURBANCES)
+def test_nothing_false_and_little_missed(paper_film, name):
+    film = paper_film(9, **{"camera": FULL_VIEW, **DISTURBANCES[name]})
+    records, angles, tracker = watch(film)
+    precision, recall = score(film, records, angles)
+    assert precision == 1.0
+    assert recall >= 0.98
+    assert tracker.report().known == 5
+
+
+@pytest.mark.parametrize("name", ["china.jpg", "flower.jpg"])
+def test_a_photograph_behind_the_cylinder_does_not_matter(paper_film, name):
+    film = paper_film(9, camera=FULL_VIEW, surroundings=Surroundings(photograph=photograph(name)))
+    records, angles, _ = watch(film)
+    precision, recall = score(film, records, angles)
+    assert precision == 1.0
+    assert recall >= 0.98
+
+
+def test_four_of_five_frames_may_be_missing(paper_film):
+    film = paper_film(9, camera=FULL_VIEW)
+    records, angles, _ = watch(film, fps=100.0, missing=0.8)
+    precision, recall = score(film, records, angles)
+    assert precision == 1.0
+    assert recall >= 0.98
+
+
+def test_a_marker_hidden_on_arrival_is_found_a_turn_later_under_its_own_number(paper_film):
+    film = paper_film(9)
+    second = film.theta[2]
+    # Nothing can be seen from before P2 lands until it has left the picture.
+    records, angles, tracker = watch(
+        film, fps=50.0, dark=lambda angle: second - 0.6 < angle < second + 1.2
+    )
+    precision, _ = score(film, records, angles)
+    assert precision == 1.0
+    assert tracker.report().known == 5
+    valid = (records["flags"][:, 2] & UNSEEN) == 0
+    assert angles[valid].min() > second + 4.0
+    estimate = tracker.estimates()
+    # The bar of 0.2 % of S holds for a marker that was recovered, too.
+    np.testing.assert_allclose(estimate["s"], film.s, rtol=0.002, atol=1e-4)
+
+
+def test_a_rod_across_the_cylinder_costs_frames_but_no_truth(paper_film):
+    rod = Patch(column=960, row=640, width=1920, height=26, colour=(60, 60, 60), in_front=True)
+    film = paper_film(9, camera=FULL_VIEW, surroundings=Surroundings(patches=(rod,)))
+    records, angles, _ = watch(film)
+    precision, recall = score(film, records, angles)
+    assert precision == 1.0
+    assert recall < 0.98  # a covered band is said to be covered, not guessed
+    covered = (records["flags"] & MarkerFlag.OCCLUDED) != 0
+    assert covered.sum() > 0
+    assert (records["flags"][covered] & MarkerFlag.PREDICTED != 0).all()
+
+
+def test_a_marker_that_creeps_is_followed_and_flagged(smooth_film):
+    film = smooth_film(9)
+    tracker = film.tracker()
+    creep, seen = 5.0e-3, []
+    start = film.theta[1] / 1.74 + 0.5
+    true = film.theta.copy()
+    for t, _, angle, guide in film.frames(50.0):
+        now = true.copy()
+        now[1] += creep * max(t - start, 0.0)
+        film.theta = now
+        truth = film.scene(angle, guide, marker_theta=now)
+        frame = film.renderer.render(truth, film.rng)
+        records = tracker.track(frame, t, angle, guide)
+        if (records["flags"][1] & UNSEEN) == 0:
+            seen.append((t, records["theta"][1] - now[1], records["flags"][1]))
+    errors = np.array([error for _, error, _ in seen])
+    # Three times the single-frame deviation at this resolution.
+    assert np.abs(errors).max() < 6.0e-3
+    slipped = [t for t, _, flags in seen if flags & MarkerFlag.SLIPPED]
+    # 30 mrad of slip at 5 mrad/s take 6 s; the flag follows at the next sight of the marker.
+    assert start + 5.0 < min(slipped) < start + 12.0
+    assert records["flags"][3] & MarkerFlag.SLIPPED == 0
