@@ -91,8 +91,10 @@ def touch_cylinder(
             if size > most * most:
                 size = math.sqrt(size)
                 scale = most / size
-                # What the stick spring loses when it is cut back has become heat.
+                # What moved against the spring and is not stored in it any more has become heat.
+                way = moved * moved + aside * aside
                 sliding += 0.5 * (size * size - most * most) * per_stick
+                sliding -= 0.5 * k.stick_stiffness * way
                 ft *= scale
                 fz *= scale
                 slip_t *= scale

@@ -1,0 +1,1 @@
+"""Verification of the solver: problems with reference answers, run by `winding verify`."""

@@ -1,0 +1,109 @@
+"""Material laws: consistency of stress, energy, tables and the uniaxial response."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, logm, polar
+
+from cable_fem_node.rod_kernels import law_energy, law_value
+from cable_fem_node.solid_law import SolidLaw
+from cable_fem_node.uniaxial import (
+    LAWS,
+    TABLE_HIGH,
+    TABLE_INTERVALS,
+    TABLE_LOW,
+    NoEquilibriumError,
+    UniaxialLaw,
+)
+
+ELASTIC = ("linear", "hencky", "neo_hookean", "mooney_rivlin")
+
+
+def some_gradients(seed, count=6):
+    rng = np.random.default_rng(seed)
+    return np.stack([expm(0.25 * rng.standard_normal((3, 3))) for _ in range(count)])
+
+
+@pytest.mark.parametrize("law", ELASTIC)
+def test_stress_is_the_slope_of_the_energy(law):
+    rule = SolidLaw(law=law)
+    step = 1.0e-6
+    for gradient in some_gradients(1):
+        slope = np.zeros((3, 3))
+        for i in range(3):
+            for j in range(3):
+                change = np.zeros((3, 3))
+                change[i, j] = step
+                ahead = rule.strain_energy(gradient + change)
+                slope[i, j] = (ahead - rule.strain_energy(gradient - change)) / (2.0 * step)
+        stress = rule.first_piola(gradient)
+        # Central differences of a smooth energy: rounding 1e-10 of K over the step.
+        assert stress == pytest.approx(slope, abs=1e-7 * np.abs(stress).max() + 20.0)
+
+
+def test_hencky_agrees_with_the_matrix_logarithm():
+    rule = SolidLaw(law="hencky")
+    for gradient in some_gradients(2):
+        log = 0.5 * logm(gradient @ gradient.T)
+        kirchhoff = 2.0 * rule.shear_modulus * log + rule.lame * np.trace(log) * np.eye(3)
+        expected = kirchhoff / np.linalg.det(gradient)
+        # scipy's logarithm carries 1e-12; the bulk modulus multiplies it.
+        assert rule.cauchy(gradient) == pytest.approx(expected, rel=1e-9, abs=1e-3)
+
+
+def test_linear_law_agrees_with_the_polar_decomposition():
+    rule = SolidLaw(law="linear")
+    for gradient in some_gradients(3):
+        rotation, stretch = polar(gradient)
+        strain = stretch - np.eye(3)
+        stress = 2.0 * rule.shear_modulus * strain + rule.lame * np.trace(strain) * np.eye(3)
+        assert rule.first_piola(gradient) == pytest.approx(rotation @ stress, rel=1e-10, abs=1e-3)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_uniaxial_response_has_free_sides(law):
+    rule = SolidLaw(law=law)
+    for stretch in (0.8, 1.1, 1.5):
+        lateral = float(rule.lateral_stretch(stretch))
+        stress = rule.first_piola(np.diag([stretch, lateral, lateral]))
+        # Zero against Young's modulus, to the accuracy of the lateral root.
+        assert abs(stress[1, 1]) < 1e-8 * rule.young
+        assert stress[0, 0] == pytest.approx(float(rule.nominal_stress(stretch)), rel=1e-8)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_table_is_the_law(law):
+    rule = UniaxialLaw(law=law)
+    table = rule.table()
+    per_spacing = TABLE_INTERVALS / (TABLE_HIGH - TABLE_LOW)
+    for stretch in np.random.default_rng(4).uniform(0.4, 3.0, 50):
+        stress = law_value(stretch, table, TABLE_LOW, per_spacing)
+        energy = law_energy(stretch, table, TABLE_LOW, per_spacing)
+        # Cubic interpolation over steps of 0.002.
+        assert stress == pytest.approx(float(rule.nominal_stress(stretch)), abs=1e-6 * rule.young)
+        assert energy == pytest.approx(float(rule.energy_density(stretch)), abs=1e-6 * rule.young)
+
+
+def test_dead_load_beyond_the_limit_says_so():
+    with pytest.raises(NoEquilibriumError, match=r"at most 0\.9565 MPa"):
+        UniaxialLaw(law="hencky").stretch_at(1.249e6)
+
+
+def test_inverted_gradient_is_refused():
+    with pytest.raises(ValueError, match="determinant"):
+        SolidLaw().first_piola(np.diag([1.0, 1.0, -1.0]))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"law": "wood"}, "law must be one of"),
+        ({"young": -1.0}, "young must be positive"),
+        ({"poisson": 0.6}, "poisson must lie"),
+        ({"law": "linear", "incompressible": True}, "incompressible applies"),
+    ],
+)
+def test_invalid_laws_are_refused(change, words):
+    with pytest.raises(ValueError, match=words):
+        UniaxialLaw(**change)

@@ -1,0 +1,26 @@
+"""Every problem of the verification suite, within its tolerance."""
+
+from __future__ import annotations
+
+import pytest
+
+from cable_fem_node.verification.suite import PROBLEMS, references, run_problem
+
+
+def test_every_problem_has_its_references():
+    assert set(PROBLEMS) == set(references())
+
+
+@pytest.mark.parametrize("name", sorted(PROBLEMS))
+def test_problem_is_within_its_tolerances(name):
+    failed = [row for row in run_problem(name) if not row.passed]
+    assert not failed, "\n".join(
+        f"{row.quantity}: computed {row.computed}, reference {row.reference}, "
+        f"error {row.error:.3g} above {row.tolerance:.3g}"
+        for row in failed
+    )
+
+
+def test_unknown_problem_is_refused():
+    with pytest.raises(ValueError, match="problem must be one of"):
+        run_problem("Z99")
