@@ -1,5 +1,6 @@
 """Isolation: a DDS domain per test process, a Context and an executor per test."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -11,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from domain_coordinator import domain_id
 
 # A test waits ten times as long as the thing usually takes, on two busy cores.
 PATIENCE = 60.0
-_FIRST_DOMAIN = 60
+_DOMAIN = contextlib.ExitStack()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -22,13 +24,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0")
     # rcl reads these when a context is made, so they are set before any test imports rclpy.
-    os.environ["ROS_DOMAIN_ID"] = str(_FIRST_DOMAIN + int(worker.removeprefix("gw")))
+    # The coordinator gives no domain to two test processes of this machine.
+    os.environ["ROS_DOMAIN_ID"] = str(_DOMAIN.enter_context(domain_id()))
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     os.environ["ROS_LOG_DIR"] = tempfile.mkdtemp(prefix="winding-test-log-")
     # Generated message classes check types and ranges only when they are asked to.
     os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    _DOMAIN.close()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

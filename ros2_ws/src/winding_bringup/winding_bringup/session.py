@@ -58,6 +58,21 @@ class SessionResult:
 View = Callable[[Tape, float], None]
 
 
+def check_session(config: SessionConfig) -> None:
+    """Refuse what can be refused before any process starts.
+
+    Raises:
+        ParameterError: A node's parameter has an unknown name or a bad value.
+        DomainError: The domain is not a domain.
+        RecorderError: The bag exists already.
+    """
+    for spec in GRAPH:
+        build(parameters_of(spec), _parameters(config)[spec.name], owner=spec.name)
+    chosen_domain(config.domain)
+    if config.bag is not None and config.bag.exists():
+        raise RecorderError(f"{config.bag} exists already; a recording is never overwritten")
+
+
 def run_session(config: SessionConfig, view: View) -> SessionResult:
     """Run the graph once from start to finish.
 
@@ -66,15 +81,11 @@ def run_session(config: SessionConfig, view: View) -> SessionResult:
         view: Called a few times per second with the tape so far and the wall time [s].
 
     Raises:
-        ParameterError: A node's parameter has an unknown name or a bad value.
+        ParameterError, RecorderError: As in `check_session`.
         DomainError: Domain and namespace are taken.
-        RecorderError: The bag exists already.
         GraphError: A node refused or died; what was recorded until then is kept.
     """
-    if config.bag is not None and config.bag.exists():
-        raise RecorderError(f"{config.bag} exists already; a recording is never overwritten")
-    for spec in GRAPH:
-        build(parameters_of(spec), _parameters(config)[spec.name], owner=spec.name)
+    check_session(config)
     domain = chosen_domain(config.domain)
     with owned(domain, config.namespace):
         set_process_environment(domain, config.directory / "log")

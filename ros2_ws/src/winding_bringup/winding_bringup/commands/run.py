@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -80,16 +81,12 @@ def run(
     if parameters is not None and not parameters.is_file():
         refuse(f"no parameter file at {parameters}")
     lay = lay or ("fem" if wound.number == 0 else "paper")
-    if output is not None and output.exists():
-        refuse(f"{output} exists already; a run is never written over another")
-    directory = output or _unused(
-        Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{_label(wound.number)}"
-    )
     from cable_winding.ros import topics
     from winding_bringup.session import SessionConfig
 
     config = SessionConfig(
-        directory=directory,
+        directory=output
+        or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{_label(wound.number)}",
         condition=values,
         own={
             topics.RIG: _given(speed=speed, lay=lay, seed=seed),
@@ -101,9 +98,15 @@ def run(
         domain=domain,
         namespace=namespace,
     )
+    _check(config)
+    config = replace(config, directory=_claimed(config.directory, exactly=output is not None))
     result = _session(config, condition)
     _deliver(
-        condition, config, result, report or directory / "report", json or directory / "run.json"
+        condition,
+        config,
+        result,
+        report or config.directory / "report",
+        json or config.directory / "run.json",
     )
 
 
@@ -148,12 +151,31 @@ def _label(case: int) -> str:
     return f"case{case:02d}" if case else "own"
 
 
-def _unused(directory: Path) -> Path:
+def _check(config: SessionConfig) -> None:
+    from cable_winding.parameters import ParameterError
+    from winding_bringup.ownership import DomainError
+    from winding_bringup.recorder import RecorderError
+    from winding_bringup.session import check_session
+
+    try:
+        check_session(config)
+    except (ParameterError, DomainError, RecorderError) as error:
+        refuse(error)
+
+
+def _claimed(directory: Path, *, exactly: bool) -> Path:
+    """Make the run's folder; two runs that start in one second get two folders."""
     candidate, count = directory, 1
-    while candidate.exists():
-        count += 1
-        candidate = directory.with_name(f"{directory.name}-{count}")
-    return candidate
+    while True:
+        try:
+            candidate.mkdir(parents=True)
+        except FileExistsError:
+            if exactly:
+                refuse(f"{directory} exists already; a run is never written over another")
+            count += 1
+            candidate = directory.with_name(f"{directory.name}-{count}")
+        else:
+            return candidate
 
 
 def _session(config: SessionConfig, condition: object) -> SessionResult:
@@ -162,7 +184,6 @@ def _session(config: SessionConfig, condition: object) -> SessionResult:
     from rich.text import Text
 
     from cable_winding.condition import ConditionParameters
-    from cable_winding.parameters import ParameterError
     from winding_bringup.live import LiveView
     from winding_bringup.orchestrator import GraphError
     from winding_bringup.ownership import DomainError
@@ -181,7 +202,7 @@ def _session(config: SessionConfig, condition: object) -> SessionResult:
                 live.update(picture.render(wall))
 
             return run_session(config, view)
-    except (ParameterError, DomainError, RecorderError) as error:
+    except (DomainError, RecorderError) as error:
         refuse(error)
     except (GraphError, TimeoutError, OSError) as error:
         refuse(error, FAILED)
