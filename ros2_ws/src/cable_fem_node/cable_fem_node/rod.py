@@ -295,12 +295,21 @@ class Rod(ExplicitModel):
         across = 16.0 * mesh.bending / shortest**3 + 4.0 * tension / shortest
         if self._ends.clamped.any():
             across *= 1.25
+        ends = max(0.5 * along, 0.25 * across)
         if touch is not None:
             along += touch.stick_stiffness
             across += touch.normal_stiffness
+            ends += touch.normal_stiffness
         step = 2.0 * math.sqrt(lightest / max(along, across))
-        ends = 2.0 * math.sqrt(float(self.mass.min()) / max(0.5 * along, 0.25 * across, 1.0e-30))
-        step = min(step, ends)
+        step = min(step, 2.0 * math.sqrt(float(self.mass.min()) / max(ends, 1.0e-30)))
+        if touch is not None:
+            # The dashpot acts on the velocity half a step ago.
+            ratio = (
+                0.5
+                * touch.normal_damping
+                / math.sqrt(touch.normal_stiffness * float(self.mass.min()))
+            )
+            step *= math.sqrt(1.0 + ratio**2) - ratio
         if mesh.viscosity > 0.0:
             ratio = 2.0 * mesh.viscosity / (shortest * math.sqrt(along * lightest))
             step *= math.sqrt(1.0 + ratio**2) - ratio

@@ -130,7 +130,10 @@ class Solid(ExplicitModel):
         if self._contact is not None:
             touch = self._touch_constants()
             most = (omega2 * self._element_mass).max() + touch.normal_stiffness
-            step = min(step, 2.0 * math.sqrt(float(self._element_mass.min()) / float(most)))
+            lightest = float(self._element_mass.min())
+            ratio = 0.5 * touch.normal_damping / math.sqrt(touch.normal_stiffness * lightest)
+            damped += ratio
+            step = min(step, 2.0 * math.sqrt(lightest / float(most)))
         # The bound is exact for a single cube; a thousandth keeps rounding on the safe side.
         return 0.999 * step * (math.sqrt(1.0 + damped**2) - damped)
 
