@@ -31,7 +31,9 @@ class CorrectionNode(ManagedNode[CorrectionParameters]):
     def configure(self) -> None:
         """Load the weight; advertise and subscribe."""
         self._case = self.configuration.condition()
-        self._corrector = Corrector(load_weight(weights_directory(self.configuration.weights)))
+        weight = load_weight(weights_directory(self.configuration.weights))
+        self._errors = weight.card["errors"]["network"]
+        self._corrector = Corrector(weight)
         self._factor = self._corrector.factor(self._case)
         self._refusals: tuple[str, ...] = ()
         self._markers_out = self.advertise(topics.CORRECTED_MARKERS)
@@ -55,7 +57,13 @@ class CorrectionNode(ManagedNode[CorrectionParameters]):
             name=topics.CORRECTION,
             level=Level.WARN if against else Level.OK,
             message="; ".join(against) or "correcting",
-            values={"h": f"{factor.h:.6f}", "relative_bound": f"{factor.relative_bound:.6f}"},
+            values={
+                "h": f"{factor.h:.6f}",
+                "relative_bound": f"{factor.relative_bound:.6f}",
+                "weights": self.configuration.weights,
+                "in_sample_pct": f"{self._errors['in_sample_pct']:.2f}",
+                "leave_one_case_out_pct": f"{self._errors['leave_one_case_out_pct']:.2f}",
+            },
         )
 
     def _on_prediction(self, message: PointCloud2) -> None:

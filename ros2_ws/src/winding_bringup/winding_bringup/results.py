@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,10 +18,10 @@ from cable_winding.published import published_markers
 from cable_winding.readings import AxisReading
 from cable_winding.ros import topics
 from cable_winding.ros.cloud_messages import decode_cloud
-from cable_winding.ros.diagnostic_messages import decode_case_votes
+from cable_winding.ros.diagnostic_messages import decode_case_votes, decode_diagnostics
 from cable_winding.ros.rig_messages import decode_joint_state, decode_tension
 from cable_winding.ros.topics import Topic
-from winding_bringup.recorder import Tape
+from winding_bringup.recorder import Tape, TapedMessage
 from winding_bringup.session import SessionResult
 from winding_study.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 
@@ -120,7 +120,7 @@ def _decoded(
     tape: Tape, topic: Topic, decode: Callable[[Any], tuple[float, Any]]
 ) -> Iterator[tuple[float, Any]]:
     for message in tape.messages.get(topic.name, ()):
-        yield decode(deserialize_message(message.data, topic.type))
+        yield decode(_message(message, topic))
 
 
 def _signal(readings: list[tuple[float, AxisReading]], name: str) -> Signal:
@@ -161,9 +161,7 @@ def _final_corrections(tape: Tape) -> dict[int, np.void]:
     message = tape.last(topics.CORRECTED_MARKERS)
     if message is None:
         return {}
-    _, markers = decode_cloud(
-        deserialize_message(message.data, topics.CORRECTED_MARKERS.type), CORRECTED_DTYPE
-    )
+    _, markers = decode_cloud(_message(message, topics.CORRECTED_MARKERS), CORRECTED_DTYPE)
     return {int(marker["id"]): marker for marker in markers[is_wound(markers)]}
 
 
@@ -190,14 +188,36 @@ def _row(
 
 
 def _facts(tape: Tape) -> dict[str, str]:
+    facts = {}
     message = tape.last(topics.CORRECTION_CASE)
-    if message is None:
-        return {}
-    _, votes = decode_case_votes(deserialize_message(message.data, topics.CORRECTION_CASE.type))
-    if not votes:
-        return {}
-    case, share = next(iter(votes.items()))
-    return {"resembles": f"case {case}, {share:.0%} of the votes"}
+    votes = decode_case_votes(_message(message, topics.CORRECTION_CASE))[1] if message else {}
+    if votes:
+        case, share = next(iter(votes.items()))
+        facts["resembles"] = f"case {case}, {share:.0%} of the votes"
+    said = _last_status(tape, topics.CORRECTION)
+    if "weights" in said:
+        facts["trained weight"] = said["weights"]
+        facts["its mean error over all cases"] = (
+            f"{said['in_sample_pct']} % in-sample, {said['leave_one_case_out_pct']} % with each "
+            "case left out"
+        )
+    solver = _last_status(tape, topics.FEM)
+    if "energy_balance_pct" in solver:
+        facts["solver's energy balance"] = f"open by {solver['energy_balance_pct']} %"
+    return facts
+
+
+def _last_status(tape: Tape, name: str) -> Mapping[str, str]:
+    """Return the values of the last diagnostics of a node."""
+    for message in reversed(tape.messages.get(topics.DIAGNOSTICS.name, [])):
+        for status in decode_diagnostics(_message(message, topics.DIAGNOSTICS))[1]:
+            if status.name == name:
+                return status.values
+    return {}
+
+
+def _message(taped: TapedMessage, topic: Topic) -> Any:
+    return deserialize_message(taped.data, topic.type)
 
 
 def _notes(case: int) -> tuple[str, ...]:
