@@ -17,7 +17,7 @@ def follow(film, fps):
 # The live rate is 200 frames/s; the other cases are filmed more coarsely to save time, which
 # gives the tracker less to go on, not more.
 @pytest.mark.parametrize(
-    ("case", "fps"), [(4, 200.0), *((n, 40.0) for n in range(1, 13) if n != 4)]
+    ("case", "fps"), [(4, 200.0), *((n, 30.0) for n in range(1, 13) if n != 4)]
 )
 def test_every_measured_length_comes_back_within_two_thousandths(paper_film, case, fps):
     film = paper_film(case)
@@ -49,4 +49,5 @@ def test_nothing_is_valid_before_it_lies_on_the_cylinder(paper_film):
     for t, frame, angle, guide in film.frames(60.0, stop=9.0):
         records = tracker.track(frame, t, angle, guide)
         wound = (records["flags"] & MarkerFlag.NOT_WOUND) == 0
-        assert (film.theta[wound] <= angle).all()
+        # A marker is measured to 0.2 % of S, 12 mrad here; that early it may be called landed.
+        assert (film.theta[wound] <= angle + 0.012).all()

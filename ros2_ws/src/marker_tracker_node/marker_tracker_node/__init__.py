@@ -3,6 +3,7 @@
 from marker_tracker_node.colour import ColourModel, ColourRefusedError
 from marker_tracker_node.config import TrackerConfig
 from marker_tracker_node.pinhole import CameraPose, PinholeCamera
+from marker_tracker_node.refinement import Refinement, Sightings, refine
 from marker_tracker_node.report import FrameFault, TrackerReport
 from marker_tracker_node.tracker import Tracker
 
@@ -12,7 +13,10 @@ __all__ = [
     "ColourRefusedError",
     "FrameFault",
     "PinholeCamera",
+    "Refinement",
+    "Sightings",
     "Tracker",
     "TrackerConfig",
     "TrackerReport",
+    "refine",
 ]

@@ -24,6 +24,8 @@ SEARCH_REACH = 5.0e-3
 LEAST_AREA, MOST_AREA = 0.3, 1.7
 SATURATIONS = np.arange(0.45, 0.95, 0.05)
 NEAR_START = 0.3
+# A band without neighbouring turns, see `neighbours`.
+ALONE = np.array([-np.pi, np.pi, np.inf, np.inf])
 
 
 def sample_marker(
@@ -46,8 +48,7 @@ def sample_marker(
             f"{angle:.2f} rad"
         )
     gate = np.zeros(GATE_SIZE)
-    alone = np.array([-np.pi, np.pi, np.inf, np.inf])
-    expected = aim(view, config.numbers(), angle, 0.0, 0.0, alone, gate)
+    expected = aim(view, config.numbers(), angle, 0.0, 0.0, ALONE, gate)
     scale = view[12] / (abs(view[9]) * view[23])
     inner = _window(frame, gate, gate[4] + SEARCH_REACH * scale)
     patch = frame[inner]
@@ -74,6 +75,28 @@ def sample_marker(
     # Markers on the free span stand above P0 and are no background.
     outside[: inner[0].start, wide[1]] = False
     return ColourModel.from_samples(patch[core], frame[outside])
+
+
+def locate_marker(
+    frame: ByteArray, colour: ColourModel, config: TrackerConfig, view: FloatArray, angle: float
+) -> tuple[float, float]:
+    """Return where P0's band appears near its place at azimuth `angle`, z = 0 [px].
+
+    Raises:
+        ColourRefusedError: Nothing of its size is there.
+    """
+    gate = np.zeros(GATE_SIZE)
+    expected = aim(view, config.numbers(), angle, 0.0, 0.0, ALONE, gate)
+    scale = view[12] / (abs(view[9]) * view[23])
+    inner = _window(frame, gate, gate[4] + SEARCH_REACH * scale)
+    blob = _largest_blob(colour.mask(frame[inner]).astype(np.uint8))
+    if not 0.7 * expected <= blob.sum() <= 1.4 * expected:
+        raise ColourRefusedError(
+            f"P0 is not where it should be: {int(blob.sum())} pixels of its colour instead of "
+            f"{expected:.0f}"
+        )
+    rows, columns = np.nonzero(blob)
+    return float(columns.mean() + inner[1].start), float(rows.mean() + inner[0].start)
 
 
 def _window(frame: ByteArray, gate: FloatArray, reach: float) -> tuple[slice, slice]:

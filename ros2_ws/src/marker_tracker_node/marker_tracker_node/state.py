@@ -50,9 +50,21 @@ C_FIRST, C_THETA, C_HEIGHT, C_HITS, C_START, C_LAST, C_AREA = range(7)
 CANDIDATE_SIZE = 7
 CANDIDATES = 8
 
-# Rows of what a frame yields
-O_THETA, O_HEIGHT, O_SIGMA_THETA, O_SIGMA_HEIGHT, O_FLAGS = range(5)
-OUTPUT_SIZE = 5
+# Columns of what a frame yields of each marker: what is published, and for the refinement the
+# azimuth and z as seen, the slope of the cable and the cuts by its neighbours
+(
+    O_THETA,
+    O_HEIGHT,
+    O_SIGMA_THETA,
+    O_SIGMA_HEIGHT,
+    O_FLAGS,
+    O_AZIMUTH,
+    O_SEEN,
+    O_SLOPE,
+    O_LOW,
+    O_HIGH,
+) = range(10)
+OUTPUT_SIZE = 10
 
 PATH_STEP = 0.05
 PATH_SIZE = 8192

@@ -29,10 +29,15 @@ from marker_tracker_node.state import (
     BLIND,
     HEIGHT,
     MISSES,
+    O_AZIMUTH,
     O_FLAGS,
     O_HEIGHT,
+    O_HIGH,
+    O_LOW,
+    O_SEEN,
     O_SIGMA_HEIGHT,
     O_SIGMA_THETA,
+    O_SLOPE,
     O_THETA,
     RATE,
     RECENT,
@@ -182,6 +187,7 @@ def advance(
                 aimed[order[i], 3], aimed[order[j], 3] = 1.0, 1.0
 
     found = np.full((count, 2), math.nan)
+    out[:, O_AZIMUTH:] = math.nan
     for i in range(known):
         n = order[i]
         if came[n] == CLIPPED:
@@ -209,6 +215,8 @@ def advance(
             continue
         marks[n, AREA] *= 1.0 + AREA_SHARE * (share - 1.0)
         found[n, 0], found[n, 1] = azimuth, z
+        out[n, O_AZIMUTH], out[n, O_SEEN], out[n, O_SLOPE] = azimuth, z, aimed[n, 1]
+        out[n, O_LOW], out[n, O_HIGH] = beside[n, 0], beside[n, 1]
 
     if shared[BLIND] > 0.0:
         turned = _phase_lock(config, shared, marks, found, turned)

@@ -10,19 +10,25 @@ from numpy.typing import NDArray
 
 from cable_winding.markers import MarkerFlag, Markers, wound_markers
 from marker_tracker_node.batch import advance_all
-from marker_tracker_node.bootstrap import sample_marker
+from marker_tracker_node.bootstrap import NEAR_START, locate_marker, sample_marker
 from marker_tracker_node.colour import ColourModel, ColourRefusedError
 from marker_tracker_node.config import TrackerConfig
 from marker_tracker_node.pinhole import PinholeCamera
+from marker_tracker_node.refinement import Sightings
 from marker_tracker_node.report import FrameFault, TrackerReport
 from marker_tracker_node.state import (
     ANGLE,
     BLIND,
     HEIGHT,
+    O_AZIMUTH,
     O_FLAGS,
     O_HEIGHT,
+    O_HIGH,
+    O_LOW,
+    O_SEEN,
     O_SIGMA_HEIGHT,
     O_SIGMA_THETA,
+    O_SLOPE,
     O_THETA,
     OUTPUT_SIZE,
     STARTED,
@@ -35,6 +41,7 @@ from marker_tracker_node.state import (
     WRAPS,
     TrackerState,
 )
+from marker_tracker_node.zeroing import zeroed_pose
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
@@ -49,7 +56,12 @@ class Tracker:
     """
 
     def __init__(
-        self, config: TrackerConfig, camera: PinholeCamera, colour: ColourModel | None = None
+        self,
+        config: TrackerConfig,
+        camera: PinholeCamera,
+        colour: ColourModel | None = None,
+        *,
+        remember: bool = False,
     ) -> None:
         """Start a run.
 
@@ -58,13 +70,17 @@ class Tracker:
             camera: What CameraInfo says.
             colour: Of the markers; None to sample P0 in the first frames, where the cylinder
                 angle is still near zero.
+            remember: Whether to keep every sighting for `sightings`; 80 bytes a marker and frame.
         """
         self.config = config
         self.camera = camera
         self.colour = colour
         self.state = TrackerState.fresh(config.marker_count)
+        self.pose = config.pose
         self._numbers = config.numbers()
         self._view = camera.numbers(config.pose)
+        self._zeroed = False
+        self._memory: list[tuple[FloatArray, FloatArray]] | None = [] if remember else None
         self._ids = np.arange(config.marker_count + 1)
         self._frames = 0
         self._rejected = dict.fromkeys(FrameFault, 0)
@@ -103,6 +119,8 @@ class Tracker:
         angle = _number(cylinder_angle)
         if self.colour is None:
             self._learn(frame, angle)
+        if not self._zeroed:
+            self._zero(frame, angle)
         out, _ = self._advance(
             np.asarray(frame)[None], np.array([t]), np.array([angle]), np.array([_number(guide_z)])
         )
@@ -151,6 +169,31 @@ class Tracker:
         out[known, O_SIGMA_HEIGHT] = (np.sqrt(marks[:, VAR_HEIGHT]) / weight)[known]
         out[known, O_FLAGS] = 0.0
         return self._records(out, float(self.state.shared[ANGLE]))
+
+    def sightings(self) -> Sightings:
+        """Return every measured band so far, for `refine`.
+
+        Raises:
+            ValueError: The tracker was not told to remember them.
+        """
+        if self._memory is None:
+            raise ValueError("the tracker keeps no sightings: start it with remember=True")
+        angles = np.concatenate([np.empty(0), *(angles for angles, _ in self._memory)])
+        out = np.concatenate(
+            [np.empty((0, len(self._ids), OUTPUT_SIZE)), *(out for _, out in self._memory)]
+        )
+        frame, marker = np.nonzero(np.isfinite(out[..., O_AZIMUTH]))
+        kept = out[frame, marker]
+        return Sightings(
+            marker=marker,
+            angle=angles[frame],
+            azimuth=kept[:, O_AZIMUTH],
+            z=kept[:, O_SEEN],
+            slope=kept[:, O_SLOPE],
+            low=kept[:, O_LOW],
+            high=kept[:, O_HIGH],
+            pose=self.pose,
+        )
 
     def report(self) -> TrackerReport:
         """Return counts and situation for diagnostics."""
@@ -210,6 +253,19 @@ class Tracker:
         else:
             self._refusal = ""
 
+    def _zero(self, frame: ByteArray, angle: float) -> None:
+        """Turn the nominal pose until P0 stands where it is known to stand at the start."""
+        if self.colour is None or not abs(angle) < NEAR_START:
+            return
+        try:
+            pixel = locate_marker(frame, self.colour, self.config, self._view, angle)
+        except ColourRefusedError:
+            # Hidden now; until a frame shows P0 the nominal pose stands.
+            return
+        self.pose = zeroed_pose(self.camera, self.pose, self._numbers, pixel, angle)
+        self._view = self.camera.numbers(self.pose)
+        self._zeroed = True
+
     def _advance(
         self, frames: ByteArray, times: FloatArray, angles: FloatArray, guides: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
@@ -236,6 +292,8 @@ class Tracker:
             used,
             out,
         )
+        if self._memory is not None:
+            self._memory.append((used, out.copy()))
         self._frames += len(frames)
         blind = np.isnan(angles).astype(float)
         self._losses += int((np.diff(blind, prepend=before) > 0.0).sum())

@@ -1,0 +1,190 @@
+"""Recorded runs: rendered sequences, videos, bags; what `winding render` and `track` do."""
+
+import csv
+
+import cv2
+import numpy as np
+import pytest
+from typer import Typer
+from typer.testing import CliRunner
+
+from marker_tracker_node.recordings import (
+    Motion,
+    RecordingError,
+    bag_frames,
+    folder_frames,
+    read_bag,
+    read_motion,
+    video_frames,
+)
+from winding_bringup.commands.render import render
+from winding_bringup.commands.track import track
+
+
+def command(function):
+    app = Typer()
+    app.command()(function)
+    return lambda *words: CliRunner().invoke(app, [str(word) for word in words])
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory):
+    """A rendered run that covers the arrival of P1."""
+    folder = tmp_path_factory.mktemp("run")
+    result = command(render)(folder, "--case", 4, "--fps", 25, "--duration-s", 5)
+    assert result.exit_code == 0, result.output
+    return folder
+
+
+def table(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_render_writes_frames_motion_truth_and_camera(sequence):
+    assert len(list(sequence.glob("frame_*.png"))) == 125
+    assert len(table(sequence / "motion.csv")) == 125
+    truth = table(sequence / "truth.csv")
+    assert len(truth) == 125 * 5
+    assert float(truth[1]["theta"]) == pytest.approx(6.28)
+    assert (sequence / "camera.yaml").exists()
+
+
+def check(out):
+    last = {int(row["id"]): row for row in table(out)[-5:]}
+    # 0.2 % of S_1 of case 4.
+    assert float(last[1]["s"]) == pytest.approx(0.10685, rel=0.002)
+    assert int(last[2]["flags"]) & 16
+
+
+def test_track_measures_a_folder(sequence, tmp_path):
+    out = tmp_path / "markers.csv"
+    result = command(track)(
+        sequence, "--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv",
+        "--out", out, "--case", 4,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "2 markers known" in result.output
+    check(out)
+
+
+def test_track_measures_a_video(sequence, tmp_path):
+    path, out = tmp_path / "run.avi", tmp_path / "markers.csv"
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, (640, 96))
+    for _, frame in folder_frames(sequence, None):
+        video.write(frame)
+    video.release()
+    result = command(track)(
+        path, "--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv",
+        "--out", out, "--case", 4, "--no-refine",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    check(out)
+
+
+def test_track_measures_a_bag_of_any_topics(sequence, tmp_path):
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kinds = store.types
+
+    def header(t):
+        stamp = kinds["builtin_interfaces/msg/Time"](sec=int(t), nanosec=round((t % 1) * 1e9))
+        return kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="any")
+
+    from marker_tracker_node.calibration import read_camera
+
+    camera = read_camera(sequence / "camera.yaml")
+    roi = kinds["sensor_msgs/msg/RegionOfInterest"](
+        x_offset=camera.roi[0], y_offset=camera.roi[1], width=camera.roi[2], height=camera.roi[3],
+        do_rectify=False,
+    )  # fmt: skip
+    path = tmp_path / "bag"
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        links = {
+            name: writer.add_connection(f"/elsewhere/{name}", name, typestore=store)
+            for name in (
+                "sensor_msgs/msg/Image",
+                "sensor_msgs/msg/CameraInfo",
+                "sensor_msgs/msg/JointState",
+            )
+        }
+
+        def put(kind, t, /, **fields):
+            message = kinds[kind](header=header(t), **fields)
+            writer.write(links[kind], round(t * 1e9), store.serialize_cdr(message, kind))
+
+        motion = read_motion(sequence / "motion.csv")
+        for k, (t, frame) in enumerate(folder_frames(sequence, None)):
+            put(
+                "sensor_msgs/msg/JointState", t, name=["carriage_joint", "cylinder_joint"],
+                position=np.array([motion.guide_z[k], motion.cylinder_angle[k]]),
+                velocity=np.zeros(2), effort=np.zeros(0),
+            )  # fmt: skip
+            put(
+                "sensor_msgs/msg/CameraInfo", t, height=1080, width=1920,
+                distortion_model="plumb_bob", d=camera.d, k=camera.k.ravel(),
+                r=np.eye(3).ravel(), p=np.zeros(12), binning_x=3, binning_y=3, roi=roi,
+            )  # fmt: skip
+            put(
+                "sensor_msgs/msg/Image", t, height=96, width=640, encoding="rgb8",
+                is_bigendian=0, step=1920,
+                data=np.ascontiguousarray(frame[..., ::-1]).ravel(),
+            )  # fmt: skip
+    out = tmp_path / "markers.csv"
+    result = command(track)(path, "--out", out, "--case", 4)
+    assert result.exit_code == 0, result.output
+    check(out)
+    assert read_bag(path).camera.binning == 3
+    first = next(iter(bag_frames(path)))[1]
+    assert (first == next(iter(folder_frames(sequence, None)))[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["nowhere", "--out", "x.csv"], "does not exist"),
+        (["{run}", "--out", "x.csv"], "there is no camera"),
+        (["{run}", "--out", "x.csv", "--camera", "{run}/camera.yaml"], "there is no motion"),
+        (["{run}", "--out", "x.csv", "--camera", "{run}/motion.csv"], "camera file"),
+        (
+            ["{run}", "--out", "x.csv", "--case", "13", "--camera", "{run}/camera.yaml"],
+            "case must be",
+        ),
+        (
+            ["{run}", "--out", "x.csv", "--camera", "{run}/camera.yaml", "--motion",
+             "{run}/truth.csv"],
+            "must have the columns",
+        ),
+    ],
+)  # fmt: skip
+def test_track_refuses_with_one_sentence(sequence, words, reason):
+    result = command(track)(*(word.format(run=sequence) for word in words))
+    assert result.exit_code == 2
+    assert reason in result.output
+    assert "Traceback" not in result.output
+
+
+def test_recordings_that_cannot_be_read_are_refused(tmp_path):
+    with pytest.raises(RecordingError, match="frame rate"):
+        next(folder_frames(tmp_path, None))
+    with pytest.raises(RecordingError, match="no picture"):
+        next(folder_frames(tmp_path, 10.0))
+    (tmp_path / "a.png").write_text("no picture at all")
+    with pytest.raises(RecordingError, match="not a picture"):
+        next(folder_frames(tmp_path, 10.0))
+    with pytest.raises(RecordingError, match=r"not a video|holds no frame"):
+        next(video_frames(tmp_path / "a.png", None))
+    with pytest.raises(RecordingError, match="cannot read"):
+        read_bag(tmp_path / "a.mcap")
+    with pytest.raises(RecordingError, match="ascend"):
+        Motion(t=np.array([1.0, 0.0]), cylinder_angle=np.zeros(2), guide_z=np.zeros(2))
+
+
+def test_motion_outside_its_readings_is_unknown():
+    motion = Motion(
+        t=np.array([0.0, 1.0]), cylinder_angle=np.array([0.0, 2.0]), guide_z=np.array([0.0, 0.01])
+    )
+    assert motion.at(0.5) == (pytest.approx(1.0), pytest.approx(0.005))
+    assert motion.at(1.5) == (None, None)
