@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cable_fem_node.energy import EnergyLedger
-from cable_fem_node.failure import DivergenceError
+from cable_fem_node.failure import DivergenceError, EnergyBalanceError
 from cable_fem_node.points import (
     LEDGER_SIZE,
     LOSS_CONTACT,
@@ -205,12 +205,21 @@ class ExplicitModel(ABC):
             initial=self._initial or 0.0,
         )
 
-    def advance(self, duration: float, step: float | None = None) -> None:
+    def advance(
+        self,
+        duration: float,
+        step: float | None = None,
+        *,
+        balance_limit_pct: float | None = None,
+    ) -> None:
         """Advance by a time [s] in equal steps no longer than `step` (0.8 of the critical one).
+
+        `balance_limit_pct` stops a run whose energy balance is open by more.
 
         Raises:
             ValueError: The duration is negative or the step exceeds the critical step.
             DivergenceError: The integration failed; says when, at which element and why.
+            EnergyBalanceError: The energy balance is open.
         """
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration must not be negative, got {duration} s")
@@ -226,6 +235,11 @@ class ExplicitModel(ABC):
             self._march(count, duration / count, False)
             self.time += duration
             self.steps += count
+        if balance_limit_pct is not None and self.energy.balance_pct > balance_limit_pct:
+            raise EnergyBalanceError(
+                f"energy balance open by {self.energy.balance_pct:.3g} % at t = {self.time:.6g} s "
+                f"(limit {balance_limit_pct:g} %)"
+            )
 
     def settle(self, tolerance: float = 1.0e-6, batches: int = 400, length: int = 2000) -> float:
         """Come to rest by kinetic damping; loads and drives stand at their present amplitude.

@@ -53,10 +53,12 @@ class SolidWinding:
 
     The whole cable is meshed, the part that hangs behind the guide included; sections are
     `segment_length` apart. P0's section turns with the cylinder as a rigid plate, the guide's eye
-    holds the cable without friction, the weight pulls the last section along the span.
+    holds the cable without friction, the weight pulls the last section along the span. Without
+    `rolling` friction acts on whole sections, as on the rod's centreline; with it on the nodes
+    that touch, so that the cable may roll and its inner side is held where it lands.
 
     Args:
-        config: The model; `rolling` has no meaning here, a solid always may.
+        config: The model.
         wind: Angle that shall be wound [rad]; the mesh gets as long as that needs.
     """
 
@@ -120,6 +122,7 @@ class SolidWinding:
         self._report[0] = self._initial_energy = solid.internal_energy()
         self._net = np.zeros_like(solid.points.position)
         self._couple = np.zeros(solid.mass.size)
+        self._grip = np.zeros((3, bar.sections.shape[0]))
 
     def advance_to(
         self,
@@ -163,6 +166,8 @@ class SolidWinding:
             self._touch,
             self._ledger,
             self._report,
+            self._grip,
+            self.config.rolling,
         )
         if status == INSIDE_OUT:
             raise DivergenceError(
@@ -237,6 +242,7 @@ class SolidWinding:
         depth = np.maximum(points.contact_radius[touching] - radius, 0.0)
         contact = 0.5 * touch.normal_stiffness * float((depth**2).sum())
         contact += 0.5 * touch.stick_stiffness * float((points.slip[:, touching] ** 2).sum())
+        contact += touch.stick_stiffness * float((self._grip[:2] ** 2).sum())
         ledger = self._ledger
         return EnergyLedger(
             kinetic=float(kinetic),

@@ -13,8 +13,10 @@ from cable_fem_node.contact_kernels import touch_cylinder
 from cable_fem_node.hex_kernels import HexMesh, hex_forces
 from cable_fem_node.points import (
     LOSS_DAMPING,
+    LOSS_FRICTION,
     WORK_INFLOW,
     WORK_SPAN,
+    WORK_SURFACE,
     WORK_TIE,
     Points,
 )
@@ -52,6 +54,77 @@ def middle_of(section: int, per: int, position: FloatArray, out: FloatArray) -> 
 
 
 @kernel
+def hold_sections(
+    dt: float,
+    turned: float,
+    turning: float,
+    points: Points,
+    mass: FloatArray,
+    net: FloatArray,
+    m: Machine,
+    touch: Touch,
+    grip: FloatArray,
+    ledger: FloatArray,
+) -> None:
+    """Add friction that acts on whole sections, as on a rod's centreline: no couple, no rolling.
+
+    `grip` (3, sections) holds each section's stick spring, along the circumference and z, and
+    whether it touched before; the normal force is that of the section's nodes.
+    """
+    x, v = points.position, points.velocity
+    per = m.per_section
+    work = 0.0
+    heat = 0.0
+    for s in range(1, m.sections):
+        begin = s * per
+        normal = 0.0
+        for i in range(begin, begin + per):
+            if points.touching[i] == 1:
+                radius = math.sqrt(x[0, i] ** 2 + x[1, i] ** 2)
+                normal += touch.normal_stiffness * max(points.contact_radius[i] - radius, 0.0)
+        stiffness = 2.0 * touch.stick_stiffness
+        if normal == 0.0:
+            heat += 0.5 * stiffness * (grip[0, s] ** 2 + grip[1, s] ** 2)
+            grip[0, s] = grip[1, s] = grip[2, s] = 0.0
+            continue
+        weight, px, py, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(begin, begin + per):
+            weight += mass[i]
+            px += mass[i] * x[0, i]
+            py += mass[i] * x[1, i]
+            vx += mass[i] * v[0, i]
+            vy += mass[i] * v[1, i]
+            vz += mass[i] * v[2, i]
+        px, py, vx, vy, vz = px / weight, py / weight, vx / weight, vy / weight, vz / weight
+        radius = math.sqrt(px * px + py * py)
+        nx, ny = px / radius, py / radius
+        moved, aside = 0.0, 0.0
+        if grip[2, s] > 0.0:
+            moved = (vy * nx - vx * ny) * dt - turned * radius
+            aside = vz * dt
+        grip[2, s] = 1.0
+        along, across = grip[0, s] + moved, grip[1, s] + aside
+        most = touch.friction * normal
+        size = stiffness * math.sqrt(along * along + across * across)
+        if size > most:
+            scale = most / size
+            heat += 0.5 * (size * size - most * most) / stiffness
+            heat -= 0.5 * stiffness * (moved * moved + aside * aside)
+            along *= scale
+            across *= scale
+        grip[0, s], grip[1, s] = along, across
+        ft, fz = -stiffness * along, -stiffness * across
+        work += ft * radius
+        for i in range(begin, begin + per):
+            share = mass[i] / weight
+            net[0, i] -= share * ft * ny
+            net[1, i] += share * ft * nx
+            net[2, i] += share * fz
+    ledger[WORK_SURFACE] += work * turning
+    ledger[LOSS_FRICTION] += heat
+
+
+@kernel
 def advance_solid_winding(
     steps: int,
     dt: float,
@@ -66,11 +139,14 @@ def advance_solid_winding(
     touch: Touch,
     ledger: FloatArray,
     report: FloatArray,
+    grip: FloatArray,
+    rolling: bool,
 ) -> tuple[int, int, float]:
     """Advance by equal steps while the drive runs from its first to its second column.
 
-    `report` (4,) is filled: strain energy, hourglass energy, kinetic energy, energy in the
-    eyes' springs.
+    `report` (5,) is filled: strain energy, hourglass energy, kinetic energy, energy in the
+    eyes' springs, the section at the eye. With `rolling` friction acts on the surface's nodes
+    and the cable rolls as it likes; else on whole sections, see `hold_sections`.
 
     Returns:
         status, element or section at fault, the last step's rotation.
@@ -87,6 +163,11 @@ def advance_solid_winding(
     tail_mass = 0.0
     for i in range(tail_begin, nodes):
         tail_mass += mass[i]
+    nodal = touch
+    if not rolling:
+        nodal = Touch(
+            touch.normal_stiffness, touch.normal_damping, touch.stick_stiffness, 0.0, 0.0, 0.0
+        )
     half = 0.5 * m.damping_rate * dt
     decay = (1.0 - half) / (1.0 + half)
     for step in range(steps):
@@ -105,9 +186,11 @@ def advance_solid_winding(
         if at >= 0:
             return INSIDE_OUT, at, surface_step
         touch_cylinder(
-            per, nodes, dt, surface_step, rotation, m.landing, points, net, couple, touch, ledger,
+            per, nodes, dt, surface_step, rotation, m.landing, points, net, couple, nodal, ledger,
             False,
         )  # fmt: skip
+        if not rolling:
+            hold_sections(dt, surface_step, rotation, points, mass, net, m, touch, grip, ledger)
         # The eye holds the point of the cable that is at the guide; the weight's pulley its end.
         middle_of(eye + 1, per, x, high)
         while high[1] > -m.free_length:
