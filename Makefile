@@ -2,6 +2,8 @@
 PYTHON ?= python3.11
 # Wheel index with CPU builds of torch, for machines where the default one would bring CUDA.
 TORCH_INDEX ?=
+# Further options of the demo's run, such as ARGS="--namespace left".
+ARGS ?=
 EXTRAS := ros,dashboard,dev
 BIN := .venv/bin
 STAMP := .venv/.installed
@@ -22,7 +24,7 @@ $(STAMP): pyproject.toml constraints.txt
 
 demo: $(STAMP)
 	run=runs/demo-$$(date +%Y%m%d-%H%M%S)-$$$$; \
-	    $(BIN)/winding run --case 4 --output $$run --bag $$run/bag
+	    $(BIN)/winding run --case 4 --output $$run --bag $$run/bag $(ARGS)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n 2 --dist loadgroup

@@ -1,0 +1,106 @@
+"""A node dies, or a person interrupts: everything stops, is named, and is kept."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from rosbags.highlevel import AnyReader
+
+pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
+
+PATIENCE = 120.0
+
+
+class Winding:
+    """A `winding run` in the background, recorded."""
+
+    def __init__(self, folder: Path) -> None:
+        self.bag = folder / "bag"
+        self.log = folder / "run" / "log"
+        self._stderr = folder / "stderr"
+        with self._stderr.open("w") as stderr:
+            self.process = subprocess.Popen(
+                [
+                    sys.executable, "-m", "winding_bringup.cli", "run", "--case", "4",
+                    "--output", folder / "run", "--bag", self.bag,
+                ],
+                cwd=folder,
+                stdout=subprocess.DEVNULL,
+                stderr=stderr,
+            )  # fmt: skip
+
+    def said(self) -> str:
+        return self._stderr.read_text(encoding="utf-8")
+
+    def wait_until_it_winds(self) -> None:
+        # The first progress line comes after a tenth of the run.
+        end = time.monotonic() + PATIENCE
+        while " simulated, " not in self.said():
+            assert self.process.poll() is None, self.said()
+            assert time.monotonic() < end, "the run does not begin"
+            time.sleep(0.05)
+
+    def node(self, package: str) -> int:
+        """Return the process id of a node of this run."""
+        for entry in Path("/proc").iterdir():
+            if not entry.name.isdecimal():
+                continue
+            try:
+                words = (entry / "cmdline").read_bytes().decode().split("\0")
+            except (FileNotFoundError, ProcessLookupError):
+                continue
+            if package in words and any(str(self.log) in word for word in words):
+                return int(entry.name)
+        raise LookupError(f"no process of {package}")
+
+    def nodes_left(self) -> int:
+        count = 0
+        for package in ("cable_fem_node", "marker_tracker_node", "winding_rig_node"):
+            try:
+                self.node(package)
+            except LookupError:
+                continue
+            count += 1
+        return count
+
+
+@pytest.fixture
+def winding_run(tmp_path: Path) -> Iterator[Winding]:
+    run = Winding(tmp_path)
+    yield run
+    if run.process.poll() is None:
+        run.process.kill()
+    run.process.wait()
+
+
+def messages_in(bag: Path) -> int:
+    with AnyReader([bag]) as reader:
+        return sum(1 for _ in reader.messages())
+
+
+def test_dead_node_is_named_and_the_recording_kept(winding_run: Winding) -> None:
+    winding_run.wait_until_it_winds()
+    os.kill(winding_run.node("cable_fem_node"), signal.SIGKILL)
+    assert winding_run.process.wait(PATIENCE) == 1
+    assert "winding: cable_fem ended with exit code -9" in winding_run.said()
+    assert "of simulated time" in winding_run.said()
+    assert winding_run.nodes_left() == 0
+    # Two simulated seconds have at least two thousand encoder samples.
+    assert messages_in(winding_run.bag) > 2000
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_run_stops_its_nodes_and_keeps_the_recording(
+    winding_run: Winding, number: int
+) -> None:
+    winding_run.wait_until_it_winds()
+    winding_run.process.send_signal(number)
+    assert winding_run.process.wait(PATIENCE) == 130
+    assert "interrupted; the nodes are stopped" in winding_run.said()
+    assert winding_run.nodes_left() == 0
+    assert messages_in(winding_run.bag) > 2000
