@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cable_fem_node.uniaxial import LAWS
 from cable_winding.condition import ConditionParameters
 from cable_winding.parameters import parameter
-
-from cable_fem_node.uniaxial import LAWS
 
 
 @dataclass(frozen=True, kw_only=True)
