@@ -55,68 +55,71 @@ def touch_cylinder(
     """
     x, v, slip, roll = points.position, points.velocity, points.slip, points.roll
     touching, contact_radius = points.touching, points.contact_radius
-    per_stick = 1.0 / k.stick_stiffness
+    stick = k.stick_stiffness
+    per_stick = 1.0 / stick
     dashpot = k.stick_damping / dt
+    lever = k.cable_radius if rolling else 0.0
     work = 0.0
     sliding = 0.0
     bouncing = 0.0
+    square_landing = landing * landing
     for i in range(begin, end):
         px, py = x[0, i], x[1, i]
-        held = touching[i] == 1
-        reach = contact_radius[i] if held else landing
         square = px * px + py * py
-        if square < reach * reach:
-            radius = math.sqrt(square)
-            inverse = 1.0 / radius
-            nx, ny = px * inverse, py * inverse
-            vx, vy = v[0, i], v[1, i]
-            inward = -(vx * nx + vy * ny)
-            elastic = k.normal_stiffness * (reach - radius)
-            normal = max(elastic + k.normal_damping * inward, 0.0)
-            if held:
-                moved = (vy * nx - vx * ny) * dt - turned * radius
-                aside = v[2, i] * dt
-                if rolling:
-                    aside -= k.cable_radius * roll[1, i] * dt
-                slip_t = slip[0, i] + moved
-                slip_z = slip[1, i] + aside
-            else:
-                touching[i] = 1
-                contact_radius[i] = landing
-                moved = aside = slip_t = slip_z = 0.0
-            ft = -k.stick_stiffness * slip_t
-            fz = -k.stick_stiffness * slip_z
-            most = k.friction * normal
-            size = ft * ft + fz * fz
-            if size > most * most:
-                size = math.sqrt(size)
-                scale = most / size
-                # What moved against the spring and is not stored in it any more has become heat.
-                way = moved * moved + aside * aside
-                sliding += 0.5 * (size * size - most * most) * per_stick
-                sliding -= 0.5 * k.stick_stiffness * way
-                ft *= scale
-                fz *= scale
-                slip_t *= scale
-                slip_z *= scale
-            else:
-                ft -= dashpot * moved
-                fz -= dashpot * aside
-                sliding += dashpot * (moved * moved + aside * aside)
-            slip[0, i] = slip_t
-            slip[1, i] = slip_z
-            bouncing += (normal - elastic) * inward
-            work += ft * radius
-            net[0, i] += normal * nx - ft * ny
-            net[1, i] += normal * ny + ft * nx
-            net[2, i] += fz
-            couple[i] = -fz * k.cable_radius
-        elif held:
-            couple[i] = 0.0
+        held = touching[i] == 1
+        if not held:
+            if square >= square_landing:
+                continue
+            touching[i] = 1
+            contact_radius[i] = landing
+        radius = math.sqrt(square)
+        depth = contact_radius[i] - radius
+        slip_t, slip_z = slip[0, i], slip[1, i]
+        if depth <= 0.0:
+            # A node that lifts off leaves its spring's energy behind as heat.
+            sliding += 0.5 * stick * (slip_t * slip_t + slip_z * slip_z)
             touching[i] = 0
-            sliding += 0.5 * k.stick_stiffness * (slip[0, i] ** 2 + slip[1, i] ** 2)
             slip[0, i] = 0.0
             slip[1, i] = 0.0
+            couple[i] = 0.0
+            continue
+        vx, vy = v[0, i], v[1, i]
+        inverse = 1.0 / radius
+        nx, ny = px * inverse, py * inverse
+        inward = -(vx * nx + vy * ny)
+        elastic = k.normal_stiffness * depth
+        normal = elastic + k.normal_damping * inward
+        normal = max(normal, 0.0)
+        moved, aside = 0.0, 0.0
+        if held:
+            moved = (vy * nx - vx * ny) * dt - turned * radius
+            aside = (v[2, i] - lever * roll[1, i]) * dt
+        slip_t += moved
+        slip_z += aside
+        ft, fz = -stick * slip_t, -stick * slip_z
+        size = ft * ft + fz * fz
+        most = k.friction * normal
+        way = moved * moved + aside * aside
+        if size > most * most:
+            # What moved against the spring and is not stored in it any more has become heat.
+            sliding += 0.5 * ((size - most * most) * per_stick - stick * way)
+            scale = most / math.sqrt(size)
+            ft *= scale
+            fz *= scale
+            slip_t *= scale
+            slip_z *= scale
+        else:
+            sliding += dashpot * way
+            ft -= dashpot * moved
+            fz -= dashpot * aside
+        slip[0, i] = slip_t
+        slip[1, i] = slip_z
+        bouncing += (normal - elastic) * inward
+        work += ft * radius
+        net[0, i] += normal * nx - ft * ny
+        net[1, i] += normal * ny + ft * nx
+        net[2, i] += fz
+        couple[i] = -fz * lever
     ledger[WORK_SURFACE] += work * turning
     ledger[LOSS_FRICTION] += sliding
     ledger[LOSS_CONTACT] += bouncing * dt

@@ -96,6 +96,8 @@ def stretch_elements(
     tension: FloatArray,
 ) -> None:
     """Fill tangent, inverse length and tension [N] of every element."""
+    lowest = 0.0
+    most = table.shape[0] - 1.0e-9
     for i in range(elements):
         ex = position[0, i + 1] - position[0, i]
         ey = position[1, i + 1] - position[1, i]
@@ -106,7 +108,12 @@ def stretch_elements(
         tangent[1, i] = ey * inv
         tangent[2, i] = ez * inv
         inverse[i] = inv
-        tension[i] = area * law_value(length / reference[i], table, low, per_spacing)
+        tension[i] = length / reference[i]
+    for i in range(elements):
+        place = min(max((tension[i] - low) * per_spacing, lowest), most)
+        j = int(place)
+        u = place - j
+        tension[i] = area * (table[j, 0] + u * (table[j, 1] + u * (table[j, 2] + u * table[j, 3])))
 
 
 @kernel
