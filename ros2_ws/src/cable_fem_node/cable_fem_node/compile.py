@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import ParamSpec, TypeVar
@@ -23,6 +24,19 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     return compiled
 
 
+def drop_stale_code(folder: Path) -> None:
+    """Delete cached machine code that is older than any source in a folder.
+
+    Numba compares code only with the file that holds the function, not with the files of the
+    functions it calls: an edited kernel would live on inside its callers.
+    """
+    newest = max(source.stat().st_mtime for source in folder.glob("*.py"))
+    for cached in (folder / "__pycache__").glob("*.nb[ci]"):
+        with contextlib.suppress(FileNotFoundError, PermissionError):
+            if cached.stat().st_mtime < newest:
+                cached.unlink()
+
+
 def is_compiled() -> bool:
     """Return whether machine code of earlier runs lies beside this package (or where Numba caches).
 
@@ -32,3 +46,6 @@ def is_compiled() -> bool:
         return True
     folder = Path(config.CACHE_DIR) if config.CACHE_DIR else Path(__file__).parent / "__pycache__"
     return any(folder.rglob("*.nbi"))
+
+
+drop_stale_code(Path(__file__).parent)

@@ -98,8 +98,8 @@ def hex_forces(
             stiff = mesh.hourglass[e]
             wavy += 0.5 * stiff * (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
             q0, q1, q2, q3 = stiff * q0, stiff * q1, stiff * q2, stiff * q3
-            if viscous:
-                drag = mesh.hourglass_drag[e]
+            drag = mesh.hourglass_drag[e]
+            if viscous and drag > 0.0:
                 w0, w1, w2, w3 = 0.0, 0.0, 0.0, 0.0
                 for a in range(8):
                     w0 += gamma[0, a] * v[a, i]
