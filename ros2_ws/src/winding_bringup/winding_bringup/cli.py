@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import typer
 
+from winding_bringup.commands.calibrate import calibrate
 from winding_bringup.commands.graph import graph
 from winding_bringup.commands.predict import predict
+from winding_bringup.commands.render import render
 from winding_bringup.commands.run import run
 from winding_bringup.commands.study import study
+from winding_bringup.commands.track import track
 from winding_bringup.commands.train import train
+from winding_bringup.commands.verify import verify
 
 app = typer.Typer(
     help="Predicts, watches and corrects how a flexible cable lays itself on a cylinder.",
@@ -16,7 +20,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-for _command in (run, predict, study, train, graph):
+for _command in (run, predict, study, verify, train, render, track, calibrate, graph):
     app.command()(_command)
 
 
