@@ -22,7 +22,7 @@ def photograph(name):
     return datasets.load_sample_image(name)[..., ::-1].copy()
 
 
-def watch(film, fps=30.0, missing=0.0, dark=None):
+def watch(film, fps=24.0, missing=0.0, dark=None):
     """Track a run, black where `dark` says so, and return records, angles and the tracker."""
     tracker = film.tracker()
     records, angles = [], []

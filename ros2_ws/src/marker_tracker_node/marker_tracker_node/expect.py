@@ -31,6 +31,7 @@ from marker_tracker_node.state import (
 FloatArray = NDArray[np.float64]
 
 TAIL = 0.5
+RING_DEPTH = 0.65
 
 
 @compiled
@@ -177,7 +178,9 @@ def aim(
     gate[2], gate[3] = (u1 - u2) / length, (v1 - v2) / length
     scale = view[12] / (depth * view[23])
     gate[7] = 0.5 * length
-    gate[4] = gate[7] + config[ALONG] * scale
+    # Seen from the side a ring is an ellipse: its edges lie behind the centroid by this much.
+    bulge = RING_DEPTH * r * abs(math.sin(max(azimuth, 0.0)))
+    gate[4] = gate[7] + (config[ALONG] + bulge) * scale
     span = (r + config[ACROSS]) * scale
     gate[5] = max(-span, _border(view, config, azimuth, z, slope, beside[0], -beside[2], gate))
     gate[6] = min(span, _border(view, config, azimuth, z, slope, beside[1], beside[3], gate))

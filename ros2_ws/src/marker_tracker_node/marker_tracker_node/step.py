@@ -79,7 +79,6 @@ ENCODER_TRUST = 0.2
 JUMP_THETA = 0.12
 JUMP_HEIGHT = 1.5e-3
 LOCK_GAIN = 0.5
-NOT_LANDED = -1
 REAIM = 0.4
 
 
@@ -164,7 +163,6 @@ def advance(
             continue
         azimuth = turned - marks[n, RECENT]
         if n > 0 and azimuth < 0.0:
-            came[n] = NOT_LANDED
             continue
         away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
         if abs(away) > config[USABLE]:
@@ -300,7 +298,7 @@ def _write(
     """Write wound angle and height from P0, their deviations and the flags."""
     base = found[0, 1] if math.isfinite(found[0, 1]) else marks[0, HEIGHT]
     for n in range(marks.shape[0]):
-        if marks[n, STATUS] == 0.0 or came[n] == NOT_LANDED:
+        if marks[n, STATUS] == 0.0 or (n > 0 and turned < marks[n, RECENT]):
             out[n, :O_FLAGS] = math.nan
             out[n, O_FLAGS] = FLAG_NOT_WOUND
             continue

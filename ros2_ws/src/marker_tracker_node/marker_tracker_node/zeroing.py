@@ -15,6 +15,8 @@ FloatArray = NDArray[np.float64]
 
 NEWTON_STEPS = 6
 SMALL_TURN = 1.0e-6
+# A single frame cannot improve a pose that explains it this well.
+TRUSTED_PIXELS = 0.5
 
 
 def zeroed_pose(
@@ -44,6 +46,9 @@ def zeroed_pose(
         return np.array(band_centroid(view, numbers, angle, 0.0, 0.0, -math.pi, math.pi)[:2])
 
     turn = np.zeros(2)
+    focal = math.sqrt(camera.k[0, 0] * camera.k[1, 1]) / camera.binning
+    if np.linalg.norm(seen(turn) - goal) * focal < TRUSTED_PIXELS:
+        return pose
     for _ in range(NEWTON_STEPS):
         residual = seen(turn) - goal
         slope = np.column_stack(
