@@ -32,10 +32,10 @@ from cable_fem_node.uniaxial import TABLE_HIGH, TABLE_LOW
 from cable_fem_node.winding_config import WindingConfig
 from cable_fem_node.winding_kernels import advance_winding
 from cable_fem_node.winding_setup import (
-    chord_radius,
     constants_of,
     empty_work,
     part_way,
+    responses_of,
     stable_step,
 )
 from cable_fem_node.winding_state import (
@@ -66,6 +66,7 @@ class RodWinding:
         self._law = law
         self._table = law.table()
         self._constants = constants_of(config, law)
+        self._responses = responses_of(config, law, self._constants)
         self.step_limit = stable_step(config, law, self._constants)
         pull = config.weight_tension
         stretch = law.stretch_at(pull / config.case.section_area)
@@ -81,7 +82,7 @@ class RodWinding:
         self._surface_step = 0.0
         self._drive = np.zeros(7)
         self._drive[TENSION], self._drive[STRETCH] = pull, stretch
-        self._drive[LANDING] = self._landing_radius(stretch, pull)
+        self._drive[STRETCH], self._drive[LANDING] = self._response(pull)
         self._ledger = np.zeros(LEDGER_SIZE)
         cable = self._cable
         along = np.minimum(np.arange(self.nodes) * config.segment_length * stretch, np.inf)
@@ -133,17 +134,13 @@ class RodWinding:
             tension = self.config.tension_law(case.weight, case.cylinder_diameter, wound)
         elif not (math.isfinite(tension) and tension >= 0.0):
             raise ValueError(f"tension must not be negative, got {tension} N")
-        stretch = (
-            self._drive[STRETCH]
-            if tension == self._drive[TENSION]
-            else self._law.stretch_at(tension / case.section_area)
-        )
+        stretch, landing = self._response(tension)
         drive = np.empty((7, 2))
         drive[:, 0] = self._drive
         drive[ANGLE, 1], drive[SPEED, 1] = cylinder_angle, angular_speed
         drive[GUIDE, 1], drive[FEED, 1] = guide_z, feed_speed
         drive[TENSION, 1], drive[STRETCH, 1] = tension, stretch
-        drive[LANDING, 1] = self._landing_radius(stretch, tension)
+        drive[LANDING, 1] = landing
         self._run(t, span, drive)
         self._drive = drive[:, 1].copy()
         self.time = t
@@ -338,12 +335,20 @@ class RodWinding:
         for name in Points._fields:
             getattr(self._cable, name)[..., :used] = getattr(old, name)[..., :capacity]
 
-    def _landing_radius(self, stretch: float, tension: float) -> float:
-        k = self._constants
-        radius = self.config.wound_radius(stretch)
-        length = stretch * k.segment
-        sink = max(0.0, self.config.wound_tension(tension)) * length / radius / k.normal_stiffness
-        return chord_radius(radius, length) + sink
+    def _response(self, tension: float) -> tuple[float, float]:
+        """Return (stretch of the span, radius at which its nodes land [m]) at a tension [N].
+
+        The radius makes up for the chords and for the depth to which the penalty lets the
+        wound cable sink.
+        """
+        pulls, stretches, radii = self._responses
+        if not pulls[0] <= tension <= pulls[-1]:
+            self._law.stretch_at(tension / self.config.case.section_area)
+            raise ValueError(f"tension {tension:.4g} N stretches the cable beyond the tables")
+        return (
+            float(np.interp(tension, pulls, stretches)),
+            float(np.interp(tension, pulls, radii)),
+        )
 
     def _internal_energy(self) -> float:
         cable, k = self._cable, self._constants

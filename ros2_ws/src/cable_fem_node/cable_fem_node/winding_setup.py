@@ -27,6 +27,9 @@ FloatArray = NDArray[np.float64]
 # Share of the critical step that is taken; the rest covers damping and large rotations.
 STEP_SAFETY = 0.8
 
+# Points of the table of stretch and landing radius over tension: errors below 1e-6.
+RESPONSE_POINTS = 4001
+
 # The contact spring is six times as stiff as a segment, or stiffer where the cable would sink in
 # by more than this share of the radius.
 SINK_SHARE = 0.005
@@ -73,6 +76,25 @@ def constants_of(config: WindingConfig, law: UniaxialLaw) -> Constants:
         roll_inertia=0.5 * mass * case.cable_radius**2,
         torsion=shear * polar,
     )
+
+
+def responses_of(
+    config: WindingConfig, law: UniaxialLaw, k: Constants
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return tensions [N] up to the law's limit, their stretches and landing radii [m].
+
+    Tabulated, because a measured tension changes a thousand times a second.
+    """
+    highest = min(law.limit()[1], TABLE_HIGH)
+    stretch = np.linspace(0.8, highest, RESPONSE_POINTS)
+    tension = k.area * law.nominal_stress(stretch)
+    lateral = law.lateral_stretch(stretch) if config.thins else np.ones_like(stretch)
+    radius = config.case.cylinder_radius + config.case.cable_radius * np.maximum(lateral, 0.1)
+    length = stretch * k.segment
+    wound = np.maximum(tension - 0.5 * k.bending * stretch / radius**2, 0.0)
+    half = np.minimum(0.5 * length / radius, 1.5)
+    landing = radius * half / np.sin(half) + wound * length / radius / k.normal_stiffness
+    return tension, stretch, landing
 
 
 def stable_step(config: WindingConfig, law: UniaxialLaw, k: Constants) -> float:
