@@ -2,8 +2,8 @@
 
 import sys
 
-from cable_winding.ros.process import run_node
 from cable_fem_node.node import CableFemNode
+from cable_winding.ros.process import run_node
 
 
 def main() -> int:
