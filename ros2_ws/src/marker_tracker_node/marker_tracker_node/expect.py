@@ -172,15 +172,16 @@ def aim(
     a, b, depth = plane_of_point(view, x, y, h)
     u1, v1 = pixel_of_plane(view, a, b)
     x, y, h = surface_point(rho, r, azimuth + way, z - slope * way, slope, 0.0)
-    a, b, _depth = plane_of_point(view, x, y, h)
+    a, b, _ = plane_of_point(view, x, y, h)
     u2, v2 = pixel_of_plane(view, a, b)
     length = math.hypot(u1 - u2, v1 - v2)
     gate[2], gate[3] = (u1 - u2) / length, (v1 - v2) / length
     scale = view[12] / (depth * view[23])
     gate[7] = 0.5 * length
     # Seen from the side a ring is an ellipse: its edges lie behind the centroid by this much.
-    bulge = RING_DEPTH * r * abs(math.sin(max(azimuth, 0.0)))
-    gate[4] = gate[7] + (config[ALONG] + bulge) * scale
+    depth = RING_DEPTH * r * math.sin(max(azimuth, 0.0))
+    gate[4] = gate[7] + (config[ALONG] + max(depth, 0.0)) * scale
+    gate[8] = gate[7] + (config[ALONG] + max(-depth, 0.0)) * scale
     span = (r + config[ACROSS]) * scale
     gate[5] = max(-span, _border(view, config, azimuth, z, slope, beside[0], -beside[2], gate))
     gate[6] = min(span, _border(view, config, azimuth, z, slope, beside[1], beside[3], gate))

@@ -34,12 +34,14 @@ def share_between(gates: FloatArray, first: int, second: int) -> bool:  # pragma
     across = abs(gates[first, 2] * dv - gates[first, 3] * du)
     left, right = (first, second) if du > 0.0 else (second, first)
     reach = gates[left, 6] - gates[right, 5] + TOUCH_REACH
-    if across > reach or along > gates[first, 4] + gates[second, 4]:
+    longest = max(gates[first, 4], gates[first, 8]) + max(gates[second, 4], gates[second, 8])
+    if across > reach or along > longest:
         return False
     if along < gates[first, 7] + gates[second, 7]:
         return True
-    gates[first, 4] = min(gates[first, 4], along - gates[second, 7])
-    gates[second, 4] = min(gates[second, 4], along - gates[first, 7])
+    for mine, other in ((first, second), (second, first)):
+        gates[mine, 4] = min(gates[mine, 4], along - gates[other, 7])
+        gates[mine, 8] = min(gates[mine, 8], along - gates[other, 7])
     return False
 
 

@@ -12,9 +12,9 @@ from marker_tracker_node.compiled import compiled
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
-# A gate: centre column and row, unit direction along the cable, half length along it, limits
-# across it, half length of the band alone [px].
-GATE_SIZE = 8
+# A gate: centre column and row, unit direction along the cable, length along it, limits across
+# it, half length of the band alone, length against the direction [px].
+GATE_SIZE = 9
 
 
 @compiled
@@ -41,15 +41,15 @@ def gate_moments(
     """
     rows, columns = frame.shape[:2]
     column, row, tu, tv = gate[0], gate[1], gate[2], gate[3]
-    half, low, high = gate[4], gate[5], gate[6]
-    height = half * abs(tv) + max(-low, high) * abs(tu)
+    ahead, behind, low, high = gate[4], gate[8], gate[5], gate[6]
+    height = max(ahead, behind) * abs(tv) + max(-low, high) * abs(tu)
     top, bottom = max(math.ceil(row - height), 0), min(math.floor(row + height), rows - 1)
     count, sum_column, sum_row = 0, 0, 0
     for v in range(top, bottom + 1):
         dv = v - row
         # Across counts towards +z, to the right of a cable that runs up the image.
         left, right = strip(-tv, tu * dv, low, high)
-        near, far = strip(tu, tv * dv, -half, half)
+        near, far = strip(tu, tv * dv, -behind, ahead)
         first = math.ceil(column + max(left, near, -column))
         last = math.floor(column + min(right, far, columns - 1.0 - column))
         line = frame[v]
@@ -76,7 +76,7 @@ def gate_leaves_image(
     gate: FloatArray, margin: float, rows: int, columns: int
 ) -> tuple[bool, bool]:  # pragma: no cover
     """Return whether a gate without its margin leaves the image, and whether it does so wholly."""
-    half = max(gate[4] - margin, 0.0)
+    half = max(gate[4] - margin, gate[8] - margin, 0.0)
     span = max(max(-gate[5], gate[6]) - margin, 0.0)
     width = half * abs(gate[2]) + span * abs(gate[3])
     height = half * abs(gate[3]) + span * abs(gate[2])

@@ -266,7 +266,7 @@ def _claimed(gates: FloatArray, known: int, u: float, v: float) -> bool:  # prag
         du, dv = u - gates[n, 0], v - gates[n, 1]
         across = gates[n, 2] * dv - gates[n, 3] * du
         along = du * gates[n, 2] + dv * gates[n, 3]
-        if abs(along) <= gates[n, 4] and gates[n, 5] <= across <= gates[n, 6]:
+        if -gates[n, 8] <= along <= gates[n, 4] and gates[n, 5] <= across <= gates[n, 6]:
             return True
     return False
 
@@ -300,6 +300,7 @@ def _examine(
         if step == 0:
             # The first look may be half a band off.
             gates[known, 4] *= 1.3
+            gates[known, 8] *= 1.3
         if in_picture(view, config, gates[known], rows, columns) != HIDDEN:
             return
         for n in range(known):

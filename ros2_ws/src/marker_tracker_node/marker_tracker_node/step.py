@@ -199,9 +199,9 @@ def advance(
             continue
         if abs(azimuth - aimed[n, 0]) * config[RHO] > REAIM * config[ALONG]:
             # Far from where it was expected the gate may have cut the band: look again.
-            half = gates[i, 4]
+            ahead, behind = gates[i, 4], gates[i, 8]
             expected = aim(view, config, azimuth, z, aimed[n, 1], beside[n], gates[i])
-            gates[i, 4] = min(gates[i, 4], half)
+            gates[i, 4], gates[i, 8] = min(gates[i, 4], ahead), min(gates[i, 8], behind)
             came[n], azimuth, z, share = measure(
                 frame, table, view, config, gates[i], expected * marks[n, AREA],
                 azimuth, z, aimed[n, 1], beside[n], WHOLE_AREA,
