@@ -1,14 +1,19 @@
 """The rig's node: its commands, its clock, its flow control."""
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import CameraInfo
+from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import Trigger
 
 from cable_winding.markers import MARKER_DTYPE
 from cable_winding.ros import topics
+from cable_winding.ros.camera_messages import decode_camera_info, encode_camera_info
 from cable_winding.ros.cloud_messages import encode_cloud
 from cable_winding.ros.stamps import decode_stamp, serialised_stamp_ns
 from winding_rig_node.node import RigNode
@@ -20,8 +25,6 @@ class Bench:
     """An active rig and everything it says, by topic, as stamps in milliseconds."""
 
     def __init__(self, ros: Any, **parameters: object) -> None:
-        import numpy as np
-
         self.ros = ros
         values = MEANT | parameters
         self.node = ros.add(
@@ -119,6 +122,44 @@ def test_inactive_rig_refuses_to_start(ros: Any) -> None:
 def test_unknown_pace_topic_is_refused(ros: Any) -> None:
     node = ros.add(RigNode, parameter_overrides=[Parameter("pace_topics", value="tracker/markres")])
     assert node.trigger_configure() is TransitionCallbackReturn.FAILURE
+
+
+def test_new_calibration_is_carried_by_every_later_camera_info(ros: Any) -> None:
+    bench = Bench(ros)
+    said: list[Any] = []
+    topics.CAMERA_INFO.subscribe(bench.probe, said.append)
+    present = bench.node._calibration
+    better = replace(present, matrix=present.matrix * [[1.01], [1.01], [1.0]])
+    request = SetCameraInfo.Request(camera_info=encode_camera_info(0.0, better))
+    assert ros.call(bench.probe, SetCameraInfo, "camera/set_camera_info", request).success
+    ros.spin_until(lambda: bench.node.matched("camera/camera_info") == 2)
+    bench.command("start")
+    ros.spin_until(lambda: said)
+    reading = decode_camera_info(said[0])[1]
+    np.testing.assert_allclose(reading.matrix, better.matrix, rtol=1e-12)
+    assert reading.window == present.window
+
+
+@pytest.mark.parametrize(
+    ("info", "sentence"),
+    [
+        (CameraInfo(), "camera is not calibrated"),
+        (
+            CameraInfo(
+                width=64, height=48, k=np.eye(3).ravel(), d=[0.0] * 5, distortion_model="plumb_bob"
+            ),
+            "the sensor has 1920 x 1080 pixels, the calibration is for 64 x 48",
+        ),
+    ],
+)
+def test_calibration_that_cannot_be_the_camera_s_is_refused(
+    ros: Any, info: Any, sentence: str
+) -> None:
+    bench = Bench(ros)
+    request = SetCameraInfo.Request(camera_info=info)
+    answer = ros.call(bench.probe, SetCameraInfo, "camera/set_camera_info", request)
+    assert not answer.success
+    assert sentence in answer.status_message
 
 
 def test_clock_drives_a_node_that_uses_simulated_time(ros: Any) -> None:

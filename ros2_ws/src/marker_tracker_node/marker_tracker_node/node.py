@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, Image, JointState
 
 from cable_winding.ros import topics
@@ -30,6 +33,7 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(topics.TRACKER, TrackerParameters, **kwargs)
         self._tracker: Tracker | None = None
+        self._busy = threading.Lock()
 
     def configure(self) -> None:
         """Read the machine's description; advertise and subscribe."""
@@ -95,15 +99,21 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
 
     def _on_joint_state(self, message: JointState) -> None:
         t, reading = decode_joint_state(message)
-        self._synchroniser.add_reading(t, reading)
-        self._track()
+        with self._busy:
+            self._synchroniser.add_reading(t, reading)
+            self._track()
 
     def _on_image(self, message: Image) -> None:
         t, frame = decode_image(message)
         if self._tracker is None:
             raise MessageError("no calibrated camera_info has come before this frame")
-        self._synchroniser.add_frame(t, frame)
-        self._track()
+        self.take_frame(t, frame)
+
+    def take_frame(self, t: float, frame: NDArray[np.uint8]) -> None:
+        """Take a frame of time t [s] from a camera in this process, from any thread."""
+        with self._busy:
+            self._synchroniser.add_frame(t, frame)
+            self._track()
 
     def _track(self) -> None:
         if self._tracker is None:

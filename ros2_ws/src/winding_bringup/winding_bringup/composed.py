@@ -11,6 +11,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
+from cable_winding.ros import topics
 from winding_bringup.environment import ros_arguments
 from winding_bringup.graph import GRAPH
 from winding_bringup.orchestrator import GraphError
@@ -24,6 +25,8 @@ class ComposedGraph:
         executor: Spins the nodes.
         namespace: Of the graph.
         parameters: Node name -> parameter name -> value.
+        direct_frames: Hand frames from rig to tracker within the process; camera/image_raw is
+            silent then.
 
     Raises:
         GraphError: A node refuses to come up.
@@ -36,6 +39,7 @@ class ComposedGraph:
         *,
         namespace: str,
         parameters: Mapping[str, Mapping[str, Any]],
+        direct_frames: bool = False,
     ) -> None:
         self.nodes: dict[str, Any] = {}
         self._executor = executor
@@ -54,6 +58,8 @@ class ComposedGraph:
             )
             self.nodes[spec.name] = node
             executor.add_node(node)
+        if direct_frames:
+            self.nodes[topics.RIG].frame_listener = self.nodes[topics.TRACKER].take_frame
         for transition in ("trigger_configure", "trigger_activate"):
             for name, node in self.nodes.items():
                 if getattr(node, transition)() is not TransitionCallbackReturn.SUCCESS:

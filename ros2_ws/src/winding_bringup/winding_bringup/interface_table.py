@@ -30,7 +30,7 @@ def _topics() -> list[str]:
 
 def _services() -> list[str]:
     lines = ["| service | type | what it does |", "|---|---|---|"]
-    lines += [f"| `{name}` | `std_srvs/srv/Trigger` | {text} |" for name, text in SERVICES.items()]
+    lines += [f"| `{name}` | `{type_}` | {text} |" for name, (type_, text) in SERVICES.items()]
     lines.append(
         "| `<node>/change_state`, `<node>/get_state`, ... | `lifecycle_msgs/srv/*` "
         "| lifecycle of every node |"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import queue
 import threading
+import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,9 +41,16 @@ class RecorderError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class TapedMessage:
-    """One serialised message with its own stamp [ns]."""
+    """One serialised message.
+
+    Attributes:
+        stamp_ns: Its own stamp [ns].
+        received_ns: Monotonic wall time of its arrival [ns].
+        data: CDR bytes.
+    """
 
     stamp_ns: int
+    received_ns: int
     data: bytes
 
 
@@ -73,7 +81,7 @@ class Recorder:
         self.tape = Tape()
         self._writer: Writer | None = None
         self._connections: dict[str, Connection] = {}
-        self._queue: queue.SimpleQueue[tuple[Topic, bytes] | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[tuple[Topic, bytes, int] | None] = queue.SimpleQueue()
         self._progress = topics.RECORDER_PROGRESS.advertise(node)
         self._stored_ns: dict[str, int] = {}
         self._answered_ns = -_ANSWER_PERIOD_NS
@@ -124,16 +132,18 @@ class Recorder:
                 offered_qos_profiles=[_offered(topic)],
             )
 
-    def _take(self, topic: Topic):  # type: ignore[no-untyped-def]
+    def _take(self, topic: Topic) -> Callable[[bytes], None]:
         put = self._queue.put
-        return lambda data: put((topic, data))
+        return lambda data: put((topic, data, time.monotonic_ns()))
 
     def _store(self) -> None:
         while (item := self._queue.get()) is not None:
-            topic, data = item
+            topic, data, received = item
             stamp = serialised_stamp_ns(data)
             if topic not in _PICTURES:
-                self.tape.messages[topic.name].append(TapedMessage(stamp_ns=stamp, data=data))
+                self.tape.messages[topic.name].append(
+                    TapedMessage(stamp_ns=stamp, received_ns=received, data=data)
+                )
             if self._writer is not None and self._error is None:
                 try:
                     self._writer.write(self._connections[topic.name], stamp, data)

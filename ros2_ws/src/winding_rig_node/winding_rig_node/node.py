@@ -6,11 +6,12 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import Trigger
 
 from cable_winding.parameters import refuse_unknown
@@ -18,13 +19,14 @@ from cable_winding.readings import ImageWindow
 from cable_winding.ros import topics
 from cable_winding.ros.camera_messages import (
     CameraReading,
+    decode_camera_info,
     encode_camera_info,
     encode_image,
     encode_preview,
 )
 from cable_winding.ros.diagnostic_messages import Level, Status
 from cable_winding.ros.managed_node import ManagedNode
-from cable_winding.ros.rig_messages import encode_joint_state, encode_tension
+from cable_winding.ros.rig_messages import MessageError, encode_joint_state, encode_tension
 from cable_winding.ros.stamps import encode_stamp, serialised_stamp_ns
 from winding_rig_node.camera.config import CameraCalibration, CameraConfig, SensorNoise
 from winding_rig_node.camera.preview import encode_jpeg
@@ -38,6 +40,11 @@ from winding_rig_node.parameters import RigParameters
 # A camera that falls behind by this many frames holds the machine's time.
 _FRAME_QUEUE = 8
 _POLL = 0.1
+_SAMPLE_PERIOD = 1.0 / SAMPLE_RATE
+# Stamps come back as seconds in binary: a microsecond decides nothing at 1 kHz.
+_ROUNDING = 1.0e-6
+
+FrameListener = Callable[[float, np.ndarray[Any, np.dtype[np.uint8]]], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,10 +63,14 @@ class RigNode(ManagedNode[RigParameters]):
 
     Publishes /clock, rig/joint_states, rig/joint_commands, rig/tension, camera/image_raw,
     camera/camera_info, camera/image_raw/compressed. Serves rig/start, rig/stop, rig/reset,
-    rig/emergency_stop. Listens to the topics of `pace_topics` for their stamps alone.
+    rig/emergency_stop, camera/set_camera_info. Listens to `pace_topics` for their stamps alone.
 
     The machine runs in a thread of its own with absolute deadlines, the camera in another; the
     executor only serves requests and answers.
+
+    Attributes:
+        frame_listener: When set, takes every frame in this process, from the camera's thread,
+            and camera/image_raw falls silent; the preview goes on.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -76,6 +87,8 @@ class RigNode(ManagedNode[RigParameters]):
             ("rig/emergency_stop", lambda machine: machine.emergency_stop()),
         ):
             self.create_service(Trigger, name, self._command(act))
+        self.create_service(SetCameraInfo, "camera/set_camera_info", self._set_camera_info)
+        self.frame_listener: FrameListener | None = None
 
     def configure(self) -> None:
         """Build machine, lay and camera; advertise everything."""
@@ -169,6 +182,27 @@ class RigNode(ManagedNode[RigParameters]):
 
         return serve
 
+    def _set_camera_info(self, request: Any, response: Any) -> Any:
+        if self._machine is None:
+            response.status_message = f"{topics.RIG} is not configured"
+            return response
+        try:
+            _, reading = decode_camera_info(request.camera_info)
+        except MessageError as error:
+            response.status_message = str(error)
+            return response
+        present = self._calibration
+        if (reading.width, reading.height) != (present.width, present.height):
+            response.status_message = (
+                f"the sensor has {present.width} x {present.height} pixels, the calibration is "
+                f"for {reading.width} x {reading.height}"
+            )
+            return response
+        # The window is the driver's own: a calibration says nothing about it.
+        self._calibration = replace(reading, window=present.window)
+        response.success = True
+        return response
+
     def _paced(self) -> list[str]:
         names = [name.strip() for name in self.configuration.pace_topics.split(",") if name.strip()]
         refuse_unknown(names, (topic.name for topic in topics.TOPICS), owner="pace_topics")
@@ -219,7 +253,7 @@ class RigNode(ManagedNode[RigParameters]):
         """Return whether time may go on; False when told to quit meanwhile."""
         last_answer = time.monotonic()
         with self._changed:
-            while machine.time >= self._pace.limit and not self._quit:
+            while machine.time + _SAMPLE_PERIOD > self._pace.limit + _ROUNDING and not self._quit:
                 if self._changed.wait(_POLL):
                     last_answer = time.monotonic()
                 elif time.monotonic() - last_answer > self.configuration.pace_timeout:
@@ -279,7 +313,10 @@ class RigNode(ManagedNode[RigParameters]):
                 continue
             frame = self._render(exposure)
             self._camera_info.publish(encode_camera_info(exposure.t, self._calibration))
-            self._image.publish(encode_image(exposure.t, frame))
+            if self.frame_listener is None:
+                self._image.publish(encode_image(exposure.t, frame))
+            else:
+                self.frame_listener(exposure.t, frame)
             if _due(exposure.index, topics.PREVIEW):
                 jpeg = encode_jpeg(frame, self.configuration.preview_quality)
                 self._preview.publish(encode_preview(exposure.t, jpeg))

@@ -194,9 +194,14 @@ TOPICS: tuple[Topic, ...] = (
     RECORDER_PROGRESS,
 )
 
+# Name -> (type, what it does).
 SERVICES = {
-    "rig/start": "start or resume winding",
-    "rig/stop": "ramp both axes down and hold",
-    "rig/reset": "back to the start of the run; only while stopped",
-    "rig/emergency_stop": "cut the drives at once",
+    "rig/start": ("std_srvs/srv/Trigger", "start or resume winding"),
+    "rig/stop": ("std_srvs/srv/Trigger", "ramp both axes down and hold"),
+    "rig/reset": ("std_srvs/srv/Trigger", "back to the start of the run; only while stopped"),
+    "rig/emergency_stop": ("std_srvs/srv/Trigger", "cut the drives at once"),
+    "camera/set_camera_info": (
+        "sensor_msgs/srv/SetCameraInfo",
+        "take a new calibration; every later camera_info carries it",
+    ),
 }

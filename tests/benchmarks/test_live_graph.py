@@ -1,0 +1,40 @@
+"""The graph of processes: what it keeps up with over DDS, beside all its nodes."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cable_winding.ros import topics
+from winding_bringup.recorder import Tape
+from winding_bringup.session import SessionConfig, run_session
+
+DURATION = 10.0
+
+
+def test_windowed_frames_at_200_hz(bench: Any, tmp_path: Path) -> None:
+    condition = {"case": 4, "duration": DURATION}
+    result = run_session(
+        SessionConfig(
+            directory=tmp_path / "run",
+            condition=condition,
+            own={topics.RIG: {"speed": 1.0}},
+            duration=DURATION,
+            namespace="benchmark",
+        ),
+        lambda tape, wall: None,
+    )
+    frames = arrivals(result.tape, topics.CAMERA_INFO)
+    answers = arrivals(result.tape, topics.TRACKED_MARKERS)
+    assert set(answers) == set(frames)
+    latency = np.array([answers[stamp] - frames[stamp] for stamp in frames]) * 1e-6
+    bench.row("live_frames_lost", int(DURATION * 200) + 1 - len(answers), "frames", bar=0)
+    bench.row("live_real_time_factor", DURATION / result.wall_s, "simulated s/s")
+    bench.row("live_tracker_latency_p50", float(np.percentile(latency, 50)), "ms")
+    # The bar holds on an idle machine; the row says what this one did.
+    bench.row("live_tracker_latency_p99", float(np.percentile(latency, 99)), "ms", bar=10.0)
+
+
+def arrivals(tape: Tape, topic: topics.Topic) -> dict[int, int]:
+    """Return arrival time [ns] by stamp [ns], from a recorder that hears frame and answer."""
+    return {message.stamp_ns: message.received_ns for message in tape.messages[topic.name]}

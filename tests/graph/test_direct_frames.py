@@ -1,0 +1,41 @@
+"""The fast path: the rig hands its frames to a tracker in the same process."""
+
+from typing import Any
+
+from std_srvs.srv import Trigger
+
+from cable_winding.ros import topics
+from winding_bringup.composed import ComposedGraph
+from winding_bringup.graph import GRAPH
+from winding_bringup.recorder import Recorder
+
+
+def test_frames_handed_over_in_process_are_all_tracked(ros: Any) -> None:
+    listener = ros.plain("recorder_host")
+    recorder = Recorder(listener, None, recorded=[t for t in topics.TOPICS if t.recorded])
+    try:
+        condition = {"case": 4, "duration": 1.0}
+        graph = ComposedGraph(
+            ros.context,
+            ros.executor,
+            namespace="",
+            parameters={
+                **{spec.name: condition for spec in GRAPH},
+                topics.RIG: {**condition, "speed": 0.0, "pace_topics": "tracker/markers"},
+            },
+            direct_frames=True,
+        )
+        rig = graph.nodes[topics.RIG]
+        images: list[bytes] = []
+        topics.IMAGE.subscribe(listener, images.append, raw=True)
+        heard = ("rig/joint_states", "camera/camera_info", "camera/image_raw/compressed")
+        ros.spin_until(lambda: all(rig.matched(name) >= 1 for name in heard))
+        ros.spin_until(lambda: graph.nodes[topics.TRACKER].matched("tracker/markers") == 3)
+        assert ros.call(listener, Trigger, "rig/start", Trigger.Request()).success
+        ros.spin_until(lambda: recorder.tape.last_stamp(topics.TRACKED_MARKERS) >= 1.0)
+        graph.close()
+    finally:
+        recorder.close()
+    stamps = [message.stamp_ns for message in recorder.tape.messages["tracker/markers"]]
+    assert stamps == [frame * 5_000_000 for frame in range(201)]
+    assert images == []
