@@ -1,0 +1,32 @@
+"""`bench` collects rows; the end of the session shows them and keeps them in bench.json."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+# Test modules are imported by path, without packages: their neighbours are found from here.
+sys.path.insert(0, str(Path(__file__).parent))
+from rows import SINGLE_THREAD, Bench, keep
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    # Only when speed is measured: elsewhere the environment belongs to the other tests.
+    if config.getoption("--run-benchmarks"):
+        os.environ.update(SINGLE_THREAD)
+
+
+@pytest.fixture(scope="session")
+def bench() -> Iterator[Bench]:
+    """Rows of this session: `bench.row(name, value, unit, bar=None)`."""
+    rows = Bench()
+    yield rows
+    keep(rows.rows.values())
+    console = Console(width=None if sys.stdout.isatty() else 100)
+    console.print()
+    console.print(rows.table())
