@@ -1,0 +1,105 @@
+"""Speed of the tracker beside the classic colour pipeline, in CPU time of one core."""
+
+from __future__ import annotations
+
+import copy
+import importlib.util
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from cable_winding.cases import paper_case
+from winding_rig_node.camera import CameraConfig
+from winding_rig_node.lay import published_lay
+
+UNSEEN = 48
+
+
+def films() -> ModuleType:
+    """Return the films that the tracker's own tests are made of."""
+    path = Path(__file__).parents[1] / "marker_tracker_node" / "conftest.py"
+    spec = importlib.util.spec_from_file_location("tracker_films", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    # Dataclasses look their module up while they are made.
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def classic(frame: np.ndarray) -> int:
+    """HSV, range, opening, connected components: the pipeline of the public colour trackers."""
+    hsv = cv2.cvtColor(frame, cv2.COLOR_BGR2HSV)
+    mask = cv2.inRange(hsv, (18, 110, 50), (35, 255, 255))
+    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    count, _, stats, _ = cv2.connectedComponentsWithStats(mask)
+    return int((stats[1:count, cv2.CC_STAT_AREA] > 20).sum())
+
+
+def costs(action: Callable[[int], Any], repeats: int) -> np.ndarray:
+    """Return the CPU seconds of every repetition."""
+    spent = []
+    for k in range(repeats):
+        start = time.thread_time()
+        action(k)
+        spent.append(time.thread_time() - start)
+    return np.array(spent)
+
+
+@pytest.mark.parametrize(
+    ("name", "camera", "count", "batch_bar", "single_bar"),
+    [
+        ("640x96", CameraConfig(), 300, 24_046.0, None),
+        ("1920x1080", CameraConfig().full_frame(), 60, None, 2_000.0),
+    ],
+    ids=["640x96", "1920x1080"],
+)
+def test_frames_per_second_of_one_core(
+    bench: Any,
+    name: str,
+    camera: CameraConfig,
+    count: int,
+    batch_bar: float | None,
+    single_bar: float | None,
+) -> None:
+    cv2.setNumThreads(1)
+    film = films()
+    lay = published_lay(paper_case(4), film.DRIVE, film.FREE_LENGTH, film.DRIVE.positions(20.0)[0])
+    shown = film.Film(case=paper_case(4), lay=lay, camera=camera)
+    tracker = shown.tracker()
+    for t, frame, angle, guide in shown.frames(30.0, stop=14.9):
+        tracker.track(frame, t, angle, guide)
+    # From here on every marker of the case is on the cylinder and before the camera.
+    rows = list(shown.frames(1000.0, start=14.91, stop=14.91 + count / 1000.0))
+    times, frames, angles, guides = (np.array(part) for part in zip(*rows, strict=True))
+    copies = [copy.deepcopy(tracker) for _ in range(8)]
+    # The same burst each time: what other processes do can only make a repeat slower.
+    batch = costs(lambda k: copies[k].process(frames, times, angles, guides), 8).min() / count
+    records = copy.deepcopy(tracker).process(frames, times, angles, guides)
+    alone = copy.deepcopy(tracker)
+    # Each frame is visited once: at full size none of it is in the cache.
+    single = np.median(
+        costs(lambda k: alone.track(frames[k], times[k], angles[k], guides[k]), count)
+    )
+    old = np.median(costs(lambda k: classic(frames[k]), count))
+    seen = float(((records["flags"] & UNSEEN) == 0).sum(axis=1).mean())
+    bench.row(f"tracker_markers_per_frame_{name}", seen, "markers")
+    bench.row(f"classic_fps_{name}", 1.0 / old, "frames/s")
+    rows_with_bars = (
+        bench.row(
+            f"tracker_batch_fps_{name}", 1.0 / batch, "frames/s", bar=batch_bar, at_least=True
+        ),
+        bench.row(
+            f"tracker_frame_fps_{name}", 1.0 / single, "frames/s", bar=single_bar, at_least=True
+        ),
+    )
+    for row in rows_with_bars:
+        assert row.met, row
