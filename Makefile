@@ -12,7 +12,7 @@ ifeq ($(shell command -v $(PYTHON) 2>/dev/null),)
 PYTHON := python3
 endif
 
-.PHONY: demo test bench lint clean install
+.PHONY: demo test bench bench-peers lint clean install
 install: $(STAMP)
 
 $(STAMP): pyproject.toml constraints.txt
@@ -31,6 +31,11 @@ test: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m pytest tests/benchmarks --run-benchmarks -q -s
+
+# Foreign solvers stay out of .venv until somebody asks for them.
+bench-peers: $(STAMP)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[peers]'
+	$(BIN)/python tests/benchmarks/peers/compare.py
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
