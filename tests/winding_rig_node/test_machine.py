@@ -102,6 +102,14 @@ def test_emergency_stop_halts_within_a_tenth_of_a_second() -> None:
     assert rig.state.phase is Phase.WINDING
 
 
+def test_starting_twice_is_starting_once() -> None:
+    rig = machine()
+    rig.start()
+    rig.step()
+    rig.start()
+    assert (rig.state.phase, rig.state.sample) == (Phase.WINDING, 1)
+
+
 def test_reset_while_winding_is_refused() -> None:
     rig = machine()
     rig.start()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine, Mapping
+from collections.abc import AsyncIterator, Coroutine, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,12 @@ _START_TIMEOUT = 120.0
 _CONFIGURE_TIMEOUT = 300.0
 _MATCH_TIMEOUT = 30.0
 _POLL = 0.02
+# A transition without an answer for so long is looked after.
+_ANSWER_PATIENCE = 5.0
+_GOALS = {
+    Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
+    Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
+}
 # The answer to a transition may overtake the sentence on the node's own output.
 _REFUSAL_PATIENCE = 5.0
 
@@ -49,6 +56,16 @@ class GraphConfig:
     parameters: Mapping[str, Mapping[str, object]]
     parameters_file: Path | None = None
     recorded: frozenset[str] = frozenset()
+
+
+@asynccontextmanager
+async def _deadline(timeout: float, sentence: str) -> AsyncIterator[None]:
+    """Raise TimeoutError with a sentence when the body takes longer than timeout [s]."""
+    try:
+        async with asyncio.timeout(timeout):
+            yield
+    except TimeoutError:
+        raise TimeoutError(sentence) from None
 
 
 class Orchestrator:
@@ -131,27 +148,41 @@ class Orchestrator:
         await asyncio.gather(*(self._configure(process) for process in self.processes))
 
     async def _configure(self, process: NodeProcess) -> None:
-        state = await self._client.call(
-            GetState, self._service(process, "get_state"), GetState.Request(), _START_TIMEOUT
-        )
-        if state.current_state.id != State.PRIMARY_STATE_UNCONFIGURED:
+        state = await self._state(process, _START_TIMEOUT)
+        if state != State.PRIMARY_STATE_UNCONFIGURED:
             raise GraphError(
-                f"{process.spec.name} is {state.current_state.label} before it was configured: "
+                f"{process.spec.name} is in state {state} before it was configured: "
                 "another graph uses its name"
             )
         await self._change(process, Transition.TRANSITION_CONFIGURE, _CONFIGURE_TIMEOUT)
 
     async def _change(self, process: NodeProcess, transition: int, timeout: float) -> None:
+        """Ask for a transition until the node is where it leads.
+
+        An answer can be lost while client and server find each other. Then the node's state
+        tells what became of the request; it answers when the transition is over.
+        """
+        request = ChangeState.Request(transition=Transition(id=transition))
+        late = f"{process.spec.name} did not finish transition {transition} in {timeout:g} s"
+        async with _deadline(timeout, late):
+            while True:
+                response = await self._client.try_call(
+                    ChangeState, self._service(process, "change_state"), request, _ANSWER_PATIENCE
+                )
+                if response is None:
+                    if await self._state(process, timeout) == _GOALS[transition]:
+                        return
+                elif response.success:
+                    return
+                else:
+                    reason = await process.refusal(_REFUSAL_PATIENCE)
+                    raise GraphError(f"{process.spec.name}: {reason}")
+
+    async def _state(self, process: NodeProcess, timeout: float) -> int:
         response = await self._client.call(
-            ChangeState,
-            self._service(process, "change_state"),
-            ChangeState.Request(transition=Transition(id=transition)),
-            timeout,
-            # A transition must not be asked for twice while the node works on it.
-            retry=False,
+            GetState, self._service(process, "get_state"), GetState.Request(), timeout
         )
-        if not response.success:
-            raise GraphError(f"{process.spec.name}: {await process.refusal(_REFUSAL_PATIENCE)}")
+        return int(response.current_state.id)
 
     async def _matched(self) -> None:
         expected = expected_subscribers(self.config.recorded)

@@ -113,8 +113,8 @@ class Machine:
         return self.state.phase in (Phase.WINDING, Phase.STOPPING)
 
     def start(self) -> None:
-        """Begin or resume winding."""
-        if self.state.phase not in (Phase.IDLE, Phase.STOPPING):
+        """Begin or resume winding; a machine that winds goes on."""
+        if self.state.phase not in (Phase.IDLE, Phase.STOPPING, Phase.WINDING):
             raise PhaseError(f"cannot start while the machine is in {self.state.phase.value}")
         self.state.phase = Phase.WINDING
 

@@ -161,8 +161,10 @@ class RigNode(ManagedNode[RigParameters]):
         )
 
     def _start(self, machine: Machine) -> None:
+        # A client repeats a request whose answer was lost: starting twice is starting once.
+        if machine.state.phase is not Phase.WINDING:
+            self._pace.begin(machine.time)
         machine.start()
-        self._pace.begin(machine.time)
 
     def _command(self, act: Callable[[Machine], None]) -> Callable[[Any, Any], Any]:
         def serve(_request: Any, response: Any) -> Any:
