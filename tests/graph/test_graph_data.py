@@ -20,7 +20,9 @@ from winding_bringup.interface_table import as_markdown
 
 ROOT = Path(__file__).parents[2]
 # What rclpy gives every node by itself.
-OF_RCLPY = {"/rosout", "/parameter_events"}
+OF_RCLPY = {"/rosout", "/parameter_events", "/endpoints/parameter_events"}
+# Names of their own: the graph's picture of itself goes by node name.
+NAMESPACE = "/endpoints"
 
 
 def test_every_topic_has_one_publisher_in_the_graph() -> None:
@@ -49,12 +51,12 @@ def test_every_consumer_holds_time() -> None:
 def endpoints(node: Any) -> tuple[set[str], set[str]]:
     """Return the topics that a node publishes and hears, rclpy's own and diagnostics aside."""
     name = node.get_name()
-    shared = {f"/{name}/transition_event", "/diagnostics"}
-    published = node.get_publisher_names_and_types_by_node(name, "/")
-    heard = node.get_subscriber_names_and_types_by_node(name, "/")
+    shared = {f"{NAMESPACE}/{name}/transition_event", "/diagnostics"}
+    published = node.get_publisher_names_and_types_by_node(name, NAMESPACE)
+    heard = node.get_subscriber_names_and_types_by_node(name, NAMESPACE)
     return (
         {topic for topic, _ in published} - OF_RCLPY - shared,
-        {topic for topic, _ in heard} - OF_RCLPY - {"/clock"},
+        {topic for topic, _ in heard} - OF_RCLPY - {f"{NAMESPACE}/clock"},
     )
 
 
@@ -62,7 +64,7 @@ def test_nodes_really_have_the_endpoints_that_the_graph_states(ros: Any) -> None
     graph = ComposedGraph(
         ros.context,
         ros.executor,
-        namespace="",
+        namespace=NAMESPACE.removeprefix("/"),
         parameters={
             topics.RIG: {"pace_topics": ",".join(topic.name for topic in pace_topics())},
         },
@@ -70,8 +72,8 @@ def test_nodes_really_have_the_endpoints_that_the_graph_states(ros: Any) -> None
     for spec in GRAPH:
         node = graph.nodes[spec.name]
         stated = (
-            {f"/{topic.name.lstrip('/')}" for topic in spec.publishes},
-            {f"/{topic.name.lstrip('/')}" for topic in spec.subscribes},
+            {f"{NAMESPACE}/{topic.name.lstrip('/')}" for topic in spec.publishes},
+            {f"{NAMESPACE}/{topic.name.lstrip('/')}" for topic in spec.subscribes},
         )
         # The graph's own picture of itself takes a moment to be complete.
         ros.spin_until(lambda node=node, stated=stated: endpoints(node) == stated)
