@@ -139,3 +139,24 @@ def test_parameters_describe_themselves_and_keep_their_range(ros: object) -> Non
     request = SetParameters.Request(parameters=[Parameter("gain", value=3.0).to_parameter_msg()])
     result = ros.call(probe, SetParameters, "/listener/set_parameters", request).results[0]
     assert not result.successful
+
+
+def test_read_only_parameter_may_be_chosen_until_the_node_is_configured(ros: object) -> None:
+    node = ros.add(Listener)
+    probe = ros.plain()
+
+    def choose(flavour: str) -> object:
+        chosen = Parameter("flavour", value=flavour).to_parameter_msg()
+        request = SetParameters.Request(parameters=[chosen])
+        return ros.call(probe, SetParameters, "/listener/set_parameters", request).results[0]
+
+    assert choose("salted").successful
+    assert not change(ros, probe, Transition.TRANSITION_CONFIGURE)
+    assert choose("plain").successful
+    assert change(ros, probe, Transition.TRANSITION_CONFIGURE)
+    assert node.configuration.flavour == "plain"
+    refused = choose("salted")
+    assert not refused.successful
+    assert refused.reason.startswith("parameter flavour is fixed while the node is configured")
+    assert change(ros, probe, Transition.TRANSITION_CLEANUP)
+    assert choose("salted").successful

@@ -80,6 +80,11 @@ class Case:
         return math.pi * self.cable_radius**2
 
     @property
+    def bending_stiffness(self) -> float:
+        """EI of the undeformed section [N m^2]."""
+        return self.material.young * math.pi * self.cable_radius**4 / 4.0
+
+    @property
     def nominal_stress(self) -> float:
         """Weight over undeformed section [Pa], the tension that Table 1 prints in MPa."""
         return self.weight / self.section_area

@@ -42,33 +42,50 @@ def encode_cloud(t: float, records: NDArray[np.void]) -> PointCloud2:
     )
     message.header.stamp = encode_stamp(t)
     message.header.frame_id = BASE_FRAME
-    message._data = np.frombuffer(bytearray(records.tobytes()), dtype=np.uint8)
+    message._data = np.frombuffer(bytearray(_padded(records).tobytes()), dtype=np.uint8)
     return message
+
+
+def _padded(records: NDArray[np.void]) -> NDArray[np.void]:
+    """Return a copy with zeros between the fields, where others leave what was in memory."""
+    padded = np.zeros(records.shape, dtype=records.dtype)
+    for name in records.dtype.names or ():
+        padded[name] = records[name]
+    return padded
 
 
 def decode_cloud(message: PointCloud2, dtype: np.dtype[np.void]) -> tuple[float, NDArray[np.void]]:
     """Return (t [s], records of the given dtype, shape (n,)).
 
     Raises:
-        MessageError: The cloud lacks a field of the dtype, or has it with another type.
+        MessageError: The cloud lacks a field of the dtype, has it with another type or outside
+            its points, or does not bring as many bytes as it says.
     """
     if message.is_bigendian:
         raise MessageError("point cloud must be little-endian")
-    stated = {field.name: field for field in message.fields}
-    records = np.zeros(message.width * message.height, dtype=dtype)
+    count = message.width * message.height
     raw = np.frombuffer(message.data, dtype=np.uint8)
-    if raw.size != records.size * message.point_step:
+    if raw.size != count * message.point_step:
         raise MessageError(
-            f"point cloud of {records.size} points of {message.point_step} bytes needs "
-            f"{records.size * message.point_step} bytes, got {raw.size}"
+            f"point cloud of {count} points of {message.point_step} bytes needs "
+            f"{count * message.point_step} bytes, got {raw.size}"
         )
-    table = raw.reshape(records.size, message.point_step)
-    for name, entry in (dtype.fields or {}).items():
+    stated = {field.name: field for field in message.fields}
+    for name, (wanted, *_) in (dtype.fields or {}).items():
         field = stated.get(name)
-        wanted = entry[0]
         if field is None or field.datatype != _DATATYPES[wanted.str[1:]]:
             raise MessageError(f"point cloud needs a field {name} of type {wanted.name}")
-        column = np.ascontiguousarray(table[:, field.offset : field.offset + wanted.itemsize])
+        if field.offset + wanted.itemsize > message.point_step:
+            raise MessageError(
+                f"field {name} at byte {field.offset} lies outside a point of "
+                f"{message.point_step} bytes"
+            )
+    # A message may claim any number of points: memory is taken only for those it brings.
+    records = np.zeros(count, dtype=dtype)
+    table = raw.reshape(count, message.point_step)
+    for name, (wanted, *_) in (dtype.fields or {}).items():
+        offset = stated[name].offset
+        column = np.ascontiguousarray(table[:, offset : offset + wanted.itemsize])
         records[name] = column.view(wanted).reshape(-1)
     return decode_stamp(message.header.stamp), records
 

@@ -8,6 +8,7 @@ from enum import IntEnum
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from cable_winding.ros.rig_messages import MessageError
 from cable_winding.ros.stamps import decode_stamp, encode_stamp
 
 
@@ -57,7 +58,14 @@ def encode_diagnostics(
 
 
 def decode_diagnostics(message: DiagnosticArray) -> tuple[float, tuple[Status, ...]]:
-    """Return (t [s], statuses)."""
+    """Return (t [s], statuses).
+
+    Raises:
+        MessageError: A level is none of REP-107's.
+    """
+    for status in message.status:
+        if status.level[0] not in set(Level):
+            raise MessageError(f"status {status.name!r} has the unknown level {status.level[0]}")
     statuses = tuple(
         Status(
             name=status.name,
@@ -92,6 +100,16 @@ def encode_case_votes(t: float, votes: Mapping[int, float]) -> DiagnosticArray:
 
 
 def decode_case_votes(message: DiagnosticArray) -> tuple[float, dict[int, float]]:
-    """Return (t [s], share of votes by case number), best first."""
-    t, (status,) = decode_diagnostics(message)
-    return t, {int(key.removeprefix("case ")): float(vote) for key, vote in status.values.items()}
+    """Return (t [s], share of votes by case number), best first.
+
+    Raises:
+        MessageError: It is not one status with a number for each case.
+    """
+    t, statuses = decode_diagnostics(message)
+    if len(statuses) != 1:
+        raise MessageError(f"case votes need one status, got {len(statuses)}")
+    votes = statuses[0].values
+    try:
+        return t, {int(key.removeprefix("case ")): float(vote) for key, vote in votes.items()}
+    except ValueError:
+        raise MessageError(f"case votes need a number for each case, got {dict(votes)}") from None

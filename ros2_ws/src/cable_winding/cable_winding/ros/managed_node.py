@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+import time
 import traceback
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Generic, TypeVar
 
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, TransitionCallbackReturn
 from rclpy.publisher import Publisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
+from cable_winding.intake import Endpoint, Intake, Rivals, StampError
 from cable_winding.parameters import ParameterError
 from cable_winding.ros.diagnostic_messages import Level, Status, encode_diagnostics
-from cable_winding.ros.parameters import declare_parameters, refuse_invalid
+from cable_winding.ros.exchange import Answer, Exchange
+from cable_winding.ros.heartbeat import Heartbeat
+from cable_winding.ros.parameters import (
+    declare_parameters,
+    read_parameters,
+    refuse_invalid,
+)
 from cable_winding.ros.rig_messages import MessageError
+from cable_winding.ros.stamps import decode_stamp, serialised_stamp_ns
+from cable_winding.ros.stop_request import StopRequest
 from cable_winding.ros.topics import DIAGNOSTICS, Topic
 
 Configuration = TypeVar("Configuration")
@@ -41,14 +52,19 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     def __init__(self, name: str, configuration: type[Configuration], **kwargs: Any) -> None:
         super().__init__(name, **kwargs)
         self.configuration: Configuration = declare_parameters(self, configuration)
-        refuse_invalid(self, configuration)
+        self._declared = configuration
+        self._configured = False
+        refuse_invalid(self, configuration, lambda: self._configured)
         self._topic_publishers: dict[str, Publisher] = {}
         self._topic_subscriptions: list[Subscription] = []
-        self._refused: Counter[str] = Counter()
-        self._refusal = ""
+        self._intakes: dict[str, Intake] = {}
+        self._stop_request = StopRequest(self)
+        self._rivals: dict[str, Rivals] = {}
+        self._mismatch = ""
         self._failure = ""
         self._fatal: Exception | None = None
         self._diagnostics = DIAGNOSTICS.advertise(self)
+        self._heartbeat = Heartbeat(self, name)
         self._last_told: list[Status] = []
         self._silent_periods = 0
         # Wall time: a stopped simulation must still say that it is stopped.
@@ -68,6 +84,12 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     def cleanup(self) -> None:
         """Let go of what `configure` made; publishers and subscriptions go by themselves."""
 
+    def come_to_rest(self) -> None:
+        """Bring what moves to rest before the process ends; the node still publishes."""
+
+    def contested(self, sentence: str) -> None:
+        """Take note that another node publishes on one of this node's topics."""
+
     def status(self) -> Status:
         """Return the state of the node's own work."""
         return Status(name=self.get_name())
@@ -83,6 +105,9 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             topic.name,
             topic.qos,
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            event_callbacks=PublisherEventCallbacks(
+                incompatible_qos=lambda event: self._note_mismatch(topic, "a subscriber", event)
+            ),
         )
         self._topic_publishers[topic.name] = publisher
         return publisher
@@ -94,25 +119,99 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     def subscribe(
         self, topic: Topic, callback: Callable[[Any], None], *, raw: bool = False
     ) -> Subscription:
-        """Return a subscription whose callback may refuse a message with MessageError."""
+        """Return a subscription whose callback may refuse a message with MessageError.
 
-        def guarded(message: Any) -> None:
-            try:
-                callback(message)
-            except MessageError as error:
-                self._refused[topic.name] += 1
-                self._refusal = f"refused a message on {topic.name}: {error}"
-
-        subscription = topic.subscribe(self, guarded, raw=raw)
+        A message whose stamp runs backwards, and every message of a topic that has more than
+        one publisher, is refused before the callback sees it.
+        """
+        subscription = topic.subscribe(
+            self,
+            self._guarded(topic, callback, raw=raw),
+            raw=raw,
+            events=SubscriptionEventCallbacks(
+                incompatible_qos=lambda event: self._note_mismatch(topic, "a publisher", event)
+            ),
+        )
         self._topic_subscriptions.append(subscription)
         return subscription
 
+    def _guarded(
+        self, topic: Topic, callback: Callable[[Any], None], *, raw: bool = False
+    ) -> Callable[[Any], None]:
+        intake = self._intakes.setdefault(topic.name, Intake(topic.name))
+
+        def guarded(message: Any) -> None:
+            try:
+                intake.check(_stamp(message, raw=raw), self._now)
+                callback(message)
+            except (MessageError, StampError) as error:
+                intake.refuse(str(error), time.monotonic())
+                if intake.persistent:
+                    self._stop_request.ask(f"{topic.name}: {error}")
+            else:
+                intake.accept()
+            # A reader in arrears serves many messages before the executor's timers run again.
+            self._heartbeat.beat()
+
+        return guarded
+
+    def connect(
+        self, exchange: Exchange, *, busy: AbstractContextManager[Any] | None = None
+    ) -> None:
+        """Advertise an exchange's outputs, and publish its answers to each of its inputs.
+
+        A message is dealt with after everything that has arrived on the other inputs. An
+        executor serves one topic after the other: a node in arrears would see frames of a
+        quarter of a second before the encoder samples of the first of them.
+
+        Args:
+            exchange: The node's work.
+            busy: Held while it works, when another thread may call it too.
+        """
+        for topic in exchange.outputs:
+            self.advertise(topic)
+        subscriptions: dict[Topic, Subscription] = {}
+        for topic in exchange.inputs:
+            answer = self._answering(exchange, topic, busy or nullcontext())
+            others = [
+                (
+                    other,
+                    self._guarded(other, self._answering(exchange, other, busy or nullcontext())),
+                )
+                for other in exchange.inputs
+                if other is not topic
+            ]
+            subscriptions[topic] = self.subscribe(
+                topic, _after_others(answer, others, subscriptions)
+            )
+
+    def publish(self, answers: Iterable[Answer]) -> None:
+        """Publish answers as they come."""
+        for answer in answers:
+            self._topic_publishers[answer.topic.name].publish(answer.message)
+
+    def _answering(
+        self, exchange: Exchange, topic: Topic, busy: AbstractContextManager[Any]
+    ) -> Callable[[Any], None]:
+        def answer(message: Any) -> None:
+            with busy:
+                self.publish(exchange.take(topic, message))
+
+        return answer
+
     def on_configure(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
-        return self._transition("configure", self.configure)
+        result = self._transition("configure", self._take_parameters, self.configure)
+        self._configured = result is TransitionCallbackReturn.SUCCESS
+        if result is TransitionCallbackReturn.FAILURE:
+            # What was made before the refusal would be made twice by the next attempt.
+            self._clear()
+        return result
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
         # Publishers open first, so that `activate` may publish.
         super().on_activate(state)
+        for intake in self._intakes.values():
+            intake.restart()
         return self._transition("activate", self.activate)
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
@@ -121,7 +220,9 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         return result
 
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
-        return self._transition("clean up", self._clear)
+        result = self._transition("clean up", self._clear)
+        self._configured = result is not TransitionCallbackReturn.SUCCESS
+        return result
 
     def on_shutdown(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
         def stop() -> None:
@@ -147,10 +248,17 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             self.destroy_subscription(subscription)
         self._topic_publishers.clear()
         self._topic_subscriptions.clear()
+        self._intakes.clear()
+        self._rivals.clear()
+        self._mismatch = ""
 
-    def _transition(self, name: str, hook: Callable[[], None]) -> TransitionCallbackReturn:
+    def _take_parameters(self) -> None:
+        self.configuration = read_parameters(self, self._declared)
+
+    def _transition(self, name: str, *hooks: Callable[[], None]) -> TransitionCallbackReturn:
         try:
-            hook()
+            for hook in hooks:
+                hook()
         except (ParameterError, ValueError, FileNotFoundError) as error:
             self._failure = f"cannot {name}: {error}"
             self.get_logger().error(self._failure)
@@ -177,6 +285,8 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     def _tell(self) -> None:
         if self._fatal is not None:
             raise self._fatal
+        self._heartbeat.beat()
+        self._look_for_rivals()
         statuses = self._statuses()
         self._silent_periods += 1
         changed = [(s.name, s.level, s.message) for s in statuses] != [
@@ -193,21 +303,90 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             self._last_told = statuses
             self._silent_periods = 0
 
+    def _now(self) -> float:
+        return float(self.get_clock().now().nanoseconds * 1e-9)
+
+    def rivals(self) -> list[str]:
+        """Return one sentence for each of the node's topics that others publish too."""
+        return [rivals.sentence for rivals in self._rivals.values() if rivals.sentence]
+
+    def _note_mismatch(self, topic: Topic, who: str, event: Any) -> None:
+        policy = str(event.last_policy_kind).rpartition(".")[2]
+        self._mismatch = f"{topic.name}: {who} asks for another quality of service ({policy})"
+        self.get_logger().error(self._mismatch)
+
+    def _look_for_rivals(self) -> None:
+        now = time.monotonic()
+        for name in {*self._intakes, *self._topic_publishers}:
+            publishers: tuple[Endpoint, ...] = ()
+            if self.count_publishers(name) > 1:
+                publishers = tuple(
+                    (found.node_namespace, found.node_name)
+                    for found in self.get_publishers_info_by_topic(self.resolve_topic_name(name))
+                )
+            before = self._rivals.get(name, Rivals())
+            after = self._rivals[name] = before.look(name, publishers, now)
+            if name in self._intakes:
+                self._intakes[name].contested = after.sentence
+            if after.sentence and after.sentence != before.sentence:
+                self.get_logger().error(after.sentence)
+            if after.sentence:
+                self.contested(after.sentence)
+
     def _statuses(self) -> list[Status]:
         own = self.status()
         if self._failure:
             own = Status(name=own.name, level=Level.ERROR, message=self._failure, values=own.values)
         values = {f"{MATCHED}{name}": str(self.matched(name)) for name in self._topic_publishers}
-        values |= {f"refused {name}": str(count) for name, count in self._refused.items()}
+        refusing = [intake for intake in self._intakes.values() if intake.refused]
+        values |= {f"heard {name}": str(item.accepted) for name, item in self._intakes.items()}
+        values |= {f"refused {item.topic}": str(item.refused) for item in refusing}
+        errors = self.rivals()
+        errors += [_refusal(intake) for intake in refusing if intake.persistent]
+        warnings = [_refusal(intake) for intake in refusing if not intake.persistent]
         return [
             own,
             Status(
                 name=f"{self.get_name()}: topics",
-                level=Level.WARN if self._refused else Level.OK,
-                message=self._refusal,
+                level=Level.ERROR if errors else Level.WARN if warnings else Level.OK,
+                message="; ".join([*errors, *warnings]),
                 values=values,
             ),
+            *self._mismatches(),
         ]
+
+    def _mismatches(self) -> list[Status]:
+        if not self._mismatch:
+            return []
+        return [
+            Status(
+                name=f"{self.get_name()}: quality of service",
+                level=Level.ERROR,
+                message=self._mismatch,
+            )
+        ]
+
+
+def _refusal(intake: Intake) -> str:
+    return f"refused a message on {intake.topic}: {intake.reason}"
+
+
+def _stamp(message: Any, *, raw: bool) -> float:
+    return serialised_stamp_ns(message) * 1e-9 if raw else decode_stamp(message.header.stamp)
+
+
+def _after_others(
+    answer: Callable[[Any], None],
+    others: Sequence[tuple[Topic, Callable[[Any], None]]],
+    subscriptions: Mapping[Topic, Subscription],
+) -> Callable[[Any], None]:
+    def serve(message: Any) -> None:
+        for topic, catch_up in others:
+            for waiting in topic.waiting(subscriptions[topic]):
+                catch_up(waiting)
+        answer(message)
+
+    return serve
 
 
 def _matches(statuses: Sequence[Status]) -> list[tuple[str, str]]:

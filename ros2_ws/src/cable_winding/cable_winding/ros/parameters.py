@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TypeVar
 
 from rcl_interfaces.msg import (
@@ -52,17 +53,37 @@ def declare_parameters(node: Node, configuration: type[Configuration]) -> Config
     return build(configuration, values, owner=f"node {node.get_fully_qualified_name()}")
 
 
-def refuse_invalid(node: Node, configuration: type) -> None:
-    """Make later parameter changes answer with the declaration's own sentence."""
+def read_parameters(node: Node, configuration: type[Configuration]) -> Configuration:
+    """Return the configuration with the values that a node's parameters have now."""
+    names = [item.name for item in declarations(configuration)]
+    values = {name: node.get_parameter(name).value for name in names}
+    return build(configuration, values, owner=f"node {node.get_fully_qualified_name()}")
+
+
+def refuse_invalid(node: Node, configuration: type, fixed: Callable[[], bool]) -> None:
+    """Make later parameter changes answer with the declaration's own sentence.
+
+    Args:
+        node: Whose parameters.
+        configuration: Dataclass that states them.
+        fixed: Whether the node is at work, so that read-only parameters cannot change.
+    """
     stated = {item.name: item for item in declarations(configuration)}
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
-            if parameter.name in stated:
-                try:
-                    stated[parameter.name].convert(parameter.value)
-                except ParameterError as error:
-                    return SetParametersResult(successful=False, reason=str(error))
+            item = stated.get(parameter.name)
+            if item is None:
+                continue
+            try:
+                if item.read_only and fixed():
+                    raise ParameterError(
+                        f"parameter {item.name} is fixed while the node is configured; "
+                        "clean the node up first"
+                    )
+                item.convert(parameter.value)
+            except ParameterError as error:
+                return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(check)
@@ -75,9 +96,9 @@ def _overrides(node: Node) -> dict[str, Parameter]:
 
 
 def _descriptor(item: Declaration) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(
-        name=item.name, description=item.description, read_only=item.read_only
-    )
+    # A read-only value may still be chosen before the node is configured; rcl's flag forbids
+    # that too, so `refuse_invalid` guards it.
+    descriptor = ParameterDescriptor(name=item.name, description=item.description)
     if item.choices is not None:
         descriptor.additional_constraints = f"one of {', '.join(item.choices)}"
     bounded = item.low is not None and item.high is not None

@@ -6,42 +6,64 @@ import ctypes
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
+from typing import Any
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
 
 from cable_winding.parameters import ParameterError
+from cable_winding.ros.managed_node import ManagedNode
 
 EXIT_REFUSED = 2
 # Set by the orchestrator: a supervised node ends with its supervisor.
 SUPERVISED = "WINDING_SUPERVISED"
 _PR_SET_PDEATHSIG = 1
+# EventsExecutor.spin() of rclpy 7.1 never returns to the interpreter; spin_once does. A signal
+# is served between two of them.
+_SPIN_PERIOD = 0.05
 
 
-def run_node(factory: Callable[[], Node]) -> int:
-    """Spin a node until it is told to stop; return the exit code.
-
-    A parameter that is refused ends the process with code 2 and one sentence on stderr.
-    """
+def end_with_supervisor() -> None:
+    """Let the kernel end this process with the one that supervises it; without one, nothing."""
     if os.environ.get(SUPERVISED) and sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    rclpy.init(args=sys.argv)
+
+
+def run_node(factory: Callable[[], ManagedNode[Any]]) -> int:
+    """Spin a node until it is told to stop; return the exit code.
+
+    On SIGINT and SIGTERM the node comes to rest first, while it can still publish, and then the
+    process ends. A parameter that is refused ends it with code 2 and one sentence on stderr.
+    """
+    end = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: end.set())
+    end_with_supervisor()
+    rclpy.init(args=sys.argv, signal_handler_options=rclpy.SignalHandlerOptions.NO)
     try:
         node = factory()
     except ParameterError as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
         rclpy.try_shutdown()
         return EXIT_REFUSED
-    executor = SingleThreadedExecutor()
+    executor = EventsExecutor()
     executor.add_node(node)
     try:
-        executor.spin()
+        while rclpy.ok() and not end.is_set():
+            executor.spin_once(timeout_sec=_SPIN_PERIOD)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
+        node.come_to_rest()
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
+    if os.environ.get(SUPERVISED) and end.is_set():
+        # Everything is let go of; taking the interpreter apart takes longer than all of that.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(0)
     return 0

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -30,7 +31,7 @@ class Topic:
         name: Relative to the graph's namespace, or absolute.
         type: Message class.
         rate: Nominal messages per simulated second; None for topics sent on change.
-        publisher: Name of the node that publishes it; "every node" for shared topics.
+        publisher: Name of the node that publishes it; EVERY_NODE for shared topics.
         depth: History kept for a slow reader.
         latched: Whether late subscribers get the last message.
         recorded: Whether the recorder stores it.
@@ -64,7 +65,12 @@ class Topic:
         )
 
     def subscribe(
-        self, node: Node, callback: Callable[[Any], None], *, raw: bool = False
+        self,
+        node: Node,
+        callback: Callable[[Any], None],
+        *,
+        raw: bool = False,
+        events: SubscriptionEventCallbacks | None = None,
     ) -> Subscription:
         """Return a subscription on a node; raw callbacks get the serialised bytes.
 
@@ -75,12 +81,8 @@ class Topic:
 
         def serve(message: Any) -> None:
             callback(message)
-            for _ in range(self.depth):
-                with subscription.handle:
-                    taken = subscription.handle.take_message(self.type, raw)
-                if taken is None:
-                    return
-                callback(taken[0])
+            for waiting in self.waiting(subscription, raw=raw):
+                callback(waiting)
 
         subscription: Subscription = node.create_subscription(
             self.type,
@@ -89,8 +91,18 @@ class Topic:
             self.qos,
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             raw=raw,
+            event_callbacks=events,
         )
         return subscription
+
+    def waiting(self, subscription: Subscription, *, raw: bool = False) -> Iterator[Any]:
+        """Take the messages that have arrived on a subscription of this topic, `depth` at most."""
+        for _ in range(self.depth):
+            with subscription.handle:
+                taken = subscription.handle.take_message(self.type, raw)
+            if taken is None:
+                return
+            yield taken[0]
 
     def advertise(self, node: Node) -> Publisher:
         """Return a plain publisher on a node that is not managed."""
@@ -154,6 +166,14 @@ FEM_CABLE_LINE = _topic("fem/cable_line", Marker, 20.0, FEM, "centreline as a LI
 FEM_PREDICTION = _topic(
     "fem/prediction", PointCloud2, None, FEM, "final markers of the run, ahead of it", latched=True
 )
+FEM_MATERIAL = _topic(
+    "fem/material",
+    DiagnosticArray,
+    None,
+    FEM,
+    "effective modulus that the tracked markers tell, with its error",
+    latched=True,
+)
 CORRECTED_MARKERS = _topic(
     "correction/markers", PointCloud2, 50.0, CORRECTION, "predicted lengths times the weight h"
 )
@@ -165,7 +185,8 @@ CORRECTION_CASE = _topic(
     "known condition that this run resembles, with its share of votes",
     latched=True,
 )
-DIAGNOSTICS = _topic("/diagnostics", DiagnosticArray, None, "every node", "state of each node")
+EVERY_NODE = "every node"
+DIAGNOSTICS = _topic("/diagnostics", DiagnosticArray, None, EVERY_NODE, "state of each node")
 RECORDER_PROGRESS = _topic(
     "recorder/progress",
     Header,
@@ -188,6 +209,7 @@ TOPICS: tuple[Topic, ...] = (
     FEM_CABLE,
     FEM_CABLE_LINE,
     FEM_PREDICTION,
+    FEM_MATERIAL,
     CORRECTED_MARKERS,
     CORRECTION_CASE,
     DIAGNOSTICS,
@@ -198,7 +220,14 @@ TOPICS: tuple[Topic, ...] = (
 SERVICES = {
     "rig/start": ("std_srvs/srv/Trigger", "start or resume winding"),
     "rig/stop": ("std_srvs/srv/Trigger", "ramp both axes down and hold"),
-    "rig/reset": ("std_srvs/srv/Trigger", "back to the start of the run; only while stopped"),
+    "rig/quick_stop": (
+        "std_srvs/srv/Trigger",
+        "bring both axes to rest in 0.3 s, whatever the readers do; rig/start resumes",
+    ),
+    "rig/reset": (
+        "std_srvs/srv/Trigger",
+        "back to the start of the run, a latched stop released; only while stopped",
+    ),
     "rig/emergency_stop": ("std_srvs/srv/Trigger", "cut the drives at once"),
     "camera/set_camera_info": (
         "sensor_msgs/srv/SetCameraInfo",

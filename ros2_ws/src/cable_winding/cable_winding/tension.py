@@ -1,0 +1,86 @@
+"""What pulls the span: the dead weight, or a rig whose guide and pulleys add their own share."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+# The drum diameter in the middle of the two that were measured.
+REFERENCE_DIAMETER = 45.0e-3
+
+
+class TensionLaw(Protocol):
+    """Span tension [N] from weight [N], cylinder diameter [m] and wound length [m]."""
+
+    def __call__(self, weight: float, cylinder_diameter: float, wound_length: float) -> float:
+        """Return the tension [N]."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeadWeight:
+    """The span carries the weight, from the first turn to the last."""
+
+    def __call__(self, weight: float, cylinder_diameter: float, wound_length: float) -> float:
+        """Return the weight [N]."""
+        return weight
+
+    def along(
+        self, weight: float, cylinder_diameter: float, wound_lengths: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the tension [N] at every wound length [m], same shape."""
+        return np.full(wound_lengths.shape, weight)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigTension:
+    """Calibratable rig: (F0 + a T_w + b (D / 45 mm - 1)) [f0 + (1 - f0)(1 - exp(-s / L_c))].
+
+    Attributes:
+        offset: F0 [N].
+        weight_share: a.
+        diameter_gain: b [N].
+        start_share: f0, share of the final tension at the start.
+        build_up_length: L_c [m] of wound cable.
+    """
+
+    offset: float = 0.0
+    weight_share: float = 1.0
+    diameter_gain: float = 0.0
+    start_share: float = 1.0
+    build_up_length: float = 0.255
+
+    def __post_init__(self) -> None:
+        for name in ("offset", "weight_share", "diameter_gain", "start_share"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} must be finite, got {getattr(self, name)}")
+        if not self.build_up_length > 0.0:
+            raise ValueError(f"build_up_length must be positive, got {self.build_up_length} m")
+
+    def __call__(self, weight: float, cylinder_diameter: float, wound_length: float) -> float:
+        """Return the tension [N]; never below zero."""
+        built = -math.expm1(-max(wound_length, 0.0) / self.build_up_length)
+        final = self.final(weight, cylinder_diameter)
+        return max(0.0, final * (self.start_share + (1.0 - self.start_share) * built))
+
+    def along(
+        self, weight: float, cylinder_diameter: float, wound_lengths: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the tension [N] at every wound length [m], same shape."""
+        built = -np.expm1(-np.maximum(wound_lengths, 0.0) / self.build_up_length)
+        final = self.final(weight, cylinder_diameter)
+        return np.asarray(
+            np.maximum(0.0, final * (self.start_share + (1.0 - self.start_share) * built))
+        )
+
+    def final(self, weight: float, cylinder_diameter: float) -> float:
+        """Return F0 + a T_w + b (D / 45 mm - 1) [N], where the build-up ends."""
+        return (
+            self.offset
+            + self.weight_share * weight
+            + self.diameter_gain * (cylinder_diameter / REFERENCE_DIAMETER - 1.0)
+        )
