@@ -4,11 +4,8 @@ import math
 
 import pytest
 
-from cable_winding.cases import paper_case
 from cable_winding.published import published_markers
 from correction_node.dataset import (
-    case_inputs,
-    condition_inputs,
     format_lengths,
     lengths,
     load_data_set,
@@ -35,11 +32,6 @@ def test_a_cell_carries_its_condition_in_si() -> None:
     # 1.962 N over pi mm^2, by hand.
     assert cell.tension == pytest.approx(1.962 / (math.pi * 1.0e-6))
     assert cell.original_length == pytest.approx(0.1)
-
-
-def test_training_and_running_see_the_same_inputs() -> None:
-    cells = [cell for cell in load_data_set("paper").cells if cell.case == 9]
-    assert condition_inputs(cells)[0].tolist() == case_inputs(paper_case(9)).tolist()
 
 
 def test_lengths_survive_the_way_through_a_file() -> None:

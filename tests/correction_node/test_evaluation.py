@@ -8,7 +8,12 @@ import pytest
 from cable_winding.published import published_markers, published_weights
 from correction_node.baselines import BASELINES, constant_factor, ridge
 from correction_node.dataset import case_numbers, lengths, load_data_set
-from correction_node.evaluation import cell_errors_pct, hold_out, score_fit
+from correction_node.evaluation import (
+    cell_errors_pct,
+    hold_out,
+    score_fit,
+    without_each_case,
+)
 
 CELLS = load_data_set("paper").cells
 
@@ -34,7 +39,7 @@ def test_a_held_out_case_is_never_seen() -> None:
         seen.append({cell.case for cell in cells})
         return lambda asked: np.full(len(asked), float(13 - len(seen[-1])))
 
-    h = hold_out(CELLS, spy)
+    h = hold_out(CELLS, [spy(others) for others in without_each_case(CELLS)])
     assert [set(range(1, 13)) - cases for cases in seen] == [{case} for case in range(1, 13)]
     assert (h == 2.0).all()
 
@@ -42,10 +47,10 @@ def test_a_held_out_case_is_never_seen() -> None:
 def test_what_a_held_out_case_measured_cannot_change_its_own_prediction() -> None:
     changed = [dataclasses.replace(c, s_exp=9.0) if c.case == 8 else c for c in CELLS]
     mine = case_numbers(CELLS) == 8
-    for name in ("constant factor", "ridge"):
-        fit = BASELINES[name]
-        np.testing.assert_array_equal(hold_out(CELLS, fit)[mine], hold_out(changed, fit)[mine])
-        assert not np.array_equal(hold_out(CELLS, fit)[~mine], hold_out(changed, fit)[~mine])
+    for name in ("constant factor", "ridge", "dimensionless ridge"):
+        before, after = (score_fit(cells, BASELINES[name]).held_out for cells in (CELLS, changed))
+        np.testing.assert_array_equal(before[mine], after[mine])
+        assert not np.array_equal(before[~mine], after[~mine])
 
 
 def test_the_constant_factor_minimises_equation_five() -> None:

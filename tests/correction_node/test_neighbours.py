@@ -9,6 +9,13 @@ from correction_node.neighbours import (
     published_lengths,
     simulated_repetitions,
 )
+from correction_node.repeatability import (
+    LABEL,
+    Noise,
+    NoiseAccuracy,
+    accuracy_by_noise,
+    repeated_runs,
+)
 
 NEIGHBOURS = Neighbours()
 CASES, TABLE = published_lengths()
@@ -60,6 +67,49 @@ def test_accuracy_falls_with_noise_and_meets_the_papers_at_the_assumed_repeatabi
     # 120 runs: one binomial standard error is 2.6 points at 91 %; two are allowed.
     assert accuracy[0.006] == pytest.approx(0.913, abs=0.052)
     assert accuracy[0.02] < accuracy[0.006] - 0.1
+
+
+@pytest.fixture(scope="module")
+def by_noise() -> dict[tuple[Noise, float], NoiseAccuracy]:
+    return {
+        (result.kind, result.noise): result
+        for result in accuracy_by_noise((0.0, 0.01, 0.02, 0.04), campaigns=5)
+    }
+
+
+@pytest.mark.parametrize("kind", list(Noise))
+def test_less_repeatable_runs_are_named_less_often(
+    kind: Noise, by_noise: dict[tuple[Noise, float], NoiseAccuracy]
+) -> None:
+    accuracies = [by_noise[kind, noise].accuracy for noise in (0.0, 0.01, 0.02, 0.04)]
+    assert accuracies[0] == 1.0
+    assert accuracies == sorted(accuracies, reverse=True)
+    # Blind guessing among twelve cases names one in twelve.
+    assert accuracies[-1] > 3.0 / 12.0
+
+
+def test_even_the_exact_cases_cannot_be_told_apart_at_two_percent(
+    by_noise: dict[tuple[Noise, float], NoiseAccuracy],
+) -> None:
+    result = by_noise[Noise.MARKER, 0.02]
+    assert result.nearest < 0.85
+    # K-NN from noisy repetitions knows less than the nearest of the exact cases.
+    assert result.accuracy < result.nearest
+
+
+def test_repetitions_of_a_run_differ_by_one_share_and_of_markers_by_four() -> None:
+    for kind, different in ((Noise.RUN, False), (Noise.MARKER, True)):
+        runs = repeated_runs(TABLE[3:4], 10, 0.02, kind, np.random.default_rng(0))
+        shares = np.log(runs / TABLE[3])
+        assert bool(np.ptp(shares, axis=1).max() > 1e-12) is different
+        # Ten draws: the standard deviation is known to a quarter of itself; three are allowed.
+        assert shares[:, 0].std(ddof=1) == pytest.approx(0.02, rel=0.75)
+
+
+def test_simulated_repeatability_says_that_it_is_simulated_and_repeats_itself() -> None:
+    assert "simulated" in LABEL
+    once = accuracy_by_noise((0.02,), campaigns=2, seed=3)
+    assert once == accuracy_by_noise((0.02,), campaigns=2, seed=3)
 
 
 @pytest.mark.parametrize(

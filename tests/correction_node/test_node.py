@@ -12,7 +12,9 @@ from cable_winding.markers import CORRECTED_DTYPE, MarkerFlag, wound_markers
 from cable_winding.published import published_markers
 from cable_winding.ros import topics
 from cable_winding.ros.cloud_messages import decode_cloud, encode_cloud
-from cable_winding.ros.diagnostic_messages import decode_case_votes
+from cable_winding.ros.diagnostic_messages import Level, decode_case_votes
+from correction_node.dataset import load_data_set
+from correction_node.measured_run import SETTLED_FRAMES as FRAMES
 from correction_node.node import CorrectionNode
 
 
@@ -31,6 +33,14 @@ def measured(number: int, wound: int) -> np.ndarray:
         cylinder_angle=0.0,
         flags=[0 if index < wound else MarkerFlag.NOT_WOUND for index in range(4)],
     )
+
+
+def predicted(number: int) -> np.ndarray:
+    """Return the solver's markers of a case, all wound."""
+    cells = [cell for cell in load_data_set("rod").cells if cell.case == number]
+    markers = measured(number, len(cells))[: len(cells)]
+    markers["s"] = [cell.s_fem for cell in cells]
+    return markers
 
 
 class Bench:
@@ -86,6 +96,59 @@ def test_case_is_named_when_a_further_marker_is_measured_and_not_before(ros: Any
     assert stamps == pytest.approx([0.2, 0.4])
     # Case 8 stretches like no other: its own published lengths must name it.
     assert next(iter(decode_case_votes(bench.votes[-1])[1])) == 8
+
+
+def test_measured_markers_correct_those_that_follow_and_it_is_said(ros: Any) -> None:
+    bench = Bench(ros, case=9)
+    assert bench.node.status().values["basis"] == "weight"
+    bench.fem.publish(encode_cloud(1.0, predicted(9)))
+    ros.spin_until(lambda: len(bench.corrected) == 1)
+    for step in range(FRAMES):
+        bench.tracked.publish(encode_cloud(1.0 + 0.005 * step, measured(9, 2)))
+    ros.spin_until(lambda: bench.node.run.measured.settled == {1, 2})
+    bench.fem.publish(encode_cloud(2.0, predicted(9)))
+    ros.spin_until(lambda: len(bench.corrected) == 2)
+    (_, before), (_, after) = (
+        decode_cloud(message, CORRECTED_DTYPE) for message in bench.corrected
+    )
+    ahead = after["id"] > 2
+    assert (after["s"] != before["s"])[ahead].all()
+    width_before, width_after = (m["s_high"] - m["s_low"] for m in (before, after))
+    assert (width_after < width_before)[ahead].all()
+    status = bench.node.status()
+    assert status.values["basis"] == "measured P1, P2"
+    assert status.level is Level.OK
+    assert status.message == "correcting by measured P1, P2"
+
+
+def test_a_garbage_marker_is_counted_said_and_moves_no_prediction(ros: Any) -> None:
+    bench = Bench(ros, case=9)
+    garbage = measured(9, 2)
+    garbage["s"][1] = 0.1
+    for step in range(FRAMES):
+        bench.tracked.publish(encode_cloud(1.0 + 0.01 * step, measured(9, 1)))
+        bench.tracked.publish(encode_cloud(1.005 + 0.01 * step, garbage))
+    ros.spin_until(lambda: bench.node.run.measured.refused == FRAMES)
+    bench.fem.publish(encode_cloud(2.0, predicted(9)))
+    ros.spin_until(lambda: bench.corrected)
+    status = bench.node.status()
+    assert status.level is Level.WARN
+    assert f"refused {FRAMES} measured markers, the last: marker 2" in status.message
+    assert status.values["basis"] == "measured P1"
+    # The garbage does not name a case either: P1 alone was heard.
+    assert len(bench.votes) == 2
+
+
+def test_a_new_activation_forgets_the_last_run(ros: Any) -> None:
+    bench = Bench(ros, case=9)
+    for step in range(FRAMES):
+        bench.tracked.publish(encode_cloud(1.0 + 0.005 * step, measured(9, 2)))
+    ros.spin_until(lambda: bench.node.run.measured.settled == {1, 2})
+    bench.node.trigger_deactivate()
+    bench.node.trigger_activate()
+    bench.fem.publish(encode_cloud(0.0, predicted(9)))
+    ros.spin_until(lambda: bench.corrected)
+    assert bench.node.status().values["basis"] == "weight"
 
 
 def test_condition_outside_the_trained_ones_is_left_as_predicted_and_said(ros: Any) -> None:

@@ -1,10 +1,15 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
-from correction_node.weights import load_weight
+from cable_winding.cases import paper_cases
+from correction_node.baselines import BASELINES
+from correction_node.comparison import ONE_H_PER_CASE
+from correction_node.learners import LEARNERS
+from correction_node.weights import SHIPPED, load_weight, weights_directory
 from winding_bringup.commands.train import train
 
 
@@ -18,7 +23,8 @@ def command() -> typer.Typer:
 def test_training_writes_weights_and_says_how_good_they_are(command, tmp_path) -> None:
     out = tmp_path / "mine"
     done = CliRunner().invoke(
-        command, ["--data", "paper", "--steps", "2", "--seed", "5", "--out", str(out)]
+        command,
+        ["--model", "network", "--data", "paper", "--steps", "2", "--seed", "5", "--out", str(out)],
     )
     assert done.exit_code == 0, done.output
     assert load_weight(out).card["training"]["seed"] == 5
@@ -26,10 +32,35 @@ def test_training_writes_weights_and_says_how_good_they_are(command, tmp_path) -
         assert said in done.output
 
 
+def test_comparing_prints_every_model_and_writes_nothing(command, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(command, ["--compare", "--steps", "2", "--out", "mine"])
+    assert done.exit_code == 0, done.output
+    for name in (*LEARNERS, *BASELINES, ONE_H_PER_CASE):
+        assert name in done.output
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["rod_rig", "rod_marker_network"])
+def test_a_shipped_weight_comes_out_of_its_model_again(command, tmp_path, name) -> None:
+    data, model = SHIPPED[name]
+    done = CliRunner().invoke(command, ["--data", data, "--model", model, "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    shipped, again = load_weight(weights_directory(name)), load_weight(tmp_path)
+    for case in paper_cases():
+        # Bits are equal on one machine; another processor may round sums in another order.
+        np.testing.assert_allclose(
+            again.factor(case).by_marker, shipped.factor(case).by_marker, rtol=2e-3
+        )
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
         (["--data", "nowhere.csv"], "no data set nowhere.csv"),
+        (["--model", "oracle", "--out", "x"], "model must be one of network, marker network"),
+        (["--model", "rig", "--data", "paper", "--out", "x"], "model rig needs lengths"),
+        (["--model", "rig", "--data", "paper"], "give --out"),
         (["--data", "paper", "--seed", "-1"], "--seed"),
         (["--data", "paper", "--steps", "0"], "--steps"),
     ],

@@ -6,83 +6,130 @@ import numpy as np
 import pytest
 import torch
 
-from correction_node.dataset import condition_inputs, lengths, load_data_set
+from correction_node.dataset import lengths, load_data_set
 from correction_node.evaluation import cell_errors_pct
-from correction_node.network import WeightNetwork
+from correction_node.inputs import condition_inputs
+from correction_node.learners import learn_network
+from correction_node.network import WeightNetworks
 from correction_node.perceptron import Perceptron
-from correction_node.training import TrainingConfig, train
+from correction_node.training import Problem, TrainingConfig, train
 
 CELLS = load_data_set("paper").cells
 SHORT = TrainingConfig(steps=40)
 
 
+def problem(cells) -> Problem:
+    s_fem, s_exp = lengths(cells)
+    return Problem(inputs=condition_inputs(cells), gain=s_fem, target=s_exp)
+
+
+ALL = problem(CELLS)
+
+
 def test_the_network_has_the_papers_shape() -> None:
-    network = WeightNetwork(torch.Generator().manual_seed(0))
-    shapes = [tuple(layer.weight.shape) for layer in network.linears]
+    networks = WeightNetworks(3, [0])
+    shapes = [tuple(weight.shape[1:]) for weight in networks.weights]
     assert shapes == [(10, 3), (10, 10), (10, 10), (1, 10)]
     # First layer 40, two inner layers 110 each, output 11.
-    assert sum(p.numel() for p in network.parameters()) == 271
+    assert sum(p.numel() for p in networks.parameters()) == 271
 
 
 def test_the_same_seed_gives_the_same_bits() -> None:
-    first, second = train(CELLS, SHORT), train(CELLS, SHORT)
+    (first,), (second,) = train([ALL], SHORT, [0]), train([ALL], SHORT, [0])
     for one, other in zip(first.perceptron.weights, second.perceptron.weights, strict=True):
         assert one.tobytes() == other.tobytes()
     assert first.loss.tobytes() == second.loss.tobytes()
 
 
-def test_training_leaves_the_callers_random_numbers_alone() -> None:
+def test_training_leaves_the_callers_random_numbers_and_threads_alone() -> None:
     torch.manual_seed(3)
-    before = torch.get_rng_state()
-    train(CELLS, SHORT)
+    before, threads = torch.get_rng_state(), torch.get_num_threads()
+    train([ALL], SHORT, [0])
     assert torch.equal(before, torch.get_rng_state())
+    assert torch.get_num_threads() == threads
 
 
 def test_another_seed_gives_another_network() -> None:
-    other = train(CELLS, dataclasses.replace(SHORT, seed=1))
-    assert not np.array_equal(other.loss, train(CELLS, SHORT).loss)
+    first, second = train([ALL, ALL], SHORT, [0, 1])
+    assert not np.array_equal(first.loss, second.loss)
 
 
-def test_the_loss_is_equation_five() -> None:
-    trained = train(CELLS, TrainingConfig(steps=1))
-    network = WeightNetwork(torch.Generator().manual_seed(0))
-    inputs = condition_inputs(CELLS)
-    x = Perceptron.normalised(inputs, inputs.min(axis=0), inputs.max(axis=0))
-    h = network(torch.from_numpy(x)).detach().numpy()
-    s_fem, s_exp = lengths(CELLS)
+def test_networks_side_by_side_do_not_see_each_other() -> None:
+    (alone,) = train([ALL], SHORT, [4])
+    few = problem([cell for cell in CELLS if cell.case < 4])
+    _, beside = train([few, ALL], SHORT, [0, 4])
+    # Products of another batch size may round differently; 40 steps let that grow little.
+    np.testing.assert_allclose(beside.loss, alone.loss, rtol=1e-9)
+    np.testing.assert_allclose(
+        beside.perceptron.h(ALL.inputs), alone.perceptron.h(ALL.inputs), rtol=1e-9
+    )
+
+
+def test_the_loss_is_the_mean_square_misfit() -> None:
+    (trained,) = train([ALL], TrainingConfig(steps=1), [0])
+    x = Perceptron.normalised(ALL.inputs, ALL.inputs.min(axis=0), ALL.inputs.max(axis=0))
+    h = WeightNetworks(3, [0])(torch.from_numpy(x)[None])[0].detach().numpy()
     # Rounding of one mean in double precision.
-    assert trained.loss[0] == pytest.approx(np.mean((h * s_fem - s_exp) ** 2), rel=1e-12)
+    misfit = np.mean((h * ALL.gain - ALL.target) ** 2)
+    assert trained.loss[0] == pytest.approx(misfit, rel=1e-12)
 
 
-def test_plain_arrays_predict_what_torch_predicts() -> None:
-    network = WeightNetwork(torch.Generator().manual_seed(5))
-    rng = np.random.default_rng(0)
-    low, high = np.array([0.03, 0.002, 11.0]), np.array([0.06, 0.006, 14.0])
-    inputs = rng.uniform(low, high, (20, 3))
-    plain = Perceptron(
-        weights=tuple(layer.weight.detach().numpy() for layer in network.linears),
-        biases=tuple(layer.bias.detach().numpy() for layer in network.linears),
+def test_the_papers_network_minimises_equation_five() -> None:
+    (model,) = learn_network([CELLS], SHORT, [0])
+    s_fem, s_exp = lengths(CELLS)
+    length = np.sqrt(np.mean(s_exp**2))
+    scaled = Problem(inputs=ALL.inputs, gain=s_fem / length, target=s_exp / length)
+    (trained,) = train([scaled], SHORT, [0])
+    np.testing.assert_array_equal(model.h(CELLS), trained.perceptron.h(ALL.inputs))
+
+
+def _plain(networks: WeightNetworks, low, high) -> Perceptron:
+    return Perceptron(
+        weights=tuple(weight[0].detach().numpy() for weight in networks.weights),
+        biases=tuple(bias[0].detach().numpy() for bias in networks.biases),
         low=low,
         high=high,
     )
-    x = torch.from_numpy(Perceptron.normalised(inputs, low, high))
+
+
+LOW, HIGH = np.array([0.03, 0.002, 11.0]), np.array([0.06, 0.006, 14.0])
+
+
+def test_plain_arrays_predict_what_torch_predicts() -> None:
+    networks = WeightNetworks(3, [5])
+    inputs = np.random.default_rng(0).uniform(LOW, HIGH, (20, 3))
+    x = torch.from_numpy(Perceptron.normalised(inputs, LOW, HIGH))
+    expected = networks(x[None])[0].detach().numpy()
     # Rounding of four small products in double precision.
-    np.testing.assert_allclose(plain.h(inputs), network(x).detach().numpy(), rtol=1e-12)
+    np.testing.assert_allclose(_plain(networks, LOW, HIGH).h(inputs), expected, rtol=1e-12)
+
+
+def test_beyond_the_trained_range_h_stays_what_it_is_at_the_edge() -> None:
+    plain = _plain(WeightNetworks(3, [5]), LOW, HIGH)
+    assert plain.h(HIGH[None] * 2.0) == plain.h(HIGH[None])
 
 
 def test_one_length_per_case_is_learned_to_the_end() -> None:
     cells = [dataclasses.replace(c, s_exp=1.2 * c.s_fem) for c in CELLS if c.marker == 4]
-    trained = train(cells, TrainingConfig(steps=300, weight_decay=0.0))
-    h = trained.perceptron.h(condition_inputs(cells))
+    (model,) = learn_network([cells], TrainingConfig(steps=300, weight_decay=0.0), [0])
+    h = model.h(cells)
     # 300 steps bring the loss to 1e-6 of the squared lengths and below: h to 1e-3.
     np.testing.assert_allclose(h, 1.2, rtol=2e-3)
     assert cell_errors_pct(cells, h).mean() < 0.2
 
 
 @pytest.mark.parametrize(
+    ("seeds", "sentence"),
+    [([-1], "seed must not be negative, got -1"), ([0, 1], "1 problems need as many seeds")],
+)
+def test_seeds_that_do_not_fit_are_refused(seeds: list[int], sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        train([ALL], SHORT, seeds)
+
+
+@pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"seed": -1}, "seed must not be negative, got -1"),
         ({"steps": 0}, "steps must be at least 1, got 0"),
         ({"learning_rate": 0.0}, "learning_rate must be positive"),
         ({"learning_rate": float("nan")}, "learning_rate must be positive"),

@@ -1,4 +1,4 @@
-"""Plain rivals of the network: what a sceptic would try first."""
+"""Plain rivals of the learned models: what a sceptic would try first."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from cable_winding.cases import Material
-from correction_node.dataset import Array, LengthCell, condition_inputs, lengths
+from correction_node.dataset import Array, LengthCell, MarkerCondition, lengths
 from correction_node.evaluation import Fit, Model
+from correction_node.inputs import Inputs, condition_inputs, dimensionless_inputs
 
 RIDGE_PENALTY = 1.0
 
@@ -39,21 +40,28 @@ def constant_factor(cells: Sequence[LengthCell]) -> Model:
 
 
 def ridge(cells: Sequence[LengthCell]) -> Model:
-    """Eq. 4 taken at its word: h = beta_0 + beta_1 x_1 + beta_2 x_2 + beta_3 x_3.
+    """Eq. 4 taken at its word: h = beta_0 + beta_1 x_1 + beta_2 x_2 + beta_3 x_3."""
+    return _ridge(cells, condition_inputs)
 
-    Minimises Eq. 5, lengths over their root mean square, plus RIDGE_PENALTY times the squared
-    slopes, inputs standardised; the mean is not penalised.
-    """
-    inputs = condition_inputs(cells)
+
+def dimensionless_ridge(cells: Sequence[LengthCell]) -> Model:
+    """Eq. 4 over strain, D/d and turns instead of lengths and pressures, one h per marker."""
+    return _ridge(cells, dimensionless_inputs)
+
+
+def _ridge(cells: Sequence[LengthCell], inputs_of: Inputs) -> Model:
+    # Minimises Eq. 5, lengths over their root mean square, plus RIDGE_PENALTY times the squared
+    # slopes, inputs standardised; the mean is not penalised.
+    inputs = inputs_of(cells)
     s_fem, s_exp = lengths(cells)
     mean, spread = inputs.mean(axis=0), inputs.std(axis=0)
     scale = np.sqrt(np.mean(s_fem**2))
 
-    def design(asked: Sequence[LengthCell]) -> Array:
-        return np.column_stack([np.ones(len(asked)), (condition_inputs(asked) - mean) / spread])
+    def design(asked: Sequence[MarkerCondition]) -> Array:
+        return np.column_stack([np.ones(len(asked)), (inputs_of(asked) - mean) / spread])
 
     rows = design(cells) * (s_fem / scale)[:, np.newaxis]
-    penalty = RIDGE_PENALTY * np.diag([0.0, 1.0, 1.0, 1.0])
+    penalty = RIDGE_PENALTY * np.diag([0.0, *np.ones(inputs.shape[1])])
     beta = np.linalg.solve(rows.T @ rows + penalty, rows.T @ (s_exp / scale))
     return lambda asked: np.asarray(design(asked) @ beta)
 
@@ -64,4 +72,5 @@ BASELINES: dict[str, Fit] = {
     "sigma/E": hooke_stretch,
     "constant factor": constant_factor,
     "ridge": ridge,
+    "dimensionless ridge": dimensionless_ridge,
 }

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_winding.cases import Case, paper_case
+from cable_winding.cases import paper_case
 from cable_winding.published import published_markers
 
 Array = NDArray[np.float64]
@@ -23,18 +23,17 @@ ROD_LENGTHS = "rod_lengths.csv"
 
 
 @dataclass(frozen=True, kw_only=True)
-class LengthCell:
-    """One measured cell of Tables 5 and 6, with a solver's prediction beside it.
+class MarkerCondition:
+    """Everything that h of one marker may depend on.
 
     Attributes:
-        case: Row of Table 1.
+        case: Row of Table 1, or 0.
         marker: n of Pn.
         cylinder_diameter: [m]
         cable_diameter: Undeformed [m].
         tension: Nominal stress, weight over undeformed section [Pa].
         original_length: n marker spacings [m].
         s_fem: Predicted curve length S_n [m].
-        s_exp: Measured curve length S_n [m].
     """
 
     case: int
@@ -44,6 +43,16 @@ class LengthCell:
     tension: float
     original_length: float
     s_fem: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class LengthCell(MarkerCondition):
+    """One measured cell of Tables 5 and 6, with a solver's prediction beside it.
+
+    Attributes:
+        s_exp: Measured curve length S_n [m].
+    """
+
     s_exp: float
 
 
@@ -149,32 +158,11 @@ def join_experiment(
     return tuple(cells)
 
 
-def condition_inputs(cells: Sequence[LengthCell]) -> Array:
-    """Return what h may depend on, shape (n, 3): see `inputs_of`."""
-    return np.array([inputs_of(c.cylinder_diameter, c.cable_diameter, c.tension) for c in cells])
-
-
-def case_inputs(case: Case) -> Array:
-    """Return the inputs of one condition, shape (3,)."""
-    return np.array(inputs_of(case.cylinder_diameter, case.cable_diameter, case.nominal_stress))
-
-
-def inputs_of(
-    cylinder_diameter: float, cable_diameter: float, tension: float
-) -> tuple[float, float, float]:
-    """Return (D_cylinder [m], D_cable [m], ln of the tension in Pa).
-
-    The paper's tensions span a factor of 18 and double from case to case, so their logarithm is
-    what is evenly spaced.
-    """
-    return cylinder_diameter, cable_diameter, math.log(tension)
-
-
 def lengths(cells: Sequence[LengthCell]) -> tuple[Array, Array]:
     """Return (S_FEM, S_EXP) [m], each of shape (n,)."""
     return np.array([c.s_fem for c in cells]), np.array([c.s_exp for c in cells])
 
 
-def case_numbers(cells: Sequence[LengthCell]) -> NDArray[np.int64]:
+def case_numbers(cells: Sequence[MarkerCondition]) -> NDArray[np.int64]:
     """Return the case of each cell, shape (n,)."""
     return np.array([c.case for c in cells], dtype=np.int64)

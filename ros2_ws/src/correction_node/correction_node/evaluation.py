@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from correction_node.dataset import Array, LengthCell, case_numbers, lengths
+from correction_node.dataset import Array, LengthCell, MarkerCondition, case_numbers, lengths
 
-# Predicts h, shape (n,), for cells; must not look at their s_exp.
-Model = Callable[[Sequence[LengthCell]], Array]
+# Predicts h, shape (n,).
+Model = Callable[[Sequence[MarkerCondition]], Array]
 # Learns a model from cells.
 Fit = Callable[[Sequence[LengthCell]], Model]
 
@@ -41,12 +41,23 @@ def cell_errors_pct(cells: Sequence[LengthCell], h: Array) -> Array:
     return np.asarray(100.0 * np.abs(s_exp - h * s_fem) / (h * s_fem))
 
 
-def hold_out(cells: Sequence[LengthCell], fit: Fit) -> Array:
-    """Return h of each cell from a model fitted to the cells of all other cases, shape (n,)."""
+def without_each_case(cells: Sequence[LengthCell]) -> list[list[LengthCell]]:
+    """Return, for each case in order, the cells of all other cases."""
+    return [
+        [cell for cell in cells if cell.case != case] for case in np.unique(case_numbers(cells))
+    ]
+
+
+def hold_out(cells: Sequence[LengthCell], models: Sequence[Model]) -> Array:
+    """Return h of each cell from the model that never saw its case, shape (n,).
+
+    Args:
+        cells: The measured cells.
+        models: One learned from each of `without_each_case`, in this order.
+    """
     cases = case_numbers(cells)
     h = np.empty(len(cells))
-    for case in np.unique(cases):
-        model = fit([cell for cell in cells if cell.case != case])
+    for case, model in zip(np.unique(cases), models, strict=True):
         h[cases == case] = model([cell for cell in cells if cell.case == case])
     return h
 
@@ -66,4 +77,5 @@ def score(cells: Sequence[LengthCell], in_sample: Array, held_out: Array) -> Sco
 
 def score_fit(cells: Sequence[LengthCell], fit: Fit) -> Score:
     """Return the errors of a way of learning h."""
-    return score(cells, fit(cells)(cells), hold_out(cells, fit))
+    held_out = hold_out(cells, [fit(others) for others in without_each_case(cells)])
+    return score(cells, fit(cells)(cells), held_out)

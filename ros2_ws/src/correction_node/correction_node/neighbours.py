@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from sklearn.metrics.pairwise import nan_euclidean_distances
 from sklearn.neighbors import KNeighborsClassifier
 
@@ -16,9 +16,8 @@ from correction_node.dataset import Array
 MARKERS = 4
 NEIGHBOURS = 5
 REPETITIONS = 10
-# The ten repetitions of each experiment were not published, so they are simulated. Independent
-# errors of 0.6 % give the paper's accuracy of 91.3 %; at 1 % it is 86 %, because cases 3 and 6
-# differ by less than that.
+# The ten repetitions of each experiment were not published, so they are simulated. Errors of
+# 0.6 % give the paper's accuracy of 91.3 %; `repeatability` has the accuracy at other noises.
 REPEATABILITY = 0.006
 
 
@@ -40,7 +39,7 @@ class Resemblance:
     distance: float
 
 
-def published_lengths() -> tuple[Array, Array]:
+def published_lengths() -> tuple[NDArray[np.int64], Array]:
     """Return (case numbers, shape (12,); measured S_1..S_4 [m], NaN where missing, (12, 4))."""
     rows = published_markers()
     numbers = sorted({row.case for row in rows})
@@ -62,6 +61,20 @@ def simulated_repetitions(
     return np.asarray(repeated * np.exp(generator.normal(0.0, noise, repeated.shape)))
 
 
+def classifier_of(
+    lengths: Array, cases: NDArray[np.int64], neighbours: int
+) -> KNeighborsClassifier:
+    """Return K-NN over the logarithms of known lengths.
+
+    Args:
+        lengths: Known runs [m], shape (n, 4); NaN where a marker is missing.
+        cases: Their cases, shape (n,).
+        neighbours: k.
+    """
+    found = KNeighborsClassifier(neighbours, metric="nan_euclidean", algorithm="brute")
+    return found.fit(np.log(lengths), cases)
+
+
 class Neighbours:
     """K-nearest-neighbour classifier over the logarithms of lengths.
 
@@ -79,10 +92,7 @@ class Neighbours:
         repeated = simulated_repetitions(
             self._table, REPETITIONS, noise, np.random.default_rng(seed)
         )
-        self._classifier = KNeighborsClassifier(
-            NEIGHBOURS, metric="nan_euclidean", algorithm="brute"
-        )
-        self._classifier.fit(np.log(repeated), np.repeat(cases, REPETITIONS))
+        self._classifier = classifier_of(repeated, np.repeat(cases, REPETITIONS), NEIGHBOURS)
 
     def classify(self, lengths: ArrayLike) -> Resemblance:
         """Return the condition that measured lengths resemble.

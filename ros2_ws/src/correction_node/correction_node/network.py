@@ -3,42 +3,60 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
 
-INPUTS = 3
 HIDDEN = (10, 10, 10)
 
 
-class WeightNetwork(nn.Module):
-    """h = f(D_cylinder, D_cable, T), inputs normalised to [-1, 1].
+class WeightNetworks(nn.Module):
+    """Networks h = f(inputs) side by side, one for each seed; inputs normalised to [-1, 1].
 
-    It starts near h = 1, no correction, whatever the seed.
+    They share nothing but their shape: the gradient of the sum of their losses is each one's own.
+    Every network starts near h = 1, no correction, whatever its seed.
+
+    Args:
+        inputs: Numbers that each network sees.
+        seeds: One for each network.
     """
 
-    def __init__(self, generator: torch.Generator) -> None:
+    def __init__(self, inputs: int, seeds: Sequence[int]) -> None:
         super().__init__()
-        widths = (INPUTS, *HIDDEN, 1)
-        # nn.Linear would fill itself from the global generator.
-        self.linears = tuple(
-            nn.Linear(wide, narrow, dtype=torch.float64, device="meta").to_empty(device="cpu")
-            for wide, narrow in pairwise(widths)
+        single = [_start(inputs, seed) for seed in seeds]
+        self.weights = nn.ParameterList(
+            torch.stack([layers[n][0] for layers in single]) for n in range(len(HIDDEN) + 1)
         )
-        self.layers = nn.ModuleList(self.linears)
-        with torch.no_grad():
-            for layer in self.linears:
-                spread = math.sqrt(2.0 / layer.in_features)
-                layer.weight.normal_(0.0, spread, generator=generator)
-                layer.bias.normal_(0.0, 0.1, generator=generator)
-            self.linears[-1].weight.mul_(0.1)
-            self.linears[-1].bias.fill_(1.0)
+        self.biases = nn.ParameterList(
+            torch.stack([layers[n][1] for layers in single]) for n in range(len(HIDDEN) + 1)
+        )
 
     def forward(self, inputs: Tensor) -> Tensor:
-        """Return h, shape (n,), for normalised inputs, shape (n, 3)."""
+        """Return h, shape (networks, n), for normalised inputs, shape (networks, n, inputs)."""
         values = inputs
-        for layer in self.linears[:-1]:
-            values = torch.relu(layer(values))
-        h: Tensor = self.linears[-1](values)[:, 0]
-        return h
+        last = len(HIDDEN)
+        for n, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            values = torch.baddbmm(bias[:, None, :], values, weight.transpose(1, 2))
+            if n < last:
+                values = torch.relu(values)
+        return values[:, :, 0]
+
+    def size(self) -> Tensor:
+        """Return the sum of the squared layer weights of each network, shape (networks,)."""
+        return torch.stack([weight.square().sum(dim=(1, 2)) for weight in self.weights]).sum(dim=0)
+
+
+def _start(inputs: int, seed: int) -> list[tuple[Tensor, Tensor]]:
+    generator = torch.Generator().manual_seed(seed)
+    layers = []
+    for wide, narrow in pairwise((inputs, *HIDDEN, 1)):
+        weight = torch.empty((narrow, wide), dtype=torch.float64)
+        bias = torch.empty(narrow, dtype=torch.float64)
+        weight.normal_(0.0, math.sqrt(2.0 / wide), generator=generator)
+        bias.normal_(0.0, 0.1, generator=generator)
+        layers.append((weight, bias))
+    layers[-1][0].mul_(0.1)
+    layers[-1][1].fill_(1.0)
+    return layers

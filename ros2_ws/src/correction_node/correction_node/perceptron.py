@@ -16,8 +16,8 @@ class Perceptron:
     Attributes:
         weights: Of each layer, shape (outputs, inputs).
         biases: Of each layer, shape (outputs,).
-        low: Smallest training inputs, shape (3,); normalised to -1.
-        high: Largest training inputs, shape (3,); normalised to +1.
+        low: Smallest training inputs, shape (k,); normalised to -1.
+        high: Largest training inputs, shape (k,); normalised to +1.
     """
 
     weights: tuple[Array, ...]
@@ -26,8 +26,11 @@ class Perceptron:
     high: Array
 
     def h(self, inputs: Array) -> Array:
-        """Return h, shape (n,), for the inputs of `dataset.inputs_of`, shape (n, 3)."""
-        values = self.normalised(inputs, self.low, self.high)
+        """Return h, shape (n,), for inputs of shape (n, k).
+
+        An input beyond the trained range counts as its edge.
+        """
+        values = np.clip(self.normalised(inputs, self.low, self.high), -1.0, 1.0)
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             values = np.maximum(values @ weight.T + bias, 0.0)
         return np.asarray(values @ self.weights[-1].T + self.biases[-1])[:, 0]

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 
-from correction_node.dataset import Array, LengthCell, condition_inputs, lengths
-from correction_node.network import WeightNetwork
+from correction_node.dataset import Array
+from correction_node.network import WeightNetworks
 from correction_node.perceptron import Perceptron
 
 
@@ -19,20 +20,16 @@ class TrainingConfig:
     """How the network is trained.
 
     Attributes:
-        seed: Of the starting weights; nothing else is random.
         steps: Full-batch Adam steps.
         learning_rate: At the start; it falls to zero along a cosine.
         weight_decay: Factor of the sum of squared layer weights, added to the loss.
     """
 
-    seed: int = 0
     steps: int = 1500
     learning_rate: float = 1.0e-2
     weight_decay: float = 1.0e-4
 
     def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise ValueError(f"seed must not be negative, got {self.seed}")
         if self.steps < 1:
             raise ValueError(f"steps must be at least 1, got {self.steps}")
         if not (math.isfinite(self.learning_rate) and self.learning_rate > 0.0):
@@ -42,50 +39,105 @@ class TrainingConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Problem:
+    """What a network is asked to fit: mean (gain h(inputs) - target)^2 as small as possible.
+
+    Attributes:
+        inputs: Shape (n, k).
+        gain: Factor of h in each row, shape (n,).
+        target: Shape (n,).
+    """
+
+    inputs: Array
+    gain: Array
+    target: Array
+
+
+@dataclass(frozen=True, kw_only=True)
 class Training:
     """A fitted network and the way there.
 
     Attributes:
         perceptron: The fitted network as plain arrays.
-        loss: MSE of Eq. 5 before each step [m^2], shape (steps,).
+        loss: Mean square misfit before each step, in the problem's units, shape (steps,).
     """
 
     perceptron: Perceptron
     loss: Array
 
 
-def train(cells: Sequence[LengthCell], config: TrainingConfig) -> Training:
-    """Return the network that minimises MSE(h S_FEM - S_EXP) over the cells.
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    # Waking a second thread costs more than products of ten by ten numbers.
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
 
-    Both lengths are divided by the root mean square of S_EXP, one number for all cells: the
-    minimum of Eq. 5 stays where it is and the step size has no unit. Double precision on one
-    batch: the same cells and configuration give the same bits.
+
+@_one_thread()
+def train(
+    problems: Sequence[Problem], config: TrainingConfig, seeds: Sequence[int]
+) -> tuple[Training, ...]:
+    """Return one fitted network for each problem, all trained side by side.
+
+    Double precision, full batch, no randomness but the start: the same arguments give the
+    same bits. Problems do not influence each other, rounding aside.
+
+    Args:
+        problems: With equally many inputs each.
+        config: Of every training.
+        seeds: Of each problem's starting weights.
+
+    Raises:
+        ValueError: A seed is negative, or there are not as many seeds as problems.
     """
-    inputs = condition_inputs(cells)
-    s_fem, s_exp = lengths(cells)
-    low, high = inputs.min(axis=0), inputs.max(axis=0)
-    length = float(np.sqrt(np.mean(s_exp**2)))
+    if len(seeds) != len(problems):
+        raise ValueError(f"{len(problems)} problems need as many seeds, got {len(seeds)}")
+    if min(seeds) < 0:
+        raise ValueError(f"seed must not be negative, got {min(seeds)}")
+    longest = max(len(problem.gain) for problem in problems)
+    low = [problem.inputs.min(axis=0) for problem in problems]
+    high = [problem.inputs.max(axis=0) for problem in problems]
+    scaled = [
+        Perceptron.normalised(problem.inputs, lowest, highest)
+        for problem, lowest, highest in zip(problems, low, high, strict=True)
+    ]
+    x = _stacked(scaled, longest)
+    gain = _stacked([problem.gain for problem in problems], longest)
+    target = _stacked([problem.target for problem in problems], longest)
+    count = torch.tensor([len(problem.gain) for problem in problems], dtype=torch.float64)
 
-    network = WeightNetwork(torch.Generator().manual_seed(config.seed))
-    x = torch.from_numpy(Perceptron.normalised(inputs, low, high))
-    fem, experiment = torch.from_numpy(s_fem / length), torch.from_numpy(s_exp / length)
-    optimiser = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
+    networks = WeightNetworks(x.shape[2], seeds)
+    optimiser = torch.optim.Adam(networks.parameters(), lr=config.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, config.steps)
-    loss = np.empty(config.steps)
+    loss = np.empty((config.steps, len(problems)))
     for step in range(config.steps):
         optimiser.zero_grad()
-        misfit = torch.mean((network(x) * fem - experiment) ** 2)
-        size = torch.stack([layer.weight.square().sum() for layer in network.linears]).sum()
-        torch.autograd.backward(misfit + config.weight_decay * size)
+        misfit = (networks(x) * gain - target).square().sum(dim=1) / count
+        torch.autograd.backward((misfit + config.weight_decay * networks.size()).sum())
         optimiser.step()
         schedule.step()
-        loss[step] = misfit.item() * length**2
-    return Training(
-        perceptron=Perceptron(
-            weights=tuple(layer.weight.detach().numpy().copy() for layer in network.linears),
-            biases=tuple(layer.bias.detach().numpy().copy() for layer in network.linears),
-            low=low,
-            high=high,
-        ),
-        loss=loss,
+        loss[step] = misfit.detach().numpy()
+    return tuple(
+        Training(
+            perceptron=Perceptron(
+                weights=tuple(weight.detach().numpy()[n].copy() for weight in networks.weights),
+                biases=tuple(bias.detach().numpy()[n].copy() for bias in networks.biases),
+                low=low[n],
+                high=high[n],
+            ),
+            loss=loss[:, n],
+        )
+        for n in range(len(problems))
     )
+
+
+def _stacked(rows: Sequence[Array], longest: int) -> torch.Tensor:
+    # A padded row has gain and target zero: it adds nothing to the loss.
+    stacked = np.zeros((len(rows), longest, *rows[0].shape[1:]))
+    for n, row in enumerate(rows):
+        stacked[n, : len(row)] = row
+    return torch.from_numpy(stacked)

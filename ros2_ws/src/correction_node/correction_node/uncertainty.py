@@ -10,6 +10,7 @@ import numpy as np
 
 from cable_winding.cases import Case
 from correction_node.dataset import Array, LengthCell, case_numbers, lengths
+from correction_node.inputs import turns
 
 LEVEL = 0.9
 # Table 1 prints four digits; the weights behind it differ by up to 0.03 %.
@@ -72,20 +73,29 @@ class TrainingBox:
         cylinder_diameter: (smallest, largest) [m].
         cable_diameter: (smallest, largest) [m].
         weight: (smallest, largest) [N].
+        turns: Most turns of unstretched cable before a marker; None when h does not depend on
+            the marker. Below the first trained marker h stays what it is there.
     """
 
     cylinder_diameter: tuple[float, float]
     cable_diameter: tuple[float, float]
     weight: tuple[float, float]
+    turns: float | None = None
 
     @classmethod
-    def around(cls, cells: Sequence[LengthCell]) -> TrainingBox:
-        """Return the smallest box that holds the cells' conditions."""
+    def around(cls, cells: Sequence[LengthCell], *, by_marker: bool = False) -> TrainingBox:
+        """Return the smallest box that holds the cells' conditions.
+
+        Args:
+            cells: The trained cells.
+            by_marker: Whether h depends on the marker.
+        """
         weights = [0.25 * math.pi * c.cable_diameter**2 * c.tension for c in cells]
         return cls(
             cylinder_diameter=_range([c.cylinder_diameter for c in cells]),
             cable_diameter=_range([c.cable_diameter for c in cells]),
             weight=_range(weights),
+            turns=max(turns(c) for c in cells) if by_marker else None,
         )
 
     def outside(self, case: Case) -> str | None:
@@ -100,6 +110,12 @@ class TrainingBox:
                     f"{name} {value:.4g} {unit} lies outside the trained range "
                     f"{low:.4g} to {high:.4g} {unit}: no correction"
                 )
+        wound = case.original_length(case.marker_count) / (math.pi * case.cylinder_diameter)
+        if self.turns is not None and wound > self.turns * (1.0 + ROUNDING):
+            return (
+                f"marker {case.marker_count} lies {wound:.4g} turns from P0, beyond the trained "
+                f"{self.turns:.4g}: no correction"
+            )
         return None
 
 

@@ -15,15 +15,21 @@ from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
 from cable_winding.cases import Case
-from correction_node.dataset import case_inputs
-from correction_node.perceptron import Perceptron
+from correction_node.inputs import conditions_of
 from correction_node.uncertainty import Bound, TrainingBox
+from correction_node.weight_models import WeightModel, read_model
 
-SCHEMA = "cable-winding-twin/correction-weight/1"
+SCHEMA = "cable-winding-twin/correction-weight/2"
 WEIGHTS_FILE = "weights.safetensors"
 CARD_FILE = "card.json"
-SHIPPED = ("rod", "paper")
-LAYERS = 4
+# Name of shipped weights: the data and the model that they were learned with.
+SHIPPED = {
+    "rod": ("rod", "rig network"),
+    "rod_rig": ("rod", "rig"),
+    "rod_marker_network": ("rod", "marker network"),
+    "rod_network": ("rod", "network"),
+    "paper": ("paper", "network"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,14 +37,19 @@ class Factor:
     """What multiplies the predicted lengths of one condition.
 
     Attributes:
-        h: The weight; 1 outside the trained conditions.
+        by_marker: h of P1, P2, ..; 1 outside the trained conditions.
         relative_bound: Half-width of the interval around h S_FEM, as a share of it.
         outside: Why the condition is outside the trained ones, or None.
     """
 
-    h: float
+    by_marker: tuple[float, ...]
     relative_bound: float
     outside: str | None
+
+    @property
+    def h(self) -> float:
+        """The last marker's h; every marker's where the model gives one h per case."""
+        return self.by_marker[-1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,30 +57,43 @@ class TrainedWeight:
     """A fitted h with its reach and its uncertainty.
 
     Attributes:
-        perceptron: The network.
+        name: Of the model, as in the card's errors.
+        model: Gives h.
+        law: Material law of the solver whose lengths h multiplies.
         box: Conditions that it was trained on.
         bound: Interval inside the box.
         outside_bound: Relative half-width outside the box, where nothing is promised.
         card: What the numbers come from and how good they are; JSON values only.
     """
 
-    perceptron: Perceptron
+    name: str
+    model: WeightModel
+    law: str
     box: TrainingBox
     bound: Bound
     outside_bound: float
     card: dict[str, Any]
 
+    @property
+    def errors(self) -> dict[str, float]:
+        """The model's own errors in percent: in_sample_pct, leave_one_case_out_pct, .."""
+        return dict(self.card["errors"][self.name])
+
     def factor(self, case: Case) -> Factor:
         """Return the factor for a condition."""
         outside = self.box.outside(case)
         if outside is not None:
-            return Factor(h=1.0, relative_bound=self.outside_bound, outside=outside)
-        h = float(self.perceptron.h(case_inputs(case)[np.newaxis])[0])
-        return Factor(h=h, relative_bound=self.bound.relative, outside=None)
+            return Factor(
+                by_marker=(1.0,) * case.marker_count,
+                relative_bound=self.outside_bound,
+                outside=outside,
+            )
+        h = self.model.h(conditions_of(case, self.law))
+        return Factor(by_marker=tuple(h.tolist()), relative_bound=self.bound.relative, outside=None)
 
 
 def weights_directory(name: str) -> Path:
-    """Return the folder of shipped weights (``rod``, ``paper``), or a path of one's own."""
+    """Return the folder of shipped weights, one of SHIPPED, or a path of one's own."""
     if name in SHIPPED:
         return Path(str(files("correction_node").joinpath("models", name)))
     return Path(name)
@@ -77,17 +101,13 @@ def weights_directory(name: str) -> Path:
 
 def save_weight(weight: TrainedWeight, directory: Path) -> None:
     """Write weights and card into a folder, which is made when missing."""
-    perceptron = weight.perceptron
-    tensors = {"low": perceptron.low, "high": perceptron.high}
-    for index, (matrix, bias) in enumerate(
-        zip(perceptron.weights, perceptron.biases, strict=True), start=1
-    ):
-        tensors[f"layer{index}.weight"] = matrix
-        tensors[f"layer{index}.bias"] = bias
-    content = save_tensors(tensors, metadata={"schema": SCHEMA})
+    content = save_tensors(weight.model.tensors(), metadata={"schema": SCHEMA})
     card = {
         "schema": SCHEMA,
         **weight.card,
+        "name": weight.name,
+        "form": weight.model.form(),
+        "law": weight.law,
         "weights_sha256": hashlib.sha256(content).hexdigest(),
         "box": asdict(weight.box),
         "bound": asdict(weight.bound),
@@ -115,9 +135,13 @@ def load_weight(directory: Path) -> TrainedWeight:
         card = json.loads(card_file.read_text(encoding="utf-8"))
         foreign = card["schema"] != SCHEMA
         digest = card["weights_sha256"]
-        box = TrainingBox(**{name: tuple(ends) for name, ends in card["box"].items()})
+        box = TrainingBox(
+            turns=card["box"]["turns"],
+            **{name: tuple(ends) for name, ends in card["box"].items() if name != "turns"},
+        )
         bound = Bound(**card["bound"])
         outside_bound = float(card["outside_bound"])
+        name, form, law = card["name"], card["form"], card["law"]
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ValueError(f"{card_file} is not a card of trained weights: {error!r}") from error
     if foreign:
@@ -125,7 +149,9 @@ def load_weight(directory: Path) -> TrainedWeight:
     if hashlib.sha256(content).hexdigest() != digest:
         raise ValueError(f"{weights_file} does not match its card: run `winding train`")
     return TrainedWeight(
-        perceptron=_perceptron(content, weights_file),
+        name=name,
+        model=_model(form, content, weights_file),
+        law=law,
         box=box,
         bound=bound,
         outside_bound=outside_bound,
@@ -133,18 +159,12 @@ def load_weight(directory: Path) -> TrainedWeight:
     )
 
 
-def _perceptron(content: bytes, source: Path) -> Perceptron:
+def _model(form: dict[str, Any], content: bytes, source: Path) -> WeightModel:
     try:
         tensors = load_tensors(content)
-        perceptron = Perceptron(
-            weights=tuple(tensors[f"layer{n}.weight"] for n in range(1, LAYERS + 1)),
-            biases=tuple(tensors[f"layer{n}.bias"] for n in range(1, LAYERS + 1)),
-            low=tensors["low"],
-            high=tensors["high"],
-        )
-        perceptron.h(perceptron.low[np.newaxis])
-    except (SafetensorError, KeyError, ValueError, IndexError) as error:
-        raise ValueError(f"{source} does not hold the trained network: {error!r}") from error
+        model = read_model(form, tensors)
+    except (SafetensorError, KeyError, TypeError, ValueError, IndexError) as error:
+        raise ValueError(f"{source} does not hold the trained model: {error!r}") from error
     if not all(np.isfinite(values).all() for values in tensors.values()):
         raise ValueError(f"{source} holds a number that is not finite")
-    return perceptron
+    return model

@@ -1,0 +1,112 @@
+"""The models beside each other on the real data, trained as long as the shipped ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_winding.published import published_markers, published_weights
+from correction_node.comparison import (
+    BASELINE,
+    GAUSSIAN_PROCESS,
+    LEARNED,
+    ONE_H_PER_CASE,
+    ORACLE,
+    RIG_PROCESS,
+    ModelScore,
+    compare_models,
+)
+from correction_node.dataset import LengthCell, load_data_set
+from correction_node.evaluation import cell_errors_pct
+from correction_node.learners import MARKER_NETWORK, NETWORK, RIG, RIG_NETWORK
+
+ROD = load_data_set("rod")
+
+
+@pytest.fixture(scope="module")
+def scores() -> dict[str, ModelScore]:
+    return compare_models(ROD, progress=lambda said: None)
+
+
+def best(scores: dict[str, ModelScore], kind: str) -> float:
+    return min(score.leave_one_case_out_pct for score in scores.values() if score.kind == kind)
+
+
+def test_the_rods_lengths_need_little_correction(scores) -> None:
+    # The study's bar for the raw solver.
+    assert scores["no correction"].in_sample_pct <= 4.6
+
+
+def test_one_h_per_case_comes_close_to_its_floor(scores) -> None:
+    floor = scores[ONE_H_PER_CASE].in_sample_pct
+    # Least squares per case on lengths of uniformly stretched cables: 1.55 %.
+    assert floor == pytest.approx(1.55, abs=0.01)
+    # The study's bar; every seed has to meet it.
+    assert scores[NETWORK].in_sample_pct + scores[NETWORK].in_sample_spread_pct <= 1.8
+
+
+def test_one_h_per_marker_fits_the_measured_lengths(scores) -> None:
+    for name in (MARKER_NETWORK, RIG_NETWORK):
+        # The study's bar; every seed has to meet it.
+        assert scores[name].in_sample_pct + scores[name].in_sample_spread_pct <= 1.0
+
+
+def test_the_best_model_predicts_cases_that_it_never_saw(scores) -> None:
+    # The study's bar is 3.5 % and its target 3.0 %.
+    for name in (RIG, RIG_NETWORK, RIG_PROCESS):
+        assert scores[name].leave_one_case_out_pct <= 3.0
+    assert best(scores, LEARNED) < best(scores, BASELINE)
+
+
+def test_the_papers_network_is_no_forecast(scores) -> None:
+    # In-sample it beats every baseline; on cases left out its seeds straddle doing nothing.
+    nothing = scores["no correction"].leave_one_case_out_pct
+    network = scores[NETWORK]
+    spread = network.leave_one_case_out_spread_pct
+    assert abs(network.leave_one_case_out_pct - nothing) < spread
+    assert network.in_sample_pct < 0.5 * nothing
+
+
+def test_only_models_that_start_at_random_spread(scores) -> None:
+    seeded = {NETWORK, MARKER_NETWORK, RIG_NETWORK}
+    for name, score in scores.items():
+        assert (score.in_sample_spread_pct > 0.0) == (name in seeded)
+
+
+def test_the_processes_own_interval_promises_too_much(scores) -> None:
+    # Ninety percent is what it says of itself; only the left-out cells can tell.
+    for name in (GAUSSIAN_PROCESS, RIG_PROCESS):
+        coverage = scores[name].own_interval_coverage_pct
+        assert coverage is not None
+        assert 0.0 < coverage < 90.0
+
+
+def test_the_conformal_bound_covers_every_left_out_cell(scores) -> None:
+    for score in scores.values():
+        if score.kind == ORACLE:
+            assert score.bound_pct is None
+            continue
+        # 12/13 of twelve cases is their largest residual.
+        errors = cell_errors_pct(ROD.cells, score.held_out)
+        assert score.bound_pct == pytest.approx(errors.max(), rel=1e-9)
+
+
+def test_an_oracle_has_no_left_out_error(scores) -> None:
+    oracle = scores[ONE_H_PER_CASE]
+    assert oracle.kind == ORACLE
+    assert np.isnan([oracle.leave_one_case_out_pct, *oracle.held_out]).all()
+
+
+def test_every_model_says_what_it_is_and_gives_every_h(scores) -> None:
+    for score in scores.values():
+        assert score.description.endswith(".")
+        assert score.in_sample.shape == score.held_out.shape == (45,)
+
+
+def test_table_8_comes_out_of_the_papers_weights_cell_by_cell() -> None:
+    cells: list[LengthCell] = list(load_data_set("paper").cells)
+    h = np.array([published_weights()[cell.case] for cell in cells])
+    printed = [m.updated_error_pct for m in published_markers() if m.updated_error_pct is not None]
+    assert len(printed) == 45
+    # Printed to 0.01; the weights were recovered from the same digits.
+    np.testing.assert_allclose(cell_errors_pct(cells, h), printed, atol=0.02)

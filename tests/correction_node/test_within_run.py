@@ -1,0 +1,184 @@
+"""Within a run: what the measured markers say of those that follow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from correction_node.dataset import load_data_set
+from correction_node.within_run import (
+    WithinRun,
+    conformal_quantile,
+    expected_lengths,
+    fit_build_up,
+    held_out_lengths,
+    length_ahead,
+    published_within_run,
+    run_table,
+)
+from correction_node.within_run_score import WithinRunScore, score_within_run
+
+CELLS = load_data_set("rod").cells
+SPACING = 0.1
+LAW = WithinRun(build_up_length=0.15, relative_bounds=(0.05, 0.04))
+
+
+@pytest.fixture(scope="module")
+def scored() -> WithinRunScore:
+    return score_within_run(CELLS)
+
+
+def built_up(final: float, gain: float, length: float, spacing: float = SPACING) -> np.ndarray:
+    """Return S_1..S_4 of a run whose increments build up exactly as the law says."""
+    start = spacing * np.arange(4)
+    return np.cumsum(spacing * (final - gain * np.exp(-start / length)))
+
+
+UNDEFORMED = SPACING * np.arange(1, 5)
+
+
+@pytest.mark.parametrize("known", [(0, 1), (0, 1, 2), (1, 2), (0, 2)])
+def test_a_run_that_builds_up_as_the_law_says_is_continued_exactly(known: tuple[int, ...]) -> None:
+    lengths = built_up(1.4, 0.3, LAW.build_up_length)
+    measured = np.full(4, np.nan)
+    measured[list(known)] = lengths[list(known)]
+    found = LAW.length_ahead(4, spacing=SPACING, predicted=UNDEFORMED, measured=measured)
+    assert found is not None
+    assert found.s == pytest.approx(lengths[3], rel=1e-12)
+    assert found.ahead == pytest.approx(lengths[3] - lengths[max(known)], rel=1e-12)
+    assert found.measured == len(known)
+
+
+def test_only_markers_before_the_asked_one_are_used() -> None:
+    lengths = built_up(1.4, 0.3, LAW.build_up_length)
+    before = LAW.length_ahead(3, spacing=SPACING, predicted=UNDEFORMED, measured=lengths[:2])
+    after = LAW.length_ahead(
+        3, spacing=SPACING, predicted=UNDEFORMED, measured=[*lengths[:2], 9.0, 9.0]
+    )
+    assert before == after
+
+
+@pytest.mark.parametrize("measured", [[], [0.11], [np.nan, 0.22]])
+def test_one_measured_marker_does_not_say_how_increments_grow(measured: list[float]) -> None:
+    found = LAW.length_ahead(4, spacing=SPACING, predicted=UNDEFORMED, measured=measured)
+    assert found is None
+
+
+def test_a_measured_marker_without_a_prediction_is_not_used() -> None:
+    predicted = np.array([0.1, np.nan, 0.3, 0.4])
+    assert LAW.length_ahead(3, spacing=SPACING, predicted=predicted, measured=[0.1, 0.2]) is None
+
+
+def test_the_solver_carries_what_it_knows_of_the_machine() -> None:
+    # The same run, but the weight is doubled after P2: the solver's later increments grow.
+    predicted = np.array([0.1, 0.2, 0.32, 0.44])
+    found = LAW.length_ahead(4, spacing=SPACING, predicted=predicted, measured=1.1 * predicted[:2])
+    assert found is not None
+    assert found.s == pytest.approx(1.1 * predicted[3], rel=1e-12)
+
+
+def test_the_build_up_length_is_found_in_runs_that_have_one() -> None:
+    runs = run_table(CELLS)
+    true = 0.2
+    synthetic = type(runs)(
+        cases=runs.cases,
+        spacing=runs.spacing,
+        predicted=runs.spacing[:, np.newaxis] * np.arange(1, 5),
+        measured=np.array([built_up(1.5, 0.4, true, spacing) for spacing in runs.spacing]),
+    )
+    # The search ends within a tenth of a millimetre.
+    assert fit_build_up(synthetic) == pytest.approx(true, abs=2e-4)
+
+
+def test_third_and_fourth_marker_of_the_published_runs_are_predicted(
+    scored: WithinRunScore,
+) -> None:
+    assert len(scored.cells) == 21
+    assert scored.held_out_pct <= 1.0
+    assert scored.held_out_pct < min(scored.rivals_pct.values())
+    assert scored.in_sample_pct <= scored.held_out_pct
+    assert scored.worst.error_pct == max(cell.error_pct for cell in scored.cells)
+
+
+def test_rivals_are_what_they_are_called(scored: WithinRunScore) -> None:
+    runs = run_table(CELLS)
+    errors = []
+    for s in runs.measured:
+        for n in (2, 3):
+            carried = s[1] + (n - 1) * (s[1] - s[0])
+            errors.append(100.0 * abs(s[n] - carried) / carried)
+    assert scored.rivals_pct["last measured increment"] == pytest.approx(np.nanmean(errors))
+    ratio = runs.predicted[:, 2:] * (runs.measured[:, 1] / runs.predicted[:, 1])[:, np.newaxis]
+    errors_of_ratio = 100.0 * np.abs(runs.measured[:, 2:] - ratio) / ratio
+    assert scored.rivals_pct["ratio of the last measured marker"] == pytest.approx(
+        np.nanmean(errors_of_ratio)
+    )
+
+
+def test_intervals_hold_the_cells_that_they_never_saw(scored: WithinRunScore) -> None:
+    covered = [abs(cell.s_exp - cell.s) <= cell.half_width for cell in scored.cells]
+    assert scored.coverage == np.mean(covered)
+    assert scored.coverage >= 0.9
+    # An interval as wide as the weight's own (19 %) would cover as much and say nothing.
+    assert scored.half_width_pct < 3.0
+
+
+def test_a_held_out_case_does_not_move_its_own_prediction() -> None:
+    spoilt = [
+        type(cell)(**{**vars(cell), "s_exp": 1.2 * cell.s_exp})
+        if cell.case == 8 and cell.marker > 2
+        else cell
+        for cell in CELLS
+    ]
+    runs = run_table(CELLS)
+    row = runs.cases.index(8)
+    honest, _ = held_out_lengths(runs, 2)
+    again, _ = held_out_lengths(run_table(spoilt), 2)
+    np.testing.assert_array_equal(again[row], honest[row])
+    assert (again != honest)[0, 2]
+
+
+def test_more_measured_markers_predict_better_and_say_so(scored: WithinRunScore) -> None:
+    with_three = score_within_run(CELLS, 3)
+    assert with_three.held_out_pct < scored.by_marker_pct[4]
+    law = published_within_run()
+    assert list(law.relative_bounds) == sorted(law.relative_bounds, reverse=True)
+    runs = run_table(CELLS)
+    for row in range(len(runs.cases)):
+        widths = []
+        for given in (2, 3):
+            found = law.length_ahead(
+                4,
+                spacing=float(runs.spacing[row]),
+                predicted=runs.spacing[row] * np.arange(1, 5),
+                measured=runs.measured[row, :given],
+            )
+            assert found is not None
+            widths.append(law.half_width(found))
+        assert widths[1] < widths[0]
+
+
+def test_learned_law_is_the_scored_one(scored: WithinRunScore) -> None:
+    assert published_within_run().build_up_length == scored.build_up_length
+
+
+def test_nothing_is_left_to_predict_after_the_last_marker() -> None:
+    with pytest.raises(ValueError, match=r"measured must lie in 2..3, got 4"):
+        score_within_run(CELLS, 4)
+    assert np.isnan(expected_lengths(run_table(CELLS), 0.15, 1)[0]).all()
+
+
+def test_bound_of_too_few_markers_is_refused() -> None:
+    found = length_ahead(
+        3, build_up_length=0.15, spacing=SPACING, predicted=UNDEFORMED, measured=[0.11, 0.22]
+    )
+    assert found is not None
+    lonely = type(found)(s=found.s, ahead=found.ahead, measured=1)
+    with pytest.raises(ValueError, match="needs 2 measured markers, got 1"):
+        LAW.half_width(lonely)
+
+
+def test_quantile_is_the_largest_score_when_there_are_few() -> None:
+    assert conformal_quantile(np.array([3.0, np.nan, 1.0, 2.0])) == 3.0
+    # The 18th smallest of 19: (19 + 1) 0.9.
+    assert conformal_quantile(np.arange(1.0, 20.0)) == 18.0
