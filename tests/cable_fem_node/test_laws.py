@@ -8,7 +8,7 @@ from scipy.linalg import expm, logm, polar
 
 from cable_fem_node.rod_kernels import law_energy, law_value
 from cable_fem_node.solid_law import SolidLaw
-from cable_fem_node.uniaxial import (
+from cable_winding.uniaxial import (
     LAWS,
     TABLE_HIGH,
     TABLE_INTERVALS,

@@ -9,6 +9,8 @@ from typing import ParamSpec, TypeVar
 
 from numba import config, njit
 
+from cable_winding import uniaxial
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -24,13 +26,17 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     return compiled
 
 
-def drop_stale_code(folder: Path) -> None:
+def drop_stale_code(folder: Path, *shared: Path) -> None:
     """Delete cached machine code that is older than any source in a folder.
 
     Numba compares code only with the file that holds the function, not with the files of the
     functions it calls: an edited kernel would live on inside its callers.
+
+    Args:
+        folder: Holds the kernels and what they call.
+        shared: Files elsewhere whose constants are compiled into the kernels.
     """
-    newest = max(source.stat().st_mtime for source in folder.glob("*.py"))
+    newest = max(source.stat().st_mtime for source in (*folder.glob("*.py"), *shared))
     for cached in (folder / "__pycache__").glob("*.nb[ci]"):
         with contextlib.suppress(FileNotFoundError, PermissionError):
             if cached.stat().st_mtime < newest:
@@ -48,4 +54,4 @@ def is_compiled() -> bool:
     return any(folder.rglob("*.nbi"))
 
 
-drop_stale_code(Path(__file__).parent)
+drop_stale_code(Path(__file__).parent, Path(uniaxial.__file__))

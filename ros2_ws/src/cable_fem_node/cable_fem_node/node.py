@@ -2,114 +2,161 @@
 
 from __future__ import annotations
 
+import functools
+import traceback
 from typing import Any
 
-import numpy as np
-from geometry_msgs.msg import WrenchStamped
-from numpy.typing import NDArray
-from sensor_msgs.msg import JointState
+from rclpy.clock import Clock, ClockType
+from rclpy.timer import Timer
+from sensor_msgs.msg import PointCloud2
 
+from cable_fem_node.live_material import LiveMaterial, MaterialUpdate, work_out
 from cable_fem_node.parameters import FemParameters
-from cable_fem_node.prediction import predict
-from cable_fem_node.rod_winding import RodWinding
-from cable_fem_node.winding_config import WindingConfig
-from cable_winding.markers import CABLE_DTYPE
+from cable_fem_node.ros.background import BackgroundTask
+from cable_fem_node.ros.exchange import FemExchange
+from cable_winding.markers import MARKER_DTYPE
 from cable_winding.ros import topics
-from cable_winding.ros.cloud_messages import encode_cloud, encode_line_strip
+from cable_winding.ros.cloud_messages import decode_cloud
 from cable_winding.ros.diagnostic_messages import Level, Status
 from cable_winding.ros.managed_node import ManagedNode
-from cable_winding.ros.rig_messages import decode_joint_state, decode_tension
+from cable_winding.ros.material_messages import (
+    MaterialReport,
+    encode_material,
+    refused_material,
+)
+
+# How often the node looks whether a marker has landed or an identification has ended [s].
+_LOOK_PERIOD = 0.05
 
 
 class CableFemNode(ManagedNode[FemParameters]):
     """Shadows the machine with the explicit rod, and predicts the whole run ahead.
 
-    Subscribes to rig/joint_states and rig/tension. Publishes fem/markers, fem/cable,
-    fem/cable_line in step with the machine, and fem/prediction once at activation.
+    Subscribes to rig/joint_states, rig/tension and tracker/markers. Publishes fem/markers,
+    fem/cable, fem/cable_line in step with the machine, fem/prediction at activation, and
+    fem/material whenever a further marker has landed. With `take_up_material` model and
+    prediction go on with what is found, and fem/prediction comes again.
     """
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(topics.FEM, FemParameters, **kwargs)
+        self._task: BackgroundTask[MaterialUpdate] | None = None
+        self._live: LiveMaterial | None = None
+        self._looker: Timer | None = None
+        self._report: tuple[float, MaterialReport] | None = None
 
     def configure(self) -> None:
         """Build the model; advertise and subscribe."""
-        wanted = self.configuration
-        self._config = WindingConfig(
-            case=wanted.condition(),
-            friction=wanted.friction,
-            law=wanted.law,
-            segment_length=wanted.segment_length,
-            free_length=wanted.free_length,
-            mass_scaling=wanted.mass_scaling,
-            rolling=wanted.rolling,
+        self._exchange = FemExchange(self.configuration)
+        self.connect(self._exchange)
+        self._material_out = self.advertise(topics.FEM_MATERIAL)
+        self.subscribe(topics.TRACKED_MARKERS, self._on_tracked)
+        # Wall time: an identification may end when the machine has stopped.
+        self._looker = self.create_timer(
+            _LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
-        self._prediction = predict(self._config, wanted.drive(), wanted.duration)
-        self._markers_out = self.advertise(topics.FEM_MARKERS)
-        self._cable_out = self.advertise(topics.FEM_CABLE)
-        self._line_out = self.advertise(topics.FEM_CABLE_LINE)
-        self._prediction_out = self.advertise(topics.FEM_PREDICTION)
-        self.subscribe(topics.TENSION, self._on_tension)
-        self.subscribe(topics.JOINT_STATES, self._on_joint_state)
 
     def activate(self) -> None:
         """Begin a new run; publish its prediction."""
-        self._model = RodWinding(self._config)
-        self._start: float | None = None
-        self._tension: float | None = None
-        self._markers_due = self._cable_due = 0.0
-        now = self.get_clock().now().nanoseconds * 1e-9
-        self._prediction_out.publish(encode_cloud(now, self._prediction.markers))
+        wanted, now = self.configuration, self.get_clock().now().nanoseconds * 1e-9
+        self._abandon()
+        self._report = None
+        self.publish(self._exchange.begin(now))
+        self._live = LiveMaterial(
+            self._exchange.config,
+            wanted.drive(),
+            wanted.duration,
+            take_up=wanted.take_up_material,
+        )
+        self._material_out.publish(encode_material(now, None))
+
+    def deactivate(self) -> None:
+        """Let go of an identification at work."""
+        self._abandon()
+        self._live = None
+
+    def cleanup(self) -> None:
+        """Let go of an identification at work."""
+        self._abandon()
+        if self._looker is not None:
+            self.destroy_timer(self._looker)
+            self._looker = None
 
     def status(self) -> Status:
-        """Return the model's time and energy balance."""
-        model = getattr(self, "_model", None)
-        if model is None:
+        """Return the model's time, its energy balance and the identified material."""
+        exchange: FemExchange | None = getattr(self, "_exchange", None)
+        if exchange is None or exchange.model is None:
             return Status(name=topics.FEM, message="not active")
-        balance = model.energy.balance_pct
+        balance = exchange.model.energy.balance_pct
+        message = "following the machine" if exchange.following else "waiting"
+        values = {"time": f"{exchange.model.time:.3f}", "energy_balance_pct": f"{balance:.3f}"}
+        refused = False
+        if self._report is not None:
+            t, report = self._report
+            refused = bool(report.refusal)
+            values |= {f"material {key}": value for key, value in report.status().values.items()}
+            values["material updated at"] = f"{t:.3f}"
+            message = f"{message}; material refused: {report.refusal}" if refused else message
         return Status(
             name=topics.FEM,
-            level=Level.OK if balance <= 1.0 else Level.WARN,
-            message="following the machine" if self._start is not None else "waiting",
-            values={"time": f"{model.time:.3f}", "energy_balance_pct": f"{balance:.3f}"},
+            level=Level.WARN if refused or balance > 1.0 else Level.OK,
+            message=message,
+            values=values,
         )
 
-    def _on_tension(self, message: WrenchStamped) -> None:
-        _, force = decode_tension(message)
-        if self.configuration.follow_tension:
-            self._tension = max(force, 0.0)
+    def _on_tracked(self, message: PointCloud2) -> None:
+        t, markers = decode_cloud(message, MARKER_DTYPE)
+        if self._live is not None and self.configuration.update_material:
+            self._tracked_until = t
+            self._live.see(markers)
 
-    def _on_joint_state(self, message: JointState) -> None:
-        t, reading = decode_joint_state(message)
-        if self._start is None:
-            self._start = t
-            self._markers_due = self._cable_due = t
-        self._model.advance_to(
-            t - self._start,
-            cylinder_angle=reading.cylinder_angle,
-            angular_speed=reading.angular_speed,
-            guide_z=reading.carriage_position,
-            feed_speed=reading.feed_speed,
-            tension=self._tension,
-        )
-        if t >= self._markers_due:
-            self._markers_due += _period(topics.FEM_MARKERS)
-            self._markers_out.publish(encode_cloud(t, self._model.markers()))
-        if t >= self._cable_due:
-            self._cable_due += _period(topics.FEM_CABLE)
-            cable = _published(self._model.cable())
-            self._cable_out.publish(encode_cloud(t, cable))
-            points = np.stack([cable["x"], cable["y"], cable["z"]], axis=1).astype(float)
-            self._line_out.publish(encode_line_strip(t, points, self._config.case.cable_diameter))
+    def _look(self) -> None:
+        """Begin the identification that is due, or take what one has found."""
+        live, task = self._live, self._task
+        if live is None:
+            return
+        if task is None:
+            due = live.due(self._exchange.history)
+            if due is not None:
+                self._markers_used = tuple(due.readings.ids.tolist())
+                self._task = BackgroundTask(functools.partial(work_out, due))
+        elif task.done:
+            self._task = None
+            self._take(self._tracked_until, live, task)
+
+    def _take(self, t: float, live: LiveMaterial, task: BackgroundTask[MaterialUpdate]) -> None:
+        try:
+            update = task.result()
+        except Exception as error:  # noqa: BLE001 - the run goes on without an estimate
+            self.get_logger().error(f"identification failed:\n{traceback.format_exc()}")
+            update = MaterialUpdate(estimate=None, refusal=f"{type(error).__name__}: {error}")
+        live.learn(update)
+        if update.model is not None and update.ahead is not None:
+            self._exchange.go_on_with(update.model)
+            self.publish([self._exchange.predicted(t, update.ahead)])
+        report = _reported(update, self._exchange.config.law, self._markers_used)
+        self._report = (t, report)
+        self._material_out.publish(encode_material(t, report))
+        if report.refusal:
+            self.get_logger().warning(f"material refused: {report.refusal}")
+
+    def _abandon(self) -> None:
+        if self._task is not None:
+            self._task.abandon()
+            self._task = None
 
 
-def _period(topic: topics.Topic) -> float:
-    assert topic.rate is not None
-    # Half a sample early, so that rounding never makes an instant late.
-    return 1.0 / topic.rate - 1.0e-9
-
-
-def _published(cable: NDArray[np.void]) -> NDArray[np.void]:
-    records = np.zeros(cable.shape, dtype=CABLE_DTYPE)
-    for name in CABLE_DTYPE.names or ():
-        records[name] = cable[name]
-    return records
+def _reported(update: MaterialUpdate, law: str, markers: tuple[int, ...]) -> MaterialReport:
+    estimate = update.estimate
+    if estimate is None:
+        return refused_material(law, markers, update.refusal)
+    return MaterialReport(
+        law=estimate.law,
+        young=estimate.young,
+        standard_error=estimate.standard_error,
+        half_width_90=estimate.half_width_90,
+        markers=estimate.markers,
+        worst_share=estimate.fit.worst_share,
+        taken_up=update.model is not None,
+        refusal=update.refusal,
+    )

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cable_fem_node.uniaxial import LAWS
+from cable_fem_node.winding_config import WindingConfig
 from cable_winding.condition import ConditionParameters
 from cable_winding.parameters import parameter
+from cable_winding.uniaxial import LAWS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,3 +24,28 @@ class FemParameters(ConditionParameters):
     follow_tension: bool = parameter(
         True, "whether the span tension follows rig/tension instead of the dead weight"
     )
+    update_material: bool = parameter(
+        True, "whether the effective modulus is identified from tracked markers"
+    )
+    take_up_material: bool = parameter(
+        False, "whether the model and the prediction of the run go on with the identified modulus"
+    )
+    replay: str = parameter(
+        "", "file of a run's inputs so far, written by the orchestrator, to wind before following"
+    )
+
+    def winding_config(self) -> WindingConfig:
+        """Return the model that the parameters describe.
+
+        Raises:
+            ValueError: The condition is not one, or the material cannot carry the weight.
+        """
+        return WindingConfig(
+            case=self.condition(),
+            friction=self.friction,
+            law=self.law,
+            segment_length=self.segment_length,
+            free_length=self.free_length,
+            mass_scaling=self.mass_scaling,
+            rolling=self.rolling,
+        )

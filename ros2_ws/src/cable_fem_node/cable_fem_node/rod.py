@@ -13,7 +13,7 @@ from cable_fem_node.frame_kernels import frame_forces
 from cable_fem_node.model import ExplicitModel
 from cable_fem_node.rod_kernels import stored_energy, turning_angle_squared
 from cable_fem_node.rod_step_kernels import RodEnds, RodMesh, RodScratch, advance_rod, rod_forces
-from cable_fem_node.uniaxial import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, UniaxialLaw
+from cable_winding.uniaxial import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, UniaxialLaw
 
 FloatArray = NDArray[np.float64]
 

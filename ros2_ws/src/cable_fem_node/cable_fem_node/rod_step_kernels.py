@@ -15,7 +15,7 @@ from cable_fem_node.motion_kernels import amplitude_at, move
 from cable_fem_node.points import LOSS_DAMPING, WORK_SPAN, WORK_TIE, Points
 from cable_fem_node.rod_kernels import bend_end, bend_nodes, element_force, stretch_elements
 from cable_fem_node.surroundings import Surroundings, Touch
-from cable_fem_node.uniaxial import TABLE_HIGH, TABLE_LOW
+from cable_winding.uniaxial import TABLE_HIGH, TABLE_LOW
 
 FloatArray = NDArray[np.float64]
 

@@ -28,7 +28,6 @@ from cable_fem_node.points import (
     empty_points,
 )
 from cable_fem_node.rod_kernels import bending_energy, stored_energy
-from cable_fem_node.uniaxial import TABLE_HIGH, TABLE_LOW
 from cable_fem_node.winding_config import WindingConfig
 from cable_fem_node.winding_kernels import advance_winding
 from cable_fem_node.winding_setup import (
@@ -51,6 +50,7 @@ from cable_fem_node.winding_state import (
     TENSION,
 )
 from cable_winding.markers import MarkerFlag, Markers, wound_markers
+from cable_winding.uniaxial import TABLE_HIGH, TABLE_LOW
 
 FloatArray = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cable_fem_node.solid_law_kernels import HENCKY, HENCKY_CAUCHY, HYPERELASTIC, LINEAR, piola
-from cable_fem_node.uniaxial import UniaxialLaw
+from cable_winding.uniaxial import UniaxialLaw
 
 FloatArray = NDArray[np.float64]
 

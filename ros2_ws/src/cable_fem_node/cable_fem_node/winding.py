@@ -4,9 +4,9 @@ from cable_fem_node.energy import EnergyLedger
 from cable_fem_node.failure import DivergenceError, EnergyBalanceError
 from cable_fem_node.prediction import OverlapError, Prediction, predict
 from cable_fem_node.rod_winding import NODE_DTYPE, RodWinding
-from cable_fem_node.tension import DeadWeight, RigTension, TensionLaw
-from cable_fem_node.uniaxial import LAWS, NoEquilibriumError, UniaxialLaw
 from cable_fem_node.winding_config import WindingConfig
+from cable_winding.tension import DeadWeight, RigTension, TensionLaw
+from cable_winding.uniaxial import LAWS, NoEquilibriumError, UniaxialLaw
 
 __all__ = [
     "LAWS",

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from cable_fem_node.tension import DeadWeight, TensionLaw
-from cable_fem_node.uniaxial import UniaxialLaw
 from cable_winding.cases import Case
 from cable_winding.fleet import PAPER_FREE_LENGTH
+from cable_winding.tension import DeadWeight, TensionLaw
+from cable_winding.uniaxial import MOONEY_RATIO, UniaxialLaw
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +19,7 @@ class WindingConfig:
         case: Cable, cylinder, weight and marker spacing.
         friction: Coulomb friction between cable and cylinder, acting on the centreline.
         law: Material law, one of uniaxial.LAWS.
+        mooney_ratio: C01 / C10 of law ``mooney_rivlin``.
         segment_length: Reference length of an element [m].
         free_length: Tangent span between contact line and guide [m], L_xy.
         tension_law: Span tension from weight, cylinder diameter and wound length.
@@ -39,6 +40,7 @@ class WindingConfig:
     damping_ratio: float = 0.05
     mass_scaling: float = 1.0
     rolling: bool = False
+    mooney_ratio: float = MOONEY_RATIO
 
     def __post_init__(self) -> None:
         for name in ("segment_length", "free_length", "mass_scaling"):
@@ -60,7 +62,12 @@ class WindingConfig:
     def uniaxial(self) -> UniaxialLaw:
         """The material law in uniaxial tension."""
         material = self.case.material
-        return UniaxialLaw(law=self.law, young=material.young, poisson=material.poisson)
+        return UniaxialLaw(
+            law=self.law,
+            young=material.young,
+            poisson=material.poisson,
+            mooney_ratio=self.mooney_ratio,
+        )
 
     @property
     def weight_tension(self) -> float:
@@ -75,7 +82,7 @@ class WindingConfig:
     @property
     def bending_stiffness(self) -> float:
         """EI of the undeformed section [N m^2]."""
-        return self.case.material.young * math.pi * self.case.cable_radius**4 / 4.0
+        return self.case.bending_stiffness
 
     def wound_radius(self, stretch: float) -> float:
         """Return the centreline radius [m] of cable wound at a stretch."""

@@ -29,7 +29,6 @@ from cable_fem_node.rod_kernels import (
     law_energy,
     stretch_elements,
 )
-from cable_fem_node.uniaxial import TABLE_HIGH, TABLE_LOW
 from cable_fem_node.winding_state import (
     ANGLE,
     CUT_AT,
@@ -47,6 +46,7 @@ from cable_fem_node.winding_state import (
     Constants,
     Work,
 )
+from cable_winding.uniaxial import TABLE_HIGH, TABLE_LOW
 
 FloatArray = NDArray[np.float64]
 

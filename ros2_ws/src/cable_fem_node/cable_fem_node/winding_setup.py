@@ -7,7 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.uniaxial import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, UniaxialLaw
 from cable_fem_node.winding_config import WindingConfig
 from cable_fem_node.winding_state import (
     ANGLE,
@@ -21,6 +20,7 @@ from cable_fem_node.winding_state import (
     Constants,
     Work,
 )
+from cable_winding.uniaxial import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, UniaxialLaw
 
 FloatArray = NDArray[np.float64]
 

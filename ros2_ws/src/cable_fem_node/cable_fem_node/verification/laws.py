@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from cable_fem_node.solid_law import SolidLaw
-from cable_fem_node.uniaxial import UniaxialLaw
 from cable_fem_node.verification.rod_statics import Values
+from cable_winding.uniaxial import UniaxialLaw
 
 MEGAPASCAL = 1.0e6
 HYPERELASTIC = ("neo_hookean", "mooney_rivlin")

@@ -1,0 +1,152 @@
+"""Where the search ends, what the residuals say of it, and how well the parameters are known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, t
+
+from cable_fem_node.identification.deviations import angle_covariance, chi_square, scatter_of
+from cable_fem_node.identification.search import Family, FitConfig, Search
+from cable_fem_node.identification.tracked_run import FloatArray, TrackedRun
+
+NORMAL_90 = 1.6448536269514722
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkerResidual:
+    """One marker of a run: where it was measured and where the fitted rod puts it.
+
+    Attributes:
+        run: Index of the run.
+        id: n of Pn.
+        theta: Measured [rad].
+        theta_fitted: [rad]
+        z: Measured [m].
+        z_fitted: [m]
+    """
+
+    run: int
+    id: int
+    theta: float
+    theta_fitted: float
+    z: float
+    z_fitted: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """Outcome of a search.
+
+    Attributes:
+        parameters: Shape (p,).
+        covariance: From the deviations of tracker and model, and from the scatter, shape (p, p).
+        quantile: Factor from a standard error to the half width of a 90 % interval.
+        residuals: Every marker of every run.
+        chi_square: Of the angles under the stated deviations.
+        degrees: Angles less parameters.
+        misfit: Whether the residuals contradict the stated deviations.
+        scatter: Relative standard deviation of each angle beyond the stated ones; zero without
+            a misfit.
+        calls: Calls of the rod per run.
+    """
+
+    parameters: FloatArray
+    covariance: FloatArray
+    quantile: float
+    residuals: tuple[MarkerResidual, ...]
+    chi_square: float
+    degrees: int
+    misfit: bool
+    scatter: float
+    calls: int
+
+    @property
+    def worst_share(self) -> float:
+        """Greatest residual of an angle relative to the angle."""
+        return max(abs(row.theta_fitted / row.theta - 1.0) for row in self.residuals)
+
+
+def fit(
+    runs: Sequence[TrackedRun],
+    family: Family,
+    start: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    config: FitConfig | None = None,
+    going: Callable[[], bool] = lambda: True,
+) -> Fit:
+    """Return the parameters whose rod lays the markers of all runs where they were measured.
+
+    Where the residuals contradict the stated deviations, every marker is given a scatter of its
+    own, as large as the residuals ask for, and the search is repeated with it.
+
+    Args:
+        runs: At least one.
+        family: Material with parameters, shape (p,).
+        start: Where the search begins, shape (p,).
+        bounds: Least and greatest parameters, shape (p,) each.
+        config: Beliefs and limits.
+        going: Asked again and again whether the result is still wanted.
+
+    Raises:
+        IdentificationError: The search does not come to rest, or the rod fails.
+        AbandonedError: `going` said no.
+    """
+    config = FitConfig() if config is None else config
+    search = Search(runs, family, bounds, config, going)
+    low, high = bounds
+    search.run(np.clip(start, low + 1.0e-9, high - 1.0e-9), scatter=0.0)
+    angles = search.measured.size // 2
+    left = (search.fitted - search.measured)[:angles]
+    squares = chi_square(left, angle_covariance(runs, config.model_share))
+    degrees = angles - search.parameters.size
+    misfit = degrees > 0 and float(chi2.sf(squares, degrees)) < config.misfit_level
+    scatter = 0.0
+    if misfit:
+        scatter = scatter_of(left, degrees, runs, config.model_share)
+        search.run(search.parameters, scatter)
+    return Fit(
+        parameters=search.parameters,
+        covariance=search.covariance,
+        # Scatter that the residuals themselves tell is known as badly as they are few.
+        quantile=float(t.ppf(0.95, degrees)) if misfit else NORMAL_90,
+        residuals=_residuals(runs, search.fitted),
+        chi_square=squares,
+        degrees=degrees,
+        misfit=misfit,
+        scatter=scatter,
+        calls=search.calls,
+    )
+
+
+def _residuals(runs: Sequence[TrackedRun], fitted: FloatArray) -> tuple[MarkerResidual, ...]:
+    theta, z = np.split(fitted, 2)
+    rows: list[MarkerResidual] = []
+    for number, run in enumerate(runs):
+        readings = run.readings
+        for i, marker in enumerate(readings.ids.tolist()):
+            place = len(rows)
+            rows.append(
+                MarkerResidual(
+                    run=number,
+                    id=marker,
+                    theta=float(readings.theta[i]),
+                    theta_fitted=float(theta[place]),
+                    z=float(readings.z[i]),
+                    z_fitted=float(z[place]),
+                )
+            )
+    return tuple(rows)
+
+
+def half_width(standard_error: float, quantile: float) -> float:
+    """Return the greater half of a 90 % interval of exp(x), relative to exp of the estimate.
+
+    Args:
+        standard_error: Of x.
+        quantile: See `Fit`.
+    """
+    return math.expm1(min(quantile * standard_error, 50.0))

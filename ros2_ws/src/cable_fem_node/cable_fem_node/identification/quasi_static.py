@@ -1,0 +1,119 @@
+"""Closed-form lay of a sticking cable along measured inputs: the cheap stand-in of the rod."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.run_history import Inputs, continued_inputs
+from cable_fem_node.winding_config import WindingConfig
+from cable_winding.uniaxial import TABLE_HIGH, UniaxialLaw
+
+FloatArray = NDArray[np.float64]
+
+# Straight pieces between them are exact to 1e-5 of the stretch.
+_STRETCHES = 1000
+_LOWEST_STRETCH = 0.7
+# The solver's tables end at a stretch of 4; a little room keeps a noisy load cell inside.
+_TABLE_SHARE = 0.98
+
+
+def lay(run: TrackedRun, law: UniaxialLaw) -> tuple[FloatArray, FloatArray]:
+    """Return (theta [rad], z [m]) of the run's markers by the closed form, shape (m,) each.
+
+    Cable lands with the stretch of the span's tension F less EI l / (2 rho^2) for bending,
+    where the fleet-angle law dz/dtheta = (z_guide - z) rho / L puts it, and sticks. Inertia,
+    contact's depth and the chords of elements are what the rod adds.
+
+    Args:
+        run: Inputs and markers.
+        law: The material that is tried.
+    """
+    config, case = run.config, run.config.case
+    longest = float(run.readings.ids[-1]) * case.marker_spacing
+    top = _stretch_at(law, np.array([run.highest_tension]) / case.section_area)[0]
+    reach = 1.05 * longest * top / case.cylinder_radius + 0.5
+    inputs = _turning(continued_inputs(run.inputs, reach))
+    theta = inputs["cylinder_angle"]
+    pull = run.tensions(inputs)
+    stretch = _stretch_at(law, pull / case.section_area)
+    radius = _radius(config, law, stretch)
+    bending = case.bending_stiffness * law.young / case.material.young
+    bent = 0.5 * bending * stretch / radius**2
+    stretch = _stretch_at(law, (pull - bent) / case.section_area)
+    radius = _radius(config, law, stretch)
+    step = np.diff(theta)
+    z = _axial(theta, inputs["carriage_position"], config.free_length / case.centreline_radius)
+    slope = np.gradient(z, theta)
+    reference = np.hypot(radius, slope) / stretch
+    laid = np.concatenate([[0.0], np.cumsum(0.5 * (reference[1:] + reference[:-1]) * step)])
+    arc = run.readings.ids * case.marker_spacing
+    if laid[-1] < arc[-1]:
+        raise IdentificationError(
+            f"P{run.readings.ids[-1]} does not land within the run: "
+            f"{laid[-1]:.4g} m of {arc[-1]:.4g} m are wound"
+        )
+    marker_theta = np.interp(arc, laid, theta)
+    return marker_theta, np.interp(marker_theta, theta, z)
+
+
+def strain(run: TrackedRun, law: UniaxialLaw) -> float:
+    """Return the strain of the span under the run's mean tension."""
+    stress = run.tensions(run.inputs).mean() / run.config.case.section_area
+    return float(_stretch_at(law, np.array([stress]))[0]) - 1.0
+
+
+def softest_young(run: TrackedRun, law: str) -> float:
+    """Return the smallest Young's modulus [Pa] that carries the run's greatest tension."""
+    config = run.config
+    _, stress, _ = _unit_law(law, config.case.material.poisson, config.mooney_ratio)
+    return run.highest_tension / config.case.section_area / (_TABLE_SHARE * float(stress[-1]))
+
+
+def _stretch_at(law: UniaxialLaw, stress: FloatArray) -> FloatArray:
+    stretch, unit_stress, _ = _unit_law(law.law, law.poisson, law.mooney_ratio)
+    return np.interp(stress / law.young, unit_stress, stretch)
+
+
+def _radius(config: WindingConfig, law: UniaxialLaw, stretch: FloatArray) -> FloatArray:
+    case = config.case
+    # As WindingConfig.thins, for the law that is tried.
+    thins = law.law != "linear" if config.thinning is None else config.thinning
+    if not thins:
+        return np.full_like(stretch, case.centreline_radius)
+    grid, _, lateral = _unit_law(law.law, law.poisson, law.mooney_ratio)
+    return np.asarray(case.cylinder_radius + case.cable_radius * np.interp(stretch, grid, lateral))
+
+
+@lru_cache(maxsize=64)
+def _unit_law(
+    law: str, poisson: float, mooney_ratio: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (stretch, nominal stress over E, lateral stretch) up to the law's limit."""
+    bar = UniaxialLaw(law=law, young=1.0, poisson=poisson, mooney_ratio=mooney_ratio)
+    stretch = np.linspace(_LOWEST_STRETCH, min(bar.limit()[1], TABLE_HIGH), _STRETCHES)
+    return stretch, bar.nominal_stress(stretch), bar.lateral_stretch(stretch)
+
+
+def _turning(inputs: Inputs) -> Inputs:
+    """Keep the samples at which the cylinder has turned further than ever before."""
+    angle = inputs["cylinder_angle"]
+    before = np.concatenate([[-np.inf], np.maximum.accumulate(angle)[:-1]])
+    kept: Inputs = inputs[angle > before + 1.0e-9]
+    return kept
+
+
+def _axial(theta: FloatArray, guide: FloatArray, lag: float) -> FloatArray:
+    """Return z along theta: dz/dtheta = (guide - z) / lag, exact for a guide of straight pieces."""
+    z = np.zeros_like(theta)
+    rise = np.diff(guide) / np.diff(theta)
+    decay = np.exp(-np.diff(theta) / lag)
+    for i in range(theta.size - 1):
+        # The particular solution follows the guide at a distance of lag times its rise.
+        behind = z[i] - guide[i] + lag * rise[i]
+        z[i + 1] = guide[i + 1] - lag * rise[i] + behind * decay[i]
+    return z

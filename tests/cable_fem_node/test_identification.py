@@ -1,0 +1,227 @@
+"""Inverse winding: a hidden modulus comes back, and with an error that can be believed.
+
+The runs are wound by the same rod with elements half as long as the estimator's. So the tests
+cover noise, discretisation and the search; they say nothing about friction, inertia or a law that
+the rod has wrong. The quasi-static lay, which shares no code with the rod, stands in for that.
+"""
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cable_fem_node.identification import (
+    IdentificationError,
+    Readings,
+    TrackedRun,
+    identify_constants,
+    identify_modulus,
+    with_young,
+)
+from cable_fem_node.prediction import predict
+from cable_fem_node.run_history import planned_inputs
+from cable_fem_node.winding_config import WindingConfig
+from cable_winding.cases import paper_case
+from cable_winding.drive import DriveProfile
+from cable_winding.lay_on import LayOn
+from cable_winding.markers import is_wound
+from cable_winding.tension import DeadWeight
+
+DRIVE = DriveProfile()
+# P1 and P2 have landed by then, on either cylinder.
+SHORT = 12.0
+FINE = 2.5e-3
+
+# Case and hidden modulus [Pa]: every cable and both cylinders, strains of the span 0.04 to 0.6.
+HIDDEN = ((4, 0.5e6), (10, 1.0e6), (1, 2.6e6), (7, 5.0e6), (4, 8.0e6))
+SEEDS = range(5)
+
+
+def config(case: int) -> WindingConfig:
+    return WindingConfig(case=paper_case(case))
+
+
+@cache
+def truth(case: int, young: float, law: str = "linear") -> tuple[np.ndarray, np.ndarray]:
+    """Return theta and z of the markers that a fine rod lays in SHORT."""
+    hidden = dataclasses.replace(with_young(config(case), young), segment_length=FINE, law=law)
+    markers = predict(hidden, DRIVE, SHORT, rate=2.0).markers[1:]
+    wound = markers[is_wound(markers)][:2]
+    return wound["theta"].astype(float), wound["z"].astype(float)
+
+
+def measured(
+    case: int, theta: np.ndarray, z: np.ndarray, seed: int | None, law: str = "linear"
+) -> TrackedRun:
+    """Return a run as the tracker would report it; without a seed, as it is."""
+    # docs/vision.md: 1 mrad and 0.05 mm on the 60 mm cylinder, 3 mrad and 0.12 mm on the 30 mm one.
+    big = paper_case(case).cylinder_diameter > 0.05
+    sigma, sigma_z = (1.0e-3, 0.05e-3) if big else (3.0e-3, 0.12e-3)
+    rng = np.random.default_rng(seed)
+    share = 0.0 if seed is None else 1.0
+    return TrackedRun(
+        config=dataclasses.replace(config(case), law=law),
+        inputs=planned_inputs(DRIVE, SHORT),
+        readings=Readings(
+            ids=np.arange(1, theta.size + 1),
+            theta=theta + share * sigma * rng.standard_normal(theta.size),
+            z=z + share * sigma_z * rng.standard_normal(z.size),
+            sigma_theta=np.full(theta.size, sigma),
+            sigma_z=np.full(theta.size, sigma_z),
+        ),
+    )
+
+
+def test_hidden_modulus_is_recovered_and_its_error_can_be_believed() -> None:
+    inside, relative = [], []
+    for case, young in HIDDEN:
+        for seed in SEEDS:
+            # A different seed for every run: the same draws would be one experiment, not five.
+            run = measured(case, *truth(case, young), seed=100 * case + int(young / 1e5) + seed)
+            estimate = identify_modulus([run])
+            inside.append(abs(estimate.young - young) <= estimate.half_width_90)
+            relative.append(abs(estimate.young / young - 1.0))
+    # The specification's: 3 %, and nine times in ten within the stated error.
+    assert max(relative) < 0.03
+    assert np.mean(inside) >= 0.9, inside
+
+
+def test_stated_error_is_not_a_shrug() -> None:
+    estimate = identify_modulus([measured(4, *truth(4, 0.5e6), seed=1)])
+    # Noise of 3 mrad of 18 rad and a strain of 0.6 leave less than a percent.
+    assert estimate.half_width_90 < 0.015 * estimate.young
+
+
+def test_a_cable_that_hardly_stretches_tells_less() -> None:
+    errors = []
+    for case in (4, 5):
+        theta = LayOn(paper_case(case), "linear").theta(DeadWeight())[:2]
+        estimate = identify_modulus([measured(case, theta, np.array([4e-3, 15e-3]), seed=None)])
+        errors.append(estimate.half_width_90 / estimate.young)
+    # Strains 0.12 and 0.027: the same noise counts four times as much.
+    assert errors[1] > 3.0 * errors[0]
+
+
+@pytest.mark.parametrize("case", [2, 4, 12])
+def test_quasi_static_lay_gives_its_modulus_back(case: int) -> None:
+    young = 3.4e6
+    hidden = with_young(config(case), young).case
+    lay = LayOn(hidden, "linear")
+    theta = lay.theta(DeadWeight())[:2]
+    z = np.interp(theta, lay._theta, lay._path.z(lay._theta))
+    estimate = identify_modulus([measured(case, theta, z, seed=None)])
+    # Inertia, contact depth and chords are what the two differ by; 3 % is the specification's.
+    assert estimate.young == pytest.approx(young, rel=0.03)
+
+
+def test_start_does_not_decide() -> None:
+    theta, z = truth(4, 8.0e6)
+    found = []
+    for start in (0.6e6, 60.0e6):
+        run = measured(4, theta, z, seed=7)
+        run = dataclasses.replace(run, config=with_young(run.config, start))
+        found.append(identify_modulus([run]))
+    # Both end within a fifth of a standard error of the optimum.
+    assert abs(found[0].young - found[1].young) < 0.4 * found[0].standard_error
+    assert max(estimate.fit.calls for estimate in found) <= 4
+
+
+def test_measured_tension_is_what_counts() -> None:
+    theta, z = truth(4, 2.6e6)
+    run = measured(4, theta, z, seed=None)
+    inputs = run.inputs.copy()
+    inputs["tension"] = 0.7 * paper_case(4).weight
+    less = identify_modulus([dataclasses.replace(run, inputs=inputs)])
+    # The same stretch under seven tenths of the force, but for the cable's own bending.
+    assert less.young == pytest.approx(0.7 * 2.6e6, rel=0.02)
+
+
+def test_cable_of_two_moduli_is_said_to_be_one() -> None:
+    theta, z = truth(4, 2.6e6)
+    # 2 % of P2 are 260 mrad, where noise is 3 mrad: no modulus gives both.
+    estimate = identify_modulus([measured(4, theta * [1.0, 1.02], z, seed=1)])
+    assert estimate.fit.misfit
+    assert estimate.half_width_90 > 0.1 * estimate.young
+
+
+def test_marker_that_lies_nowhere_near_is_refused() -> None:
+    theta, z = truth(4, 2.6e6)
+    estimate = identify_modulus([measured(4, theta * [1.0, 1.2], z, seed=1)])
+    assert "misses a marker by" in estimate.refusal()
+
+
+def test_both_constants_are_found_where_tensions_tell_them_apart() -> None:
+    runs = [measured(case, *_hyperelastic(case), seed=case, law="mooney_rivlin") for case in (1, 2)]
+    found = identify_constants(runs, "mooney_rivlin")
+    total = 2.6e6 / (4.0 * 1.47)
+    assert found.separable, found.statement()
+    # mooney_ratio 0.25 hides a share of 0.2; three standard errors are a test, not a hope.
+    assert abs(found.share - 0.2) < 3.0 * found.share_standard_error
+    assert abs(found.c10 - 0.8 * total) < 3.0 * found.standard_errors[0]
+    assert found.young == pytest.approx(2.6e6, rel=0.05)
+
+
+def test_small_strains_cannot_tell_the_constants_apart() -> None:
+    runs = []
+    for case in (5, 6):
+        lay = LayOn(paper_case(case), "mooney_rivlin")
+        theta = lay.theta(DeadWeight())[:2]
+        z = np.interp(theta, lay._theta, lay._path.z(lay._theta))
+        runs.append(measured(case, theta, z, seed=case, law="mooney_rivlin"))
+    found = identify_constants(runs, "mooney_rivlin")
+    assert not found.separable
+    assert "not separable" in found.statement()
+
+
+def _hyperelastic(case: int) -> tuple[np.ndarray, np.ndarray]:
+    return truth(case, 2.6e6, "mooney_rivlin")
+
+
+def readings(**changed: object) -> Readings:
+    values: dict[str, object] = {
+        "ids": np.array([1, 2]),
+        "theta": np.array([6.5, 13.1]),
+        "z": np.array([0.004, 0.015]),
+        "sigma_theta": np.full(2, 3e-3),
+        "sigma_z": np.full(2, 1e-4),
+    }
+    return Readings(**(values | changed))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"theta": np.array([6.5, np.nan])}, "theta of P2 must be finite, got nan"),
+        ({"theta": np.array([6.5, 6.4])}, "wound angles must ascend"),
+        ({"theta": np.array([-6.5, 6.4])}, "theta of P1 must be positive, got -6.5"),
+        ({"sigma_theta": np.array([0.0, 1e-3])}, "sigma_theta of P1 must be positive"),
+        ({"ids": np.array([2, 2])}, "numbered from 1 and ascend"),
+        ({"z": np.array([0.1])}, "z needs one value per marker"),
+        (dict.fromkeys(("ids", "theta", "z", "sigma_theta", "sigma_z"), np.array([])), "got none"),
+    ],
+)
+def test_bad_readings_are_refused(changed: dict[str, np.ndarray], sentence: str) -> None:
+    with pytest.raises(IdentificationError, match=sentence):
+        readings(**changed)
+
+
+def test_unstretched_cable_is_refused() -> None:
+    inputs = planned_inputs(DRIVE, SHORT, tension=0.0)
+    with pytest.raises(IdentificationError, match="an unstretched cable tells nothing"):
+        TrackedRun(config=config(4), inputs=inputs, readings=readings())
+
+
+def test_marker_beyond_the_condition_is_refused() -> None:
+    with pytest.raises(IdentificationError, match="has markers P1 to P4, got P5"):
+        TrackedRun(
+            config=config(4),
+            inputs=planned_inputs(DRIVE, SHORT),
+            readings=readings(ids=np.array([1, 5])),
+        )
+
+
+def test_constants_need_two_runs() -> None:
+    run = TrackedRun(config=config(4), inputs=planned_inputs(DRIVE, SHORT), readings=readings())
+    with pytest.raises(IdentificationError, match="runs under two tensions, got 1"):
+        identify_constants([run])

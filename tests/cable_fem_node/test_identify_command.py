@@ -1,0 +1,160 @@
+"""`winding identify`: what it reads, what it says, what it refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from winding_bringup.cli import app
+
+# P1 to P4 of case 4 as a rod of 2.5 mm elements lays them with 2.6 MPa.
+TRUTH = "\n".join(
+    [
+        "marker,theta_rad,z_m",
+        "P0,0,0",
+        "2,13.1261,0.01531",
+        "1,6.5751,0.00454",
+        "3,19.6546,0.02953",
+        "4,26.1676,0.04568",
+    ]
+)
+
+
+def identify(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["identify", *map(str, arguments)])
+
+
+@pytest.fixture
+def markers(tmp_path: Path) -> Path:
+    path = tmp_path / "markers.csv"
+    path.write_text(TRUTH)
+    return path
+
+
+def test_markers_give_the_modulus_and_the_markers_that_are_to_come(
+    markers: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "found.json"
+    result = identify(markers, "--case", 4, "--use", 2, "--json", out)
+    assert result.exit_code == 0, result.output
+    found = json.loads(out.read_text())
+    # The estimator's elements are twice as long; the specification's 3 %.
+    assert found["young_pa"] == pytest.approx(2.6e6, rel=0.03)
+    assert abs(found["young_pa"] - 2.6e6) < found["half_width_90_pa"]
+    assert [row["id"] for row in found["residuals"]] == [1, 2]
+    assert [row["id"] for row in found["predicted"]] == [3, 4]
+    # One standard error of the rod's angles is 0.05 %.
+    assert all(row["error_pct"] < 0.1 for row in found["predicted"])
+    assert "nine times in ten within" in " ".join(result.output.split())
+
+
+def test_two_runs_give_the_constants_of_a_nonlinear_law(tmp_path: Path) -> None:
+    # Cases 1 and 2 with Mooney-Rivlin, 2.6 MPa, C01 / C10 = 0.25, elements of 2.5 mm.
+    for name, rows in (
+        ("light", "1,8.35030,0.00654\n2,16.65919,0.02153"),
+        ("heavy", "1,12.03372,0.01239"),
+    ):
+        (tmp_path / f"{name}.csv").write_text(f"marker,theta_rad,z_m\n{rows}\n")
+    out = tmp_path / "found.json"
+    result = identify(
+        tmp_path / "light.csv", tmp_path / "heavy.csv",
+        "--case", 1, "--weight-n", 1.962, "--weight-n", 3.924,
+        "--law", "mooney_rivlin", "--duration-s", 12, "--json", out,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    found = json.loads(out.read_text())
+    total = 2.6e6 / (4.0 * 1.47)
+    assert found["young_pa"] == pytest.approx(2.6e6, rel=0.03)
+    assert abs(found["c10_pa"] - 0.8 * total) < 3.0 * found["c10_standard_error_pa"]
+    assert found["statement"] in " ".join(result.output.split())
+
+
+def test_tensile_test_names_the_law_that_fits_best(tmp_path: Path) -> None:
+    strain = np.linspace(0.0, 1.0, 30)
+    noise = 0.002 * np.random.default_rng(1).standard_normal(30)
+    stress = np.maximum(2.6 * np.log1p(strain) / (1.0 + strain) + noise, 0.0)
+    path, out = tmp_path / "tensile.csv", tmp_path / "laws.json"
+    rows = "".join(f"{100.0 * e},{s}\n" for e, s in zip(strain, stress, strict=True))
+    path.write_text(f"strain_pct,stress_mpa\n{rows}")
+    result = identify("--tensile", path, "--json", out)
+    assert result.exit_code == 0, result.output
+    assert "hencky fits best" in result.output
+    found = json.loads(out.read_text())
+    assert len(found["laws"]) == 5
+    assert found["laws"][0]["young"] == pytest.approx(2.6e6, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "holds no row of numbers"),
+        ("marker,theta_rad,z_m\n", "holds no row of numbers"),
+        ("marker,theta_rad\n1,6.5\n", "needs a column z_m; it has marker, theta_rad"),
+        ("marker,theta_rad,z_m\n1,six,0.1\n", "row 1 of"),
+        ("marker,theta_rad,z_m\n1,nan,0.1\n", "theta of P1 must be finite, got nan"),
+        ("marker,theta_rad,z_m\n-1,6.5,0.1\n", "marker must be a whole number, got '-1'"),
+        ("marker,theta_rad,z_m\n0,0,0\n", "holds no marker beside P0"),
+        ("marker,theta_rad,z_m\n1,6.5,0.1\n2,6.4,0.1\n", "wound angles must ascend"),
+        ("marker,theta_rad,z_m\n1,6.5,0.1\n5,9.4,0.1\n", "has markers P1 to P4, got P5"),
+    ],
+)
+def test_bad_table_of_markers_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
+    path = tmp_path / "markers.csv"
+    path.write_text(text)
+    result = identify(path, "--case", 4)
+    assert result.exit_code == 2
+    assert sentence in result.output
+    assert "Traceback" not in result.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ([], "give recordings or tables of markers, or --tensile"),
+        (["{markers}"], "give --case, or all of one's own"),
+        (["{markers}", "--tensile", "{markers}"], "give recordings or tables"),
+        (["{markers}", "--case", 4, "--element", "solid"], "winds the rod, not the element solid"),
+        (
+            ["{markers}", "--case", 4, "--weight-n", 1, "--weight-n", 2],
+            "once for each of 1 sources",
+        ),
+        (["{markers}", "--case", 4, "--weight-n", -1], "weight must be positive"),
+        (["--tensile", "{markers}"], "needs one column of strain, strain_pct"),
+        (["nowhere.csv", "--case", 4], "nowhere.csv does not exist"),
+        (["{folder}"], "does not say what was wound"),
+        (["{folder}", "--case", 4], "metadata.yaml"),
+    ],
+)
+def test_bad_question_is_refused(
+    markers: Path, tmp_path: Path, arguments: list[object], sentence: str
+) -> None:
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    known = {"{markers}": markers, "{folder}": folder}
+    result = identify(*(known.get(str(item), item) for item in arguments))
+    assert result.exit_code == 2
+    assert sentence in " ".join(result.output.split())
+    assert "Traceback" not in result.output
+
+
+def test_markers_of_no_cable_are_not_explained_away(tmp_path: Path) -> None:
+    path = tmp_path / "markers.csv"
+    path.write_text("marker,theta_rad,z_m\n1,6.5751,0.00454\n2,15.9,0.01531\n")
+    result = identify(path, "--case", 4)
+    assert result.exit_code == 1
+    assert "misses a marker by" in " ".join(result.output.split())
+
+
+@pytest.mark.processes
+@pytest.mark.xdist_group("processes")
+def test_recorded_run_is_read_with_its_own_condition(recorded_run, tmp_path: Path) -> None:
+    out = tmp_path / "found.json"
+    result = identify(recorded_run.bag, "--json", out)
+    assert result.exit_code == 0, result.output
+    found = json.loads(out.read_text())
+    # Case 4 lies where the paper measured it: P1 at 6.28 rad instead of 6.58 with 2.6 MPa.
+    assert [row["id"] for row in found["residuals"]] == [1]
+    assert found["residuals"][0]["theta"] == pytest.approx(6.28, abs=0.01)
+    assert 4.0e6 < found["young_pa"] < 5.2e6
