@@ -14,6 +14,7 @@ from marker_tracker_node.calibration import (
     CalibrationError,
     calibrate,
     read_camera,
+    write_board,
     write_camera,
 )
 
@@ -155,3 +156,28 @@ def test_a_file_that_is_no_camera_is_refused(tmp_path, text, reason):
         read_camera(path)
     with pytest.raises(CalibrationError, match="cannot read"):
         read_camera(tmp_path / "nothing.yaml")
+
+
+@pytest.mark.parametrize("marker", [0.006, None])
+def test_the_printed_board_is_the_one_that_is_looked_for(tmp_path, marker):
+    board = Board(columns=14, rows=8, square=0.008, marker=marker)
+    width, height = write_board(tmp_path / "board.png", board, 600.0)
+    # A dot of 1/600 inch is 0.042 mm.
+    assert (width, height) == pytest.approx((0.112, 0.064), abs=14 * 0.000042)
+    printed = cv2.imread(str(tmp_path / "board.png"))
+    # A board is photographed with paper around it.
+    photograph = cv2.copyMakeBorder(printed, 80, 80, 80, 80, cv2.BORDER_CONSTANT, value=(255,) * 3)
+    points, pixels = board.corners(photograph)
+    assert len(points) == 13 * 7
+    side = 0.008 * 600.0 / 0.0254
+    spacing = np.linalg.norm(pixels[1] - pixels[0])
+    assert spacing == pytest.approx(side, abs=0.6)
+
+
+def test_a_board_too_small_to_print_and_a_missing_folder_are_refused(tmp_path):
+    board = Board(columns=14, rows=8, square=0.0002, marker=None)
+    with pytest.raises(CalibrationError, match="8 dots or more"):
+        write_board(tmp_path / "board.png", board, 600.0)
+    board = Board(columns=14, rows=8, square=0.008, marker=None)
+    with pytest.raises(OSError, match="folder is missing"):
+        write_board(tmp_path / "nowhere" / "board.png", board, 600.0)

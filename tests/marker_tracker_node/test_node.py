@@ -90,7 +90,7 @@ class Bench:
 
     def calibrate(self) -> None:
         self.info.publish(encode_camera_info(0.0, self.calibration()))
-        self.ros.spin_until(lambda: self.node._tracker is not None)
+        self.ros.spin_until(lambda: self.node.tracker is not None)
 
 
 @pytest.fixture
@@ -123,11 +123,21 @@ def test_frames_wait_for_their_encoder_sample(bench: Bench) -> None:
 
 def test_frame_without_calibration_is_refused_and_said(bench: Bench) -> None:
     bench.info.publish(CameraInfo())
+    bench.ros.spin_until(lambda: bench.node._intakes["camera/camera_info"].refused == 1)
     bench.image.publish(encode_image(0.0, bench.frame(0.0)))
-    bench.ros.spin_until(lambda: bench.node._refused["camera/image_raw"] == 1)
-    assert bench.node._refused["camera/camera_info"] == 1
+    bench.ros.spin_until(lambda: bench.node._intakes["camera/image_raw"].refused == 1)
     assert bench.markers == []
     assert bench.node.status().message == "no calibrated camera_info yet"
+
+
+def test_frames_that_overtake_the_first_calibration_are_measured(bench: Bench) -> None:
+    for index in range(4):
+        bench.encoder(index * PERIOD)
+        bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
+    image = bench.node._intakes["camera/image_raw"]
+    bench.ros.spin_until(lambda: image.accepted == 4)
+    bench.calibrate()
+    bench.ros.spin_until(lambda: len(bench.markers) == 4)
 
 
 def test_silent_encoder_is_said_and_frames_still_answered(bench: Bench) -> None:

@@ -118,6 +118,17 @@ def test_reset_while_winding_is_refused() -> None:
         rig.reset()
 
 
+def test_finished_run_can_be_reset_and_wound_again() -> None:
+    rig = machine(duration=2.0)
+    wind(rig)
+    assert rig.state.phase is Phase.FINISHED
+    rig.reset()
+    assert rig.reading().cylinder_angle == 0.0
+    rows = wind(rig)
+    assert rig.state.phase is Phase.FINISHED
+    assert rows[-1, 0] == pytest.approx(4.0)
+
+
 def test_same_seed_gives_the_same_run() -> None:
     first, second = machine(duration=1.0, seed=5), machine(duration=1.0, seed=5)
     np.testing.assert_array_equal(wind(first), wind(second))

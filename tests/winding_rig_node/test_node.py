@@ -128,7 +128,7 @@ def test_new_calibration_is_carried_by_every_later_camera_info(ros: Any) -> None
     bench = Bench(ros)
     said: list[Any] = []
     topics.CAMERA_INFO.subscribe(bench.probe, said.append)
-    present = bench.node._calibration
+    present = bench.node._camera.calibration
     better = replace(present, matrix=present.matrix * [[1.01], [1.01], [1.0]])
     request = SetCameraInfo.Request(camera_info=encode_camera_info(0.0, better))
     assert ros.call(bench.probe, SetCameraInfo, "camera/set_camera_info", request).success

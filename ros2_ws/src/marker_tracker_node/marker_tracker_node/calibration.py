@@ -65,6 +65,19 @@ class Board:
             (self.columns, self.rows), self.square, self.marker or 0.0, dictionary
         )
 
+    def picture(self, dots_per_metre: float) -> ByteArray:
+        """Return the board as it is printed, black on white, shape (height, width)."""
+        side = round(self.square * dots_per_metre)
+        if side < 8:
+            raise CalibrationError(
+                f"a square needs 8 dots or more, {self.square} m has {side} at {dots_per_metre:g}/m"
+            )
+        if self.marker is not None:
+            size = (self.columns * side, self.rows * side)
+            return np.asarray(self.charuco().generateImage(size), dtype=np.uint8)
+        dark = np.add.outer(np.arange(self.rows), np.arange(self.columns)) % 2 == 0
+        return np.kron(np.where(dark, 0, 255), np.ones((side, side))).astype(np.uint8)
+
     def corners(self, picture: ByteArray) -> tuple[FloatArray, FloatArray] | None:
         """Return board points (k, 3) [m] and their pixels (k, 2), or None without a board."""
         grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture
@@ -104,6 +117,24 @@ class Calibration:
     residual: float
     views: int
     refused: int
+
+
+def write_board(path: Path, board: Board, dots_per_inch: float) -> tuple[float, float]:
+    """Write the board as a picture to print; return its printed width and height [m].
+
+    Raises:
+        CalibrationError: The squares are too small to print.
+        OSError: The picture cannot be written.
+    """
+    dots_per_metre = dots_per_inch / 0.0254
+    picture = board.picture(dots_per_metre)
+    try:
+        written = cv2.imwrite(str(path), picture)
+    except cv2.error as error:
+        raise OSError(0, f"no picture format for {path.name}") from error
+    if not written:
+        raise OSError(0, "the folder is missing or not writable")
+    return picture.shape[1] / dots_per_metre, picture.shape[0] / dots_per_metre
 
 
 def calibrate(pictures: Sequence[ByteArray], board: Board) -> Calibration:

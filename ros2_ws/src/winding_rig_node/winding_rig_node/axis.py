@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from winding_rig_node.encoder import EncoderConfig, EncoderState, read_encoder
@@ -28,6 +29,8 @@ class AxisState:
     pid: PidState = field(default_factory=PidState)
     voltage: float = 0.0
     acceleration: float = 0.0
+    feedforward: float = 0.0
+    setpoint: float = 0.0
 
 
 def tuned_pid(motor: MotorConfig, bandwidth: float) -> PidConfig:
@@ -55,13 +58,34 @@ def tuned_pid(motor: MotorConfig, bandwidth: float) -> PidConfig:
 
 
 def control_axis(
-    config: AxisConfig, state: AxisState, *, setpoint: float, acceleration: float, dt: float
+    config: AxisConfig,
+    state: AxisState,
+    *,
+    setpoint: float,
+    acceleration: float,
+    dt: float,
+    load: float = 0.0,
+    open_loop: bool = False,
 ) -> None:
-    """Set the axis voltage for a speed setpoint and its known acceleration."""
+    """Set the axis voltage for a speed setpoint and its known acceleration.
+
+    Args:
+        config: The axis.
+        state: Its state.
+        setpoint: Wanted speed.
+        acceleration: Its rate.
+        dt: Control period [s].
+        load: Opposing load that the drive knows of [N m or N]; counts only without the encoder.
+        open_loop: Whether the motor's model alone drives the axis, because its encoder lies.
+    """
     motor = config.motor
     dry = math.copysign(motor.friction_voltage, setpoint) if setpoint else 0.0
     feedforward = (setpoint + motor.time_constant * acceleration) / motor.speed_per_volt + dry
     state.acceleration = acceleration
+    state.setpoint, state.feedforward = setpoint, feedforward
+    if open_loop:
+        state.voltage = feedforward + load * motor.resistance / motor.torque_constant
+        return
     state.voltage = step_pid(
         config.pid,
         state.pid,
@@ -72,15 +96,41 @@ def control_axis(
     )
 
 
+def modelled_speed(config: AxisConfig, state: AxisState, *, load: float) -> float:
+    """Return the speed that the motor's voltage stands for, under a known load [N m or N].
+
+    At the feedforward voltage that is the setpoint; every further volt is further speed.
+    """
+    motor = config.motor
+    load_voltage = load * motor.resistance / motor.torque_constant
+    trim = state.voltage - state.feedforward - load_voltage
+    return state.setpoint + motor.speed_per_volt * trim
+
+
 def advance_axis(
-    config: AxisConfig, state: AxisState, *, load: float, dt: float, braked: bool
+    config: AxisConfig,
+    state: AxisState,
+    *,
+    load: float,
+    dt: float,
+    braked: bool,
+    seen: Callable[[float], float | None] = float,
 ) -> None:
-    """Move the axis by one sample period and read its encoder."""
+    """Move the axis by one sample period and read its encoder.
+
+    Args:
+        config: The axis.
+        state: Its state.
+        load: Opposing load [N m or N].
+        dt: Sample period [s].
+        braked: Whether drive is cut and brake applied.
+        seen: What the encoder makes of a position; None when it says nothing that can be.
+    """
     advance_motor(config.motor, state.motor, state.voltage, load, dt, braked=braked)
     read_encoder(
         config.encoder,
         state.encoder,
-        state.motor.position,
+        seen(state.motor.position),
         dt,
         acceleration=0.0 if braked else state.acceleration,
     )

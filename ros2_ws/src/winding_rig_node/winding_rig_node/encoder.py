@@ -40,7 +40,7 @@ class EncoderState:
 def read_encoder(
     config: EncoderConfig,
     state: EncoderState,
-    position: float,
+    position: float | None,
     dt: float,
     *,
     acceleration: float = 0.0,
@@ -48,8 +48,13 @@ def read_encoder(
     """Sample the axis position; update counted position and estimated speed.
 
     The tracking loop is critically damped and spreads one count over its time constant. Fed with
-    the commanded acceleration it follows a ramp of speed without lag.
+    the commanded acceleration it follows a ramp of speed without lag. Without a position the
+    count stays and the estimate goes on by itself.
     """
+    if position is None:
+        state.speed += dt * acceleration
+        state.tracked += dt * state.speed
+        return
     state.position = config.resolution * math.floor(position / config.resolution)
     omega = 2.0 * math.pi * config.bandwidth
     predicted = state.tracked + dt * state.speed

@@ -2,68 +2,48 @@
 
 from __future__ import annotations
 
-import queue
+import math
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import Trigger
 
 from cable_winding.parameters import refuse_unknown
-from cable_winding.readings import ImageWindow
 from cable_winding.ros import topics
-from cable_winding.ros.camera_messages import (
-    CameraReading,
-    decode_camera_info,
-    encode_camera_info,
-    encode_image,
-    encode_preview,
-)
 from cable_winding.ros.diagnostic_messages import Level, Status
+from cable_winding.ros.heartbeat import Sign, watch_heartbeat
 from cable_winding.ros.managed_node import ManagedNode
-from cable_winding.ros.rig_messages import MessageError, encode_joint_state, encode_tension
-from cable_winding.ros.stamps import encode_stamp, serialised_stamp_ns
-from winding_rig_node.camera.config import CameraCalibration, CameraConfig, SensorNoise
-from winding_rig_node.camera.preview import encode_jpeg
-from winding_rig_node.camera.renderer import Renderer
-from winding_rig_node.camera.scene import Scene
+from cable_winding.ros.rig_messages import MessageError
+from cable_winding.ros.stamps import serialised_stamp_ns
+from winding_rig_node.faults import Faults
 from winding_rig_node.lay import CableLay, HiddenCable, published_lay, simulated_lay
 from winding_rig_node.machine import SAMPLE_RATE, Machine, MachineConfig, Phase, PhaseError
 from winding_rig_node.pace import Pace
 from winding_rig_node.parameters import RigParameters
+from winding_rig_node.ros.camera import Camera, FrameListener
+from winding_rig_node.ros.fault_parameters import follow_fault_parameters, stated_faults
+from winding_rig_node.ros.outputs import Outputs, due
 
-# A camera that falls behind by this many frames holds the machine's time.
-_FRAME_QUEUE = 8
 _POLL = 0.1
+_STEP_POLL = 0.01
+# A quick stop takes 0.3 s; a machine that does not come to rest may not keep its process.
+_REST_PATIENCE = 0.6
 _SAMPLE_PERIOD = 1.0 / SAMPLE_RATE
 # Stamps come back as seconds in binary: a microsecond decides nothing at 1 kHz.
 _ROUNDING = 1.0e-6
-
-FrameListener = Callable[[float, np.ndarray[Any, np.dtype[np.uint8]]], None]
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Exposure:
-    """One frame that the camera has to take."""
-
-    t: float
-    index: int
-    cylinder_angle: float
-    angular_speed: float
-    guide_z: float
 
 
 class RigNode(ManagedNode[RigParameters]):
     """Simulated winding machine; owns simulated time.
 
     Publishes /clock, rig/joint_states, rig/joint_commands, rig/tension, camera/image_raw,
-    camera/camera_info, camera/image_raw/compressed. Serves rig/start, rig/stop, rig/reset,
-    rig/emergency_stop, camera/set_camera_info. Listens to `pace_topics` for their stamps alone.
+    camera/camera_info, camera/image_raw/compressed. Serves rig/start, rig/stop,
+    rig/quick_stop, rig/reset, rig/emergency_stop, camera/set_camera_info. Listens to
+    `pace_topics` for their stamps alone, and to the orchestrator's signs of life.
 
     The machine runs in a thread of its own with absolute deadlines, the camera in another; the
     executor only serves requests and answers.
@@ -77,18 +57,22 @@ class RigNode(ManagedNode[RigParameters]):
         super().__init__(topics.RIG, RigParameters, **kwargs)
         self._changed = threading.Condition()
         self._threads: list[threading.Thread] = []
-        self._exposures: queue.Queue[_Exposure] = queue.Queue(_FRAME_QUEUE)
+        self._camera: Camera | None = None
         self._machine: Machine | None = None
         self._quit = False
         for name, act in (
             ("rig/start", self._start),
             ("rig/stop", lambda machine: machine.stop()),
+            ("rig/quick_stop", lambda machine: machine.quick_stop()),
             ("rig/reset", lambda machine: machine.reset()),
             ("rig/emergency_stop", lambda machine: machine.emergency_stop()),
         ):
             self.create_service(Trigger, name, self._command(act))
         self.create_service(SetCameraInfo, "camera/set_camera_info", self._set_camera_info)
         self.frame_listener: FrameListener | None = None
+        self._supervisor_heard = math.inf
+        follow_fault_parameters(self, self._put_in)
+        watch_heartbeat(self, "orchestrator", self._note_supervisor)
 
     def configure(self) -> None:
         """Build machine, lay and camera; advertise everything."""
@@ -96,29 +80,20 @@ class RigNode(ManagedNode[RigParameters]):
         case, drive = wanted.condition(), wanted.drive()
         rng = np.random.default_rng(wanted.seed)
         end = drive.positions(wanted.duration)[0]
-        self._lay: CableLay
+        lay: CableLay
         if wanted.lay == "paper":
-            self._lay = published_lay(case, drive, wanted.free_length, end)
+            lay = published_lay(case, drive, wanted.free_length, end)
         else:
-            self._lay = simulated_lay(case, drive, HiddenCable.drawn(rng), end)
-        self._case = case
-        self._camera_rng = np.random.default_rng([wanted.seed, 1])
-        camera = CameraConfig(noise=SensorNoise(read=wanted.camera_noise))
-        self._renderer = Renderer(camera)
-        self._calibration = _reading(camera.calibration())
-        # The first picture compiles the renderer: before time runs, not within it.
-        self._render(_Exposure(t=0.0, index=0, cylinder_angle=0.0, angular_speed=0.0, guide_z=0.0))
+            lay = simulated_lay(case, drive, HiddenCable.drawn(rng), end)
+        self._outputs = Outputs(self)
+        self._camera = Camera(wanted, lay, self._outputs)
         self._pace = Pace(self._paced(), wanted.max_lead)
         self._machine = Machine(
             MachineConfig(case=case, drive=drive, duration=wanted.duration), rng
         )
-        self._clock_out = self.advertise(topics.CLOCK)
-        self._joints = self.advertise(topics.JOINT_STATES)
-        self._commands = self.advertise(topics.JOINT_COMMANDS)
-        self._tension = self.advertise(topics.TENSION)
-        self._image = self.advertise(topics.IMAGE)
-        self._camera_info = self.advertise(topics.CAMERA_INFO)
-        self._preview = self.advertise(topics.PREVIEW)
+        self._put_in(
+            stated_faults(wanted.inject_fault, enabled=wanted.inject_faults, seed=wanted.seed)
+        )
         for topic in topics.TOPICS:
             if topic.name in self._pace.answered:
                 self.subscribe(topic, self._answer(topic.name), raw=True)
@@ -126,16 +101,19 @@ class RigNode(ManagedNode[RigParameters]):
     def activate(self) -> None:
         """Start the machine's and the camera's threads; time waits for rig/start."""
         self._quit = False
-        self._exposures = queue.Queue(_FRAME_QUEUE)
+        camera = self._camera
+        assert camera is not None
+        camera.listener = self.frame_listener
         self._threads = [
             threading.Thread(target=self._guard(self._run_machine), name="machine"),
-            threading.Thread(target=self._guard(self._run_camera), name="camera"),
+            threading.Thread(target=self._guard(lambda: camera.run(self._going)), name="camera"),
         ]
         for thread in self._threads:
             thread.start()
 
     def deactivate(self) -> None:
-        """Stop both threads."""
+        """Bring the axes to rest and stop both threads."""
+        self.come_to_rest()
         with self._changed:
             self._quit = True
             self._changed.notify_all()
@@ -144,27 +122,87 @@ class RigNode(ManagedNode[RigParameters]):
         self._threads = []
 
     def cleanup(self) -> None:
-        """Forget the machine."""
-        self._machine = None
+        """Forget the machine and its camera."""
+        self._machine = self._camera = None
 
     def status(self) -> Status:
         """Return the machine's phase and time."""
         if self._machine is None:
             return Status(name=topics.RIG, message="not configured")
-        machine = self._machine
-        phase = machine.state.phase
+        state = self._machine.state
+        faults = str(self.get_parameter("inject_fault").value)
+        level = Level.WARN if state.reason or faults else Level.OK
+        if state.phase in (Phase.EMERGENCY, Phase.PROTECTIVE):
+            level = Level.ERROR
+        values = {
+            "time": f"{self._machine.time:.3f}",
+            "phase": state.phase.value,
+            "reason": state.reason,
+            "slowest": self._slowest(),
+        }
+        refused = self._machine.plausibility.refused
+        values |= {f"refused {name}": str(count) for name, count in refused.items()}
+        if faults:
+            values["faults"] = faults
+        for name in ("stop_began", "stood_at"):
+            moment = getattr(state, name)
+            values |= {name: f"{moment:.3f}"} if moment is not None else {}
         return Status(
             name=topics.RIG,
-            level=Level.ERROR if phase is Phase.EMERGENCY else Level.OK,
-            message=phase.value,
-            values={"time": f"{machine.time:.3f}", "slowest": self._slowest()},
+            level=level,
+            message=state.phase.value + (f": {state.reason}" if state.reason else ""),
+            values=values,
         )
 
+    def come_to_rest(self) -> None:
+        """Stop both axes, and wait until they stand."""
+        if not self._threads or self._machine is None:
+            return
+        with self._changed:
+            self._machine.quick_stop("the node was told to end")
+            self._changed.notify_all()
+            end = time.monotonic() + _REST_PATIENCE
+            while self._machine.moving and self._fatal is None and time.monotonic() < end:
+                self._changed.wait(_STEP_POLL)
+
+    def contested(self, sentence: str) -> None:
+        """Stop the machine: somebody else speaks in its name."""
+        self._stop_quickly(sentence)
+
     def _start(self, machine: Machine) -> None:
+        if self.rivals():
+            raise PhaseError(f"cannot start while {self.rivals()[0]}")
+        self._supervisor_heard = time.monotonic()
         # A client repeats a request whose answer was lost: starting twice is starting once.
         if machine.state.phase is not Phase.WINDING:
             self._pace.begin(machine.time)
         machine.start()
+
+    def _stop_quickly(self, reason: str) -> None:
+        machine = self._machine
+        if machine is None or machine.state.phase is not Phase.WINDING:
+            return
+        with self._changed:
+            machine.quick_stop(reason)
+            self._changed.notify_all()
+        self.get_logger().error(f"stopped both axes: {reason}")
+
+    def _note_supervisor(self, sign: Sign) -> None:
+        if sign is Sign.ALIVE:
+            self._supervisor_heard = time.monotonic()
+
+    def _check_supervisor(self) -> None:
+        limit = self.configuration.supervisor_timeout
+        if limit > 0.0 and time.monotonic() - self._supervisor_heard > limit:
+            self._stop_quickly(f"no sign of life of the orchestrator for {limit:g} s")
+
+    def _put_in(self, faults: Faults) -> None:
+        if self._machine is None or self._camera is None:
+            return
+        self._machine.faults = self._outputs.faults = self._camera.faults = faults
+
+    def _going(self) -> bool:
+        return not self._quit
 
     def _command(self, act: Callable[[Machine], None]) -> Callable[[Any, Any], Any]:
         def serve(_request: Any, response: Any) -> Any:
@@ -185,23 +223,14 @@ class RigNode(ManagedNode[RigParameters]):
         return serve
 
     def _set_camera_info(self, request: Any, response: Any) -> Any:
-        if self._machine is None:
+        if self._camera is None:
             response.status_message = f"{topics.RIG} is not configured"
             return response
         try:
-            _, reading = decode_camera_info(request.camera_info)
+            self._camera.recalibrate(request.camera_info)
         except MessageError as error:
             response.status_message = str(error)
             return response
-        present = self._calibration
-        if (reading.width, reading.height) != (present.width, present.height):
-            response.status_message = (
-                f"the sensor has {present.width} x {present.height} pixels, the calibration is "
-                f"for {reading.width} x {reading.height}"
-            )
-            return response
-        # The window is the driver's own: a calibration says nothing about it.
-        self._calibration = replace(reading, window=present.window)
         response.success = True
         return response
 
@@ -238,9 +267,11 @@ class RigNode(ManagedNode[RigParameters]):
         while not self._quit:
             with self._changed:
                 if not machine.moving:
+                    self._changed.notify_all()
                     self._changed.wait(_POLL)
                     deadline = time.monotonic()
                     continue
+            self._check_supervisor()
             if not begun:
                 self._emit(machine)
                 begun = True
@@ -255,7 +286,11 @@ class RigNode(ManagedNode[RigParameters]):
         """Return whether time may go on; False when told to quit meanwhile."""
         last_answer = time.monotonic()
         with self._changed:
-            while machine.time + _SAMPLE_PERIOD > self._pace.limit + _ROUNDING and not self._quit:
+            while machine.time + _SAMPLE_PERIOD > self._pace.limit + _ROUNDING:
+                # A machine that has to stand soon waits for nobody.
+                if self._quit or machine.hurried:
+                    break
+                self._check_supervisor()
                 if self._changed.wait(_POLL):
                     last_answer = time.monotonic()
                 elif time.monotonic() - last_answer > self.configuration.pace_timeout:
@@ -278,82 +313,12 @@ class RigNode(ManagedNode[RigParameters]):
 
     def _emit(self, machine: Machine) -> None:
         t, sample = machine.time, machine.state.drive_sample
-        reading = machine.reading()
-        if _due(sample, topics.CLOCK):
-            self._clock_out.publish(Clock(clock=encode_stamp(t)))
-        self._joints.publish(encode_joint_state(t, reading))
-        if _due(sample, topics.JOINT_COMMANDS):
-            self._commands.publish(encode_joint_state(t, machine.setpoints()))
-        if _due(sample, topics.TENSION):
-            self._tension.publish(encode_tension(t, machine.tension()))
-        if _due(sample, topics.IMAGE):
-            self._expose(
-                _Exposure(
-                    t=t,
-                    index=sample,
-                    cylinder_angle=machine.state.cylinder.motor.position,
-                    angular_speed=machine.state.cylinder.motor.speed,
-                    guide_z=machine.state.carriage.motor.position,
-                )
-            )
-
-    def _expose(self, exposure: _Exposure) -> None:
-        while not self._quit:
-            try:
-                self._exposures.put(exposure, timeout=_POLL)
-            except queue.Full:
-                continue
-            return
-
-    def _run_camera(self) -> None:
-        while True:
-            try:
-                exposure = self._exposures.get(timeout=_POLL)
-            except queue.Empty:
-                if self._quit:
-                    return
-                continue
-            frame = self._render(exposure)
-            self._camera_info.publish(encode_camera_info(exposure.t, self._calibration))
-            if self.frame_listener is None:
-                self._image.publish(encode_image(exposure.t, frame))
-            else:
-                self.frame_listener(exposure.t, frame)
-            if _due(exposure.index, topics.PREVIEW):
-                jpeg = encode_jpeg(frame, self.configuration.preview_quality)
-                self._preview.publish(encode_preview(exposure.t, jpeg))
-
-    def _render(self, exposure: _Exposure) -> np.ndarray[Any, np.dtype[np.uint8]]:
-        return self._renderer.render(
-            Scene(
-                cylinder_radius=self._case.cylinder_radius,
-                cable_radius=self._case.cable_radius,
-                cylinder_angle=exposure.cylinder_angle,
-                cylinder_speed=exposure.angular_speed,
-                path_theta=self._lay.path_theta,
-                path_z=self._lay.path_z,
-                marker_theta=self._lay.marker_theta,
-                guide_z=exposure.guide_z,
-                free_length=self.configuration.free_length,
-                band_width=self.configuration.band_width,
-            ),
-            self._camera_rng,
-        )
-
-
-def _due(sample: int, topic: topics.Topic) -> bool:
-    assert topic.rate is not None
-    return sample % round(SAMPLE_RATE / topic.rate) == 0
-
-
-def _reading(calibration: CameraCalibration) -> CameraReading:
-    x, y, width, height = calibration.roi
-    return CameraReading(
-        width=calibration.width,
-        height=calibration.height,
-        matrix=calibration.k,
-        distortion=calibration.d,
-        window=ImageWindow(
-            x_offset=x, y_offset=y, width=width, height=height, binning=calibration.binning
-        ),
-    )
+        if due(sample, topics.CLOCK):
+            self._outputs.clock(t)
+        self._outputs.joints(topics.JOINT_STATES, t, machine.reading())
+        if due(sample, topics.JOINT_COMMANDS):
+            self._outputs.joints(topics.JOINT_COMMANDS, t, machine.setpoints())
+        if due(sample, topics.TENSION) and machine.state.tension is not None:
+            self._outputs.tension(t, machine.state.tension)
+        if due(sample, topics.IMAGE) and self._camera is not None:
+            self._camera.expose(machine, self._going)

@@ -40,3 +40,19 @@ class RigParameters(ConditionParameters):
         1.5, "read noise of the camera, one standard deviation [grey levels]", low=0.0, high=50.0
     )
     preview_quality: int = parameter(80, "JPEG quality of the preview", low=1, high=100)
+    supervisor_timeout: float = parameter(
+        0.0,
+        "wall time without a sign of life of the orchestrator after which both axes are stopped "
+        "[s]; 0 for a machine that is run by hand",
+        low=0.0,
+        high=60.0,
+    )
+    inject_faults: bool = parameter(
+        False, "whether faults may be put into sensors and topics on purpose"
+    )
+    inject_fault: str = parameter(
+        "",
+        "faults that are in the signals now: target:kind[:amount], separated by commas; kinds are "
+        "off, stuck, garbage, wrong, slow, delayed, intermittent",
+        read_only=False,
+    )

@@ -1,0 +1,192 @@
+"""Does what the sensors say fit the machine? What cannot be is refused; what lasts stops it."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisLimits:
+    """What one axis can do.
+
+    Attributes:
+        name: As a sentence names it.
+        full_speed: Speed of the run [rad/s or m/s].
+        resolution: Way per count of the encoder [rad or m].
+    """
+
+    name: str
+    full_speed: float
+    resolution: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlausibilityConfig:
+    """Limits of the machine's sensors.
+
+    Attributes:
+        axes: Cylinder and carriage.
+        weight: Dead weight on the cable [N].
+        patience: How long a limit may be exceeded [s].
+        overspeed: Largest speed, as a share of full speed.
+        disagreement: Largest difference between measured speed and commanded speed, or the
+            speed that the motor's voltage stands for, as a share of full speed. Twelve healthy
+            cases stay below 0.05.
+        low_tension: Smallest tension, as a share of the weight.
+        high_tension: Largest tension, as a share of the weight.
+        still_tension: How long a load cell may say the very same [s]; noise moves a healthy one.
+    """
+
+    axes: tuple[AxisLimits, ...]
+    weight: float
+    patience: float = 0.05
+    overspeed: float = 1.5
+    disagreement: float = 0.25
+    low_tension: float = 0.2
+    high_tension: float = 3.0
+    still_tension: float = 0.3
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisObservation:
+    """One axis at one moment, in its own units per second.
+
+    Attributes:
+        commanded: Speed setpoint.
+        measured: Speed that the encoder gives.
+        modelled: Speed that the motor's voltage stands for.
+    """
+
+    commanded: float
+    measured: float
+    modelled: float
+
+
+class Plausibility:
+    """Judges the sensors of the machine while it moves.
+
+    Attributes:
+        refused: Values that could not be, by sensor.
+    """
+
+    def __init__(self, config: PlausibilityConfig) -> None:
+        self.config = config
+        self.refused: Counter[str] = Counter()
+        self._accepted: dict[str, tuple[float, float]] = {}
+        self._moved: dict[str, float] = {}
+        self._since: dict[str, float] = {}
+        self._heard: dict[str, float] = {}
+        self._force = math.nan
+
+    def begin(self, t: float) -> None:
+        """Forget what lasted: the machine begins to move at t [s]."""
+        self._since.clear()
+        for name in (*(axis.name for axis in self.config.axes), "load cell"):
+            self._heard[name] = t
+        for axis in self.config.axes:
+            self._moved[axis.name] = t
+            if axis.name in self._accepted:
+                self._accepted[axis.name] = (t, self._accepted[axis.name][1])
+
+    def forget(self) -> None:
+        """Take the next positions as they come: the axes are at a new start."""
+        self._accepted.clear()
+        self._since.clear()
+
+    def position(self, axis: int, t: float, value: float | None) -> float | None:
+        """Return an encoder's position if it can be, else None."""
+        limits = self.config.axes[axis]
+        if value is None:
+            return None
+        last_t, last = self._accepted.get(limits.name, (t, value))
+        # An axis cannot have gone further than it can run, a few counts aside.
+        reach = self.config.overspeed * limits.full_speed * (t - last_t) * 2.0
+        if not math.isfinite(value) or abs(value - last) > reach + 10.0 * limits.resolution:
+            self.refused[f"{limits.name} encoder"] += 1
+            return None
+        if abs(value - last) >= 0.5 * limits.resolution:
+            self._moved[limits.name] = t
+        self._accepted[limits.name] = (t, value)
+        self._heard[limits.name] = t
+        return value
+
+    def tension(self, t: float, force: float | None) -> float | None:
+        """Return a load cell's force [N] if it is a number, else None."""
+        if force is None:
+            return None
+        if not math.isfinite(force):
+            self.refused["load cell"] += 1
+            return None
+        self._heard["load cell"] = t
+        self._note("still", t, violated=force == self._force)
+        self._force = force
+        low = self.config.low_tension * self.config.weight
+        high = self.config.high_tension * self.config.weight
+        self._note("tension", t, violated=not low <= force <= high)
+        return force
+
+    def verdict(self, t: float, observations: tuple[AxisObservation, ...]) -> str | None:
+        """Return why the machine has to be stopped at t [s], or None."""
+        patience = self.config.patience
+        for limits, seen in zip(self.config.axes, observations, strict=True):
+            reason = self._axis_verdict(t, limits, seen)
+            if reason is not None:
+                return f"{limits.name} encoder {reason} for more than {1e3 * patience:g} ms"
+        if t - self._heard.get("load cell", t) > patience:
+            return f"load cell gives no valid reading for more than {1e3 * patience:g} ms"
+        if t - self._since.get("still", t) > self.config.still_tension:
+            return f"load cell is stuck for more than {1e3 * self.config.still_tension:g} ms"
+        if self._lasts("tension", t):
+            return (
+                f"tension is outside {self.config.low_tension * self.config.weight:.3g} to "
+                f"{self.config.high_tension * self.config.weight:.3g} N for more than "
+                f"{1e3 * patience:g} ms"
+            )
+        return None
+
+    def _axis_verdict(self, t: float, limits: AxisLimits, seen: AxisObservation) -> str | None:
+        full, name = limits.full_speed, limits.name
+        turning = abs(seen.commanded) > 0.1 * full
+        if not turning:
+            self._moved[name] = t
+        small = 0.05 * full
+        against = seen.commanded * seen.measured < 0.0
+        checks = (
+            (
+                "counts against the commanded direction",
+                against and min(abs(seen.commanded), abs(seen.measured)) > small,
+            ),
+            (
+                "counts faster than the axis can run",
+                abs(seen.measured) > self.config.overspeed * full,
+            ),
+            (
+                "does not follow the setpoint",
+                abs(seen.measured - seen.commanded) > self.config.disagreement * full,
+            ),
+            (
+                "does not agree with the motor's voltage",
+                abs(seen.measured - seen.modelled) > self.config.disagreement * full,
+            ),
+        )
+        for text, violated in checks:
+            self._note(f"{name} {text}", t, violated=violated)
+        if t - self._heard.get(name, t) > self.config.patience:
+            return "gives no valid reading"
+        if t - self._moved.get(name, t) > self.config.patience:
+            return "is stuck"
+        for text, _ in checks:
+            if self._lasts(f"{name} {text}", t):
+                return text
+        return None
+
+    def _note(self, what: str, t: float, *, violated: bool) -> None:
+        if violated:
+            self._since.setdefault(what, t)
+        else:
+            self._since.pop(what, None)
+
+    def _lasts(self, what: str, t: float) -> bool:
+        return t - self._since.get(what, t) > self.config.patience

@@ -1,0 +1,158 @@
+"""The rig's camera: takes exposures in a thread of its own, publishes pictures and calibration."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_winding.cases import Case
+from cable_winding.readings import ImageWindow
+from cable_winding.ros import topics
+from cable_winding.ros.camera_messages import CameraReading, decode_camera_info
+from cable_winding.ros.rig_messages import MessageError
+from winding_rig_node.camera.config import CameraCalibration, CameraConfig, SensorNoise
+from winding_rig_node.camera.preview import encode_jpeg
+from winding_rig_node.camera.renderer import Renderer
+from winding_rig_node.camera.scene import Scene
+from winding_rig_node.faults import Faults
+from winding_rig_node.lay import CableLay
+from winding_rig_node.machine import SAMPLE_RATE, Machine
+from winding_rig_node.parameters import RigParameters
+from winding_rig_node.ros.outputs import Outputs, due
+
+CAMERA_SIGNAL = "camera"
+# A camera that falls behind by this many frames holds the machine's time.
+_FRAME_QUEUE = 8
+_POLL = 0.1
+
+FrameListener = Callable[[float, NDArray[np.uint8]], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exposure:
+    """One frame that the camera has to take, and where the axes stand then."""
+
+    t: float
+    index: int
+    cylinder_angle: float
+    angular_speed: float
+    guide_z: float
+
+
+class Camera:
+    """Renders, encodes and publishes frames.
+
+    Attributes:
+        calibration: What every later camera_info carries.
+        faults: What is wrong with it on purpose.
+        listener: When set, takes every frame instead of camera/image_raw.
+    """
+
+    def __init__(self, wanted: RigParameters, lay: CableLay, outputs: Outputs) -> None:
+        self._wanted = wanted
+        self._case: Case = wanted.condition()
+        self._lay = lay
+        self._outputs = outputs
+        self._rng = np.random.default_rng([wanted.seed, 1])
+        camera = CameraConfig(noise=SensorNoise(read=wanted.camera_noise))
+        self._renderer = Renderer(camera)
+        self._exposures: queue.Queue[Exposure] = queue.Queue(_FRAME_QUEUE)
+        self.calibration = _reading(camera.calibration())
+        self.faults = Faults()
+        self.listener: FrameListener | None = None
+        # The first picture compiles the renderer: before time runs, not within it.
+        self._render(Exposure(t=0.0, index=0, cylinder_angle=0.0, angular_speed=0.0, guide_z=0.0))
+
+    def recalibrate(self, info: Any) -> None:
+        """Take a new calibration from a CameraInfo.
+
+        Raises:
+            MessageError: It is none, or one of another sensor.
+        """
+        _, reading = decode_camera_info(info)
+        present = self.calibration
+        if (reading.width, reading.height) != (present.width, present.height):
+            raise MessageError(
+                f"the sensor has {present.width} x {present.height} pixels, the calibration is "
+                f"for {reading.width} x {reading.height}"
+            )
+        # The window is the driver's own: a calibration says nothing about it.
+        self.calibration = replace(reading, window=present.window)
+
+    def expose(self, machine: Machine, going: Callable[[], bool]) -> None:
+        """Have a frame taken of the machine as it is now; wait while the camera is behind."""
+        exposure = Exposure(
+            t=machine.time,
+            index=machine.state.drive_sample,
+            cylinder_angle=machine.state.cylinder.motor.position,
+            angular_speed=machine.state.cylinder.motor.speed,
+            guide_z=machine.state.carriage.motor.position,
+        )
+        while going():
+            try:
+                self._exposures.put(exposure, timeout=_POLL)
+            except queue.Full:
+                continue
+            return
+
+    def run(self, going: Callable[[], bool]) -> None:
+        """Take exposures until told to stop; the loop of the camera's thread."""
+        while True:
+            try:
+                exposure = self._exposures.get(timeout=_POLL)
+            except queue.Empty:
+                if not going():
+                    return
+                continue
+            frame = self._render(exposure)
+            channel = self.faults.of(CAMERA_SIGNAL)
+            if channel is None:
+                self._show(exposure.t, exposure.index, frame)
+                continue
+            for delivery in channel.deliver(exposure.t, frame):
+                pixels = np.asarray(delivery.values, dtype=np.uint8)
+                self._show(delivery.t, round(delivery.t * SAMPLE_RATE), pixels)
+
+    def _show(self, t: float, index: int, frame: NDArray[np.uint8]) -> None:
+        self._outputs.camera_info(t, self.calibration)
+        if self.listener is None:
+            self._outputs.image(t, frame)
+        else:
+            self.listener(t, frame)
+        if due(index, topics.PREVIEW):
+            self._outputs.preview(t, encode_jpeg(frame, self._wanted.preview_quality))
+
+    def _render(self, exposure: Exposure) -> NDArray[np.uint8]:
+        return self._renderer.render(
+            Scene(
+                cylinder_radius=self._case.cylinder_radius,
+                cable_radius=self._case.cable_radius,
+                cylinder_angle=exposure.cylinder_angle,
+                cylinder_speed=exposure.angular_speed,
+                path_theta=self._lay.path_theta,
+                path_z=self._lay.path_z,
+                marker_theta=self._lay.marker_theta,
+                guide_z=exposure.guide_z,
+                free_length=self._wanted.free_length,
+                band_width=self._wanted.band_width,
+            ),
+            self._rng,
+        )
+
+
+def _reading(calibration: CameraCalibration) -> CameraReading:
+    x, y, width, height = calibration.roi
+    return CameraReading(
+        width=calibration.width,
+        height=calibration.height,
+        matrix=calibration.k,
+        distortion=calibration.d,
+        window=ImageWindow(
+            x_offset=x, y_offset=y, width=width, height=height, binning=calibration.binning
+        ),
+    )

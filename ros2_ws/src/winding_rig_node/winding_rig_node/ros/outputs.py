@@ -1,0 +1,132 @@
+"""What the rig publishes: encoded, and with the faults that are put in on purpose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosgraph_msgs.msg import Clock
+
+from cable_winding.readings import AxisReading
+from cable_winding.ros import topics
+from cable_winding.ros.camera_messages import (
+    CameraReading,
+    encode_camera_info,
+    encode_image,
+    encode_preview,
+)
+from cable_winding.ros.managed_node import ManagedNode
+from cable_winding.ros.rig_messages import encode_joint_state, encode_tension
+from cable_winding.ros.stamps import encode_stamp
+from cable_winding.ros.topics import Topic
+from winding_rig_node.faults import Faults, Values
+from winding_rig_node.machine import SAMPLE_RATE
+
+PUBLISHED = (
+    topics.CLOCK,
+    topics.JOINT_STATES,
+    topics.JOINT_COMMANDS,
+    topics.TENSION,
+    topics.IMAGE,
+    topics.CAMERA_INFO,
+    topics.PREVIEW,
+)
+
+
+class Outputs:
+    """Publishers of the rig.
+
+    Attributes:
+        faults: What is wrong with the topics on purpose; a healthy topic costs nothing.
+    """
+
+    def __init__(self, node: ManagedNode[Any]) -> None:
+        self.faults = Faults()
+        self._publishers = {topic.name: node.advertise(topic) for topic in PUBLISHED}
+
+    def clock(self, t: float) -> None:
+        """Publish simulated time [s]."""
+        for stamp, values in self._through(topics.CLOCK, t, lambda: np.array([t])):
+            claimed = stamp if values is None else float(values[0])
+            # A time that is no time at all cannot be written into a stamp.
+            if np.isfinite(claimed) and 0.0 <= claimed < 2.0**31:
+                self._publish(topics.CLOCK, Clock(clock=encode_stamp(claimed)))
+
+    def joints(self, topic: Topic, t: float, reading: AxisReading) -> None:
+        """Publish both axes, as measured or as commanded."""
+        for stamp, values in self._through(topic, t, lambda: _axis_values(reading)):
+            said = reading if values is None else _axis_reading(values)
+            self._publish(topic, encode_joint_state(stamp, said))
+
+    def tension(self, t: float, force: float) -> None:
+        """Publish the load cell's force [N]."""
+        for stamp, values in self._through(topics.TENSION, t, lambda: np.array([force])):
+            said = force if values is None else float(values[0])
+            self._publish(topics.TENSION, encode_tension(stamp, said))
+
+    def camera_info(self, t: float, calibration: CameraReading) -> None:
+        """Publish the camera's calibration."""
+        for stamp, values in self._through(topics.CAMERA_INFO, t, calibration.matrix.copy):
+            message = encode_camera_info(stamp, calibration)
+            if values is not None:
+                message.k = np.asarray(values, dtype=float).ravel()
+            self._publish(topics.CAMERA_INFO, message)
+
+    def image(self, t: float, frame: NDArray[np.uint8]) -> None:
+        """Publish a frame."""
+        for stamp, values in self._through(topics.IMAGE, t, lambda: frame):
+            said = frame if values is None else np.asarray(values, dtype=np.uint8)
+            self._publish(topics.IMAGE, encode_image(stamp, said))
+
+    def preview(self, t: float, jpeg: bytes) -> None:
+        """Publish a compressed frame."""
+        for stamp, values in self._through(
+            topics.PREVIEW, t, lambda: np.frombuffer(jpeg, dtype=np.uint8)
+        ):
+            self._publish(
+                topics.PREVIEW,
+                encode_preview(stamp, jpeg if values is None else values.tobytes()),
+            )
+
+    def _through(
+        self, topic: Topic, t: float, values: Callable[[], Values]
+    ) -> Iterator[tuple[float, Values | None]]:
+        """Yield (stamp, values) of what goes out; values is None when nothing is wrong."""
+        channel = self.faults.of(topic.name)
+        if channel is None:
+            yield t, None
+            return
+        for delivery in channel.deliver(t, values()):
+            yield delivery.t, delivery.values
+
+    def _publish(self, topic: Topic, message: Any) -> None:
+        self._publishers[topic.name].publish(message)
+
+
+def due(sample: int, topic: Topic) -> bool:
+    """Return whether a topic of a fixed rate has its turn at a sample of the run."""
+    assert topic.rate is not None
+    return sample % round(SAMPLE_RATE / topic.rate) == 0
+
+
+def _axis_values(reading: AxisReading) -> Values:
+    return np.array(
+        [
+            reading.cylinder_angle,
+            reading.angular_speed,
+            reading.carriage_position,
+            reading.feed_speed,
+        ]
+    )
+
+
+def _axis_reading(values: Values) -> AxisReading:
+    angle, angular_speed, position, feed_speed = map(float, values)
+    return AxisReading(
+        cylinder_angle=angle,
+        angular_speed=angular_speed,
+        carriage_position=position,
+        feed_speed=feed_speed,
+    )
