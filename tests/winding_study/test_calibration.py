@@ -9,7 +9,8 @@ from cable_fem_node.winding import RigTension, WindingConfig, predict
 from cable_winding.cases import paper_case
 from cable_winding.drive import DriveProfile
 from cable_winding.fleet import PAPER_FREE_LENGTH, FleetAngleLaw
-from winding_study.calibration import Calibration, LayOn, calibrate
+from cable_winding.lay_on import LayOn
+from winding_study.calibration import Calibration, calibrate
 
 RIG = RigTension(
     offset=2.0, weight_share=0.4, diameter_gain=1.0, start_share=0.3, build_up_length=0.3

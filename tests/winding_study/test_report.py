@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cable_winding.cases import Case, paper_case
-from winding_study.machine_pictures import tracking
+from winding_study.machine_pictures import _mean_over, tracking
 from winding_study.picture import MOST_POINTS, broken, thinned
 from winding_study.report import render_report, write_report
 from winding_study.run_record import MarkerRow, MarkerSeries, Signal
@@ -185,3 +185,12 @@ def test_tracking_is_measured_after_the_ramp_only() -> None:
     assert (
         tracking(Signal(t=t, value=value), 2.0, 1.0) == "1.00 % rms (highest sample 1.0 % above it)"
     )
+
+
+def test_a_mean_over_time_needs_a_full_stretch() -> None:
+    t = np.arange(0.0, 2.0005, 0.001)
+    value = np.where(t < 2.0, 1.0, 9.0)
+    middle, mean = _mean_over(t, value, 0.5)
+    # The one sample at two seconds is no mean of half a second.
+    np.testing.assert_allclose(middle, [0.2495, 0.7495, 1.2495, 1.7495])
+    np.testing.assert_allclose(mean, 1.0)

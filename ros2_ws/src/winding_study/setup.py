@@ -11,7 +11,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["setuptools"],
+    install_requires=["setuptools", "distributed", "pyarrow"],
     zip_safe=False,
     description="Offline questions: the twelve cases, sweeps, identification, reports.",
     license="Apache-2.0",

@@ -14,7 +14,7 @@ from cable_winding.published import (
     length_error_pct,
     published_markers,
 )
-from winding_study.study import CaseResult
+from winding_study.case_result import CaseResult
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +60,11 @@ class Comparison:
     cells: tuple[Cell, ...]
 
     @property
+    def keys(self) -> list[tuple[int, int]]:
+        """(case, marker) of every cell."""
+        return [(cell.case, cell.marker) for cell in self.cells]
+
+    @property
     def mean_error_pct(self) -> float:
         """Mean error of a length, Table 7's measure."""
         return fmean(cell.error_pct for cell in self.cells)
@@ -91,11 +96,15 @@ class Comparison:
         }
 
 
-def compare(results: Iterable[CaseResult]) -> Comparison:
+def compare(results: Iterable[CaseResult], *, partial: bool = False) -> Comparison:
     """Return this project's prediction beside the experiment.
 
+    Args:
+        results: Cases that were wound.
+        partial: Leave out measured markers that the runs were too short for.
+
     Raises:
-        ValueError: A measured marker was not wound.
+        ValueError: A measured marker was not wound, or with `partial` none was.
     """
     by_case = {result.case: result for result in results}
     cells = []
@@ -104,21 +113,29 @@ def compare(results: Iterable[CaseResult]) -> Comparison:
             continue
         result = by_case[row.case]
         if row.marker not in result.lays:
+            if partial:
+                continue
             raise ValueError(f"case {row.case} marker {row.marker} was measured but is not wound")
         cells.append(_cell(row, result.lays[row.marker], row.experiment, result.path_z))
+    if not cells:
+        raise ValueError("the runs are too short: no measured marker is wound")
     return Comparison(cells=tuple(cells))
 
 
-def compare_paper() -> Comparison:
+def compare_paper(keys: Iterable[tuple[int, int]] | None = None) -> Comparison:
     """Return the paper's simulation columns beside the experiment.
 
     Four points of its path are printed, a turn apart: too few for z at another theta.
+
+    Args:
+        keys: (case, marker) of the cells that are asked for; all measured ones by default.
     """
+    asked = None if keys is None else set(keys)
     return Comparison(
         cells=tuple(
             _cell(row, row.simulation, row.experiment, {})
             for row in published_markers()
-            if row.experiment is not None
+            if row.experiment is not None and (asked is None or (row.case, row.marker) in asked)
         )
     )
 

@@ -9,6 +9,7 @@ from winding_study.picture import (
     CORRECTED,
     FAINT,
     PAPER,
+    PAPER_CORRECTED,
     PREDICTED,
     PUBLISHED,
     TRACKED,
@@ -71,17 +72,31 @@ def _stretches(axes: Axes, row: MarkerRow, paper: PublishedMarker | None) -> Non
 
 def _error_bars(axes: Axes, record: RunRecord, published: dict[int, PublishedMarker]) -> None:
     rows = record.rows
-    bars: tuple[tuple[str, str, list[float | None]], ...] = (
-        ("predicted", PREDICTED, [row.error_fem_pct for row in rows]),
-        ("corrected", CORRECTED, [row.error_corrected_pct for row in rows]),
-        ("paper", PAPER, [_paper_error(published.get(row.id), 7) for row in rows]),
-        ("paper + DNN", FAINT, [_paper_error(published.get(row.id), 8) for row in rows]),
+    bars: tuple[tuple[str, str, str, list[float | None]], ...] = (
+        ("predicted", PREDICTED, "", [row.error_fem_pct for row in rows]),
+        ("corrected", CORRECTED, "////", [row.error_corrected_pct for row in rows]),
+        ("paper", PAPER, "....", [_paper_error(published.get(row.id), 7) for row in rows]),
+        (
+            "paper + DNN",
+            PAPER_CORRECTED,
+            "xxxx",
+            [_paper_error(published.get(row.id), 8) for row in rows],
+        ),
     )
     width = 0.8 / len(bars)
-    for index, (label, colour, values) in enumerate(bars):
+    for index, (label, colour, hatch, values) in enumerate(bars):
         place = [row.id + (index - 0.5 * (len(bars) - 1)) * width for row in rows]
         heights = [0.0 if value is None else value for value in values]
-        axes.bar(place, heights, 0.92 * width, color=colour, label=label)
+        axes.bar(
+            place,
+            heights,
+            0.92 * width,
+            color=colour,
+            hatch=hatch,
+            edgecolor="white",
+            linewidth=0.0,
+            label=label,
+        )
         for x, value in zip(place, values, strict=True):
             if value is not None:
                 axes.annotate(

@@ -2,16 +2,47 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
-from winding_study.picture import FAINT, PAPER, PREDICTED, Picture, canvas, picture, thinned
+from cable_winding.drive import DriveProfile
+from winding_study.picture import FAINT, PALE, PREDICTED, Picture, canvas, picture, thinned
 from winding_study.run_record import RunRecord, Signal
 
 # Long against the encoder's own beat, short against anything that a controller does slowly.
 _SPEED_MEAN = 0.5
 
 
-def speeds_picture(record: RunRecord) -> Picture:
+class Speeds(Protocol):
+    """What `speeds_picture` draws: measured and wanted speeds of both axes."""
+
+    @property
+    def drive(self) -> DriveProfile:
+        """The wanted speeds."""
+
+    @property
+    def cylinder_speed(self) -> Signal:
+        """Measured [rad/s]."""
+
+    @property
+    def carriage_speed(self) -> Signal:
+        """Measured [m/s]."""
+
+    @property
+    def cylinder_setpoint(self) -> Signal:
+        """Commanded [rad/s]."""
+
+    @property
+    def carriage_setpoint(self) -> Signal:
+        """Commanded [m/s]."""
+
+    @property
+    def end(self) -> float:
+        """Time at which the time axes end [s]."""
+
+
+def speeds_picture(record: Speeds) -> Picture:
     """Return both speeds against their targets, the paper's Figure 7, and what is between them."""
     drive = record.drive
     with canvas(4.6, rows=2, columns=2) as (figure, (cylinder, carriage, *gaps)):
@@ -32,7 +63,7 @@ def speeds_picture(record: RunRecord) -> Picture:
             if target > 0.0 and held.any():
                 gap = 100.0 * (measured.value[held] / target - 1.0)
                 t = measured.t[held]
-                axes.plot(*thinned(t, gap), color=PAPER, linewidth=0.6, label="samples")
+                axes.plot(*thinned(t, gap), color=PALE, linewidth=0.6, label="samples")
                 axes.plot(*_mean_over(t, gap, _SPEED_MEAN), color=PREDICTED, label="0.5 s mean")
                 axes.legend(loc="upper right", ncols=2)
                 axes.margins(y=0.25)
@@ -81,11 +112,14 @@ def tension_picture(record: RunRecord) -> Picture:
 
 
 def _mean_over(t: np.ndarray, value: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean of each stretch of `span` seconds, at its middle."""
+    """Return the mean of each stretch of `span` seconds, at its middle.
+
+    A stretch with less than half of the usual samples, as the last one may be, has no mean.
+    """
     bins = ((t - t[0]) / span).astype(int)
-    count = np.maximum(np.bincount(bins), 1)
-    filled = np.bincount(bins) > 0
-    means = [(np.bincount(bins, weights=column) / count)[filled] for column in (t, value)]
+    count = np.bincount(bins)
+    full = count >= 0.5 * np.median(count[count > 0])
+    means = [np.bincount(bins, weights=column)[full] / count[full] for column in (t, value)]
     return means[0], means[1]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -16,14 +16,21 @@ from numpy.typing import NDArray
 
 INK = "#1f2933"
 FAINT = "#9aa5b1"
+PALE = "#cbd2d9"
 GRID = "#e4e7eb"
-PREDICTED = "#2563a8"
-TRACKED = "#d97706"
-CORRECTED = "#0f8a6d"
+# The palette of Okabe and Ito, told apart with any kind of colour vision; shapes and hatches carry
+# the same meaning where a printer knows no colours.
+PREDICTED = "#0072b2"
+TRACKED = "#e69f00"
+CORRECTED = "#009e73"
 PUBLISHED = "#1f2933"
-PAPER = "#b3bcc7"
+PAPER = "#d55e00"
+PAPER_CORRECTED = "#cc79a7"
+SKY = "#56b4e9"
 
 WIDTH_INCHES = 9.2
+# Of what is drawn as pixels inside an SVG: sharp on paper and on dense screens.
+DOTS_PER_INCH = 220
 # More points than pixels only make the file heavy.
 MOST_POINTS = 1500
 # A pause this many times the usual interval is a gap and not a slow sample.
@@ -49,6 +56,7 @@ _STYLE = {
     "ytick.major.size": 0.0,
     "legend.frameon": False,
     "lines.linewidth": 1.4,
+    "hatch.linewidth": 0.6,
     "svg.hashsalt": "winding",
 }
 
@@ -69,12 +77,33 @@ class Picture:
 
 
 @contextmanager
-def canvas(height: float, rows: int = 1, columns: int = 1) -> Iterator[tuple[Figure, list[Axes]]]:
-    """Yield a figure in the report's style with its axes, row by row; height in inches."""
+def canvas(
+    height: float,
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    shared: bool = False,
+    heights: Sequence[float] | None = None,
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """Yield a figure in the report's style with its axes, row by row.
+
+    Args:
+        height: [inch]
+        rows: Of axes.
+        columns: Of axes.
+        shared: Whether all axes have the same limits, named at the outside only.
+        heights: Of the rows, relative to each other; equal by default.
+    """
     with mpl.rc_context(_STYLE):  # type: ignore[arg-type]
         figure = Figure(figsize=(WIDTH_INCHES, height), layout="constrained")
         figure.get_layout_engine().set(h_pad=0.09, w_pad=0.08)  # type: ignore[union-attr, call-arg]
-        axes = np.atleast_1d(figure.subplots(rows, columns)).ravel().tolist()
+        axes = (
+            np.atleast_1d(
+                figure.subplots(rows, columns, sharex=shared, sharey=shared, height_ratios=heights)
+            )
+            .ravel()
+            .tolist()
+        )
         yield figure, axes
 
 
@@ -82,7 +111,7 @@ def picture(figure: Figure, title: str, caption: str) -> Picture:
     """Return a figure as a picture whose bytes depend on nothing but its content."""
     stream = io.BytesIO()
     with mpl.rc_context(_STYLE):  # type: ignore[arg-type]
-        figure.savefig(stream, format="svg", metadata={"Date": None})
+        figure.savefig(stream, format="svg", metadata={"Date": None}, dpi=DOTS_PER_INCH)
     encoded = base64.b64encode(stream.getvalue()).decode("ascii")
     return Picture(title=title, caption=caption, source=f"data:image/svg+xml;base64,{encoded}")
 

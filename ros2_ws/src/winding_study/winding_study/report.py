@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from statistics import fmean
-
-from jinja2 import Environment, StrictUndefined
 
 from cable_winding.published import MEGAPASCAL, MILLIMETRE
 from winding_study.lay_pictures import lay_picture, marker_picture
 from winding_study.length_pictures import lengths_picture
 from winding_study.machine_pictures import speeds_picture, tension_picture
+from winding_study.page import MISSING, PAGE, Tile, fixed, render_page
 from winding_study.run_record import RunRecord
 
-PAGE = "index.html"
 _TEMPLATE = "report.html.j2"
-_MISSING = "–"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tile:
-    """One number in the head of the report."""
-
-    label: str
-    value: str
-    remark: str = ""
 
 
 def write_report(record: RunRecord, directory: Path) -> Path:
@@ -39,11 +25,8 @@ def write_report(record: RunRecord, directory: Path) -> Path:
 
 def render_report(record: RunRecord) -> str:
     """Return the report of a run as one HTML text that loads nothing from anywhere."""
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    source = files("winding_study").joinpath("templates", _TEMPLATE).read_text(encoding="utf-8")
-    return environment.from_string(source).render(
+    return render_page(
+        _TEMPLATE,
         title=_title(record),
         conditions=_conditions(record),
         tiles=_tiles(record),
@@ -95,12 +78,12 @@ def _tiles(record: RunRecord) -> list[Tile]:
 
 def _counted(label: str, count: int | None, lost: int | None) -> Tile:
     remark = "" if lost is None else "none lost" if lost == 0 else f"{lost:,} lost"
-    return Tile(label=label, value=_MISSING if count is None else f"{count:,}", remark=remark)
+    return Tile(label=label, value=MISSING if count is None else f"{count:,}", remark=remark)
 
 
 def _mean_error(record: RunRecord, name: str) -> str:
     errors = [getattr(row, name) for row in record.rows if getattr(row, name) is not None]
-    return f"{fmean(errors):.2f} %" if errors else _MISSING
+    return f"{fmean(errors):.2f} %" if errors else MISSING
 
 
 def _row_texts(record: RunRecord, index: int) -> list[str]:
@@ -110,12 +93,12 @@ def _row_texts(record: RunRecord, index: int) -> list[str]:
         _millimetres(row.original),
         _millimetres(row.s_fem),
         _millimetres(row.s_tracked),
-        _fixed(row.h, 4),
+        fixed(row.h, 4),
         _millimetres(row.s_corrected),
         _interval(row.s_low, row.s_high),
         _millimetres(row.s_published),
-        _fixed(row.error_fem_pct, 2),
-        _fixed(row.error_corrected_pct, 2),
+        fixed(row.error_fem_pct, 2),
+        fixed(row.error_corrected_pct, 2),
     ]
 
 
@@ -128,17 +111,13 @@ def _means(record: RunRecord) -> list[str]:
 
 def _interval(low: float | None, high: float | None) -> str:
     if low is None or high is None:
-        return _MISSING
+        return MISSING
     return f"{low / MILLIMETRE:.0f} to {high / MILLIMETRE:.0f}"
 
 
 def _millimetres(value: float | None) -> str:
-    return _MISSING if value is None else _fixed(value / MILLIMETRE, 2)
-
-
-def _fixed(value: float | None, digits: int) -> str:
-    return _MISSING if value is None else f"{value:.{digits}f}"
+    return MISSING if value is None else fixed(value / MILLIMETRE, 2)
 
 
 def _with_unit(value: float | None, unit: str, digits: int) -> str:
-    return _MISSING if value is None else f"{value:.{digits}f} {unit}"
+    return MISSING if value is None else f"{value:.{digits}f} {unit}"

@@ -1,0 +1,47 @@
+"""What every report is made of: one HTML text with everything in it, one style sheet for all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+PAGE = "index.html"
+MISSING = "–"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tile:
+    """One number in the head of a report."""
+
+    label: str
+    value: str
+    remark: str = ""
+
+
+def render_page(template: str, **content: Any) -> str:
+    """Return a page that loads nothing from anywhere; everything that is not markup is escaped.
+
+    Args:
+        template: Name of a file in the package's folder of templates.
+        content: What the template asks for; a name that is missing is an error.
+    """
+    return _environment().get_template(template).render(**content)
+
+
+def fixed(value: float | None, digits: int) -> str:
+    """Return a number with so many decimals, or a dash where there is none."""
+    return MISSING if value is None else f"{value:.{digits}f}"
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("winding_study"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )

@@ -1,0 +1,216 @@
+"""The store of finished runs: keys, damage, killed writers, several processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cable_fem_node.winding import WindingConfig
+from cable_winding.cases import paper_case
+from winding_study.run_store import RunStore, run_key
+from winding_study.solver_version import solver_sources, solver_version
+from winding_study.whole_file import write_whole
+
+# Prints the project's modules that the solver brings into a fresh process.
+LOADED = """
+import sys, cable_fem_node.prediction, cable_fem_node.solid_winding
+print(*(name for name in sys.modules if name.startswith(("cable_fem_node", "cable_winding"))))
+"""
+
+KEY = run_key({"case": 4}, "v1")
+PLAIN = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)
+VALUES = PLAIN | st.text() | st.lists(PLAIN)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cold:
+    degrees: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Warm:
+    degrees: float
+
+
+@given(st.dictionaries(st.text(), VALUES))
+def test_the_order_of_inputs_does_not_count(inputs: dict[str, object]) -> None:
+    backwards = dict(reversed(inputs.items()))
+    assert run_key(inputs, "v1") == run_key(backwards, "v1")
+
+
+@given(st.floats(min_value=0.01, max_value=10.0))
+def test_the_last_bit_of_an_input_counts(value: float) -> None:
+    assert run_key({"x": value}, "v1") != run_key({"x": np.nextafter(value, 11.0)}, "v1")
+
+
+def test_the_version_and_the_kind_of_an_input_count() -> None:
+    assert run_key(Cold(degrees=1.0), "v1") != run_key(Cold(degrees=1.0), "v2")
+    assert run_key(Cold(degrees=1.0), "v1") != run_key(Warm(degrees=1.0), "v1")
+
+
+def test_a_model_has_a_key_that_follows_every_level() -> None:
+    model = WindingConfig(case=paper_case(4))
+    heavier = replace(model, case=replace(model.case, weight=model.case.weight + 0.1))
+    assert run_key(model, "v1") == run_key(WindingConfig(case=paper_case(4)), "v1")
+    assert run_key(model, "v1") != run_key(heavier, "v1")
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "sentence"),
+    [
+        (float("nan"), ValueError, "an input of a run must be finite, got nan"),
+        (object(), TypeError, "an input of a run must be numbers and text, got a object"),
+        ({1: 2}, TypeError, "names of a run's inputs must be text"),
+    ],
+)
+def test_what_has_no_canonical_form_is_refused(
+    value: object, error: type[Exception], sentence: str
+) -> None:
+    with pytest.raises(error, match=sentence):
+        run_key({"x": value}, "v1")
+
+
+def test_the_version_covers_what_a_prediction_loads_and_no_adapter() -> None:
+    names = set(solver_sources())
+    loaded = subprocess.run(
+        [sys.executable, "-c", LOADED], capture_output=True, text=True, check=True
+    )
+    assert set(loaded.stdout.split()) - {"cable_fem_node", "cable_winding"} <= names
+    assert {"cable_fem_node.winding_kernels", "cable_winding.cases"} <= names
+    assert not any(".ros" in name or name.endswith(".node") for name in names)
+    assert len(solver_version()) == 16
+
+
+def test_what_was_saved_is_loaded(tmp_path: Path, said: list[str]) -> None:
+    store = RunStore(tmp_path)
+    assert store.load(KEY, said.append) is None
+    store.save(KEY, {"s": [0.1, 0.2], "status": "ok", "count": 3})
+    found = store.load(KEY, said.append)
+    assert found is not None
+    assert found["s"].tolist() == [0.1, 0.2]
+    assert (str(found["status"]), int(found["count"])) == ("ok", 3)
+    assert not said
+
+
+@pytest.mark.parametrize("kept", [0, 1, 40, 200, -1])
+def test_a_cut_file_counts_as_missing_and_is_named(
+    tmp_path: Path, said: list[str], kept: int
+) -> None:
+    store = RunStore(tmp_path)
+    store.save(KEY, {"s": np.arange(50.0)})
+    path = store.path(KEY)
+    path.write_bytes(path.read_bytes()[:kept])
+    assert store.load(KEY, said.append) is None
+    assert len(said) == 1
+    assert f"{path} is damaged and counts as missing" in said[0]
+    store.save(KEY, {"s": np.arange(50.0)})
+    assert store.load(KEY, said.append) is not None
+
+
+def test_a_flipped_bit_in_the_numbers_is_seen(tmp_path: Path, said: list[str]) -> None:
+    store = RunStore(tmp_path)
+    numbers = np.linspace(0.1, 0.9, 50)
+    store.save(KEY, {"s": numbers})
+    path = store.path(KEY)
+    content = bytearray(path.read_bytes())
+    content[content.index(numbers[20:30].tobytes())] ^= 1
+    path.write_bytes(content)
+    assert store.load(KEY, said.append) is None
+    assert "damaged" in said[0]
+
+
+def test_a_file_of_another_run_counts_as_missing(tmp_path: Path, said: list[str]) -> None:
+    store = RunStore(tmp_path)
+    other = run_key({"case": 5}, "v1")
+    store.save(other, {"s": 1.0})
+    store.path(KEY).parent.mkdir(parents=True, exist_ok=True)
+    os.replace(store.path(other), store.path(KEY))
+    assert store.load(KEY, said.append) is None
+    assert "holds another run" in said[0]
+
+
+def test_a_pickle_is_never_opened(tmp_path: Path, said: list[str]) -> None:
+    store = RunStore(tmp_path)
+    store.path(KEY).parent.mkdir(parents=True)
+    np.savez(store.path(KEY), s=np.array([{"code": "would run"}], dtype=object))
+    assert store.load(KEY, said.append) is None
+    assert "damaged" in said[0]
+    with pytest.raises(ValueError, match="result s of a run must be numbers or text"):
+        store.save(KEY, {"s": np.array([{}], dtype=object)})
+
+
+def test_a_failed_write_leaves_nothing(tmp_path: Path) -> None:
+    def write(file: BinaryIO) -> None:
+        file.write(b"half")
+        raise OSError("disk full")
+
+    with pytest.raises(OSError, match="disk full"):
+        write_whole(tmp_path / "result", write)
+    assert list(tmp_path.iterdir()) == []
+
+
+def _write_half_and_die(path: Path) -> None:
+    def write(file: BinaryIO) -> None:
+        file.write(b"half")
+        file.flush()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    write_whole(path, write)
+
+
+def test_a_killed_writer_leaves_no_run_and_is_cleaned_up(tmp_path: Path, said: list[str]) -> None:
+    store = RunStore(tmp_path)
+    store.path(KEY).parent.mkdir(parents=True)
+    writer = multiprocessing.get_context("spawn").Process(
+        target=_write_half_and_die, args=(store.path(KEY),)
+    )
+    writer.start()
+    writer.join()
+    (left,) = store.path(KEY).parent.iterdir()
+    assert store.load(KEY, said.append) is None
+    assert not said
+    written = left.stat().st_mtime
+    assert store.remove_unfinished(before=written - 1.0) == 0
+    assert store.remove_unfinished(before=written + 1.0) == 1
+    assert not left.exists()
+
+
+def _save_often(folder: Path, value: float) -> None:
+    for _ in range(50):
+        RunStore(folder).save(KEY, {"s": np.full(1000, value)})
+
+
+def test_processes_that_write_the_same_run_never_mix(tmp_path: Path, said: list[str]) -> None:
+    context = multiprocessing.get_context("spawn")
+    writers = [context.Process(target=_save_often, args=(tmp_path, float(n))) for n in (1, 2)]
+    for writer in writers:
+        writer.start()
+    store = RunStore(tmp_path)
+    while any(writer.is_alive() for writer in writers):
+        found = store.load(KEY, said.append)
+        assert found is None or np.unique(found["s"]).size == 1
+    assert [writer.exitcode for writer in writers] == [0, 0]
+    assert store.load(KEY, said.append) is not None
+    assert not said
+
+
+@pytest.mark.parametrize("key", ["", "../" * 20 + "etcd", "A" * 64, "0" * 63])
+def test_a_key_is_no_path(tmp_path: Path, key: str) -> None:
+    with pytest.raises(ValueError, match="must be 64 hexadecimal digits"):
+        RunStore(tmp_path).path(key)
+
+
+@pytest.fixture
+def said() -> list[str]:
+    return []

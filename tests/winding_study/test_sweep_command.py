@@ -1,0 +1,320 @@
+"""`winding sweep` as people run it: tables, refusals, shards, kills and a real cluster."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from typer.testing import CliRunner
+
+from winding_bringup.cli import app
+from winding_bringup.commands.predict import predict
+from winding_bringup.commands.predict_options import PredictOptions, option_types
+from winding_study.run_store import Arrays
+
+COMMAND = [sys.executable, "-m", "winding_bringup.cli", "sweep"]
+
+# P1 to P3 come to lie within the second.
+SHORT = """
+parameters:
+  case: 4
+  marker_spacing_mm: 4
+  duration_s: 1
+  friction: {from: 0.05, to: 0.3, count: 8}
+"""
+# A second or two of work for two processes, so that a kill comes in the middle.
+LONG = SHORT.replace("duration_s: 1", "duration_s: 2.5").replace("count: 8", "count: 60")
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> Path:
+    path = tmp_path / "spec.yaml"
+    path.write_text(SHORT, encoding="utf-8")
+    return path
+
+
+def sweep(*arguments: object) -> tuple[int, str]:
+    """Run the command in this process and return its exit code and all that it said."""
+    result = CliRunner().invoke(app, ["sweep", *map(str, arguments)])
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    return result.exit_code, result.output
+
+
+def read(path: Path) -> Arrays:
+    with np.load(path, allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}
+
+
+def same(one: Arrays, other: Arrays) -> bool:
+    """Whether two tables agree but for the processor time."""
+    return list(one) == list(other) and all(
+        np.array_equal(one[name], other[name], equal_nan=one[name].dtype.kind == "f")
+        for name in one
+        if name != "cpu_s"
+    )
+
+
+def wait_for(true: Callable[[], bool], process: subprocess.Popen[str]) -> None:
+    """Wait on a predicate, and fail when the process ends before."""
+    tick = threading.Event()
+    until = time.monotonic() + 120.0
+    while not true():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+        tick.wait(0.02)
+
+
+def finished(store: Path) -> dict[Path, tuple[int, int]]:
+    """Return each finished run's file with its inode and time of writing [ns]."""
+    return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in store.glob("??/*.npz")}
+
+
+def start(*arguments: object) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [*COMMAND, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def test_every_option_of_predict_can_be_swept_and_no_other() -> None:
+    options = set(inspect.signature(predict).parameters) - {"json_file"}
+    assert options == set(option_types())
+    assert {"case", "tension_mpa", "rolling", "law", "duration_s"} <= options
+    assert set(option_types().values()) == {bool, int, float, str}
+
+
+def test_nothing_is_left_open_in_a_row() -> None:
+    given = PredictOptions(case=4, tension_mpa=0.5)
+    row = given.resolved(given.plan())
+    assert (row.cylinder_diameter_mm, row.cable_diameter_mm) == (30.0, 4.0)
+    # 0.5 MPa on a round section of 4 mm.
+    assert row.tension_n == pytest.approx(0.5 * np.pi * 4.0, rel=1e-11)
+    # The span of 198 mm stands across the centreline radius of 17 mm.
+    assert row.guide_distance_mm == pytest.approx(np.hypot(198.0, 17.0), rel=1e-11)
+    assert (row.young_mpa, row.poisson, row.density, row.mass_scaling) == (2.6, 0.47, 1337.0, 1.0)
+    again = PredictOptions(case=4, tension_n=row.tension_n, guide_distance_mm=row.guide_distance_mm)
+    assert again.plan().config.free_length == pytest.approx(given.plan().config.free_length)
+
+
+def test_a_sweep_makes_a_table_and_does_it_once(tmp_path: Path, spec: Path) -> None:
+    store, out = tmp_path / "store", tmp_path / "table.npz"
+    code, said = sweep(spec, "--store", store, "--out", out, "--processes", 1)
+    assert code == 0, said
+    assert "8 runs ok, 0 failed" in said
+    first, files = read(out), finished(store)
+    assert first["friction"] == pytest.approx(np.linspace(0.05, 0.3, 8))
+    assert first["run"].tolist() == list(range(1, 9))
+    assert first["p2_wound"].all()
+    code, said = sweep(spec, "--store", store, "--out", out, "--processes", 1)
+    assert code == 0, said
+    assert f"8 of them are in {store} already" in said
+    assert f"replaced {out}: 8 rows" in said
+    assert finished(store) == files
+    assert same(read(out), first)
+    assert (read(out)["cpu_s"] == first["cpu_s"]).all()
+
+
+def test_a_damaged_run_is_named_and_wound_again(tmp_path: Path, spec: Path) -> None:
+    store, out = tmp_path / "store", tmp_path / "table.npz"
+    sweep(spec, "--store", store, "--out", out, "--processes", 1)
+    first = read(out)
+    victim = sorted(finished(store))[3]
+    victim.write_bytes(victim.read_bytes()[:100])
+    code, said = sweep(spec, "--store", store, "--out", out, "--processes", 1)
+    assert code == 0, said
+    assert f"{victim} is damaged and counts as missing" in said
+    assert f"7 of them are in {store} already" in said
+    assert same(read(out), first)
+
+
+def test_a_failed_run_is_a_row(tmp_path: Path, spec: Path) -> None:
+    # A ramp to 200 rad/s within a second shakes the span apart: the ledger does not close.
+    spec.write_text(
+        "{combine: zip, parameters: {case: 4, duration_s: 1, marker_spacing_mm: 4,"
+        " omega_rad_s: [1.74, 200], feed_mm_s: [5, 500]}}"
+    )
+    out = tmp_path / "table.npz"
+    code, said = sweep(spec, "--store", tmp_path / "store", "--out", out, "--processes", 1)
+    assert code == 0, said
+    assert "1 runs ok, 1 failed" in said
+    status = read(out)["status"]
+    assert status[0] == "ok"
+    assert status[1].startswith("energy balance open by")
+    assert np.isfinite(read(out)["p1_s_m"]).tolist() == [True, False]
+
+
+def test_shards_make_the_same_table_together(tmp_path: Path, spec: Path) -> None:
+    whole, out = tmp_path / "whole.npz", tmp_path / "table.npz"
+    sweep(spec, "--store", tmp_path / "one", "--out", whole, "--processes", 1)
+    store = tmp_path / "parts"
+    seen: list[int] = []
+    for k in (1, 2, 3):
+        code, said = sweep(spec, "--store", store, "--collect", "--out", out)
+        assert code == 1
+        assert f"runs are not in {store} yet" in said
+        assert not out.exists()
+        part = tmp_path / f"part{k}.npz"
+        code, said = sweep(
+            spec, "--store", store, "--shard", f"{k}/3", "--out", part, "--processes", 1
+        )
+        assert code == 0, said
+        assert "already" not in said
+        seen += read(part)["run"].tolist()
+    assert sorted(seen) == list(range(1, 9))
+    code, said = sweep(spec, "--store", store, "--collect", "--out", out)
+    assert code == 0, said
+    assert same(read(out), read(whole))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("parameters: {case: 4, frictoin: 0.1}", "no parameter frictoin; did you mean friction?"),
+        ("parameters: {case: 4, friction: [0.1, -0.2]}", "run 2 of 2 (friction -0.2): friction"),
+        ("parameters: {case: [4, 13]}", "run 2 of 2 (case 13): case must be one of 1 to 12"),
+        ("parameters: {case: 4, law: [linear, soft]}", "run 2 of 2 (law soft): law must be one of"),
+        ("parameters: {case: 4, element: shell}", "run 1 of 1: element must be rod or solid"),
+        ("parameters: {case: 4, duration_s: 0}", "run 1 of 1: duration must be positive"),
+        ("parameters: {case: 4, mass_scaling: 0}", "mass_scaling must be positive"),
+        ("parameters: {case: 4, feed_mm_s: [5, 0.1]}", "run 2 of 2 (feed_mm_s 0.1): the guide"),
+        ("parameters: {friction: 0.1}", "run 1 of 1: give --case, or all of one's own"),
+        ("parameters: {case: 4, tension_n: 1, tension_mpa: 1}", "give the tension once"),
+        ("parameters: [case]", "must hold a mapping named parameters"),
+    ],
+)
+def test_a_bad_description_is_refused_before_anything_is_wound(
+    tmp_path: Path, spec: Path, text: str, sentence: str
+) -> None:
+    spec.write_text(text, encoding="utf-8")
+    code, said = sweep(spec, "--store", tmp_path / "store")
+    assert code == 2
+    assert sentence in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "store").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--out", "table.csv"], "out must end in .parquet or .npz, got table.csv"),
+        (["--out", "nowhere/table.npz"], "there is no folder nowhere for table.npz"),
+        (["--shard", "5/4"], "shard must be k/N with k from 1 to N, got 5/4"),
+        (["--shard", "9/9"], "shard 9/9 is empty: there are 8 runs"),
+        (["--engine", "slurm"], "engine must be joblib or dask, got 'slurm'"),
+        (["--scheduler", "tls://far:1"], "--scheduler belongs to --engine dask"),
+        (["--engine", "dask", "--tls-ca", "a.pem"], "belong to a --scheduler"),
+        (["--engine", "dask", "--scheduler", "tcp://far:8786"], "is not encrypted: dask sends"),
+        (
+            ["--engine", "dask", "--scheduler", "tls://far:1", "--tls-ca", "a.pem"],
+            "give --tls-ca, --tls-cert and --tls-key together",
+        ),
+    ],
+)
+def test_a_bad_option_is_refused_in_one_sentence(
+    tmp_path: Path, spec: Path, arguments: list[str], sentence: str
+) -> None:
+    code, said = sweep(spec, "--store", tmp_path / "store", *arguments)
+    assert code == 2
+    assert sentence in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "store").exists()
+
+
+def test_a_description_that_is_not_there_is_named(tmp_path: Path) -> None:
+    code, said = sweep(tmp_path / "none.yaml")
+    assert code == 2
+    assert "none.yaml: No such file or directory" in said
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
+def test_an_ended_sweep_goes_on_where_it_stopped(
+    tmp_path: Path, spec: Path, how: signal.Signals
+) -> None:
+    spec.write_text(LONG, encoding="utf-8")
+    store, out = tmp_path / "store", tmp_path / "table.npz"
+    process = start(spec, "--store", store, "--out", out)
+    wait_for(lambda: len(finished(store)) >= 3, process)
+    workers = psutil.Process(process.pid).children(recursive=True)
+    process.send_signal(how)
+    _, said = process.communicate(timeout=120.0)
+    if how == signal.SIGTERM:
+        assert process.returncode == 130
+        assert f"of 60 runs are in {store}; the same command goes on from there" in said
+    else:
+        assert process.returncode == -signal.SIGKILL
+    # Workers whose parent is gone end after the run in hand, or after their idle time.
+    assert not psutil.wait_procs(workers, timeout=120.0)[1]
+    kept = finished(store)
+    assert 3 <= len(kept) < 60
+    assert not out.exists()
+
+    code, said = sweep(spec, "--store", store, "--out", out)
+    assert code == 0, said
+    assert f"{len(kept)} of them are in {store} already" in said
+    after = finished(store)
+    assert len(after) == 60
+    assert kept.items() <= after.items()
+
+    if how == signal.SIGKILL:
+        other = tmp_path / "other.npz"
+        sweep(spec, "--store", tmp_path / "other", "--out", other, "--processes", 1)
+        assert same(read(out), read(other))
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[tuple[str, list[str], list[int]]]:
+    """A real scheduler with two workers behind TLS: address, options of the command, workers."""
+    from distributed import LocalCluster, Security
+
+    security = Security.temporary()
+    options = []
+    for option, text in (
+        ("--tls-ca", security.tls_ca_file),
+        ("--tls-cert", security.tls_client_cert),
+        ("--tls-key", security.tls_client_key),
+    ):
+        path = tmp_path / f"{option[2:]}.pem"
+        path.write_text(text, encoding="ascii")
+        options += [option, str(path)]
+    with LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        security=security,
+        dashboard_address="127.0.0.1:0",
+        silence_logs=50,
+    ) as cluster:
+        yield cluster.scheduler_address, options, [one.pid for one in cluster.workers.values()]
+
+
+def test_a_cluster_behind_tls_loses_nothing_with_a_worker(
+    tmp_path: Path, spec: Path, scheduler: tuple[str, list[str], list[int]]
+) -> None:
+    address, certificates, workers = scheduler
+    assert address.startswith("tls://127.0.0.1:")
+    spec.write_text(LONG, encoding="utf-8")
+    store, out = tmp_path / "store", tmp_path / "table.npz"
+    process = start(
+        spec, "--store", store, "--out", out, "--engine", "dask", "--scheduler", address,
+        *certificates,
+    )  # fmt: skip
+    wait_for(lambda: len(finished(store)) >= 1, process)
+    assert len(finished(store)) < 60
+    os.kill(workers[0], signal.SIGKILL)
+    _, said = process.communicate(timeout=120.0)
+    assert process.returncode == 0, said
+    assert len(finished(store)) == 60
+    assert set(read(out)["status"]) == {"ok"}
+    assert read(out)["run"].tolist() == list(range(1, 61))
