@@ -1,0 +1,1 @@
+"""The operator's page: what the machine does, what the twin expects, and the buttons."""

@@ -1,0 +1,127 @@
+"""What the page can ask of the graph, and the order in which it asks."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
+START, STOP, RESET, EMERGENCY_STOP = "start", "stop", "reset", "emergency_stop"
+
+
+class CommandError(RuntimeError):
+    """The graph refused; the message is the sentence for the operator."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """What may be wound.
+
+    Attributes:
+        case: Row of the paper's Table 1.
+        law: Material law of the solver.
+        laws: The laws that the solver knows.
+    """
+
+    case: int
+    law: str
+    laws: tuple[str, ...]
+
+
+class Graph(Protocol):
+    """The graph as the page commands it."""
+
+    def unavailable(self, command: str) -> str:
+        """Return why a command cannot be given now; empty when it can."""
+
+    async def command(self, command: str) -> str:
+        """Give one of the rig's commands; return its answer.
+
+        Raises:
+            CommandError: It was refused or not answered.
+        """
+
+    def unprepared(self) -> str:
+        """Return why no other case can be chosen now; empty when it can."""
+
+    async def choice(self) -> Choice:
+        """Return what the nodes are set to."""
+
+    async def prepare(self, case: int, law: str, tell: Callable[[str], None]) -> None:
+        """Set case and law on every node and bring all nodes up; raise CommandError."""
+
+    async def renew(self) -> None:
+        """Let the watching nodes begin a new run; raise CommandError."""
+
+
+class Lifecycle(Protocol):
+    """Managed nodes by name."""
+
+    async def state(self, node: str) -> str:
+        """Return the node's lifecycle state."""
+
+    async def change(self, node: str, transition: str) -> None:
+        """Ask for `configure`, `activate`, `deactivate` or `cleanup`; raise CommandError."""
+
+    async def set_parameters(self, node: str, values: Mapping[str, object]) -> None:
+        """Set parameters all at once; raise CommandError with the node's own reason."""
+
+
+async def prepare(
+    graph: Lifecycle,
+    nodes: Sequence[str],
+    values: Mapping[str, Mapping[str, object]],
+    tell: Callable[[str], None],
+) -> None:
+    """Take every node down, set its parameters, and bring all up again.
+
+    Args:
+        graph: The nodes.
+        nodes: Their names in the order of activation: listeners first, the machine last.
+        values: Parameters by node.
+        tell: Takes one sentence for each stage.
+
+    Raises:
+        CommandError: A node refused; those after it are left as they were.
+    """
+    tell("taking the nodes down")
+    for node in reversed(nodes):
+        if await graph.state(node) == ACTIVE:
+            await graph.change(node, "deactivate")
+        if await graph.state(node) == INACTIVE:
+            await graph.change(node, "cleanup")
+    for node in nodes:
+        await graph.set_parameters(node, values.get(node, {}))
+    tell("building the models; the prediction of the run takes some seconds")
+    await asyncio.gather(*(graph.change(node, "configure") for node in nodes))
+    tell("switching on")
+    for node in nodes:
+        await graph.change(node, "activate")
+
+
+async def renew(graph: Lifecycle, nodes: Sequence[str]) -> None:
+    """Pause and resume nodes that are active, so that they begin a new run."""
+    for node in nodes:
+        if await graph.state(node) == ACTIVE:
+            await graph.change(node, "deactivate")
+            await graph.change(node, "activate")
+
+
+# What the machine refuses in which phase, so that the page can say so before a click.
+_OUT_OF_PHASE = {
+    (START, "winding"): "the machine is winding",
+    (START, "finished"): "the run is finished; reset first",
+    (START, "emergency stop"): "the emergency stop is latched; reset first",
+    (RESET, "winding"): "stop the machine first",
+    (RESET, "stopping"): "the machine is still stopping",
+}
+
+
+def out_of_phase(command: str, phase: str) -> str:
+    """Return why a command makes no sense in the machine's phase; empty when it does.
+
+    Stop and emergency stop are never held back: what the page believes may be old.
+    """
+    return _OUT_OF_PHASE.get((command, phase), "")

@@ -1,0 +1,75 @@
+"""ROS adapter of the operator's page: one thread spins for answers, looks come on request."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+
+from cable_winding.ros import topics
+from cable_winding.ros.parameters import declare_parameters, refuse_invalid
+from winding_dashboard.parameters import DashboardParameters
+from winding_dashboard.ros.eyes import Eyes
+from winding_dashboard.ros.hands import NODES, Hands
+from winding_dashboard.view_state import ViewState
+
+NAME = "dashboard"
+# EventsExecutor.spin() of rclpy 7.1 never returns to the interpreter; spin_once does.
+_SPIN_PERIOD = 0.1
+
+
+class DashboardNode(Node):  # type: ignore[misc]
+    """Plain node `dashboard`: reads every topic of the graph, publishes none.
+
+    Calls rig/start, rig/stop, rig/reset, rig/emergency_stop, and the lifecycle and parameter
+    services of the graph's nodes.
+
+    Attributes:
+        parameters: Of the page.
+        state: What the page shows.
+        eyes: Tell the state what came.
+        hands: Call services.
+
+    Raises:
+        ParameterError: A parameter is refused.
+    """
+
+    def __init__(self, context: Context, **kwargs: Any) -> None:
+        super().__init__(NAME, context=context, **kwargs)
+        self.parameters = declare_parameters(self, DashboardParameters)
+        self.parameters.check()
+        refuse_invalid(self, DashboardParameters, lambda: True)
+        self.state = ViewState(nodes=tuple(reversed(NODES)), machine=topics.RIG)
+        self._watcher = Node(
+            f"{NAME}_eyes",
+            context=context,
+            start_parameter_services=False,
+            enable_rosout=False,
+            cli_args=kwargs.get("cli_args"),
+        )
+        self.eyes = Eyes(self._watcher, self.parameters, self.state)
+        self._executor = EventsExecutor(context=context)
+        self._executor.add_node(self)
+        self.hands = Hands(self, self._executor.wake)
+        self._quit = threading.Event()
+        self._thread = threading.Thread(target=self._spin, name="dashboard")
+
+    def start(self) -> None:
+        """Begin to spin."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop spinning and leave the graph."""
+        self._quit.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._executor.shutdown()
+        self._watcher.destroy_node()
+        self.destroy_node()
+
+    def _spin(self) -> None:
+        while not self._quit.is_set() and self.context.ok():
+            self._executor.spin_once(timeout_sec=_SPIN_PERIOD)

@@ -1,0 +1,1 @@
+"""ROS side of the page: looking at topics, calling services."""

@@ -1,0 +1,187 @@
+"""Calls the graph's services for the page: the rig's commands, lifecycles, parameters."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from std_srvs.srv import Trigger
+
+from cable_winding.ros import topics
+from winding_dashboard import commands
+from winding_dashboard.commands import Choice, CommandError
+
+# Listeners first, the machine last, as the orchestrator activates them.
+NODES = (topics.CORRECTION, topics.FEM, topics.TRACKER, topics.RIG)
+_LISTENERS = NODES[:-1]
+_RIG_COMMANDS = (commands.START, commands.STOP, commands.RESET, commands.EMERGENCY_STOP)
+_TRANSITIONS = {
+    "configure": Transition.TRANSITION_CONFIGURE,
+    "activate": Transition.TRANSITION_ACTIVATE,
+    "deactivate": Transition.TRANSITION_DEACTIVATE,
+    "cleanup": Transition.TRANSITION_CLEANUP,
+}
+_ANSWER = 3.0
+_QUICK = 0.9
+# Kernels may be compiled in between.
+_TRANSITION = 300.0
+_EMERGENCY_REPEAT = 0.5
+_ONE_OF = "one of "
+
+
+class Hands:
+    """The graph as the page commands it (`commands.Graph` and `commands.Lifecycle`).
+
+    Args:
+        node: A node that an executor spins.
+        wake: Tells the executor that the node has further clients.
+    """
+
+    def __init__(self, node: Node, wake: Callable[[], None]) -> None:
+        self._namespace = node.get_namespace()
+        self._rig = {name: node.create_client(Trigger, f"rig/{name}") for name in _RIG_COMMANDS}
+        self._services = {
+            (name, service): node.create_client(type_, f"{name}/{service}")
+            for name in NODES
+            for service, type_ in (
+                ("get_state", GetState),
+                ("change_state", ChangeState),
+                ("get_parameters", GetParameters),
+                ("describe_parameters", DescribeParameters),
+                ("set_parameters_atomically", SetParametersAtomically),
+            )
+        }
+        wake()
+
+    def unavailable(self, command: str) -> str:
+        """Return why a command cannot be given now; empty when it can."""
+        if self._rig[command].service_is_ready():
+            return ""
+        return f"nobody serves rig/{command} in {self._namespace}"
+
+    def unprepared(self) -> str:
+        """Return why no other case can be chosen now; empty when it can."""
+        for (name, service), client in self._services.items():
+            if not client.service_is_ready():
+                return f"{name} does not serve {service} in {self._namespace}"
+        return ""
+
+    async def command(self, command: str) -> str:
+        """Give one of the rig's commands; return its answer."""
+        client, request = self._rig[command], Trigger.Request()
+        if command == commands.EMERGENCY_STOP:
+            response = await self._insist(client, request)
+        else:
+            response = await self._call(client, request, _ANSWER)
+        if not response.success:
+            raise CommandError(response.message or f"rig/{command} was refused")
+        return str(response.message)
+
+    async def choice(self) -> Choice:
+        """Return the case and the material law that the solver is set to, and its laws."""
+        names = ["case", "law"]
+        got = await self._call(
+            self._services[topics.FEM, "get_parameters"],
+            GetParameters.Request(names=names),
+            _ANSWER,
+        )
+        told = await self._call(
+            self._services[topics.FEM, "describe_parameters"],
+            DescribeParameters.Request(names=names),
+            _ANSWER,
+        )
+        case, law = (parameter_value_to_python(value) for value in got.values)
+        stated = told.descriptors[1].additional_constraints
+        laws = tuple(stated.removeprefix(_ONE_OF).split(", ")) if stated else (law,)
+        return Choice(case=int(case), law=str(law), laws=laws)
+
+    async def prepare(self, case: int, law: str, tell: Callable[[str], None]) -> None:
+        """Set case and law on every node and bring all nodes up."""
+        values: dict[str, dict[str, object]] = {name: {"case": case} for name in NODES}
+        values[topics.FEM]["law"] = law
+        await commands.prepare(self, NODES, values, tell)
+
+    async def renew(self) -> None:
+        """Let the listeners begin a new run."""
+        await commands.renew(self, _LISTENERS)
+
+    async def lifecycle(self) -> dict[str, str]:
+        """Return the state of every node that answers, by name."""
+        states = await asyncio.gather(*(self._quick_state(name) for name in NODES))
+        return {name: state for name, state in zip(NODES, states, strict=True) if state}
+
+    async def state(self, node: str) -> str:
+        """Return the node's lifecycle state."""
+        response = await self._call(
+            self._services[node, "get_state"], GetState.Request(), _TRANSITION
+        )
+        return str(response.current_state.label)
+
+    async def change(self, node: str, transition: str) -> None:
+        """Ask for a transition and wait for its end."""
+        request = ChangeState.Request(transition=Transition(id=_TRANSITIONS[transition]))
+        response = await self._call(self._services[node, "change_state"], request, _TRANSITION)
+        if not response.success:
+            raise CommandError(f"{node} refused to {transition}; the list of nodes says why")
+
+    async def set_parameters(self, node: str, values: Mapping[str, object]) -> None:
+        """Set parameters all at once."""
+        request = SetParametersAtomically.Request(
+            parameters=[
+                Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+            ]
+        )
+        response = await self._call(
+            self._services[node, "set_parameters_atomically"], request, _ANSWER
+        )
+        if not response.result.successful:
+            raise CommandError(f"{node}: {response.result.reason}")
+
+    async def _quick_state(self, node: str) -> str:
+        client = self._services[node, "get_state"]
+        if not client.service_is_ready():
+            return ""
+        try:
+            response = await self._call(client, GetState.Request(), _QUICK)
+        except CommandError:
+            return "no answer"
+        return str(response.current_state.label)
+
+    async def _insist(self, client: Any, request: Any) -> Any:
+        """Repeat a request that may be repeated until somebody answers."""
+        try:
+            async with asyncio.timeout(_ANSWER):
+                while True:
+                    try:
+                        return await self._call(client, request, _EMERGENCY_REPEAT)
+                    except CommandError:
+                        continue
+        except TimeoutError:
+            raise CommandError(
+                f"no answer from {client.srv_name} in {_ANSWER:g} s: use the machine's own button"
+            ) from None
+
+    async def _call(self, client: Any, request: Any, timeout: float) -> Any:
+        loop = asyncio.get_running_loop()
+        answer: asyncio.Future[Any] = loop.create_future()
+        pending = client.call_async(request)
+
+        def hand_over(done: Any) -> None:
+            def settle() -> None:
+                if not answer.done():
+                    answer.set_result(done.result())
+
+            loop.call_soon_threadsafe(settle)
+
+        pending.add_done_callback(hand_over)
+        try:
+            return await asyncio.wait_for(answer, timeout)
+        except TimeoutError:
+            client.remove_pending_request(pending)
+            raise CommandError(f"no answer from {client.srv_name} in {timeout:g} s") from None

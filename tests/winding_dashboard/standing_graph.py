@@ -1,0 +1,39 @@
+"""Bring a real graph of processes up and let it stand until it is told to end.
+
+python standing_graph.py NAMESPACE CASE DURATION DIRECTORY prints READY when all nodes are active.
+It ends when its standard input is closed.
+"""
+
+import asyncio
+import sys
+from pathlib import Path
+
+from cable_winding.ros import topics
+from winding_bringup.graph import GRAPH, pace_topics
+from winding_bringup.orchestrator import GraphConfig, Orchestrator
+from winding_bringup.ros_client import RosClient
+
+
+async def stand(namespace: str, case: int, duration: float, directory: Path) -> None:
+    client = RosClient(namespace)
+    client.start()
+    parameters: dict[str, dict[str, object]] = {
+        spec.name: {"case": case, "duration": duration} for spec in GRAPH
+    }
+    paced = [topic.name for topic in pace_topics() if topic is not topics.RECORDER_PROGRESS]
+    parameters[topics.RIG]["pace_topics"] = ",".join(paced)
+    graph = Orchestrator(
+        GraphConfig(namespace=namespace, log_directory=directory, parameters=parameters), client
+    )
+    try:
+        await graph.start()
+        await graph.bring_up()
+        print("READY", flush=True)
+        await asyncio.get_running_loop().run_in_executor(None, sys.stdin.read)
+    finally:
+        await graph.stop()
+        client.close()
+
+
+if __name__ == "__main__":
+    asyncio.run(stand(sys.argv[1], int(sys.argv[2]), float(sys.argv[3]), Path(sys.argv[4])))

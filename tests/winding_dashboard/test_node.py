@@ -1,0 +1,128 @@
+"""The page's node on a real graph of topics and services."""
+
+import asyncio
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+from cable_winding.markers import wound_markers
+from cable_winding.parameters import ParameterError
+from cable_winding.readings import AxisReading
+from cable_winding.ros import topics
+from cable_winding.ros.cloud_messages import encode_cloud
+from cable_winding.ros.diagnostic_messages import Status, encode_case_votes, encode_diagnostics
+from cable_winding.ros.rig_messages import encode_joint_state, encode_tension
+from winding_dashboard.commands import CommandError
+from winding_dashboard.node import DashboardNode
+
+
+@pytest.fixture
+def dashboard(ros: Any) -> Iterator[DashboardNode]:
+    node = DashboardNode(ros.context)
+    node.start()
+    yield node
+    node.close()
+
+
+def look_until(ros: Any, dashboard: DashboardNode, reached: Any) -> None:
+    def look() -> bool:
+        dashboard.eyes.look(time.monotonic())
+        return bool(reached())
+
+    ros.spin_until(look)
+
+
+def test_newest_of_every_topic_is_shown(ros: Any, dashboard: DashboardNode) -> None:
+    probe, state = ros.plain(), dashboard.state
+    out = {
+        topic: topic.advertise(probe)
+        for topic in (
+            topics.JOINT_STATES, topics.TENSION, topics.TRACKED_MARKERS, topics.FEM_PREDICTION,
+            topics.CORRECTION_CASE, topics.DIAGNOSTICS,
+        )
+    }  # fmt: skip
+    ros.spin_until(lambda: all(item.get_subscription_count() for item in out.values()))
+    markers = wound_markers(
+        ids=[1], theta=np.array([6.0]), z=[0.01], radius=0.017, cylinder_angle=2.0
+    )
+    for sample in range(200):
+        reading = AxisReading(
+            cylinder_angle=0.01 * sample, angular_speed=1.0, carriage_position=0.0, feed_speed=0.0
+        )
+        out[topics.JOINT_STATES].publish(encode_joint_state(0.001 * sample, reading))
+    out[topics.TENSION].publish(encode_tension(0.2, 3.9))
+    out[topics.TRACKED_MARKERS].publish(encode_cloud(0.2, markers))
+    out[topics.FEM_PREDICTION].publish(encode_cloud(0.0, markers))
+    out[topics.CORRECTION_CASE].publish(encode_case_votes(0.2, {4: 0.6, 7: 0.4}))
+    out[topics.DIAGNOSTICS].publish(
+        encode_diagnostics(0.2, [Status(name="winding_rig", message="winding")])
+    )
+    look_until(
+        ros,
+        dashboard,
+        lambda: (
+            state.axes is not None
+            and state.axes.cylinder_angle == pytest.approx(1.99)
+            and state.tension == 3.9
+            and len(state.tracked) == len(state.ahead) == 1
+            and state.votes == {4: 0.6, 7: 0.4}
+            and state.phase == "winding"
+        ),
+    )
+    # One look takes one sample of the chart, however many messages came in between.
+    assert len(state.speeds) < 20
+
+
+def test_message_that_cannot_be_used_is_counted_and_changes_nothing(
+    ros: Any, dashboard: DashboardNode
+) -> None:
+    probe = ros.plain()
+    out = topics.TENSION.advertise(probe)
+    ros.spin_until(out.get_subscription_count)
+    out.publish(encode_tension(0.0, float("nan")))
+    look_until(ros, dashboard, lambda: dashboard.eyes.refused == 1)
+    assert np.isnan(dashboard.state.tension)
+
+
+def test_command_is_unavailable_until_somebody_serves_it(
+    ros: Any, dashboard: DashboardNode
+) -> None:
+    assert dashboard.hands.unavailable("stop") == "nobody serves rig/stop in /"
+    assert "does not serve" in dashboard.hands.unprepared()
+    probe = ros.plain()
+
+    def serve(_request: Any, response: Any) -> Any:
+        response.success, response.message = True, "stopping"
+        return response
+
+    probe.create_service(Trigger, "rig/stop", serve)
+    ros.spin_until(lambda: not dashboard.hands.unavailable("stop"))
+    assert spin_beside(ros, dashboard.hands.command("stop")) == "stopping"
+
+
+def test_emergency_stop_without_an_answer_says_what_to_do(dashboard: DashboardNode) -> None:
+    with pytest.raises(CommandError, match="use the machine's own button"):
+        asyncio.run(dashboard.hands.command("emergency_stop"))
+
+
+def test_open_host_without_token_is_refused_before_the_node_works(ros: Any) -> None:
+    with pytest.raises(ParameterError, match=r"host 0\.0\.0\.0 can be reached"):
+        DashboardNode(ros.context, parameter_overrides=[Parameter("host", value="0.0.0.0")])
+
+
+def spin_beside(ros: Any, work: Any) -> Any:
+    """Await work while the harness spins the nodes of the test."""
+
+    async def both() -> Any:
+        task = asyncio.ensure_future(work)
+        while not task.done():
+            ros.executor.spin_once(timeout_sec=0.01)
+            await asyncio.sleep(0)
+        return task.result()
+
+    return asyncio.run(both())

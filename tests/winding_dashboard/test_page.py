@@ -1,0 +1,226 @@
+"""The page's logic by NiceGUI's simulated user: no browser, the real view state."""
+
+import asyncio
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from nicegui import ui
+from nicegui.testing import User, UserInteraction, user_simulation
+
+from cable_winding.markers import CORRECTED_DTYPE, wound_markers
+from cable_winding.readings import AxisReading
+from winding_dashboard import commands
+from winding_dashboard.commands import Choice, CommandError
+from winding_dashboard.health import Report, Severity
+from winding_dashboard.page import Page
+from winding_dashboard.view_state import ViewState
+
+pytestmark = pytest.mark.asyncio
+NODES = ("winding_rig", "cable_fem")
+PATIENCE = 10.0
+
+
+class Machine:
+    """A graph that does as it is told, or refuses with a sentence."""
+
+    def __init__(self, *, missing: str = "", refusal: str = "") -> None:
+        self.missing, self.refusal = missing, refusal
+        self.done: list[str] = []
+
+    def unavailable(self, command: str) -> str:
+        return self.missing
+
+    async def command(self, command: str) -> str:
+        if self.refusal:
+            raise CommandError(self.refusal)
+        self.done.append(command)
+        return "done"
+
+    def unprepared(self) -> str:
+        return self.missing
+
+    async def choice(self) -> Choice:
+        return Choice(case=4, law="linear", laws=("linear", "hencky"))
+
+    async def prepare(self, case: int, law: str, tell: Callable[[str], None]) -> None:
+        tell("building")
+        self.done.append(f"prepare {case} {law}")
+
+    async def renew(self) -> None:
+        self.done.append("renew")
+
+
+def fresh_state() -> ViewState:
+    return ViewState(nodes=NODES, machine="winding_rig")
+
+
+def phase(state: ViewState, text: str, severity: Severity = Severity.OK) -> None:
+    state.health.note(
+        time.monotonic(), [Report(name="winding_rig", severity=severity, message=text)]
+    )
+
+
+async def until(reached: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE):
+        while not reached():
+            await asyncio.sleep(0.01)
+
+
+def buttons(user: User, text: str) -> list[ui.button]:
+    """Return the buttons of a text: the page's own first, then those of its dialogs."""
+    found = (item for item in user.find(ui.button).elements if item.text == text)
+    return sorted(found, key=lambda item: item.id)
+
+
+def button(user: User, text: str) -> ui.button:
+    return buttons(user, text)[0]
+
+
+def click(user: User, element: ui.button) -> None:
+    UserInteraction(user, {element}, None).click()
+
+
+async def test_numbers_of_the_run_are_shown() -> None:
+    state = fresh_state()
+    phase(state, "winding")
+    state.note_axes(
+        12.3,
+        AxisReading(
+            cylinder_angle=20.0, angular_speed=1.74, carriage_position=0.06, feed_speed=0.005
+        ),
+    )
+    state.tension = 3.92
+    tracked = wound_markers(
+        ids=[1], theta=np.array([6.0]), z=[0.01], radius=0.017, cylinder_angle=20.0
+    )
+    state.note_tracked(12.3, tracked)
+    corrected = np.zeros(1, CORRECTED_DTYPE)
+    corrected["id"], corrected["s"], corrected["s_low"], corrected["s_high"] = 1, 0.1, 0.09, 0.11
+    state.corrected = corrected
+    state.note_votes({3: 0.25, 4: 0.75})
+    async with user_simulation(lambda: Page(state, Machine(), time.monotonic)) as user:
+        await user.open("/")
+        for text in ("winding", "12.3 s", "1.740", "5.00", "3.92", "100.00", "90.0–110.0"):
+            await user.should_see(text)
+        await user.should_see("102.49")
+        await user.should_see("+2.49 %")
+        await user.should_see("75%, 3: 25%")
+
+
+async def test_changes_are_pushed() -> None:
+    state = fresh_state()
+    async with user_simulation(lambda: Page(state, Machine(), time.monotonic)) as user:
+        await user.open("/")
+        await user.should_see("nothing heard")
+        phase(state, "emergency stop", Severity.ERROR)
+        await user.should_see("emergency stop", retries=50)
+        await user.should_see("ERROR", retries=50)
+
+
+async def test_emergency_stop_asks_nothing() -> None:
+    machine = Machine()
+    async with user_simulation(lambda: Page(fresh_state(), machine, time.monotonic)) as user:
+        await user.open("/")
+        click(user, button(user, "EMERGENCY STOP"))
+        await until(lambda: machine.done == [commands.EMERGENCY_STOP])
+
+
+async def test_reset_asks_first_and_begins_a_new_run() -> None:
+    machine, state = Machine(), fresh_state()
+    state.tension = 3.0
+    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
+        await user.open("/")
+        page_button, dialog_button = buttons(user, "Reset")
+        click(user, page_button)
+        await user.should_see("Reset the machine to the start of a run?")
+        assert machine.done == []
+        assert state.tension == 3.0
+        click(user, dialog_button)
+        await until(lambda: machine.done == [commands.RESET, "renew"])
+        assert math.isnan(state.tension)
+
+
+async def test_refused_reset_keeps_what_is_shown() -> None:
+    machine, state = Machine(refusal="cannot reset while the machine moves"), fresh_state()
+    state.tension = 3.0
+    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
+        await user.open("/")
+        click(user, buttons(user, "Reset")[1])
+        await user.should_see("reset: cannot reset while the machine moves", retries=50)
+        assert state.tension == 3.0
+
+
+async def test_refusal_is_told_in_the_graphs_own_words() -> None:
+    machine = Machine(refusal="cannot stop while the machine is in idle")
+    async with user_simulation(lambda: Page(fresh_state(), machine, time.monotonic)) as user:
+        await user.open("/")
+        click(user, button(user, "Stop"))
+        await user.should_see("stop: cannot stop while the machine is in idle", retries=50)
+
+
+async def test_buttons_are_off_with_a_reason_when_only_topics_come() -> None:
+    machine = Machine(missing="nobody serves rig/start in /winding")
+    async with user_simulation(lambda: Page(fresh_state(), machine, time.monotonic)) as user:
+        await user.open("/")
+        for text in ("Start", "Stop", "Reset", "EMERGENCY STOP", "Prepare"):
+            assert not button(user, text).enabled
+        assert button(user, "Start").props["title"] == machine.missing
+        await user.should_see("Commands are off: nobody serves rig/start in /winding")
+        await user.should_see("cannot be chosen here: nobody serves rig/start in /winding")
+
+
+async def test_start_waits_for_a_reset_when_the_run_is_over() -> None:
+    state = fresh_state()
+    phase(state, "finished")
+    async with user_simulation(lambda: Page(state, Machine(), time.monotonic)) as user:
+        await user.open("/")
+        assert not button(user, "Start").enabled
+        assert button(user, "Start").props["title"] == "the run is finished; reset first"
+        assert button(user, "EMERGENCY STOP").enabled
+
+
+async def test_chosen_case_and_law_are_prepared() -> None:
+    machine, state = Machine(), fresh_state()
+    phase(state, "idle")
+    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
+        await user.open("/")
+        await until(lambda: button(user, "Prepare").enabled)
+        case, law = sorted(user.find(ui.select).elements, key=lambda item: item.id)
+        assert (case.value, law.value) == (4, "linear")
+        case.value, law.value = 9, "hencky"
+        click(user, button(user, "Prepare"))
+        await until(lambda: machine.done == ["prepare 9 hencky"])
+        await user.should_see("prepare: ready to wind case 9", retries=50)
+
+
+async def test_preparing_over_a_run_asks_first() -> None:
+    machine, state = Machine(), fresh_state()
+    phase(state, "finished")
+    state.time = 20.0
+    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
+        await user.open("/")
+        await until(lambda: button(user, "Prepare").enabled)
+        click(user, button(user, "Prepare"))
+        await user.should_see("Prepare another run?")
+        assert machine.done == []
+
+
+async def test_nothing_is_chosen_while_the_machine_winds() -> None:
+    state = fresh_state()
+    phase(state, "winding")
+    async with user_simulation(lambda: Page(state, Machine(), time.monotonic)) as user:
+        await user.open("/")
+        await user.should_see("cannot be chosen while the machine is winding", retries=50)
+        assert not button(user, "Prepare").enabled
+
+
+async def test_text_from_the_graph_is_text_and_never_markup() -> None:
+    state = fresh_state()
+    phase(state, "<b>idle</b>")
+    async with user_simulation(lambda: Page(state, Machine(), time.monotonic)) as user:
+        await user.open("/")
+        shown = user.find("<b>idle</b>").elements
+        assert {type(element) for element in shown} == {ui.label}

@@ -1,0 +1,136 @@
+"""What the page shows: bounded, one run at a time, sources of one moment."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cable_winding.markers import CABLE_DTYPE, CORRECTED_DTYPE, MarkerFlag, wound_markers
+from cable_winding.readings import AxisReading
+from winding_dashboard.health import SILENCE, Report, Severity
+from winding_dashboard.shape import SCALE, cable_shape, scene_points
+from winding_dashboard.view_state import SAMPLES, ViewState
+
+NODES = ("winding_rig", "marker_tracker", "cable_fem", "correction")
+RADIUS = 0.017
+
+
+def turning(t: float, speed: float = 1.74) -> AxisReading:
+    return AxisReading(
+        cylinder_angle=speed * t, angular_speed=speed, carriage_position=0.005 * t, feed_speed=0.005
+    )
+
+
+def markers(angle: float, *flags: int) -> np.ndarray:
+    count = len(flags)
+    return wound_markers(
+        ids=np.arange(count),
+        theta=6.0 * np.arange(count),
+        z=0.01 * np.arange(count),
+        radius=RADIUS,
+        cylinder_angle=angle,
+        flags=np.array(flags, dtype=int),
+    )
+
+
+@pytest.fixture
+def state() -> ViewState:
+    return ViewState(nodes=NODES, machine="winding_rig")
+
+
+def wind(state: ViewState, t: float, now: float = 0.0) -> None:
+    state.note_axes(t, turning(t))
+    state.note_tracked(t, markers(turning(t).cylinder_angle, 0, 0, MarkerFlag.NOT_WOUND))
+    state.tick(now)
+
+
+def test_charts_keep_their_last_minute_however_long_a_run_is(state: ViewState) -> None:
+    for sample in range(3 * SAMPLES):
+        wind(state, 0.1 * sample)
+    assert len(state.speeds) == SAMPLES
+    assert len(state.lengths[1]) == SAMPLES
+    assert state.speeds.last_time == pytest.approx(0.1 * (3 * SAMPLES - 1))
+
+
+def test_standing_clock_adds_no_samples(state: ViewState) -> None:
+    for _ in range(5):
+        wind(state, 1.0)
+    assert len(state.speeds) == 1
+
+
+def test_clock_that_goes_back_begins_a_new_run_with_the_prediction_kept(state: ViewState) -> None:
+    state.ahead = markers(0.0, 0, 0)
+    for sample in range(20):
+        wind(state, 0.1 * sample)
+    wind(state, 0.0)
+    assert len(state.speeds) == 1
+    assert len(state.ahead) == 2
+
+
+def test_marker_that_is_not_wound_has_no_length(state: ViewState) -> None:
+    wind(state, 1.0)
+    rows = {row.id: row for row in state.marker_rows()}
+    assert set(rows) == {1, 2}
+    assert rows[1].measured == pytest.approx(math.hypot(RADIUS * 6.0, 0.01))
+    assert math.isnan(rows[2].measured)
+    assert (rows[1].state, rows[2].state) == ("measured", "not wound")
+    assert len(state.lengths[2]) == 0
+
+
+def test_difference_is_taken_from_the_correction_and_its_bounds_are_told(state: ViewState) -> None:
+    wind(state, 1.0)
+    measured = state.marker_rows()[0].measured
+    corrected = np.zeros(1, CORRECTED_DTYPE)
+    corrected["id"], corrected["s"] = 1, measured / 1.02
+    corrected["s_low"], corrected["s_high"] = 0.9 * measured, 1.1 * measured
+    state.corrected = corrected
+    row = state.marker_rows()[0]
+    assert row.difference == pytest.approx(0.02)
+    assert (row.low, row.high) == pytest.approx((0.9 * measured, 1.1 * measured))
+
+
+def test_newest_marker_is_followed(state: ViewState) -> None:
+    assert state.newest_marker() == 1
+    state.note_axes(1.0, turning(1.0))
+    state.note_tracked(1.0, markers(1.74, 0, 0, 0, 0))
+    state.tick(0.0)
+    assert state.newest_marker() == 3
+
+
+def test_markers_seen_later_than_the_cable_are_turned_back_to_its_moment(state: ViewState) -> None:
+    wind(state, 2.0)
+    state.note_cable(1.9, np.zeros(0, CABLE_DTYPE))
+    assert state.drum_angle == pytest.approx(1.74 * 1.9)
+    assert state.marker_turn == pytest.approx(-1.74 * 0.1)
+
+
+def test_silence_is_noticed(state: ViewState) -> None:
+    assert not state.heard(0.0)
+    state.health.note(10.0, [Report(name="winding_rig", severity=Severity.OK, message="winding")])
+    assert state.heard(10.0 + SILENCE)
+    assert not state.heard(10.1 + SILENCE)
+    assert state.phase == "winding"
+
+
+def test_cable_is_drawn_evenly_and_coloured_by_tension() -> None:
+    cable = np.zeros(3, CABLE_DTYPE)
+    cable["z"] = [0.0, 0.01, 0.05]
+    cable["tension"] = [1.0, 1.0, 3.0]
+    shape = cable_shape(cable, count=11)
+    assert shape is not None
+    steps = np.linalg.norm(np.diff(shape.points, axis=0), axis=1)
+    # Positions are single precision: 1e-7 of the cable's length, in scene units.
+    assert steps == pytest.approx(np.full(10, 0.005 * SCALE), rel=1e-5)
+    assert (shape.low, shape.high) == (1.0, 3.0)
+    lightness = shape.colours @ np.array([0.2126, 0.7152, 0.0722])
+    assert (np.diff(lightness)[2:] > 0.0).all()
+
+
+def test_scene_keeps_handedness() -> None:
+    axes = scene_points(np.eye(3)) / SCALE
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_less_than_two_nodes_are_no_cable(count: int) -> None:
+    assert cable_shape(np.zeros(count, CABLE_DTYPE)) is None
