@@ -21,9 +21,11 @@ _DOMAIN = contextlib.ExitStack()
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--run-benchmarks", action="store_true", help="also measure speed")
+    parser.addoption("--run-soak", action="store_true", help="also run for minutes on end")
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "soak: runs for minutes, only with --run-soak")
     # rcl reads these when a context is made, so they are set before any test imports rclpy.
     # The coordinator gives no domain to two test processes of this machine.
     os.environ["ROS_DOMAIN_ID"] = str(_DOMAIN.enter_context(domain_id()))
@@ -38,6 +40,11 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if not config.getoption("--run-soak"):
+        skip = pytest.mark.skip(reason="minutes on end, with --run-soak")
+        for item in items:
+            if item.get_closest_marker("soak"):
+                item.add_marker(skip)
     if config.getoption("--run-benchmarks"):
         return
     skip = pytest.mark.skip(reason="speed is measured by `make bench`")

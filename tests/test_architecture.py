@@ -7,7 +7,12 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "ros2_ws" / "src"
 NODE_PACKAGES = {"cable_fem_node", "marker_tracker_node", "winding_rig_node", "correction_node"}
-PACKAGES = NODE_PACKAGES | {"cable_winding", "winding_study", "winding_bringup"}
+PACKAGES = NODE_PACKAGES | {
+    "cable_winding",
+    "winding_study",
+    "winding_dashboard",
+    "winding_bringup",
+}
 ROS = {
     "rclpy",
     "builtin_interfaces",
@@ -26,6 +31,7 @@ ALLOWED = {
     "cable_winding": set(),
     **{package: {"cable_winding"} for package in NODE_PACKAGES},
     "winding_study": {"cable_winding", "cable_fem_node", "correction_node"},
+    "winding_dashboard": {"cable_winding"},
     "winding_bringup": {"cable_winding", "winding_study"},
 }
 MEANINGLESS = {"utils", "util", "common", "helpers", "helper", "manager", "base", "misc"}
@@ -92,6 +98,8 @@ def test_heavy_libraries_stay_in_their_rooms(path: Path) -> None:
     if "cv2" in roots:
         camera = "camera" in path.relative_to(SOURCE).parts
         assert package == "marker_tracker_node" or (package == "winding_rig_node" and camera)
+    if "nicegui" in roots:
+        assert package == "winding_dashboard"
 
 
 @pytest.mark.parametrize(
@@ -111,7 +119,10 @@ def test_names_say_something(path: Path) -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=identifier)
 def test_cores_have_no_clock_and_no_sleep(path: Path) -> None:
-    if package_of(path) not in NODE_PACKAGES or path.name in ("node.py", "__main__.py"):
+    if package_of(path) not in NODE_PACKAGES | {"winding_dashboard"} or path.name in (
+        "node.py",
+        "__main__.py",
+    ):
         return
     calls = {
         f"{node.func.value.id}.{node.func.attr}"

@@ -22,6 +22,7 @@ ROSDEP_KEYS = {
     "joblib": "python3-joblib",
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
+    "psutil": "python3-psutil",
     "rich": "python3-rich",
     "scipy": "python3-scipy",
     "sklearn": "python3-sklearn",
@@ -35,7 +36,19 @@ PYPI_NAMES = {
     "yaml": "PyYAML",
 }
 # Libraries of the project that rosdep does not know on Noble; pip brings them.
-PYPI_ONLY = {"numba", "rosbags", "safetensors", "torch", "typer"}
+PYPI_ONLY = {
+    "dask",
+    "distributed",
+    "mcap",
+    "nicegui",
+    "numba",
+    "pyarrow",
+    "rosbags",
+    "safetensors",
+    "torch",
+    "typer",
+    "zstandard",
+}
 
 
 def manifest(package: str) -> ET.Element:
@@ -110,7 +123,9 @@ def test_no_library_is_declared_that_nobody_imports(package: str) -> None:
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_library_is_in_the_root_project(package: str) -> None:
-    pip = {re.split(r"[<>=!~\[]", text)[0] for text in PROJECT["dependencies"]}
+    extras = PROJECT["optional-dependencies"]
+    wanted = [*PROJECT["dependencies"], *extras["dashboard"], *extras["cluster"]]
+    pip = {re.split(r"[<>=!~\[]", text)[0] for text in wanted}
     libraries = imported(package) & (ROSDEP_KEYS.keys() | PYPI_ONLY)
     assert {PYPI_NAMES.get(name, name) for name in libraries} <= pip
 

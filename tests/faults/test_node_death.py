@@ -85,9 +85,9 @@ def messages_in(bag: Path) -> int:
 
 def test_dead_node_is_named_and_the_recording_kept(winding_run: Winding) -> None:
     winding_run.wait_until_it_winds()
-    os.kill(winding_run.node("cable_fem_node"), signal.SIGKILL)
+    os.kill(winding_run.node("winding_rig_node"), signal.SIGKILL)
     assert winding_run.process.wait(PATIENCE) == 1
-    assert "winding: cable_fem ended with exit code -9" in winding_run.said()
+    assert "winding: winding_rig ended with exit code -9" in winding_run.said()
     assert "of simulated time" in winding_run.said()
     assert winding_run.nodes_left() == 0
     # Two simulated seconds have at least two thousand encoder samples.

@@ -32,6 +32,7 @@ def tape(request: pytest.FixtureRequest) -> Tape:
         "speed": 0.0,
         "pace_topics": ",".join(topic.name for topic in pace_topics()),
     }
+    graph: ComposedGraph | None = None
     try:
         graph = ComposedGraph(ros.context, ros.executor, namespace="", parameters=parameters)
         expected = expected_subscribers(frozenset(topic.name for topic in recorded))
@@ -56,8 +57,9 @@ def tape(request: pytest.FixtureRequest) -> Tape:
             ),
             patience=200.0,
         )
-        graph.close()
     finally:
+        if graph is not None:
+            graph.close()
         recorder.close()
     return recorder.tape
 

@@ -6,13 +6,14 @@ from std_srvs.srv import Trigger
 
 from cable_winding.ros import topics
 from winding_bringup.composed import ComposedGraph
-from winding_bringup.graph import GRAPH
+from winding_bringup.graph import GRAPH, expected_subscribers
 from winding_bringup.recorder import Recorder
 
 
 def test_frames_handed_over_in_process_are_all_tracked(ros: Any) -> None:
     listener = ros.plain("recorder_host")
     recorder = Recorder(listener, None, recorded=[t for t in topics.TOPICS if t.recorded])
+    graph: ComposedGraph | None = None
     try:
         condition = {"case": 4, "duration": 1.0}
         graph = ComposedGraph(
@@ -30,11 +31,14 @@ def test_frames_handed_over_in_process_are_all_tracked(ros: Any) -> None:
         topics.IMAGE.subscribe(listener, images.append, raw=True)
         heard = ("rig/joint_states", "camera/camera_info", "camera/image_raw/compressed")
         ros.spin_until(lambda: all(rig.matched(name) >= 1 for name in heard))
-        ros.spin_until(lambda: graph.nodes[topics.TRACKER].matched("tracker/markers") == 3)
+        recorded = frozenset(topic.name for topic in topics.TOPICS if topic.recorded)
+        wanted = expected_subscribers(recorded)[topics.TRACKER]["tracker/markers"]
+        ros.spin_until(lambda: graph.nodes[topics.TRACKER].matched("tracker/markers") == wanted)
         assert ros.call(listener, Trigger, "rig/start", Trigger.Request()).success
         ros.spin_until(lambda: recorder.tape.last_stamp(topics.TRACKED_MARKERS) >= 1.0)
-        graph.close()
     finally:
+        if graph is not None:
+            graph.close()
         recorder.close()
     stamps = [message.stamp_ns for message in recorder.tape.messages["tracker/markers"]]
     assert stamps == [frame * 5_000_000 for frame in range(201)]

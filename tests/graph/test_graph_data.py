@@ -49,14 +49,19 @@ def test_every_consumer_holds_time() -> None:
 
 
 def endpoints(node: Any) -> tuple[set[str], set[str]]:
-    """Return the topics that a node publishes and hears, rclpy's own and diagnostics aside."""
+    """Return the topics that a node publishes and hears, but for those that every node has."""
     name = node.get_name()
-    shared = {f"{NAMESPACE}/{name}/transition_event", "/diagnostics"}
+    shared = {
+        f"{NAMESPACE}/{name}/transition_event",
+        "/diagnostics",
+        f"{NAMESPACE}/{name}/heartbeat",
+        f"{NAMESPACE}/orchestrator/heartbeat",
+    }
     published = node.get_publisher_names_and_types_by_node(name, NAMESPACE)
     heard = node.get_subscriber_names_and_types_by_node(name, NAMESPACE)
     return (
         {topic for topic, _ in published} - OF_RCLPY - shared,
-        {topic for topic, _ in heard} - OF_RCLPY - {f"{NAMESPACE}/clock"},
+        {topic for topic, _ in heard} - OF_RCLPY - shared - {f"{NAMESPACE}/clock"},
     )
 
 

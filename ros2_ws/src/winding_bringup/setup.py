@@ -10,8 +10,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
+        (f"share/{package_name}/launch", ["launch/twin.launch.py"]),
     ],
-    install_requires=["setuptools", "rosbags", "typer"],
+    install_requires=["setuptools", "mcap", "pyarrow", "rosbags", "typer"],
     zip_safe=False,
     description="The graph as data, its orchestrator, recorder and the winding command.",
     license="Apache-2.0",

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import typer
 
+from winding_bringup.commands.bag import bag
+from winding_bringup.commands.board import board
 from winding_bringup.commands.calibrate import calibrate
+from winding_bringup.commands.conform import conform
+from winding_bringup.commands.dashboard import dashboard
+from winding_bringup.commands.faults import faults
 from winding_bringup.commands.graph import graph
+from winding_bringup.commands.identify import identify
 from winding_bringup.commands.predict import predict
 from winding_bringup.commands.render import render
 from winding_bringup.commands.run import run
 from winding_bringup.commands.study import study
+from winding_bringup.commands.sweep import sweep
 from winding_bringup.commands.track import track
 from winding_bringup.commands.train import train
 from winding_bringup.commands.verify import verify
@@ -20,8 +27,25 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-for _command in (run, predict, study, verify, train, render, track, calibrate, graph):
+for _command in (
+    run,
+    predict,
+    sweep,
+    identify,
+    study,
+    verify,
+    train,
+    render,
+    track,
+    board,
+    calibrate,
+    conform,
+    faults,
+    dashboard,
+    graph,
+):
     app.command()(_command)
+app.add_typer(bag, name="bag")
 
 
 def main() -> None:

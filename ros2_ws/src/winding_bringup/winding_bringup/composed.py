@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -35,7 +35,7 @@ class ComposedGraph:
     def __init__(
         self,
         context: Context,
-        executor: SingleThreadedExecutor,
+        executor: Executor,
         *,
         namespace: str,
         parameters: Mapping[str, Mapping[str, Any]],

@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import dataclass
+from enum import Enum
 
 from cable_winding.ros import topics
 from cable_winding.ros.topics import Topic
 
 DEFAULT_NAMESPACE = "winding"
+
+
+class Policy(Enum):
+    """What becomes of a run in which a node died or hangs; the machine is stopped first."""
+
+    END = "the run ends"
+    RESTART = "the node is started again and the run resumes"
+    REPLAY = "the node is started again, replays the run's inputs, and the run resumes"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +31,7 @@ class NodeSpec:
         parameters_class: Class in `package.parameters` that states its parameters.
         publishes: Topics it publishes, /diagnostics aside.
         subscribes: Topics it listens to.
+        policy: What becomes of the run when the node fails.
         answer: Topic whose stamps say how far the node has come; it holds simulated time.
     """
 
@@ -31,6 +41,7 @@ class NodeSpec:
     parameters_class: str
     publishes: tuple[Topic, ...]
     subscribes: tuple[Topic, ...]
+    policy: Policy = Policy.END
     answer: Topic | None = None
 
 
@@ -43,6 +54,7 @@ GRAPH: tuple[NodeSpec, ...] = (
         parameters_class="CorrectionParameters",
         publishes=(topics.CORRECTED_MARKERS, topics.CORRECTION_CASE),
         subscribes=(topics.FEM_MARKERS, topics.TRACKED_MARKERS),
+        policy=Policy.RESTART,
         answer=topics.CORRECTED_MARKERS,
     ),
     NodeSpec(
@@ -55,8 +67,10 @@ GRAPH: tuple[NodeSpec, ...] = (
             topics.FEM_CABLE,
             topics.FEM_CABLE_LINE,
             topics.FEM_PREDICTION,
+            topics.FEM_MATERIAL,
         ),
-        subscribes=(topics.JOINT_STATES, topics.TENSION),
+        subscribes=(topics.JOINT_STATES, topics.TENSION, topics.TRACKED_MARKERS),
+        policy=Policy.REPLAY,
         answer=topics.FEM_MARKERS,
     ),
     NodeSpec(
@@ -66,6 +80,7 @@ GRAPH: tuple[NodeSpec, ...] = (
         parameters_class="TrackerParameters",
         publishes=(topics.TRACKED_MARKERS,),
         subscribes=(topics.IMAGE, topics.CAMERA_INFO, topics.JOINT_STATES),
+        policy=Policy.RESTART,
         answer=topics.TRACKED_MARKERS,
     ),
     NodeSpec(

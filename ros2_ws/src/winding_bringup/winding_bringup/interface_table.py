@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cable_winding.parameters import Declaration, declarations
+from cable_winding.ros.heartbeat import LEASE, PERIOD, heartbeat_topic
 from cable_winding.ros.topics import SERVICES, TOPICS
 from winding_bringup.graph import GRAPH, parameters_of
 
@@ -25,6 +26,11 @@ def _topics() -> list[str]:
             f"| reliable, depth {topic.depth}{durability} | {'yes' if topic.recorded else 'no'} "
             f"| {topic.description} |"
         )
+    lines.append(
+        f"| `{heartbeat_topic('<node>')}` | `std_msgs/msg/Header` | every node, orchestrator "
+        f"| {1.0 / PERIOD:g} Hz | reliable, depth 1, liveliness {LEASE:g} s | no "
+        "| signs of life; the stamp is wall time |"
+    )
     return lines
 
 

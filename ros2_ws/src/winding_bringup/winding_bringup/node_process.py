@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import collections
+import contextlib
 import os
 import signal
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import psutil  # type: ignore[import-untyped]
+
 from winding_bringup.graph import NodeSpec
 
+_HELD = (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
 _ERROR_MARKS = ("error:", "[ERROR]", "[FATAL]")
+# A node that complains without end may not fill the disk: the older half is let go.
+_LOG_LIMIT = 4_000_000
 _ESCALATION = ((signal.SIGINT, 5.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 5.0))
 
 
@@ -51,6 +57,14 @@ class NodeProcess:
         """Exit code, or None while it runs."""
         return None if self._process is None else self._process.returncode
 
+    @property
+    def stopped(self) -> bool:
+        """Whether the process is held, as by SIGSTOP or a debugger."""
+        try:
+            return psutil.Process(self.pid).status() in _HELD
+        except psutil.NoSuchProcess:
+            return False
+
     async def start(self) -> None:
         """Start the process in a session of its own: Ctrl-C reaches only the orchestrator."""
         self._process = await asyncio.create_subprocess_exec(
@@ -70,6 +84,17 @@ class NodeProcess:
         """Wait for the process to end; return its exit code."""
         assert self._process is not None
         return await self._process.wait()
+
+    async def kill(self) -> int:
+        """End the process at once, whatever state it is in; return its exit code."""
+        assert self._process is not None
+        if self._process.returncode is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+        code = await self._process.wait()
+        if self._reader is not None:
+            await self._reader
+        return code
 
     async def stop(self) -> int:
         """End the process, ever more firmly; return its exit code."""
@@ -107,8 +132,13 @@ class NodeProcess:
     async def _read(self) -> None:
         assert self._process is not None
         assert self._process.stdout is not None
-        with self._log.open("wb") as file:
+        file = self._log.open("ab")
+        try:
             while line := await self._process.stdout.readline():
+                if file.tell() > _LOG_LIMIT:
+                    file.close()
+                    self._log.replace(self._log.with_suffix(".log.1"))
+                    file = self._log.open("ab")
                 file.write(line)
                 file.flush()
                 text = line.decode(errors="replace").rstrip()
@@ -116,3 +146,5 @@ class NodeProcess:
                     self._complaints.append(text)
                 if text.startswith(_ERROR_MARKS):
                     self._complained.set()
+        finally:
+            file.close()

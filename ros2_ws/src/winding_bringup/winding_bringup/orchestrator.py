@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Coroutine, Mapping
+from collections.abc import AsyncIterator, Collection, Coroutine, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from std_srvs.srv import Trigger
 
 from cable_winding.ros import topics
-from winding_bringup.environment import child_environment, ros_arguments
+from winding_bringup.environment import child_environment, enclave_arguments, ros_arguments
 from winding_bringup.graph import GRAPH, NodeSpec, expected_subscribers
 from winding_bringup.node_process import NodeProcess
 from winding_bringup.ros_client import RosClient
@@ -25,11 +25,13 @@ _START_TIMEOUT = 120.0
 _CONFIGURE_TIMEOUT = 300.0
 _MATCH_TIMEOUT = 30.0
 _POLL = 0.02
+_FORGETTING = 0.5
 # A transition without an answer for so long is looked after.
 _ANSWER_PATIENCE = 5.0
 _GOALS = {
     Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
     Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
+    Transition.TRANSITION_DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
 }
 # The answer to a transition may overtake the sentence on the node's own output.
 _REFUSAL_PATIENCE = 5.0
@@ -91,6 +93,57 @@ class Orchestrator:
             self._active.add(process.spec.name)
         await self._while_alive(self._matched())
 
+    def process(self, name: str) -> NodeProcess:
+        """Return a node's present process."""
+        return next(process for process in self.processes if process.spec.name == name)
+
+    def pids(self) -> dict[str, int]:
+        """Return the process ids of the nodes that run."""
+        return {
+            process.spec.name: process.pid
+            for process in self.processes
+            if process.started and process.return_code is None
+        }
+
+    async def restart(self, name: str, extra: Mapping[str, object]) -> None:
+        """Kill what is left of a node, start it anew and bring it to active.
+
+        Args:
+            name: The node.
+            extra: Parameters beside those that it was started with.
+
+        Raises:
+            GraphError, TimeoutError: It does not come up again.
+        """
+        old = self.process(name)
+        self._active.discard(name)
+        await old.kill()
+        new = self._process(old.spec, extra)
+        self.processes[self.processes.index(old)] = new
+        await new.start()
+        await self._while_alive(self._configure(new), [new])
+        await self._while_alive(
+            self._change(new, Transition.TRANSITION_ACTIVATE, _CONFIGURE_TIMEOUT), [new]
+        )
+        self._active.add(name)
+
+    async def rematch(self, names: Collection[str]) -> None:
+        """Wait until the graph has forgotten killed processes and matches their successors."""
+        async with _deadline(_MATCH_TIMEOUT, f"the graph does not forget a killed {names}"):
+            while any(self._client.present(name) != 1 for name in names):
+                await asyncio.sleep(_POLL)
+        # Each process forgets for itself, a little earlier or later than this one.
+        await asyncio.sleep(_FORGETTING)
+        await self._while_alive(self._matched())
+
+    async def begin_anew(self) -> None:
+        """Let every node but the rig begin a new run: what it knew of the last one is gone."""
+        for process in self.processes:
+            if process.spec.name == topics.RIG:
+                continue
+            for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
+                await self._while_alive(self._change(process, transition, _START_TIMEOUT))
+
     async def command(self, service: str) -> None:
         """Call one of the rig's commands, such as rig/start."""
         response = await self._client.call(
@@ -99,9 +152,10 @@ class Orchestrator:
         if not response.success:
             raise GraphError(f"{service} was refused: {response.message}")
 
-    async def first_death(self) -> NodeProcess:
-        """Wait until a process ends; return it."""
-        tasks = {asyncio.create_task(process.ended()): process for process in self.processes}
+    async def first_death(self, among: Sequence[NodeProcess] = ()) -> NodeProcess:
+        """Wait until a process ends, of some or of all; return it."""
+        watched = among or self.processes
+        tasks = {asyncio.create_task(process.ended()): process for process in watched}
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -124,14 +178,19 @@ class Orchestrator:
                 codes[process.spec.name] = await process.stop()
         return codes
 
-    def _process(self, spec: NodeSpec) -> NodeProcess:
+    def _process(self, spec: NodeSpec, extra: Mapping[str, object] | None = None) -> NodeProcess:
         directory = self.config.log_directory
-        arguments = ros_arguments(self.config.namespace)
+        # The node's output is kept already, and kept short.
+        namespace = self.config.namespace
+        arguments = enclave_arguments(namespace, spec.name)
+        arguments += ros_arguments(namespace) or ["--ros-args"]
+        arguments.append("--disable-external-lib-logs")
         if self.config.parameters_file is not None:
             arguments += ["--params-file", str(self.config.parameters_file)]
         own = directory / f"{spec.name}.yaml"
-        full_name = f"/{self.config.namespace}/{spec.name}"
+        full_name = f"/{namespace}/{spec.name}"
         values = {"use_sim_time": True, **self.config.parameters.get(spec.name, {})}
+        values |= extra or {}
         own.write_text(yaml.safe_dump({full_name: {"ros__parameters": values}}), encoding="utf-8")
         arguments += ["--params-file", str(own)]
         return NodeProcess(
@@ -203,9 +262,11 @@ class Orchestrator:
             if self._client.matched(node, topic) < count
         ]
 
-    async def _while_alive(self, work: Coroutine[Any, Any, Any]) -> None:
+    async def _while_alive(
+        self, work: Coroutine[Any, Any, Any], among: Sequence[NodeProcess] = ()
+    ) -> None:
         task = asyncio.create_task(work)
-        death = asyncio.create_task(self.first_death())
+        death = asyncio.create_task(self.first_death(among))
         done, _ = await asyncio.wait({task, death}, return_when=asyncio.FIRST_COMPLETED)
         if task in done:
             death.cancel()

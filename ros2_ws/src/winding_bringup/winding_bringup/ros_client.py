@@ -4,21 +4,29 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from collections.abc import Callable
 from typing import Any
 
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
 from cable_winding.ros import topics
-from cable_winding.ros.diagnostic_messages import Status, decode_diagnostics
+from cable_winding.ros.diagnostic_messages import (
+    Level,
+    Status,
+    decode_diagnostics,
+    encode_diagnostics,
+)
+from cable_winding.ros.heartbeat import Heartbeat, Sign, heartbeat_topic, watch_heartbeat
 from cable_winding.ros.managed_node import MATCHED
-from winding_bringup.environment import ros_arguments
+from winding_bringup.environment import enclave_arguments, ros_arguments
 
 _SPIN_PERIOD = 0.1
 # A request sent before the server is matched is lost, so requests are repeated.
-_RETRY_PERIOD = 1.0
+_RETRY_PERIOD = 0.5
+NAME = "orchestrator"
 
 
 class RosClient:
@@ -26,9 +34,13 @@ class RosClient:
 
     def __init__(self, namespace: str) -> None:
         self._context = Context()
-        rclpy.init(context=self._context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
+        rclpy.init(
+            args=[NAME, *enclave_arguments(namespace, NAME)],
+            context=self._context,
+            signal_handler_options=rclpy.SignalHandlerOptions.NO,
+        )
         self.node = Node(
-            "orchestrator",
+            NAME,
             context=self._context,
             cli_args=ros_arguments(namespace),
         )
@@ -36,7 +48,9 @@ class RosClient:
         self._statuses: dict[str, Status] = {}
         self._clients: dict[str, Any] = {}
         topics.DIAGNOSTICS.subscribe(self.node, self._note)
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._diagnostics = topics.DIAGNOSTICS.advertise(self.node)
+        self._heartbeat = Heartbeat(self.node, NAME)
+        self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._quit = threading.Event()
         self._thread = threading.Thread(target=self._spin, name="orchestrator")
@@ -57,6 +71,32 @@ class RosClient:
     def status(self, name: str) -> Status | None:
         """Return the last status of that name, such as `winding_rig` or `winding_rig: topics`."""
         return self._statuses.get(name)
+
+    def beat(self) -> None:
+        """Say that the orchestrator lives; nodes that move something stop when it falls silent."""
+        self._heartbeat.beat()
+
+    def watch(self, name: str, told: Callable[[Sign], None]) -> None:
+        """Tell of a node's signs of life, and of their end, in the event loop that runs now."""
+        loop = asyncio.get_running_loop()
+
+        def hand_over(sign: Sign) -> None:
+            # The last signs of life may come when nobody listens any more.
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(told, sign)
+
+        watch_heartbeat(self.node, name, hand_over)
+        self._executor.wake()
+
+    def present(self, name: str) -> int:
+        """Return how many processes of a node the graph knows, those lately killed included."""
+        return int(self.node.count_publishers(heartbeat_topic(name)))
+
+    def tell(self, level: Level, name: str, message: str, values: dict[str, str]) -> None:
+        """Publish a status of the orchestrator's own."""
+        status = Status(name=f"{NAME}: {name}", level=level, message=message, values=values)
+        now = self.node.get_clock().now().nanoseconds * 1e-9
+        self._diagnostics.publish(encode_diagnostics(now, [status], hardware_id=self._hardware_id))
 
     def matched(self, node: str, topic: str) -> int:
         """Return how many subscriptions a node's publisher says it has."""

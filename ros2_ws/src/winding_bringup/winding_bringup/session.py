@@ -3,23 +3,35 @@
 from __future__ import annotations
 
 import asyncio
+import json
+import math
 import signal
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from cable_winding.parameters import build
 from cable_winding.ros import topics
+from cable_winding.ros.topics import Topic
+from winding_bringup.bags.bag_file import BagConfig
+from winding_bringup.bags.notes import PARAMETERS
 from winding_bringup.environment import clean_shared_memory, set_process_environment
+from winding_bringup.event_log import Event, EventLog
 from winding_bringup.graph import DEFAULT_NAMESPACE, GRAPH, pace_topics, parameters_of
-from winding_bringup.orchestrator import GraphConfig, GraphError, Orchestrator
+from winding_bringup.orchestrator import GraphConfig, Orchestrator
 from winding_bringup.ownership import chosen_domain, owned
+from winding_bringup.parameter_files import parameters_for
 from winding_bringup.recorder import Recorder, RecorderError, Tape
 from winding_bringup.ros_client import RosClient
+from winding_bringup.supervision import Supervisor, replay_parameters
 
 _POLL = 0.05
 _VIEW_PERIOD = 0.25
+# The machine stops when the orchestrator has given no sign of life for so long.
+_SUPERVISOR_TIMEOUT = 1.5
+# Frames may be lost at the very end of a run: nothing more comes after so long.
+_LAST_FRAMES = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +44,7 @@ class SessionConfig:
         own: Node name -> parameters of that node alone.
         duration: Simulated length [s].
         bag: Where to record, or None.
+        recording: How the bag is stored.
         parameters_file: The user's own parameter file.
         domain: DDS domain, or None for the environment's.
         namespace: Namespace of the graph.
@@ -42,6 +55,7 @@ class SessionConfig:
     own: Mapping[str, Mapping[str, object]]
     duration: float
     bag: Path | None = None
+    recording: BagConfig = field(default_factory=BagConfig)
     parameters_file: Path | None = None
     domain: int | None = None
     namespace: str = DEFAULT_NAMESPACE
@@ -49,10 +63,19 @@ class SessionConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class SessionResult:
-    """What a session leaves: the tape and how long it took."""
+    """What a session leaves.
+
+    Attributes:
+        tape: Every message but the pictures.
+        wall_s: How long the run took [s].
+        recording_error: What ended the bag before the run, if anything did.
+        events: What supervision saw and did; nothing in a run without failures.
+    """
 
     tape: Tape
     wall_s: float
+    recording_error: Exception | None = None
+    events: tuple[Event, ...] = ()
 
 
 View = Callable[[Tape, float], None]
@@ -94,6 +117,7 @@ def run_session(config: SessionConfig, view: View) -> SessionResult:
 
 
 async def _run(config: SessionConfig, view: View) -> SessionResult:
+    log = EventLog(file=config.directory / "events.jsonl")
     task = asyncio.current_task()
     assert task is not None
     # A terminated session stops its nodes and closes its bag, as an interrupted one does.
@@ -104,7 +128,13 @@ async def _run(config: SessionConfig, view: View) -> SessionResult:
         if topic.recorded and (config.bag is not None or topic not in _PICTURES)
     )
     client = RosClient(config.namespace)
-    recorder = Recorder(client.node, config.bag, recorded=recorded)
+    recorder = Recorder(
+        client.node,
+        config.bag,
+        recorded=recorded,
+        config=config.recording,
+        notes=_run_notes(config),
+    )
     client.start()
     orchestrator = Orchestrator(
         GraphConfig(
@@ -116,21 +146,47 @@ async def _run(config: SessionConfig, view: View) -> SessionResult:
         ),
         client,
     )
+    history = config.directory / "log" / f"{topics.FEM}_inputs.npy"
+    supervisor = Supervisor(
+        orchestrator,
+        client,
+        recorder.tape,
+        log,
+        {topics.FEM: lambda: replay_parameters(recorder.tape, history)},
+    )
     try:
         await orchestrator.start()
         await orchestrator.bring_up()
-        begin = time.monotonic()
-        await orchestrator.command("rig/start")
-        await _follow(config, orchestrator, recorder, view, begin)
-        wall = time.monotonic() - begin
+        async with supervisor.beating():
+            begin = time.monotonic()
+            await orchestrator.command("rig/start")
+            await _follow(config, supervisor, recorder, view, begin)
+            wall = time.monotonic() - begin
     finally:
         await orchestrator.stop()
-        client.close()
+        # The recorder publishes until everything is stored.
         recorder.close()
-    return SessionResult(tape=recorder.tape, wall_s=wall)
+        client.close()
+    return SessionResult(
+        tape=recorder.tape,
+        wall_s=wall,
+        recording_error=recorder.error,
+        events=tuple(log.events),
+    )
 
 
 _PICTURES = (topics.IMAGE, topics.PREVIEW)
+
+
+def _run_notes(config: SessionConfig) -> dict[str, str]:
+    """Return the parameters of every node as a bag keeps them, for its replay."""
+    notes = {}
+    for name, own in _parameters(config).items():
+        values: dict[str, object] = {}
+        if config.parameters_file is not None:
+            values |= parameters_for(config.parameters_file, f"/{config.namespace}/{name}")
+        notes[f"{PARAMETERS}{name}"] = json.dumps(values | own)
+    return notes
 
 
 def _parameters(config: SessionConfig) -> dict[str, dict[str, object]]:
@@ -138,29 +194,25 @@ def _parameters(config: SessionConfig) -> dict[str, dict[str, object]]:
         spec.name: {**config.condition, **config.own.get(spec.name, {})} for spec in GRAPH
     }
     parameters[topics.RIG]["pace_topics"] = ",".join(topic.name for topic in pace_topics())
+    parameters[topics.RIG]["supervisor_timeout"] = _SUPERVISOR_TIMEOUT
     return parameters
 
 
 async def _follow(
     config: SessionConfig,
-    orchestrator: Orchestrator,
+    supervisor: Supervisor,
     recorder: Recorder,
     view: View,
     begin: float,
 ) -> None:
-    """Wait until every room has dealt with the run's last sample."""
-    death = asyncio.create_task(orchestrator.first_death())
+    """Wait until every room has dealt with the run's last sample, under supervision."""
+    supervision = asyncio.create_task(supervisor.watch())
+    ending = RunEnd(config.duration)
     shown = begin - _VIEW_PERIOD
     try:
-        while not _complete(config, recorder.tape):
-            if death.done():
-                await death.result().stop()
-                raise GraphError(
-                    f"{orchestrator.obituary(death.result())} at "
-                    f"{recorder.tape.last_stamp(topics.JOINT_STATES):.3f} s of simulated time"
-                )
-            if recorder.error is not None:
-                raise GraphError(f"the recording failed: {recorder.error}")
+        while not ending.reached(recorder.tape, time.monotonic()):
+            if supervision.done():
+                supervision.result()
             now = time.monotonic()
             if now - shown >= _VIEW_PERIOD:
                 view(recorder.tape, now - begin)
@@ -168,19 +220,34 @@ async def _follow(
             await asyncio.sleep(_POLL)
         view(recorder.tape, time.monotonic() - begin)
     finally:
-        death.cancel()
+        supervision.cancel()
 
 
-def _complete(config: SessionConfig, tape: Tape) -> bool:
-    """Return whether each room's last message of the run is on the tape."""
-    return all(
-        tape.last_stamp(topic) > config.duration - 1.0 / topic.rate
-        for topic in (
-            topics.JOINT_STATES,
-            topics.CAMERA_INFO,
-            topics.TRACKED_MARKERS,
-            topics.FEM_MARKERS,
-            topics.CORRECTED_MARKERS,
-        )
-        if topic.rate is not None
-    )
+class RunEnd:
+    """Tells when each room has dealt with a run's last sample.
+
+    Args:
+        duration: Simulated length of the run [s].
+    """
+
+    def __init__(self, duration: float) -> None:
+        self._duration = duration
+        self._last_frame = -1.0
+        self._since = math.inf
+
+    def reached(self, tape: Tape, now: float) -> bool:
+        """Return whether the tape has everything, as far as wall time `now` [s] can tell."""
+        followers = (topics.JOINT_STATES, topics.FEM_MARKERS, topics.CORRECTED_MARKERS)
+        if not all(self._ends(topic, tape) for topic in followers):
+            return False
+        if self._ends(topics.CAMERA_INFO, tape) and self._ends(topics.TRACKED_MARKERS, tape):
+            return True
+        # The camera may have lost its last frames: then the one before has to be answered.
+        frame = tape.last_stamp(topics.TRACKED_MARKERS)
+        if frame != self._last_frame:
+            self._last_frame, self._since = frame, now
+        return now - self._since >= _LAST_FRAMES
+
+    def _ends(self, topic: Topic, tape: Tape) -> bool:
+        assert topic.rate is not None
+        return tape.last_stamp(topic) > self._duration - 1.0 / topic.rate

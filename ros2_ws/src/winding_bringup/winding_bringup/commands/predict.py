@@ -11,165 +11,47 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from winding_bringup.commands.option_record import with_options
+from winding_bringup.commands.predict_options import MILLIMETRE, PredictOptions
 from winding_bringup.commands.refusal import refuse
 
 if TYPE_CHECKING:
     from cable_fem_node.prediction import Prediction
-    from cable_winding.cases import Case
-
-MILLIMETRE = 1.0e-3
-MEGAPASCAL = 1.0e6
+    from winding_study.planned_run import PlannedRun
 
 
+@with_options(PredictOptions)
 def predict(
+    options: PredictOptions,
     *,
-    case: Annotated[int | None, typer.Option(help="Row of the paper's Table 1 (1 to 12).")] = None,
-    cylinder_diameter_mm: Annotated[float | None, typer.Option(help="[mm]")] = None,
-    cable_diameter_mm: Annotated[float | None, typer.Option(help="Undeformed [mm].")] = None,
-    tension_mpa: Annotated[
-        float | None, typer.Option(help="Weight over the undeformed section [MPa].")
-    ] = None,
-    tension_n: Annotated[float | None, typer.Option(help="Weight on the cable's end [N].")] = None,
-    young_mpa: Annotated[float | None, typer.Option(help="Young's modulus [MPa]; 2.6.")] = None,
-    poisson: Annotated[float | None, typer.Option(help="Poisson's ratio; 0.47.")] = None,
-    density: Annotated[float | None, typer.Option(help="[kg/m^3]; 1337.")] = None,
-    friction: Annotated[float, typer.Option(help="Coulomb friction, cable on cylinder.")] = 0.1,
-    guide_distance_mm: Annotated[
-        float | None, typer.Option(help="Guide to cylinder axis [mm]; a tangent span of 198 mm.")
-    ] = None,
-    marker_spacing_mm: Annotated[
-        float | None, typer.Option(help="Along the undeformed cable [mm]; the case's, or 100.")
-    ] = None,
-    markers: Annotated[int, typer.Option(help="Markers after P0.")] = 4,
-    feed_mm_s: Annotated[float, typer.Option(help="Carriage speed after the ramp.")] = 5.0,
-    omega_rad_s: Annotated[float, typer.Option(help="Cylinder speed after the ramp.")] = 1.74,
-    duration_s: Annotated[float, typer.Option(help="Time to wind [s].")] = 20.0,
-    segment_mm: Annotated[float, typer.Option(help="Length of an element [mm].")] = 5.0,
-    law: Annotated[
-        str,
-        typer.Option(help="linear, hencky, hencky_cauchy, neo_hookean or mooney_rivlin."),
-    ] = "linear",
-    element: Annotated[str, typer.Option(help="rod or solid.")] = "rod",
-    mass_scaling: Annotated[
-        float | None, typer.Option(help="Factor on the density; rod 1, solid 400.")
-    ] = None,
-    rolling: Annotated[
-        bool, typer.Option("--rolling/--no-rolling", help="Let the rod roll on the cylinder.")
-    ] = False,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Also write the result to this file.")
     ] = None,
 ) -> None:
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
     from cable_fem_node.failure import DivergenceError, EnergyBalanceError
-    from cable_fem_node.winding_config import WindingConfig
-    from cable_winding.drive import DriveProfile
-    from cable_winding.fleet import PAPER_FREE_LENGTH, free_length_of
 
-    if element not in ("rod", "solid"):
-        refuse(f"element must be rod or solid, got {element!r}")
-    if tension_mpa is not None and tension_n is not None:
-        refuse("give the tension once: --tension-mpa or --tension-n")
     try:
-        condition = _condition(
-            case=case,
-            cylinder_diameter_mm=cylinder_diameter_mm,
-            cable_diameter_mm=cable_diameter_mm,
-            tension_mpa=tension_mpa,
-            tension_n=tension_n,
-            material={
-                "young": (young_mpa, MEGAPASCAL),
-                "poisson": (poisson, 1.0),
-                "density": (density, 1.0),
-            },
-            marker_spacing_mm=marker_spacing_mm,
-            markers=markers,
-        )
-        free_length = (
-            PAPER_FREE_LENGTH
-            if guide_distance_mm is None
-            else free_length_of(guide_distance_mm * MILLIMETRE, condition.centreline_radius)
-        )
-        config = WindingConfig(
-            case=condition,
-            friction=friction,
-            law=law,
-            segment_length=segment_mm * MILLIMETRE,
-            free_length=free_length,
-            mass_scaling=mass_scaling or (1.0 if element == "rod" else 400.0),
-            rolling=rolling,
-        )
-        drive = DriveProfile(angular_speed=omega_rad_s, feed_speed=feed_mm_s * MILLIMETRE)
-        result = _wind(config, drive, duration_s, element)
+        run = options.plan()
+        result = _wind(run)
     except (ValueError, DivergenceError, EnergyBalanceError) as error:
         refuse(error)
-    _print(result, element)
+    _print(result, run.element)
     if json_file is not None:
         try:
-            json_file.write_text(json.dumps(_record(result, element), indent=1) + "\n")
+            json_file.write_text(json.dumps(_record(result, run.element), indent=1) + "\n")
         except OSError as error:
             refuse(f"cannot write {json_file}: {error.strerror}")
 
 
-def _condition(
-    *,
-    case: int | None,
-    cylinder_diameter_mm: float | None,
-    cable_diameter_mm: float | None,
-    tension_mpa: float | None,
-    tension_n: float | None,
-    material: dict[str, tuple[float | None, float]],
-    marker_spacing_mm: float | None,
-    markers: int,
-) -> Case:
-    import math
-    from dataclasses import replace
-
-    from cable_winding.cases import Case, Material, paper_case
-
-    own = {
-        "cylinder_diameter": cylinder_diameter_mm,
-        "cable_diameter": cable_diameter_mm,
-        "marker_spacing": marker_spacing_mm,
-    }
-    given: dict[str, Any] = {k: v * MILLIMETRE for k, v in own.items() if v is not None}
-    given["marker_count"] = markers
-    stuff = {name: value * unit for name, (value, unit) in material.items() if value is not None}
-    if case is not None:
-        start = paper_case(case)
-        given["material"] = replace(start.material, **stuff)
-    else:
-        wanted = {
-            "--cylinder-diameter-mm": cylinder_diameter_mm,
-            "--cable-diameter-mm": cable_diameter_mm,
-            "--tension-n or --tension-mpa": tension_mpa if tension_n is None else tension_n,
-        }
-        missing = [name for name, value in wanted.items() if value is None]
-        if missing:
-            raise ValueError(f"give --case, or all of one's own: missing {', '.join(missing)}")
-        start = None
-        given["material"] = Material(**stuff)
-        given.setdefault("marker_spacing", 100.0 * MILLIMETRE)
-    if tension_n is not None:
-        given["weight"] = tension_n
-    elif tension_mpa is not None:
-        diameter = given.get("cable_diameter", start.cable_diameter if start else 0.0)
-        given["weight"] = tension_mpa * MEGAPASCAL * math.pi * diameter**2 / 4.0
-    if start is None:
-        return Case(**given)
-    changed = set(given) - {"material", "marker_count"}
-    number = 0 if changed or stuff else start.number
-    return replace(start, number=number, **given)
-
-
-def _wind(config: Any, drive: Any, duration: float, element: str) -> Prediction:
+def _wind(run: PlannedRun) -> Prediction:
     from cable_fem_node.compile import is_compiled
 
     console = Console(stderr=True)
     if not is_compiled():
         console.print("compiling the solver's kernels: once after installation, a minute at most")
     with Progress(
-        TextColumn(f"winding with the {element}"),
+        TextColumn(f"winding with the {run.element}"),
         BarColumn(),
         TaskProgressColumn(),
         TimeElapsedColumn(),
@@ -181,12 +63,7 @@ def _wind(config: Any, drive: Any, duration: float, element: str) -> Prediction:
         def show(share: float) -> None:
             bar.update(task, completed=share)
 
-        if element == "solid":
-            from cable_fem_node.solid_winding import predict_solid as wind
-        else:
-            from cable_fem_node.prediction import predict as wind
-        result: Prediction = wind(config, drive, duration, show)
-        return result
+        return run.wind(show)
 
 
 def _print(result: Prediction, element: str) -> None:

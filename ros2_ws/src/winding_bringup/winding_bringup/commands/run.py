@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import sys
 import time
 from dataclasses import replace
@@ -11,13 +12,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from winding_bringup.commands.own_condition import condition_values
 from winding_bringup.commands.refusal import FAILED, INTERRUPTED, refuse
 
 if TYPE_CHECKING:
+    from winding_bringup.bags.bag_file import BagConfig
     from winding_bringup.recorder import Tape
     from winding_bringup.session import SessionConfig, SessionResult
 
 _MILLIMETRE = 1.0e-3
+_MEGABYTE = 1.0e6
 _PIPE_WIDTH = 110
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
@@ -42,6 +46,11 @@ def run(
     bag: Annotated[
         Path | None, typer.Option(help="Record every topic into this new rosbag2 folder.")
     ] = None,
+    storage: Annotated[str, typer.Option(help="Of the bag: mcap or sqlite3.")] = "mcap",
+    compression: Annotated[str, typer.Option(help="Of MCAP chunks: none or zstd.")] = "none",
+    split_mb: Annotated[
+        float, typer.Option(help="Begin a further file of the bag after so many MB; 0: never.")
+    ] = 0.0,
     output: Annotated[
         Path | None,
         typer.Option(help="New folder of logs, report and numbers; runs/<time>-case<N> otherwise."),
@@ -59,6 +68,9 @@ def run(
         int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
     ] = None,
     namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
+    secure: Annotated[
+        bool, typer.Option("--secure", help="Refuse to run unless DDS security is enforced.")
+    ] = False,
 ) -> None:
     """Wind one case: predict, measure, correct; end with a table and a report."""
     from cable_winding.condition import ConditionParameters
@@ -71,15 +83,18 @@ def run(
         "marker_spacing": _scaled(marker_spacing_mm, _MILLIMETRE),
     }
     try:
-        values = _condition_values(case, own) | {"duration": duration_s}
+        values = condition_values(case, own) | {"duration": duration_s}
         condition = build(ConditionParameters, values, owner="winding run")
         wound = condition.condition()
         condition.drive()
     except ValueError as error:
         refuse(error)
     _refuse_namespace(namespace)
+    if secure:
+        _refuse_open(namespace)
     if parameters is not None and not parameters.is_file():
         refuse(f"no parameter file at {parameters}")
+    recording = _recording(storage, compression, split_mb)
     lay = lay or ("fem" if wound.number == 0 else "paper")
     from cable_winding.ros import topics
     from winding_bringup.session import SessionConfig
@@ -94,6 +109,7 @@ def run(
         },
         duration=duration_s,
         bag=bag,
+        recording=recording,
         parameters_file=parameters,
         domain=domain,
         namespace=namespace,
@@ -108,6 +124,21 @@ def run(
         report or config.directory / "report",
         json or config.directory / "run.json",
     )
+    if result.recording_error is not None:
+        refuse(f"the recording is incomplete: {result.recording_error}", FAILED)
+
+
+def _recording(storage: str, compression: str, split_mb: float) -> BagConfig:
+    from winding_bringup.bags.bag_file import BagConfig
+
+    if not math.isfinite(split_mb):
+        refuse(f"split size must be finite, got {split_mb} MB")
+    try:
+        return BagConfig(
+            storage=storage, compression=compression, split_bytes=round(split_mb * _MEGABYTE)
+        )
+    except ValueError as error:
+        refuse(error)
 
 
 def _given(**values: object) -> dict[str, object]:
@@ -118,33 +149,20 @@ def _scaled(value: float | None, unit: float) -> float | None:
     return None if value is None else value * unit
 
 
-def _condition_values(case: int | None, own: dict[str, float | None]) -> dict[str, object]:
-    given = {name: value for name, value in own.items() if value is not None}
-    if case is not None and given:
-        raise ValueError(
-            f"{next(iter(given)).replace('_', ' ')} is given beside --case {case}; leave --case "
-            "out for a condition of one's own"
-        )
-    if case is not None:
-        if case < 1:
-            raise ValueError(f"case must be one of 1 to 12, got {case}")
-        return {"case": case}
-    if not given:
-        raise ValueError(
-            "say what to wind: --case 1 to 12, or --cylinder-diameter-mm, --cable-diameter-mm, "
-            "--tension-n and --marker-spacing-mm"
-        )
-    missing = [name for name in own if name not in given]
-    if missing:
-        raise ValueError(f"a condition of one's own also needs its {missing[0].replace('_', ' ')}")
-    return {"case": 0, **given}
-
-
 def _refuse_namespace(namespace: str) -> None:
     import re
 
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*", namespace):
         refuse(f"namespace must be made of letters, digits, _ and /, got {namespace!r}")
+
+
+def _refuse_open(namespace: str) -> None:
+    from winding_bringup.security import SecurityError, check_security
+
+    try:
+        check_security(namespace)
+    except SecurityError as error:
+        refuse(error)
 
 
 def _label(case: int) -> str:

@@ -1,182 +1,144 @@
-"""`winding study`: the paper's twelve cases with our solver, beside the paper's columns."""
+"""`winding study`: the paper's tables and figures again, with our solver or the paper's own."""
 
 from __future__ import annotations
 
-import json as json_text
+import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from winding_bringup.commands.refusal import refuse
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from winding_study.comparison import Comparison
-    from winding_study.study import CaseResult, StudyConfig
+STORE = Path("runs") / "study"
+# A row or a range of rows.
+_CASES = re.compile(r"(?P<first>[0-9]{1,3})(-(?P<last>[0-9]{1,3}))?")
 
 
 def study(
     *,
-    element: Annotated[str, typer.Option(help="Element of the solver: rod.")] = "rod",
+    element: Annotated[
+        str, typer.Option(help="Element of the solver: rod, or solid, the paper's C3D8R.")
+    ] = "rod",
+    fem: Annotated[
+        str,
+        typer.Option(help="What is corrected: own predictions, or the paper's published ones."),
+    ] = "own",
+    cases: Annotated[
+        str | None, typer.Option(help="Rows of Table 1, such as 1,4 or 7-12; all twelve.")
+    ] = None,
+    duration_s: Annotated[
+        float, typer.Option("--duration-s", "--duration", help="Simulated time of a run [s].")
+    ] = 20.0,
     law: Annotated[
         str | None,
         typer.Option(help="Material law; linear, or neo_hookean with --calibrate-rig."),
     ] = None,
-    segment_mm: Annotated[float, typer.Option(help="Length of an element.")] = 5.0,
-    json: Annotated[Path | None, typer.Option(help="File of means and cells.")] = None,
+    segment_mm: Annotated[
+        float | None,
+        typer.Option(help="Length of an element; rod 5, solid a sixth of the cylinder's diameter."),
+    ] = None,
+    mass_scaling: Annotated[
+        float | None, typer.Option(help="Factor on the density; rod 1, solid 400.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Folder of the page and a CSV file of every table.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(help="File of all numbers.")] = None,
     lengths: Annotated[
         Path | None, typer.Option(help="File of predicted lengths, as `winding train` reads them.")
     ] = None,
+    store: Annotated[
+        Path, typer.Option(help="Folder of finished runs; what is in it is not wound again.")
+    ] = STORE,
     processes: Annotated[int, typer.Option(min=1, help="Cases at a time.")] = 2,
+    seeds: Annotated[
+        str, typer.Option(help="Seeds of the models that start at random; the spread is over them.")
+    ] = "0,1,2",
+    steps: Annotated[int | None, typer.Option(min=1, help="Training steps of a network.")] = None,
+    models: Annotated[
+        bool, typer.Option("--models/--no-models", help="Train and compare models of h.")
+    ] = True,
     calibrate_rig: Annotated[
         bool,
         typer.Option("--calibrate-rig", help="Fit the rig's span tension to the measured angles."),
     ] = False,
 ) -> None:
-    """Wind all twelve cases ahead and compare every measured marker."""
-    from rich.console import Console
+    """Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models."""
+    from cable_winding.uniaxial import LAWS
+    from winding_bringup.commands import study_output
+    from winding_bringup.commands.study_conduct import conduct
+    from winding_study.study import ELEMENTS, StudyConfig
 
-    from cable_fem_node.winding import LAWS
-    from correction_node.dataset import format_lengths
-    from winding_study.comparison import compare, compare_paper
-    from winding_study.study import StudyConfig, predicted_lengths
-
-    if element != "rod":
-        refuse(f"element must be rod, got {element!r}")
-    if not 0.0 < segment_mm < float("inf"):
-        refuse(f"segment-mm must be positive and finite, got {segment_mm}")
+    if element not in ELEMENTS:
+        refuse(f"element must be {' or '.join(ELEMENTS)}, got {element!r}")
+    if fem not in ("own", "published"):
+        refuse(f"fem must be own or published, got {fem!r}")
     if law is not None and law not in LAWS:
         refuse(f"law must be one of {', '.join(LAWS)}, got {law!r}")
+    for name, number in (
+        ("duration-s", duration_s),
+        ("segment-mm", segment_mm),
+        ("mass-scaling", mass_scaling),
+    ):
+        if number is not None and not 0.0 < number < float("inf"):
+            refuse(f"{name} must be positive and finite, got {number}")
     for path in (json, lengths):
         if path is not None and not path.absolute().parent.is_dir():
             refuse(f"there is no folder {path.parent} for {path.name}")
+    if report is not None and report.exists() and not report.is_dir():
+        refuse(f"{report} is not a folder")
     if calibrate_rig:
-        if lengths is not None:
-            refuse("--calibrate-rig winds nothing, so it has no --lengths")
-        _calibrate(law, json)
+        if lengths is not None or report is not None:
+            refuse("--calibrate-rig winds nothing, so it has no --lengths and no --report")
+        study_output.calibrate(law, json)
         return
-    console = Console()
-    results = _wind(StudyConfig(law=law or "linear", segment_length=1e-3 * segment_mm), processes)
+    if fem == "published" and lengths is not None:
+        refuse("--fem published winds nothing, so it has no --lengths")
+    chosen, drawn = _cases(cases), _seeds(seeds)
     try:
-        own = compare(results)
+        config = StudyConfig(
+            element=element,
+            law=law or "linear",
+            segment_length=None if segment_mm is None else 1e-3 * segment_mm,
+            mass_scaling=mass_scaling,
+            duration=duration_s,
+        )
     except ValueError as error:
         refuse(error)
-    paper = compare_paper()
-    console.print(_cells_table(own, paper))
-    console.print(_means_table(own, paper))
-    console.print(
-        f"{sum(result.cpu_seconds for result in results):.1f} CPU seconds; energy balance open by "
-        f"at most {max(result.energy_balance_pct for result in results):.2g} %; one guide "
-        "distance and the dead weight for all cases, nothing fitted."
+    record, stored = conduct(
+        config if fem == "own" else None,
+        chosen,
+        store=store,
+        processes=processes,
+        seeds=drawn if models else (),
+        steps=steps,
     )
-    if json is not None:
-        _write(json, {**own.as_json(), "paper": paper.as_json()})
-    if lengths is not None:
-        lengths.write_text(format_lengths(predicted_lengths(results)), encoding="utf-8")
+    study_output.show(record)
+    study_output.deliver(record, stored=stored, report=report, json=json, lengths=lengths)
 
 
-def _write(path: Path, content: dict[str, Any]) -> None:
-    path.write_text(json_text.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+def _cases(text: str | None) -> tuple[int, ...]:
+    """Return the rows of Table 1 that are asked for, in order."""
+    from cable_winding.published import published_conditions
+
+    known = tuple(published_conditions())
+    if text is None:
+        return known
+    found: set[int] = set()
+    for part in text.split(","):
+        match = _CASES.fullmatch(part.strip())
+        if match is None:
+            refuse(f"cases must be numbers such as 1,4 or 7-12, got {text!r}")
+        first, last = int(match["first"]), int(match["last"] or match["first"])
+        if not known[0] <= first <= last <= known[-1]:
+            refuse(f"cases must be rows 1 to {len(known)} of Table 1, got {text!r}")
+        found |= set(range(first, last + 1))
+    return tuple(sorted(found))
 
 
-def _calibrate(law: str | None, json: Path | None) -> None:
-    from dataclasses import asdict
-
-    from rich.console import Console
-    from rich.table import Table
-
-    from winding_study.calibration import LAW, calibrate
-
-    console = Console()
-    with Console(stderr=True).status("fitting five numbers thirteen times"):
-        fitted = calibrate(law or LAW)
-    table = Table(title=f"Span tension of the rig, fitted with law {fitted.law}")
-    for column in ("number", "value", "standard error"):
-        table.add_column(column, justify="left" if column == "number" else "right")
-    units = {"offset": " (F0), N", "diameter_gain": " (b), N", "build_up_length": " (L_c), m"}
-    for (name, value), error in zip(
-        asdict(fitted.tension).items(), fitted.standard_errors, strict=True
-    ):
-        label = name.replace("_", " ") + units.get(name, "")
-        table.add_row(label, f"{value:.4f}", f"{error:.4f}")
-    console.print(table)
-    console.print(
-        f"theta, relative rms over {len(fitted.residuals_pct)} measured markers: "
-        f"{fitted.in_sample_rms_pct:.2f} % in-sample, "
-        f"{fitted.leave_one_case_out_rms_pct:.2f} % leave-one-case-out. The form of the law was "
-        "found on these very cells, so even the left-out number flatters it."
-    )
-    if json is not None:
-        _write(json, {"calibration": fitted.as_json()})
-
-
-def _wind(config: StudyConfig, processes: int) -> tuple[CaseResult, ...]:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    from winding_study.study import wind_cases
-
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    ) as progress:
-        task = progress.add_task("winding 12 cases", total=12)
-
-        def ended(result: CaseResult) -> None:
-            progress.update(task, advance=1, description=f"case {result.case} wound")
-
-        try:
-            return wind_cases(config, ended, processes=processes)
-        except ValueError as error:
-            refuse(error)
-
-
-def _cells_table(own: Comparison, paper: Comparison) -> Table:
-    from rich.table import Table
-
-    table = Table(title="Every measured marker: ours, the paper's simulation, the experiment")
-    table.add_column("case")
-    table.add_column("marker")
-    for column in ("theta, rad", "z, mm", "S, mm"):
-        for who in ("ours", "paper", "exp."):
-            table.add_column(f"{column}\n{who}", justify="right")
-    for who in ("ours", "paper"):
-        table.add_column(f"error, %\n{who}", justify="right")
-    for mine, theirs in zip(own.cells, paper.cells, strict=True):
-        table.add_row(
-            str(mine.case) if mine.marker == 1 else "",
-            f"P{mine.marker}",
-            *(f"{v:.2f}" for v in (mine.theta_rad, theirs.theta_rad, mine.theta_exp_rad)),
-            *(f"{1e3 * v:.2f}" for v in (mine.z_m, theirs.z_m, mine.z_exp_m)),
-            *(f"{1e3 * v:.1f}" for v in (mine.s_m, theirs.s_m, mine.s_exp_m)),
-            f"{mine.error_pct:.2f}",
-            f"{theirs.error_pct:.2f}",
-        )
-    return table
-
-
-def _means_table(own: Comparison, paper: Comparison) -> Table:
-    from rich.table import Table
-
-    table = Table(title=f"Means over {len(own.cells)} measured markers")
-    table.add_column("")
-    for who in ("ours", "paper's simulation"):
-        table.add_column(who, justify="right")
-    for label, mine, theirs in (
-        ("length error as in Table 7, %", own.mean_error_pct, paper.mean_error_pct),
-        ("|z - z_exp| marker by marker, mm", own.mean_abs_dz_mm, paper.mean_abs_dz_mm),
-        (
-            "|z - z_exp| at the measured theta, mm",
-            own.mean_abs_dz_path_mm,
-            paper.mean_abs_dz_path_mm,
-        ),
-        ("|theta - theta_exp|, rad", own.mean_abs_dtheta_rad, paper.mean_abs_dtheta_rad),
-    ):
-        table.add_row(label, *("-" if v is None else f"{v:.2f}" for v in (mine, theirs)))
-    return table
+def _seeds(text: str) -> tuple[int, ...]:
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isdecimal() for part in parts) or len(set(parts)) != len(parts):
+        refuse(f"seeds must be different whole numbers such as 0,1,2, got {text!r}")
+    return tuple(int(part) for part in parts)

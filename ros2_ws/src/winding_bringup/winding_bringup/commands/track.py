@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from winding_bringup.commands.own_condition import condition_values
 from winding_bringup.commands.refusal import FAILED, refuse
 
 if TYPE_CHECKING:
@@ -18,12 +19,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cable_winding.markers import Markers
-    from marker_tracker_node import PinholeCamera, Tracker
+    from marker_tracker_node import PinholeCamera, Tracker, TrackerConfig
     from marker_tracker_node.recordings import Motion
 
     Frames = Iterator[tuple[float, NDArray[np.uint8]]]
 
 MILLIMETRE = 1.0e-3
+MEGAPASCAL = 1.0e6
+_PIPE_WIDTH = 110
 VIDEOS = (".mp4", ".avi", ".mkv", ".mov", ".webm")
 BAGS = (".mcap", ".db3", ".bag")
 
@@ -39,15 +42,31 @@ def track(
         Path | None,
         typer.Option(help="CSV t, cylinder_angle, guide_z; a bag may bring joint_states."),
     ] = None,
-    case: Annotated[int, typer.Option(help="Row of the paper's Table 1 (1 to 12).")] = 4,
+    case: Annotated[
+        int | None, typer.Option(help="Row of the paper's Table 1; else 4, or an own cable.")
+    ] = None,
+    cylinder_diameter_mm: Annotated[
+        float | None, typer.Option(help="Cylinder of a condition of one's own.")
+    ] = None,
+    cable_diameter_mm: Annotated[float | None, typer.Option(help="Its cable, undeformed.")] = None,
+    tension_n: Annotated[float | None, typer.Option(help="Its dead weight.")] = None,
+    marker_spacing_mm: Annotated[float | None, typer.Option(help="Its marker spacing.")] = None,
+    young_mpa: Annotated[
+        float | None, typer.Option(help="Its modulus, for a first guess of the stretch; 2.6.")
+    ] = None,
+    markers: Annotated[int, typer.Option(help="Markers after P0.")] = 4,
+    band_mm: Annotated[float, typer.Option(help="Width of a marker along the cable.")] = 6.0,
+    camera_position_mm: Annotated[
+        str,
+        typer.Option(help="Camera: across, up, along the axis. A run refines it."),
+    ] = "417.5,0,50",
     fps: Annotated[float | None, typer.Option(help="Of pictures without times.")] = None,
     refined: Annotated[
         bool, typer.Option("--refine/--no-refine", help="Fit the camera's pose over the run.")
     ] = True,
 ) -> None:
     """Track a recording and print where every marker lies."""
-    from cable_winding.cases import paper_case
-    from marker_tracker_node import Tracker, TrackerConfig
+    from marker_tracker_node import Tracker
     from marker_tracker_node.calibration import read_camera
     from marker_tracker_node.recordings import (
         Recording,
@@ -59,7 +78,19 @@ def track(
     if not source.exists():
         refuse(f"{source} does not exist")
     try:
-        wound = paper_case(case)
+        config = _config(
+            case,
+            {
+                "cylinder_diameter": cylinder_diameter_mm,
+                "cable_diameter": cable_diameter_mm,
+                "weight": tension_n,
+                "marker_spacing": marker_spacing_mm,
+            },
+            young_mpa=young_mpa,
+            markers=markers,
+            band_mm=band_mm,
+            camera_position_mm=camera_position_mm,
+        )
         bag = _is_bag(source)
         brought = read_bag(source) if bag else Recording(camera=None, motion=None)
         lens = read_camera(camera) if camera else brought.camera
@@ -68,17 +99,7 @@ def track(
             refuse("there is no camera: give --camera")
         if drive is None:
             refuse("there is no motion: give --motion")
-        tracker = Tracker(
-            TrackerConfig(
-                cylinder_radius=wound.cylinder_radius,
-                cable_radius=wound.cable_radius,
-                marker_spacing=wound.marker_spacing,
-                marker_count=wound.marker_count,
-                expected_stretch=1.0 + wound.nominal_stress / wound.material.young,
-            ),
-            lens,
-            remember=refined,
-        )
+        tracker = Tracker(config, lens, remember=refined)
         rows = list(_measure(tracker, _frames(source, bag, fps), drive))
         write_measurements(out, rows)
     except OSError as error:
@@ -89,6 +110,50 @@ def track(
     report = tracker.report()
     if not report.known:
         refuse(f"no marker was found: {report.colour_refusal or 'nothing moved with P0'}", FAILED)
+
+
+def _config(
+    case: int | None,
+    own: dict[str, float | None],
+    *,
+    young_mpa: float | None,
+    markers: int,
+    band_mm: float,
+    camera_position_mm: str,
+) -> TrackerConfig:
+    from dataclasses import replace
+
+    from cable_winding.condition import ConditionParameters
+    from cable_winding.parameters import build
+    from marker_tracker_node import CameraPose, TrackerConfig
+
+    scaled = {
+        name: value if value is None or name == "weight" else value * MILLIMETRE
+        for name, value in own.items()
+    }
+    if case is None and not any(own.values()):
+        case = 4
+    values = condition_values(case, scaled)
+    wound = build(ConditionParameters, values, owner="winding track").condition()
+    if young_mpa is not None:
+        wound = replace(wound, material=replace(wound.material, young=young_mpa * MEGAPASCAL))
+    return TrackerConfig(
+        cylinder_radius=wound.cylinder_radius,
+        cable_radius=wound.cable_radius,
+        marker_spacing=wound.marker_spacing,
+        marker_count=markers,
+        expected_stretch=1.0 + wound.nominal_stress / wound.material.young,
+        band_width=band_mm * MILLIMETRE,
+        pose=CameraPose(position=_position(camera_position_mm)),
+    )
+
+
+def _position(text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(word) * MILLIMETRE for word in text.split(","))
+    except ValueError:
+        raise ValueError(f"--camera-position-mm needs three numbers, got {text!r}") from None
+    return x, y, z
 
 
 def _is_bag(source: Path) -> bool:
@@ -118,6 +183,8 @@ def _print(tracker: Tracker, lens: PinholeCamera, refined: bool) -> None:
     from marker_tracker_node import refine
 
     console = Console()
+    # A pipe has no width: the table would be cut to fit eighty columns.
+    console = console if console.is_terminal else Console(width=_PIPE_WIDTH)
     report = tracker.report()
     refused = sum(report.rejected.values())
     console.print(f"{report.frames} frames used, {refused} refused, {report.known} markers known")

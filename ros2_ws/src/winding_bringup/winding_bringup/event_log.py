@@ -1,0 +1,69 @@
+"""What supervision saw and did, one line of JSON each."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """One thing that supervision saw or did.
+
+    Attributes:
+        wall: Monotonic wall time [s].
+        t: Simulated time [s].
+        what: detected, stopped, standing, restarting, restarted, resumed or ended.
+        node: Node or signal that it is about.
+        text: What happened.
+    """
+
+    wall: float
+    t: float
+    what: str
+    node: str
+    text: str
+
+
+@dataclass(kw_only=True)
+class EventLog:
+    """Events of one run, in memory and in a file of the run's folder.
+
+    Attributes:
+        file: Where they are appended, or None.
+        events: All of them.
+    """
+
+    file: Path | None
+    clock: Callable[[], float] = time.monotonic
+    events: list[Event] = field(default_factory=list)
+
+    def note(
+        self, what: str, node: str, text: str, *, t: float, wall: float | None = None
+    ) -> Event:
+        """Add an event; its wall time is now unless it is given."""
+        event = Event(
+            wall=self.clock() if wall is None else wall, t=t, what=what, node=node, text=text
+        )
+        self.events.append(event)
+        if self.file is not None:
+            with self.file.open("a", encoding="utf-8") as lines:
+                lines.write(json.dumps(event.__dict__) + "\n")
+        return event
+
+    def find(self, what: str, node: str | None = None, since: float = 0.0) -> Event | None:
+        """Return the first event of a kind, of a node if one is named, after a wall time [s]."""
+        for event in self.events:
+            if event.what == what and event.wall >= since and node in (None, event.node):
+                return event
+        return None
+
+
+def read_events(file: Path) -> list[Event]:
+    """Return the events of a run's file; none when there was nothing to see."""
+    if not file.exists():
+        return []
+    return [Event(**json.loads(line)) for line in file.read_text(encoding="utf-8").splitlines()]

@@ -1,0 +1,46 @@
+"""The inputs of a run as its tape has them."""
+
+from __future__ import annotations
+
+import numpy as np
+from rclpy.serialization import deserialize_message
+
+from cable_winding.ros import topics
+from cable_winding.ros.rig_messages import MessageError, decode_joint_state, decode_tension
+from cable_winding.ros.topics import Topic
+from cable_winding.run_inputs import INPUT_DTYPE, RunInputs
+from winding_bringup.recorder import Tape
+
+
+def taped_inputs(tape: Tape, since: float = 0.0) -> RunInputs:
+    """Return every usable encoder sample with the tension that was the newest then.
+
+    Args:
+        tape: What the graph has said.
+        since: Leaves out what came before this monotonic wall time [s].
+    """
+    readings = _decoded(tape, topics.JOINT_STATES, decode_joint_state, since)
+    tensions = _decoded(tape, topics.TENSION, decode_tension, since)
+    samples = np.full(len(readings), np.nan, dtype=INPUT_DTYPE)
+    samples["t"] = [t for t, _ in readings]
+    for name in ("cylinder_angle", "angular_speed", "carriage_position", "feed_speed"):
+        samples[name] = [getattr(reading, name) for _, reading in readings]
+    if tensions:
+        times = np.array([t for t, _ in tensions])
+        forces = np.array([force for _, force in tensions])
+        newest = np.searchsorted(times, samples["t"], side="right") - 1
+        samples["tension"] = np.where(newest >= 0, forces[np.maximum(newest, 0)], np.nan)
+    return RunInputs(samples=samples)
+
+
+def _decoded(tape: Tape, topic: Topic, decode, since: float):  # type: ignore[no-untyped-def]
+    usable = []
+    for message in list(tape.messages.get(topic.name, ())):
+        if message.received_ns * 1e-9 < since:
+            continue
+        try:
+            usable.append(decode(deserialize_message(message.data, topic.type)))
+        except MessageError:
+            # The node that reads them live refuses the same ones.
+            continue
+    return usable

@@ -1,0 +1,96 @@
+"""How a running graph does: rates, latency from frame to corrected length, load of each process."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import psutil  # type: ignore[import-untyped]
+
+from cable_winding.ros import topics
+from cable_winding.ros.diagnostic_messages import Level
+from winding_bringup.recorder import Tape
+
+_FRAME_PERIOD_NS = 5_000_000
+_MEBIBYTE = 2.0**20
+
+
+class Vitals:
+    """Measures what has come since the last look.
+
+    Attributes:
+        tape: What the graph has said so far.
+        lost_frames: Frames missing between those that came, since the beginning.
+    """
+
+    def __init__(self, tape: Tape) -> None:
+        self.tape = tape
+        self.lost_frames = 0
+        self._seen: dict[str, int] = {
+            name: len(messages) for name, messages in tape.messages.items()
+        }
+        self._last: float | None = None
+        self._processes: dict[str, psutil.Process] = {}
+
+    def look(self, now: float, pids: Mapping[str, int]) -> tuple[Level, str, dict[str, str]]:
+        """Return level, sentence and values at wall time `now` [s].
+
+        Args:
+            now: Wall time [s].
+            pids: Process ids by node.
+        """
+        span = now - self._last if self._last is not None else 0.0
+        self._last = now
+        values = self._latency()
+        before = self.lost_frames
+        self.lost_frames += self._frame_gaps()
+        for name, messages in list(self.tape.messages.items()):
+            fresh = len(messages) - self._seen.get(name, 0)
+            self._seen[name] = len(messages)
+            if span > 0.0:
+                values[f"rate {name} [1/s]"] = f"{fresh / span:.0f}"
+        values["lost frames"] = str(self.lost_frames)
+        values |= self._load(pids)
+        if self.lost_frames > before:
+            return Level.WARN, f"{self.lost_frames - before} frames are missing", values
+        return Level.OK, "", values
+
+    def _fresh(self, topic: topics.Topic, overlap: int = 0) -> list[tuple[int, int]]:
+        messages = self.tape.messages.get(topic.name, [])
+        first = max(self._seen.get(topic.name, 0) - overlap, 0)
+        return [(message.stamp_ns, message.received_ns) for message in messages[first:]]
+
+    def _latency(self) -> dict[str, str]:
+        """Return median and 99th percentile of the wall time from frame to corrected length."""
+        # A corrected length may follow a frame of before the last look.
+        frames = dict(self._fresh(topics.CAMERA_INFO, overlap=200))
+        waits = [
+            1.0e-6 * (received - frames[stamp])
+            for stamp, received in self._fresh(topics.CORRECTED_MARKERS)
+            if stamp in frames
+        ]
+        if not waits:
+            return {}
+        return {
+            "frame to corrected length p50 [ms]": f"{np.percentile(waits, 50):.1f}",
+            "frame to corrected length p99 [ms]": f"{np.percentile(waits, 99):.1f}",
+        }
+
+    def _frame_gaps(self) -> int:
+        stamps = [stamp for stamp, _ in self._fresh(topics.CAMERA_INFO, overlap=1)]
+        steps = np.diff(np.array(stamps, dtype=np.int64))
+        gaps = np.rint(steps[steps > 0] / _FRAME_PERIOD_NS).astype(int) - 1
+        return int(gaps.clip(min=0).sum())
+
+    def _load(self, pids: Mapping[str, int]) -> dict[str, str]:
+        values = {}
+        for name, pid in pids.items():
+            try:
+                process = self._processes.get(name)
+                if process is None or process.pid != pid:
+                    process = self._processes[name] = psutil.Process(pid)
+                values[f"cpu {name} [%]"] = f"{process.cpu_percent():.0f}"
+                values[f"memory {name} [MiB]"] = f"{process.memory_info().rss / _MEBIBYTE:.0f}"
+            except psutil.NoSuchProcess:
+                self._processes.pop(name, None)
+        return values

@@ -1,0 +1,52 @@
+"""Every tutorial runs: its `sh` blocks, pasted in order into one shell in an empty folder."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+PATIENCE = 280.0
+
+
+def blocks(page: Path) -> list[str]:
+    return re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.M)
+
+
+def test_every_tutorial_has_something_to_run() -> None:
+    assert [page.name for page in TUTORIALS if not blocks(page)] == []
+
+
+@pytest.mark.processes
+@pytest.mark.slow
+@pytest.mark.xdist_group("tutorials")
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_the_tutorial_works_when_pasted(page: Path, tmp_path: Path) -> None:
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    (tmp_path / "tests").symlink_to(ROOT / "tests")
+    script = "\n".join(["set -euo pipefail", *blocks(page)])
+    with (tmp_path / "output.txt").open("w+") as output:
+        shell = subprocess.Popen(
+            ["bash", "-c", script],
+            cwd=tmp_path,
+            env={**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        try:
+            code = shell.wait(timeout=PATIENCE)
+        finally:
+            # What a tutorial leaves in the background ends with it.
+            try:
+                os.killpg(shell.pid, signal.SIGTERM)
+            except ProcessLookupError:
+                assert shell.poll() is not None
+        output.seek(0)
+        said = output.read()
+    assert code == 0, said

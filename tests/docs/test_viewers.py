@@ -1,0 +1,42 @@
+"""The viewers' layouts show topics that the graph has, in a frame that its messages carry."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from cable_winding.ros import topics
+from cable_winding.ros.rig_messages import BASE_FRAME
+from winding_bringup.graph import DEFAULT_NAMESPACE
+
+FOLDER = Path(__file__).parents[2] / "viewers"
+NAMES = {
+    topic.name if topic.name.startswith("/") else f"/{DEFAULT_NAMESPACE}/{topic.name}"
+    for topic in topics.TOPICS
+}
+
+
+@pytest.mark.parametrize("name", ["winding.rviz", "foxglove_layout.json"])
+def test_every_topic_of_a_layout_exists(name: str) -> None:
+    text = (FOLDER / name).read_text(encoding="utf-8")
+    shown = set(re.findall(rf"/{DEFAULT_NAMESPACE}/[a-z_/]+", text))
+    assert shown
+    assert shown <= NAMES
+
+
+def test_rviz_shows_the_frame_of_the_messages() -> None:
+    layout = yaml.safe_load((FOLDER / "winding.rviz").read_text(encoding="utf-8"))
+    assert layout["Visualization Manager"]["Global Options"]["Fixed Frame"] == BASE_FRAME
+
+
+def test_every_panel_of_the_foxglove_layout_is_configured() -> None:
+    layout = json.loads((FOLDER / "foxglove_layout.json").read_text(encoding="utf-8"))
+
+    def panels(node: object) -> set[str]:
+        if isinstance(node, dict):
+            return panels(node["first"]) | panels(node["second"])
+        return {str(node)}
+
+    assert panels(layout["layout"]) == set(layout["configById"])

@@ -1,0 +1,90 @@
+"""The access policy says what the graph says, and a secure run refuses to run open."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from cable_winding.ros import topics
+from winding_bringup.graph import GRAPH
+from winding_bringup.security import SecurityError, check_security, sros2_policy
+
+SHIPPED = Path(__file__).parents[2] / "security" / "sros2_policy.xml"
+SECURE = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}
+
+
+def allowed(policy: str, node: str, kind: str, verb: str) -> set[str]:
+    root = ET.fromstring(policy)
+    return {
+        item.text or ""
+        for profile in root.iterfind(f".//profile[@node='{node}']")
+        for group in profile.iterfind(kind)
+        if group.get(verb) == "ALLOW"
+        for item in group
+    }
+
+
+def test_the_shipped_policy_is_current() -> None:
+    assert SHIPPED.read_text(encoding="utf-8") == sros2_policy("winding")
+
+
+@pytest.mark.parametrize("spec", GRAPH, ids=lambda spec: spec.name)
+def test_a_node_may_do_what_the_graph_says_and_no_more(spec) -> None:  # type: ignore[no-untyped-def]
+    policy = sros2_policy("cell")
+    own = {
+        *("/rosout", "/parameter_events", "/diagnostics"),
+        *(f"{spec.name}/transition_event", f"{spec.name}/heartbeat"),
+    }
+    published = {topic.name for topic in spec.publishes}
+    assert allowed(policy, spec.name, "topics", "publish") == published | own
+    heard = allowed(policy, spec.name, "topics", "subscribe") - {
+        *(topics.CLOCK.name, "orchestrator/heartbeat")
+    }
+    assert heard == {topic.name for topic in spec.subscribes}
+
+
+def test_only_the_orchestrator_commands_the_machine() -> None:
+    policy = sros2_policy("cell")
+    for spec in GRAPH:
+        assert not allowed(policy, spec.name, "services", "request")
+    assert set(topics.SERVICES) <= allowed(policy, "orchestrator", "services", "request")
+    assert set(topics.SERVICES) <= allowed(policy, topics.RIG, "services", "reply")
+
+
+def test_every_node_has_an_enclave_in_its_namespace() -> None:
+    paths = {item.get("path") for item in ET.fromstring(sros2_policy("cell")).iter("enclave")}
+    assert paths == {f"/cell/{spec.name}" for spec in GRAPH} | {"/cell/orchestrator"}
+
+
+def test_a_secure_run_without_the_settings_is_refused() -> None:
+    with pytest.raises(SecurityError, match="ROS_SECURITY_ENABLE=true, got nothing"):
+        check_security("winding", {})
+    with pytest.raises(SecurityError, match="Enforce, got Permissive"):
+        check_security("winding", SECURE | {"ROS_SECURITY_STRATEGY": "Permissive"})
+    with pytest.raises(SecurityError, match="ROS_SECURITY_KEYSTORE"):
+        check_security("winding", SECURE)
+
+
+def test_a_keystore_without_a_key_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SecurityError, match=r"no cert\.pem in .*correction"):
+        check_security("winding", SECURE | {"ROS_SECURITY_KEYSTORE": str(tmp_path)})
+
+
+def test_a_middleware_without_security_is_refused(tmp_path: Path) -> None:
+    import os
+
+    for node in (*(spec.name for spec in GRAPH), "orchestrator"):
+        folder = tmp_path / "enclaves" / "winding" / node
+        folder.mkdir(parents=True)
+        for name in ("cert.pem", "key.pem", "governance.p7s", "permissions.p7s"):
+            (folder / name).write_text("not a key")
+    keystore = {"ROS_SECURITY_KEYSTORE": str(tmp_path)}
+    with pytest.raises(SecurityError, match="the middleware makes no node"):
+        check_security("winding", dict(os.environ) | SECURE | keystore)
+
+
+def test_the_command_refuses_before_anything_starts(tmp_path: Path, command) -> None:  # type: ignore[no-untyped-def]
+    done = command("run", "--secure", "--case", 4, "--output", tmp_path / "run", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("winding: a secure run needs ROS_SECURITY_ENABLE=true")
+    assert not (tmp_path / "run").exists()
