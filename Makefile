@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 TORCH_INDEX ?=
 # Further options of the demo's run, such as ARGS="--namespace left".
 ARGS ?=
-EXTRAS := ros,dashboard,dev
+EXTRAS := ros,dashboard,cluster,dev
 BIN := .venv/bin
 STAMP := .venv/.installed
 
@@ -41,6 +41,8 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs docker examples ros2_ws security tests
+	$(BIN)/hadolint docker/Dockerfile
 
 clean:
 	rm -rf .venv runs build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache bench.json

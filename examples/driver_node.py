@@ -1,0 +1,74 @@
+"""A winding machine's driver, as short as it can be: put your hardware where the comments are."""
+
+import threading
+import time
+from typing import Any
+
+import rclpy
+from geometry_msgs.msg import WrenchStamped
+from rclpy.duration import Duration
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+PERIOD, OMEGA, FEED, RAMP = 0.002, 1.74, 5.0e-3, 1.0  # s, rad/s, m/s, s
+
+
+class Driver(Node):
+    def __init__(self) -> None:
+        super().__init__("winding_rig")
+        self.joints = self.create_publisher(JointState, "rig/joint_states", 2000)
+        self.tension = self.create_publisher(WrenchStamped, "rig/tension", 2000)
+        self.goal = self.share = self.angle = self.carriage = 0.0
+        self.latched = False  # your safety relay
+        for name in ("start", "stop", "emergency_stop", "reset"):
+            self.create_service(Trigger, f"rig/{name}", getattr(self, name))
+        self.machine = threading.Thread(target=self.run)
+        self.machine.start()
+        self.get_logger().info("ready")
+
+    def run(self) -> None:
+        due = self.get_clock().now()
+        while rclpy.ok():
+            step = 0.0 if self.latched else PERIOD / RAMP
+            self.share += min(step, max(-step, self.goal - self.share))
+            self.angle += self.share * OMEGA * PERIOD  # your encoder of the cylinder [rad]
+            self.carriage += self.share * FEED * PERIOD  # your encoder of the carriage [m]
+            state = JointState(name=["cylinder_joint", "carriage_joint"])
+            state.header.stamp = due.to_msg()  # when the sample was taken, not when it was sent
+            state.position = [self.angle, self.carriage]
+            state.velocity = [self.share * OMEGA, self.share * FEED]
+            force = WrenchStamped(header=state.header)
+            force.wrench.force.x = 1.96  # your load cell [N]
+            self.joints.publish(state)
+            self.tension.publish(force)
+            due += Duration(seconds=PERIOD)
+            time.sleep(max(0.0, (due - self.get_clock().now()).nanoseconds * 1e-9))
+
+    def start(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+        self.goal, response.success = 1.0, not self.latched
+        response.message = "emergency stop: reset first" if self.latched else "winding"
+        return response
+
+    def stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+        self.goal, response.success = 0.0, True
+        return response
+
+    def emergency_stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+        self.goal, self.share, self.latched, response.success = 0.0, 0.0, True, True
+        return response
+
+    def reset(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+        self.goal, self.latched, response.success = 0.0, False, True
+        return response
+
+
+if __name__ == "__main__":
+    rclpy.init()
+    driver = Driver()
+    try:
+        rclpy.spin(driver)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        rclpy.try_shutdown()
+    driver.machine.join()
