@@ -27,8 +27,8 @@ def test_every_tutorial_has_something_to_run() -> None:
 @pytest.mark.xdist_group("tutorials")
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_the_tutorial_works_when_pasted(page: Path, tmp_path: Path) -> None:
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
-    (tmp_path / "tests").symlink_to(ROOT / "tests")
+    for part in ("examples", "tests", "pyproject.toml"):
+        (tmp_path / part).symlink_to(ROOT / part)
     script = "\n".join(["set -euo pipefail", *blocks(page)])
     with (tmp_path / "output.txt").open("w+") as output:
         shell = subprocess.Popen(
