@@ -82,11 +82,11 @@ def test_the_command_publishes_the_recorded_bytes_in_order(ros: Any, made: Path)
         heard: list[bytes] = []
 
         def ended() -> bool:
-            heard.extend(data for data, _ in polled.take())
+            heard.extend(taken.data for taken in polled.take())
             return process.poll() is not None
 
         ros.spin_until(ended)
-        heard.extend(data for data, _ in polled.take())
+        heard.extend(taken.data for taken in polled.take())
         out, err = process.communicate()
     ros.executor.add_node(node)
     assert process.returncode == 0, err

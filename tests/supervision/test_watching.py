@@ -94,7 +94,8 @@ def test_events_are_in_the_file_and_found_again(tmp_path: Path) -> None:
 
 def taped(tape: Tape, topic: topics.Topic, rows: list[tuple[int, int]]) -> None:
     tape.messages[topic.name] += [
-        TapedMessage(stamp_ns=stamp, received_ns=received, data=b"") for stamp, received in rows
+        TapedMessage(stamp_ns=stamp, sent_ns=received, received_ns=received, data=b"")
+        for stamp, received in rows
     ]
 
 

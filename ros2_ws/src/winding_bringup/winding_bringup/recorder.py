@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 
 from cable_winding.ros import topics
 from cable_winding.ros.diagnostic_messages import Level, Status, encode_diagnostics
-from cable_winding.ros.polled import PolledTopic
+from cable_winding.ros.polled import PolledTopic, Taken
 from cable_winding.ros.stamps import encode_stamp, serialised_stamp_ns
 from cable_winding.ros.topics import Topic
 from winding_bringup.bags.bag_file import BagConfig
@@ -45,11 +45,13 @@ class TapedMessage:
 
     Attributes:
         stamp_ns: Its own stamp [ns].
+        sent_ns: Monotonic wall time at which its publisher sent it [ns].
         received_ns: Monotonic wall time of its arrival [ns].
         data: CDR bytes.
     """
 
     stamp_ns: int
+    sent_ns: int
     received_ns: int
     data: bytes
 
@@ -118,7 +120,7 @@ class Recorder:
             for topic in self._recorded
             if topic.publisher != topics.EVERY_NODE
         }
-        self._queue: queue.SimpleQueue[tuple[Topic, bytes, int, int] | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[tuple[Topic, int, Taken] | None] = queue.SimpleQueue()
         self._progress = topics.RECORDER_PROGRESS.advertise(self._node)
         self._diagnostics = topics.DIAGNOSTICS.advertise(self._node)
         self._stored_ns: dict[str, int] = {}
@@ -190,8 +192,20 @@ class Recorder:
         while not last:
             last = self._closing.wait(_LOOK_PERIOD)
             for polled in self._polled:
-                for data, number in polled.take():
-                    self._queue.put((polled.topic, data, number, time.monotonic_ns()))
+                topic = polled.topic
+                for taken in polled.take():
+                    stamp = serialised_stamp_ns(taken.data)
+                    # Supervision looks at the tape, which must not wait for a disk.
+                    if topic not in _PICTURES:
+                        self.tape.messages[topic.name].append(
+                            TapedMessage(
+                                stamp_ns=stamp,
+                                sent_ns=taken.sent_ns,
+                                received_ns=taken.received_ns,
+                                data=taken.data,
+                            )
+                        )
+                    self._queue.put((topic, stamp, taken))
         self._queue.put(None)
 
     def _store(self) -> None:
@@ -203,24 +217,20 @@ class Recorder:
                 continue
             if item is None:
                 return
-            topic, data, number, received = item
-            stamp = serialised_stamp_ns(data)
+            topic, stamp, taken = item
             self._newest_ns = max(self._newest_ns, stamp)
-            if topic not in _PICTURES:
-                self.tape.messages[topic.name].append(
-                    TapedMessage(stamp_ns=stamp, received_ns=received, data=data)
-                )
             if topic.name in self._losses:
-                self._losses[topic.name].take(number)
+                self._losses[topic.name].take(taken.number)
             if self._writer is not None:
                 try:
-                    self._writer.write(self._index[topic.name], stamp, data, number)
+                    self._writer.write(self._index[topic.name], stamp, taken.data, taken.number)
                 except OSError as error:
                     self._fail(error)
             if topic.name in self._fast:
                 self._answer(topic, stamp)
-            if received - self._told_ns >= _TELL_PERIOD_NS:
-                self._tell(received)
+            now = time.monotonic_ns()
+            if now - self._told_ns >= _TELL_PERIOD_NS:
+                self._tell(now)
 
     def _fail(self, error: OSError) -> None:
         """End the bag where it stands; the run goes on."""

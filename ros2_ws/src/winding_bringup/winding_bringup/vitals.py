@@ -9,7 +9,7 @@ import psutil  # type: ignore[import-untyped]
 
 from cable_winding.ros import topics
 from cable_winding.ros.diagnostic_messages import Level
-from winding_bringup.recorder import Tape
+from winding_bringup.recorder import Tape, TapedMessage
 
 _FRAME_PERIOD_NS = 5_000_000
 _MEBIBYTE = 2.0**20
@@ -55,19 +55,18 @@ class Vitals:
             return Level.WARN, f"{self.lost_frames - before} frames are missing", values
         return Level.OK, "", values
 
-    def _fresh(self, topic: topics.Topic, overlap: int = 0) -> list[tuple[int, int]]:
+    def _fresh(self, topic: topics.Topic, overlap: int = 0) -> list[TapedMessage]:
         messages = self.tape.messages.get(topic.name, [])
-        first = max(self._seen.get(topic.name, 0) - overlap, 0)
-        return [(message.stamp_ns, message.received_ns) for message in messages[first:]]
+        return messages[max(self._seen.get(topic.name, 0) - overlap, 0) :]
 
     def _latency(self) -> dict[str, str]:
         """Return median and 99th percentile of the wall time from frame to corrected length."""
         # A corrected length may follow a frame of before the last look.
-        frames = dict(self._fresh(topics.CAMERA_INFO, overlap=200))
+        sent = {frame.stamp_ns: frame.sent_ns for frame in self._fresh(topics.CAMERA_INFO, 200)}
         waits = [
-            1.0e-6 * (received - frames[stamp])
-            for stamp, received in self._fresh(topics.CORRECTED_MARKERS)
-            if stamp in frames
+            1.0e-6 * (length.received_ns - sent[length.stamp_ns])
+            for length in self._fresh(topics.CORRECTED_MARKERS)
+            if length.stamp_ns in sent
         ]
         if not waits:
             return {}
@@ -77,7 +76,7 @@ class Vitals:
         }
 
     def _frame_gaps(self) -> int:
-        stamps = [stamp for stamp, _ in self._fresh(topics.CAMERA_INFO, overlap=1)]
+        stamps = [frame.stamp_ns for frame in self._fresh(topics.CAMERA_INFO, overlap=1)]
         steps = np.diff(np.array(stamps, dtype=np.int64))
         gaps = np.rint(steps[steps > 0] / _FRAME_PERIOD_NS).astype(int) - 1
         return int(gaps.clip(min=0).sum())

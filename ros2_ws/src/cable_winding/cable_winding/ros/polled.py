@@ -2,12 +2,31 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from cable_winding.ros.topics import Topic
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Taken:
+    """A message as DDS delivered it.
+
+    Attributes:
+        data: CDR bytes.
+        number: DDS counts a publisher's messages 1, 2, 3 and so on.
+        sent_ns: When its publisher sent it, on this host's monotonic clock [ns].
+        received_ns: When it arrived, on the same clock, however late it was taken [ns].
+    """
+
+    data: bytes
+    number: int
+    sent_ns: int
+    received_ns: int
 
 
 class PolledTopic:
@@ -29,18 +48,22 @@ class PolledTopic:
             raw=True,
         )
 
-    def take(self) -> Iterator[tuple[bytes, int]]:
-        """Yield (CDR bytes, publication number) of at most `depth` messages that wait.
-
-        DDS counts a publisher's messages 1, 2, 3 and so on.
-        """
+    def take(self) -> Iterator[Taken]:
+        """Yield at most `depth` messages that wait."""
+        # DDS stamps by the system's clock, which may be set; only the age of a stamp is used.
+        offset = time.monotonic_ns() - time.time_ns()
         for _ in range(self.topic.depth):
             with self._subscription.handle:
                 taken = self._subscription.handle.take_message(self.topic.type, True)
             if taken is None:
                 return
             data, information = taken
-            yield data, information["publication_sequence_number"]
+            yield Taken(
+                data=data,
+                number=information["publication_sequence_number"],
+                sent_ns=information["source_timestamp"] + offset,
+                received_ns=information["received_timestamp"] + offset,
+            )
 
     def _called(self, message: bytes) -> None:
         raise RuntimeError(f"the node of the polled topic {self.topic.name} is spun")
