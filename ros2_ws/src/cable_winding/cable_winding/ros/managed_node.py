@@ -47,6 +47,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
 
     Attributes:
         configuration: The node's parameters.
+        active: Whether the node works.
     """
 
     def __init__(self, name: str, configuration: type[Configuration], **kwargs: Any) -> None:
@@ -54,6 +55,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self.configuration: Configuration = declare_parameters(self, configuration)
         self._declared = configuration
         self._configured = False
+        self.active = False
         refuse_invalid(self, configuration, lambda: self._configured)
         self._topic_publishers: dict[str, Publisher] = {}
         self._topic_subscriptions: list[Subscription] = []
@@ -212,10 +214,13 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         super().on_activate(state)
         for intake in self._intakes.values():
             intake.restart()
-        return self._transition("activate", self.activate)
+        result = self._transition("activate", self.activate)
+        self.active = result is TransitionCallbackReturn.SUCCESS
+        return result
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
         result = self._transition("deactivate", self.deactivate)
+        self.active = self.active and result is not TransitionCallbackReturn.SUCCESS
         super().on_deactivate(state)
         return result
 
@@ -225,6 +230,8 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         return result
 
     def on_shutdown(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
+        self.active = False
+
         def stop() -> None:
             self.deactivate()
             self._clear()
