@@ -1,14 +1,13 @@
 """A winding machine's driver, as short as it can be: put your hardware where the comments are."""
 
-import threading
-import time
+import signal
 from typing import Any
 
 import rclpy
 from geometry_msgs.msg import WrenchStamped
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -24,27 +23,25 @@ class Driver(Node):
         self.latched = False  # your safety relay
         for name in ("start", "stop", "emergency_stop", "reset"):
             self.create_service(Trigger, f"rig/{name}", getattr(self, name))
-        self.machine = threading.Thread(target=self.run)
-        self.machine.start()
+        self.due = self.get_clock().now()
+        self.create_timer(PERIOD, self.sample)
         self.get_logger().info("ready")
 
-    def run(self) -> None:
-        due = self.get_clock().now()
-        while rclpy.ok():
+    def sample(self) -> None:
+        while self.due <= self.get_clock().now():  # what a busy machine missed is made up for
             step = 0.0 if self.latched else PERIOD / RAMP
             self.share += min(step, max(-step, self.goal - self.share))
             self.angle += self.share * OMEGA * PERIOD  # your encoder of the cylinder [rad]
             self.carriage += self.share * FEED * PERIOD  # your encoder of the carriage [m]
             state = JointState(name=["cylinder_joint", "carriage_joint"])
-            state.header.stamp = due.to_msg()  # when the sample was taken, not when it was sent
+            state.header.stamp = self.due.to_msg()  # when it was taken, not when it was sent
             state.position = [self.angle, self.carriage]
             state.velocity = [self.share * OMEGA, self.share * FEED]
             force = WrenchStamped(header=state.header)
             force.wrench.force.x = 1.96  # your load cell [N]
             self.joints.publish(state)
             self.tension.publish(force)
-            due += Duration(seconds=PERIOD)
-            time.sleep(max(0.0, (due - self.get_clock().now()).nanoseconds * 1e-9))
+            self.due += Duration(seconds=PERIOD)
 
     def start(self, _: Any, response: Trigger.Response) -> Trigger.Response:
         self.goal, response.success = 1.0, not self.latched
@@ -65,10 +62,10 @@ class Driver(Node):
 
 
 if __name__ == "__main__":
-    rclpy.init()
-    driver = Driver()
+    # rclpy would end its context in the middle of a publication.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        rclpy.spin(driver)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        rclpy.try_shutdown()
-    driver.machine.join()
+        rclpy.spin(Driver())
+    except KeyboardInterrupt:
+        rclpy.try_shutdown()  # your axes come to rest before this line

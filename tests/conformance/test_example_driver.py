@@ -29,10 +29,13 @@ def driver(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
         text=True,
     )
     assert process.stderr is not None
-    assert any("ready" in line for line in process.stderr)
-    yield "conform"
-    process.terminate()
-    process.wait(timeout=20)
+    try:
+        assert any("ready" in line for line in process.stderr)
+        yield "conform"
+        process.terminate()
+        assert process.wait(timeout=60) == 0
+    finally:
+        process.kill()
 
 
 def test_the_example_keeps_every_promise(
