@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,11 +10,11 @@ from typing import Annotated
 
 import typer
 
+from winding_bringup.commands.console import result_console
 from winding_bringup.commands.refusal import FAILED, INTERRUPTED, refuse
 from winding_bringup.commands.space_key import space_key
 
 _MEGABYTE = 1.0e6
-_PIPE_WIDTH = 140
 
 bag = typer.Typer(
     help="Look into recordings, check, recover, play, replay and export them.",
@@ -27,7 +26,6 @@ Source = Annotated[Path, typer.Argument(help="rosbag2 folder, or one .mcap or .d
 @bag.command()
 def info(source: Source) -> None:
     """Say what a recording holds, and what never reached the recorder."""
-    from rich.console import Console
     from rich.table import Table
 
     from winding_bringup.bags.contents import contents
@@ -38,8 +36,7 @@ def info(source: Source) -> None:
         content = contents(source)
     except BagError as error:
         refuse(error, FAILED)
-    console = Console(file=sys.stdout)
-    console = console if console.is_terminal else Console(file=sys.stdout, width=_PIPE_WIDTH)
+    console = result_console()
     size = sum(content.files.values()) / _MEGABYTE
     console.print(f"{source}: {content.duration:.3f} s from {content.start:.3f} s, {size:.2f} MB")
     for name, length in content.files.items():

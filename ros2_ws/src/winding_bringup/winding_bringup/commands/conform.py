@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from winding_bringup.commands.console import result_console
 from winding_bringup.commands.refusal import FAILED, refuse
 
 if TYPE_CHECKING:
     from winding_bringup.conformance import Finding
-
-_PIPE_WIDTH = 140
 
 
 def conform(
@@ -36,8 +35,6 @@ def conform(
     stop_within_s: Annotated[float, typer.Option(help="Longest time to standstill.")] = 1.5,
 ) -> None:
     """Listen to a running driver and say, promise by promise, what it keeps."""
-    from rich.console import Console
-
     from winding_bringup.environment import set_process_environment
     from winding_bringup.ownership import DomainError, chosen_domain
 
@@ -66,8 +63,7 @@ def conform(
             )
         except TimeoutError as error:
             refuse(f"{error}; is a driver running in namespace /{namespace}, domain {chosen}?", 1)
-    console = Console()
-    console = console if console.is_terminal else Console(width=_PIPE_WIDTH)
+    console = result_console()
     for finding in findings:
         mark = "[green]kept  [/]" if finding.kept else "[red]BROKEN[/]"
         console.print(f"{mark}  {finding.promise}: {finding.measured}", highlight=False)

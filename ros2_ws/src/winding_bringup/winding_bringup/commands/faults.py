@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from winding_bringup.commands.console import result_console
 from winding_bringup.commands.refusal import FAILED, refuse
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from winding_bringup.fault_table.outcome import Outcome
 
 _NAMESPACE = "faults"
-_PIPE_WIDTH = 200
 
 
 def faults(
@@ -32,8 +32,6 @@ def faults(
     ] = None,
 ) -> None:
     """Kill, hold and mislead a running graph in every way of the table; exit 1 if it fails one."""
-    from rich.console import Console
-
     from winding_bringup.environment import clean_shared_memory, set_process_environment
     from winding_bringup.fault_table.table import LONE_ROWS, ROWS
     from winding_bringup.ownership import DomainError, chosen_domain, owned
@@ -42,8 +40,7 @@ def faults(
     names = [name for name in known if (only or "") in name]
     if not names:
         refuse(f"no row of the fault table contains {only!r}")
-    console = Console()
-    console = console if console.is_terminal else Console(width=_PIPE_WIDTH)
+    console = result_console()
     try:
         chosen = chosen_domain(domain)
         with (

@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from winding_bringup.commands.console import result_console
 from winding_bringup.commands.option_record import with_options
 from winding_bringup.commands.predict_options import MEGAPASCAL, MILLIMETRE, PredictOptions
 from winding_bringup.commands.refusal import FAILED, refuse
@@ -127,7 +128,7 @@ def _identified(runs: list[TrackedRun], use: int | None, options: PredictOptions
     used = runs
     if use is not None:
         used = [dataclasses.replace(run, readings=run.readings.first(use)) for run in runs]
-    console = Console()
+    console = result_console()
     if len(runs) > 1 and options.law in ("neo_hookean", "mooney_rivlin"):
         constants = identify_constants(used, options.law)
         record = _print_constants(console, constants)
@@ -285,7 +286,7 @@ def _tensile(path: Path, options: PredictOptions) -> dict[str, Any]:
 
     poisson = Material().poisson if options.poisson is None else options.poisson
     fits = fit_laws(read_tensile_test(path), poisson)
-    console = Console()
+    console = result_console()
     table = Table(title=f"Laws of {path.name}, best first")
     for heading in ("law", "E [MPa]", "standard error", "C01 share", "rms [kPa]", "AICc"):
         table.add_column(heading, justify="right")

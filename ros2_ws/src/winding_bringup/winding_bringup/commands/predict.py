@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from winding_bringup.commands.console import result_console
 from winding_bringup.commands.option_record import with_options
 from winding_bringup.commands.predict_options import MILLIMETRE, PredictOptions
 from winding_bringup.commands.refusal import refuse
@@ -67,7 +68,7 @@ def _wind(run: PlannedRun) -> Prediction:
 
 
 def _print(result: Prediction, element: str) -> None:
-    console = Console()
+    console = result_console()
     case = result.config.case
     title = f"case {case.number}" if case.number else "own condition"
     table = Table(title=f"Markers after {result.duration:g} s, {title}, {element}")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from winding_bringup.commands.console import result_console
 from winding_bringup.commands.own_condition import condition_values
 from winding_bringup.commands.refusal import FAILED, INTERRUPTED, refuse
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 _MILLIMETRE = 1.0e-3
 _MEGABYTE = 1.0e6
-_PIPE_WIDTH = 110
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
 
@@ -68,6 +68,10 @@ def run(
         int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
     ] = None,
     namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
+    attach: Annotated[
+        bool,
+        typer.Option("--attach", help="The nodes run already, such as in containers of their own."),
+    ] = False,
     secure: Annotated[
         bool, typer.Option("--secure", help="Refuse to run unless DDS security is enforced.")
     ] = False,
@@ -113,6 +117,7 @@ def run(
         parameters_file=parameters,
         domain=domain,
         namespace=namespace,
+        attach=attach,
     )
     _check(config)
     config = replace(config, directory=_claimed(config.directory, exactly=output is not None))
@@ -259,14 +264,10 @@ def _deliver(
     from winding_study.run_record import write_run_json
 
     assert isinstance(condition, ConditionParameters)
-    from rich.console import Console
-
     record = run_record(condition, result)
     write_run_json(record, json)
     page = write_report(record, report)
-    console = Console(file=sys.stdout)
-    # A pipe has no width: the table would be cut to fit eighty columns.
-    console = console if console.is_terminal else Console(file=sys.stdout, width=_PIPE_WIDTH)
+    console = result_console()
     console.print(results_table(record))
     for name, path in (("report", page), ("numbers", json), ("bag", config.bag)):
         if path is not None:

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from winding_bringup.commands.console import result_console
 from winding_bringup.commands.refusal import FAILED, refuse
 
 if TYPE_CHECKING:
@@ -16,12 +17,11 @@ if TYPE_CHECKING:
     from winding_study.study_record import StudyRecord
 
 # A pipe has no width of its own; the widest table needs this much.
-_PIPE_WIDTH = 170
 
 
 def show(record: StudyRecord) -> None:
     """Print every cell, the means, the models and the verdict."""
-    console = _console()
+    console = result_console()
     _print(console, record.cells_table())
     _print(console, record.means_table())
     for table in record.own_tables():
@@ -76,7 +76,7 @@ def calibrate(law: str | None, json: Path | None) -> None:
 
     from winding_study.calibration import LAW, calibrate
 
-    console = _console()
+    console = result_console()
     with Console(stderr=True).status("fitting five numbers thirteen times"):
         fitted = calibrate(law or LAW)
     table = Table(title=f"Span tension of the rig, fitted with law {fitted.law}")
@@ -147,13 +147,6 @@ def _facts(record: StudyRecord, stored: int) -> dict[str, str]:
 def _announce(path: Path) -> None:
     if path.exists():
         print(f"{path} was there and is replaced", file=sys.stderr)
-
-
-def _console() -> Console:
-    from rich.console import Console
-
-    console = Console()
-    return console if console.is_terminal else Console(width=_PIPE_WIDTH)
 
 
 def _print(console: Console, table: DataTable) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
+
+from winding_bringup.commands.console import result_console
 
 if TYPE_CHECKING:
     from winding_study.sweep.table import Columns
@@ -23,8 +23,7 @@ def print_summary(columns: Columns, varied: tuple[str, ...]) -> None:
         columns: The whole table.
         varied: Inputs with more than one value; the others are not shown.
     """
-    # A pipe has no width; a table cut at 80 characters would lose its columns.
-    console = Console(width=None if sys.stdout.isatty() else 160)
+    console = result_console()
     rows = columns["run"].size
     lengths = [name for name in columns if name.startswith("p") and name.endswith("_s_m")]
     table = Table(title=f"{rows} runs" + (f", the first {LONGEST}" if rows > LONGEST else ""))

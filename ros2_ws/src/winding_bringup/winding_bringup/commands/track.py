@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
+from winding_bringup.commands.console import result_console
 from winding_bringup.commands.own_condition import condition_values
 from winding_bringup.commands.refusal import FAILED, refuse
 
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 MILLIMETRE = 1.0e-3
 MEGAPASCAL = 1.0e6
-_PIPE_WIDTH = 110
 VIDEOS = (".mp4", ".avi", ".mkv", ".mov", ".webm")
 BAGS = (".mcap", ".db3", ".bag")
 
@@ -182,9 +181,7 @@ def _print(tracker: Tracker, lens: PinholeCamera, refined: bool) -> None:
     from cable_winding.helix import curve_length
     from marker_tracker_node import refine
 
-    console = Console()
-    # A pipe has no width: the table would be cut to fit eighty columns.
-    console = console if console.is_terminal else Console(width=_PIPE_WIDTH)
+    console = result_console()
     report = tracker.report()
     refused = sum(report.rejected.values())
     console.print(f"{report.frames} frames used, {refused} refused, {report.known} markers known")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from winding_bringup.commands.console import result_console
 from winding_bringup.commands.refusal import refuse
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def train(
     from correction_node.training import TrainingConfig
     from correction_node.weights import SHIPPED, save_weight, weights_directory
 
-    console = Console()
+    console = result_console()
     try:
         data_set = load_data_set(data)
     except (FileNotFoundError, ValueError) as error:
@@ -110,7 +110,7 @@ def _compare(data_set: DataSet, steps: int) -> None:
         )
         cells = ("" if n is None or math.isnan(n) else f"{n:.2f}" for n in numbers)
         table.add_row(name, score.kind, *cells)
-    Console(width=None if sys.stdout.isatty() else 120).print(table)
+    result_console().print(table)
 
 
 def _table(scores: dict[str, Score], data: str) -> Table:

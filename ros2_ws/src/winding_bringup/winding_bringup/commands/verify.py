@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from winding_bringup.commands.console import result_console
 from winding_bringup.commands.refusal import FAILED, refuse
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def verify(
         for name, found in run_suite(names):
             rows += found
             bar.update(task, advance=1, description=f"verified {name}")
-    console = Console()
+    console = result_console()
     console.print(_table(rows))
     failed = [row for row in rows if not row.passed]
     console.print(f"{len(rows) - len(failed)} of {len(rows)} quantities within their tolerance")
