@@ -69,3 +69,12 @@ def test_successor_of_a_killed_process_is_no_rival_for_a_while() -> None:
 
 def test_publisher_whose_name_is_not_known_yet_is_no_rival() -> None:
     assert Rivals().look("x", [("/", "a"), ("/", UNKNOWN_NODE)], 0.0).sentence == ""
+
+
+def test_longest_queue_is_kept_until_it_is_told() -> None:
+    intake = Intake("rig/tension")
+    for count in (1, 7, 2):
+        intake.found(count)
+    assert intake.queue == 7
+    intake.told()
+    assert intake.queue == 0

@@ -1,6 +1,7 @@
 """The pure parts of supervision: stamps, restarts, events, vitals."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -113,3 +114,11 @@ def test_vitals_give_rates_latency_and_lost_frames() -> None:
     assert values["frame to corrected length p50 [ms]"] == "8.0"
     assert values["frame to corrected length p99 [ms]"] == "8.0"
     assert vitals.look(2.0, {})[0] is Level.OK
+
+
+def test_load_is_told_from_the_second_look_at_a_process_on() -> None:
+    vitals = Vitals(Tape())
+    assert "cpu test [%]" not in vitals.look(0.0, {"test": os.getpid()})[2]
+    assert float(vitals.look(1.0, {"test": os.getpid()})[2]["cpu test [%]"]) >= 0.0
+    # Another process in the node's place begins anew.
+    assert "cpu test [%]" not in vitals.look(2.0, {"test": os.getppid()})[2]

@@ -29,6 +29,7 @@ class Intake:
         refused: Messages kept out.
         reason: Why the last one was kept out.
         contested: Who else publishes; everything is kept out while this says something.
+        queue: Most messages that were found waiting at once since `told`.
     """
 
     def __init__(self, topic: str) -> None:
@@ -37,6 +38,7 @@ class Intake:
         self.refused = 0
         self.reason = ""
         self.contested = ""
+        self.queue = 0
         self._last: float | None = None
         self._refusing_since: float | None = None
         self._last_refusal = 0.0
@@ -73,6 +75,14 @@ class Intake:
         self._last_refusal = now
         if self._refusing_since is None:
             self._refusing_since = now
+
+    def found(self, count: int) -> None:
+        """Note that so many messages waited when the node came to look."""
+        self.queue = max(self.queue, count)
+
+    def told(self) -> None:
+        """Begin to look for the longest queue anew."""
+        self.queue = 0
 
     @property
     def persistent(self) -> bool:

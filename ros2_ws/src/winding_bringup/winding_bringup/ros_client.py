@@ -92,11 +92,10 @@ class RosClient:
         """Return how many processes of a node the graph knows, those lately killed included."""
         return int(self.node.count_publishers(heartbeat_topic(name)))
 
-    def tell(self, level: Level, name: str, message: str, values: dict[str, str]) -> None:
-        """Publish a status of the orchestrator's own."""
+    def tell(self, t: float, level: Level, name: str, message: str, values: dict[str, str]) -> None:
+        """Publish a status of the orchestrator's own, at simulated time t [s]."""
         status = Status(name=f"{NAME}: {name}", level=level, message=message, values=values)
-        now = self.node.get_clock().now().nanoseconds * 1e-9
-        self._diagnostics.publish(encode_diagnostics(now, [status], hardware_id=self._hardware_id))
+        self._diagnostics.publish(encode_diagnostics(t, [status], hardware_id=self._hardware_id))
 
     def matched(self, node: str, topic: str) -> int:
         """Return how many subscriptions a node's publisher says it has."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import time
 from collections import Counter, defaultdict
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -24,7 +25,7 @@ from winding_bringup.event_log import EventLog
 from winding_bringup.graph import GRAPH, Policy
 from winding_bringup.orchestrator import GraphError, Orchestrator
 from winding_bringup.recorder import Tape
-from winding_bringup.ros_client import RosClient
+from winding_bringup.ros_client import NAME, RosClient
 from winding_bringup.sensor_watch import SensorWatch
 from winding_bringup.taped_inputs import taped_inputs
 from winding_bringup.vitals import Vitals
@@ -204,10 +205,15 @@ class Supervisor:
 
     async def _tell_vitals(self) -> None:
         vitals = Vitals(self._tape)
+        # Rates and loads are those since the last look.
+        vitals.look(time.monotonic(), self._pids())
         while True:
             await asyncio.sleep(_VITALS_PERIOD)
-            level, message, values = vitals.look(time.monotonic(), self._orchestrator.pids())
-            self._client.tell(level, "vitals", message, values)
+            level, message, values = vitals.look(time.monotonic(), self._pids())
+            self._client.tell(self.t, level, "vitals", message, values)
+
+    def _pids(self) -> dict[str, int]:
+        return {**self._orchestrator.pids(), NAME: os.getpid()}
 
     async def _handle(self, finding: Finding) -> None:
         sentence = f"{finding.node} {finding.text} at {self.t:.3f} s of simulated time"
@@ -282,7 +288,8 @@ class Supervisor:
     def _note(self, what: str, node: str, text: str, *, wall: float | None = None) -> None:
         self.log.note(what, node, text, t=self.t, wall=wall)
         level = Level.OK if what in ("restarted", "resumed") else Level.ERROR
-        self._client.tell(level, "supervision", f"{what}: {node} {text}", {"time": f"{self.t:.3f}"})
+        values = {"time": f"{self.t:.3f}"}
+        self._client.tell(self.t, level, "supervision", f"{what}: {node} {text}", values)
 
 
 def replay_parameters(tape: Tape, file: Path, since: float = 0.0) -> dict[str, object]:

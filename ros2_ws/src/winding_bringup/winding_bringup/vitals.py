@@ -86,9 +86,13 @@ class Vitals:
         for name, pid in pids.items():
             try:
                 process = self._processes.get(name)
-                if process is None or process.pid != pid:
+                known = process is not None and process.pid == pid
+                if process is None or not known:
                     process = self._processes[name] = psutil.Process(pid)
-                values[f"cpu {name} [%]"] = f"{process.cpu_percent():.0f}"
+                # The first call begins the span that the second one tells of.
+                share = process.cpu_percent()
+                if known:
+                    values[f"cpu {name} [%]"] = f"{share:.0f}"
                 values[f"memory {name} [MiB]"] = f"{process.memory_info().rss / _MEBIBYTE:.0f}"
             except psutil.NoSuchProcess:
                 self._processes.pop(name, None)

@@ -140,6 +140,11 @@ class RigNode(ManagedNode[RigParameters]):
             "reason": state.reason,
             "slowest": self._slowest(),
         }
+        # Of simulated time: what waits on the way to a reader, and in it, is not longer.
+        values |= {
+            f"lead over {name} [s]": f"{max(self._machine.time - t, 0.0):.3f}"
+            for name, t in self._pace.answered.items()
+        }
         refused = self._machine.plausibility.refused
         values |= {f"refused {name}": str(count) for name, count in refused.items()}
         if faults:

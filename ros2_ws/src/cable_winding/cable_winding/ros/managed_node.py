@@ -130,6 +130,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             self,
             self._guarded(topic, callback, raw=raw),
             raw=raw,
+            found=self._intake(topic).found,
             events=SubscriptionEventCallbacks(
                 incompatible_qos=lambda event: self._note_mismatch(topic, "a publisher", event)
             ),
@@ -137,10 +138,13 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._topic_subscriptions.append(subscription)
         return subscription
 
+    def _intake(self, topic: Topic) -> Intake:
+        return self._intakes.setdefault(topic.name, Intake(topic.name))
+
     def _guarded(
         self, topic: Topic, callback: Callable[[Any], None], *, raw: bool = False
     ) -> Callable[[Any], None]:
-        intake = self._intakes.setdefault(topic.name, Intake(topic.name))
+        intake = self._intake(topic)
 
         def guarded(message: Any) -> None:
             try:
@@ -179,6 +183,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
                 (
                     other,
                     self._guarded(other, self._answering(exchange, other, busy or nullcontext())),
+                    self._intake(other).found,
                 )
                 for other in exchange.inputs
                 if other is not topic
@@ -309,6 +314,8 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             )
             self._last_told = statuses
             self._silent_periods = 0
+            for intake in self._intakes.values():
+                intake.told()
 
     def _now(self) -> float:
         return float(self.get_clock().now().nanoseconds * 1e-9)
@@ -347,6 +354,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         values = {f"{MATCHED}{name}": str(self.matched(name)) for name in self._topic_publishers}
         refusing = [intake for intake in self._intakes.values() if intake.refused]
         values |= {f"heard {name}": str(item.accepted) for name, item in self._intakes.items()}
+        values |= {f"queue {name}": str(item.queue) for name, item in self._intakes.items()}
         values |= {f"refused {item.topic}": str(item.refused) for item in refusing}
         errors = self.rivals()
         errors += [_refusal(intake) for intake in refusing if intake.persistent]
@@ -384,13 +392,16 @@ def _stamp(message: Any, *, raw: bool) -> float:
 
 def _after_others(
     answer: Callable[[Any], None],
-    others: Sequence[tuple[Topic, Callable[[Any], None]]],
+    others: Sequence[tuple[Topic, Callable[[Any], None], Callable[[int], None]]],
     subscriptions: Mapping[Topic, Subscription],
 ) -> Callable[[Any], None]:
     def serve(message: Any) -> None:
-        for topic, catch_up in others:
+        for topic, catch_up, found in others:
+            count = 0
             for waiting in topic.waiting(subscriptions[topic]):
                 catch_up(waiting)
+                count += 1
+            found(count)
         answer(message)
 
     return serve

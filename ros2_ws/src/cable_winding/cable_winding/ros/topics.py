@@ -71,8 +71,11 @@ class Topic:
         *,
         raw: bool = False,
         events: SubscriptionEventCallbacks | None = None,
+        found: Callable[[int], None] | None = None,
     ) -> Subscription:
         """Return a subscription on a node; raw callbacks get the serialised bytes.
+
+        `found` is told how many messages each wake-up served.
 
         One wake-up serves every message that waits. An executor by itself takes one message of
         each topic per round: a reader in arrears would see a 1 kHz topic fall ever further
@@ -81,8 +84,12 @@ class Topic:
 
         def serve(message: Any) -> None:
             callback(message)
+            count = 1
             for waiting in self.waiting(subscription, raw=raw):
                 callback(waiting)
+                count += 1
+            if found is not None:
+                found(count)
 
         subscription: Subscription = node.create_subscription(
             self.type,

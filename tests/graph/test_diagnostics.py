@@ -1,0 +1,168 @@
+"""What a run says of itself on /diagnostics, as its bag keeps it: who, how fast, how late."""
+
+import re
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cable_winding.readings import AxisReading
+from cable_winding.ros import topics
+from cable_winding.ros.diagnostic_messages import Status, encode_diagnostics
+from cable_winding.ros.rig_messages import encode_joint_state
+from winding_bringup.bags.contents import contents
+from winding_bringup.bags.reading import decoded, messages_of, opened
+from winding_bringup.graph import GRAPH
+from winding_bringup.recorder import Recorder
+
+pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
+
+NODES = tuple(spec.name for spec in GRAPH)
+# Simulated time leads the slowest reader by at most so much.
+MAX_LEAD = 0.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """One status of one message, at its stamp [s]."""
+
+    t: float
+    level: int
+    hardware: str
+    values: dict[str, str]
+
+
+@pytest.fixture(scope="module")
+def told(recorded_run: Any) -> dict[str, list[Told]]:
+    assert recorded_run.finished.returncode == 0, recorded_run.finished.stderr
+    found = defaultdict(list)
+    with opened(recorded_run.bag) as reader:
+        links = [link for link in reader.connections if link.topic == topics.DIAGNOSTICS.name]
+        for link, _, data in messages_of(reader, links):
+            message = decoded(reader, link, data)
+            t = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+            for status in message.status:
+                found[status.name].append(
+                    Told(
+                        t=t,
+                        level=int(status.level),
+                        hardware=status.hardware_id,
+                        values={item.key: item.value for item in status.values},
+                    )
+                )
+    return dict(found)
+
+
+def numbers(entries: list[Told], key: str) -> list[float]:
+    """Return every value of a key, in the order they were told."""
+    return [float(entry.values[key]) for entry in entries if key in entry.values]
+
+
+def test_every_node_tells_of_its_work_and_of_its_topics(told: dict[str, list[Told]]) -> None:
+    expected = {*NODES, *(f"{name}: topics" for name in NODES)}
+    assert expected | {"recorder", "orchestrator: vitals"} <= set(told)
+
+
+def test_names_and_hardware_are_those_of_rep_107(told: dict[str, list[Told]]) -> None:
+    for name, entries in told.items():
+        assert re.fullmatch(r"[a-z_]+(: [a-z ]+)?", name)
+        assert {entry.hardware for entry in entries} == {"/winding"}
+        assert {entry.level for entry in entries} <= {0, 1, 2}
+
+
+def test_a_run_without_faults_has_no_error(told: dict[str, list[Told]]) -> None:
+    assert not [name for name, entries in told.items() for entry in entries if entry.level > 1]
+
+
+def test_stamps_are_simulated_time(told: dict[str, list[Told]], recorded_run: Any) -> None:
+    for name, entries in told.items():
+        assert all(0.0 <= entry.t <= recorded_run.duration + 1e-6 for entry in entries), name
+    whole = contents(recorded_run.bag)
+    assert whole.duration == pytest.approx(recorded_run.duration, abs=0.01)
+
+
+def test_rates_are_in_the_ratio_of_the_contract(told: dict[str, list[Told]]) -> None:
+    vitals = told["orchestrator: vitals"]
+    measured = {
+        topic.name: sum(numbers(vitals, f"rate {topic.name} [1/s]"))
+        for topic in (topics.JOINT_STATES, topics.TENSION, topics.CAMERA_INFO, topics.FEM_MARKERS)
+    }
+    assert min(measured.values()) > 0.0
+    for topic in (topics.TENSION, topics.CAMERA_INFO, topics.FEM_MARKERS):
+        assert topic.rate is not None
+        # A look falls between two messages; simulated time leads a reader by a quarter of a
+        # second, which is a good part of the spans of this short run.
+        ratio = measured[topics.JOINT_STATES.name] / measured[topic.name]
+        assert ratio == pytest.approx(1000.0 / topic.rate, rel=0.5), topic.name
+
+
+def test_latency_is_told_with_its_tail(told: dict[str, list[Told]]) -> None:
+    vitals = told["orchestrator: vitals"]
+    median = numbers(vitals, "frame to corrected length p50 [ms]")
+    tail = numbers(vitals, "frame to corrected length p99 [ms]")
+    assert median
+    assert all(0.0 < p50 <= p99 for p50, p99 in zip(median, tail, strict=True))
+
+
+def test_drops_are_counted_and_there_are_none(told: dict[str, list[Told]]) -> None:
+    assert set(numbers(told["orchestrator: vitals"], "lost frames")) == {0.0}
+    assert set(numbers(told["recorder"], "lost")) == {0.0}
+
+
+@pytest.mark.parametrize("spec", GRAPH, ids=lambda spec: spec.name)
+def test_each_reader_tells_the_queue_of_each_of_its_topics(
+    told: dict[str, list[Told]], spec: Any
+) -> None:
+    entries = told[f"{spec.name}: topics"]
+    assert {topic.name for topic in spec.subscribes} <= {
+        key.removeprefix("queue ") for entry in entries for key in entry.values
+    }
+    for topic in spec.subscribes:
+        queue = numbers(entries, f"queue {topic.name}")
+        # One message that waits is served; a history that was ever full may have lost some.
+        assert 1.0 <= max(queue) < topic.depth, topic.name
+
+
+def test_recorder_and_machine_tell_what_waits_for_them(told: dict[str, list[Told]]) -> None:
+    assert min(numbers(told["recorder"], "waiting")) >= 0.0
+    paced = [spec.answer.name for spec in GRAPH if spec.answer is not None]
+    assert paced
+    for name in (*paced, topics.RECORDER_PROGRESS.name):
+        lead = numbers(told["winding_rig"], f"lead over {name} [s]")
+        assert lead
+        # One control step may be under way when time is held.
+        assert 0.0 <= max(lead) <= MAX_LEAD + 0.01, name
+
+
+@pytest.mark.parametrize("process", [*NODES, "orchestrator"])
+def test_load_and_memory_of_each_process_are_told(
+    told: dict[str, list[Told]], process: str
+) -> None:
+    vitals = told["orchestrator: vitals"]
+    assert max(numbers(vitals, f"cpu {process} [%]")) > 0.0
+    assert min(numbers(vitals, f"memory {process} [MiB]")) > 30.0
+
+
+def test_a_stranger_s_clock_does_not_make_the_recording_longer(ros: Any, tmp_path: Path) -> None:
+    """Anybody in the domain may publish diagnostics, stamped with the time of day."""
+    host, machine, stranger = ros.plain("host"), ros.plain("machine"), ros.plain("stranger")
+    samples = topics.JOINT_STATES.advertise(machine)
+    states = topics.DIAGNOSTICS.advertise(stranger)
+    recorder = Recorder(host, tmp_path / "bag", recorded=[topics.JOINT_STATES, topics.DIAGNOSTICS])
+    still = AxisReading(
+        cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0
+    )
+    ros.spin_until(
+        lambda: samples.get_subscription_count() == 1 and states.get_subscription_count() == 1
+    )
+    states.publish(encode_diagnostics(1.8e9, [Status(name="stranger")]))
+    for sample in range(1, 4):
+        samples.publish(encode_joint_state(float(sample), still))
+    ros.spin_until(lambda: recorder.tape.last_stamp(topics.JOINT_STATES) == 3.0)
+    states.publish(encode_diagnostics(1.8e9 + 1.0, [Status(name="stranger")]))
+    ros.spin_until(lambda: recorder.tape.last_stamp(topics.DIAGNOSTICS) == 1.8e9 + 1.0)
+    recorder.close()
+    whole = contents(tmp_path / "bag")
+    assert whole.start + whole.duration == pytest.approx(3.0, abs=1e-6)
