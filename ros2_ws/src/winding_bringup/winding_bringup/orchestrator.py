@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import AsyncIterator, Collection, Coroutine, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -15,9 +16,11 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from std_srvs.srv import Trigger
 
 from cable_winding.ros import topics
+from winding_bringup.attached_node import AttachedNode
 from winding_bringup.environment import child_environment, enclave_arguments, ros_arguments
 from winding_bringup.graph import GRAPH, NodeSpec, expected_subscribers
 from winding_bringup.node_process import NodeProcess
+from winding_bringup.parameter_files import parameters_for
 from winding_bringup.ros_client import RosClient
 
 # First starts import torch and compile kernels on a busy machine.
@@ -37,6 +40,9 @@ _GOALS = {
 _REFUSAL_PATIENCE = 5.0
 
 
+Member = NodeProcess | AttachedNode
+
+
 class GraphError(RuntimeError):
     """The graph could not be brought up or kept up; the message names the culprit."""
 
@@ -51,6 +57,7 @@ class GraphConfig:
         parameters: Node name -> parameter name -> value.
         parameters_file: Parameter file of the user, given to every node.
         recorded: Topics that the recorder of this process listens to.
+        attach: Whether somebody else runs the nodes, such as a container each.
     """
 
     namespace: str
@@ -58,6 +65,7 @@ class GraphConfig:
     parameters: Mapping[str, Mapping[str, object]]
     parameters_file: Path | None = None
     recorded: frozenset[str] = frozenset()
+    attach: bool = False
 
 
 @asynccontextmanager
@@ -76,7 +84,7 @@ class Orchestrator:
     def __init__(self, config: GraphConfig, client: RosClient) -> None:
         self.config = config
         self._client = client
-        self.processes = [self._process(spec) for spec in GRAPH]
+        self.processes: list[Member] = [self._process(spec) for spec in GRAPH]
         self._active: set[str] = set()
 
     async def start(self) -> None:
@@ -93,7 +101,7 @@ class Orchestrator:
             self._active.add(process.spec.name)
         await self._while_alive(self._matched())
 
-    def process(self, name: str) -> NodeProcess:
+    def process(self, name: str) -> Member:
         """Return a node's present process."""
         return next(process for process in self.processes if process.spec.name == name)
 
@@ -152,7 +160,7 @@ class Orchestrator:
         if not response.success:
             raise GraphError(f"{service} was refused: {response.message}")
 
-    async def first_death(self, among: Sequence[NodeProcess] = ()) -> NodeProcess:
+    async def first_death(self, among: Sequence[Member] = ()) -> Member:
         """Wait until a process ends, of some or of all; return it."""
         watched = among or self.processes
         tasks = {asyncio.create_task(process.ended()): process for process in watched}
@@ -176,21 +184,29 @@ class Orchestrator:
                 )
             if process.started:
                 codes[process.spec.name] = await process.stop()
+            elif isinstance(process, AttachedNode) and process.spec.name in self._active:
+                # One that has gone is not waited for.
+                with contextlib.suppress(TimeoutError):
+                    await process.let_go()
         return codes
 
-    def _process(self, spec: NodeSpec, extra: Mapping[str, object] | None = None) -> NodeProcess:
+    def _process(self, spec: NodeSpec, extra: Mapping[str, object] | None = None) -> Member:
         directory = self.config.log_directory
-        # The node's output is kept already, and kept short.
         namespace = self.config.namespace
+        full_name = f"/{namespace}/{spec.name}"
+        values = {"use_sim_time": True, **self.config.parameters.get(spec.name, {})}
+        values |= extra or {}
+        if self.config.attach:
+            if self.config.parameters_file is not None:
+                values = parameters_for(self.config.parameters_file, full_name) | values
+            return AttachedNode(spec, self._client, full_name, values)
+        # The node's output is kept already, and kept short.
         arguments = enclave_arguments(namespace, spec.name)
         arguments += ros_arguments(namespace) or ["--ros-args"]
         arguments.append("--disable-external-lib-logs")
         if self.config.parameters_file is not None:
             arguments += ["--params-file", str(self.config.parameters_file)]
         own = directory / f"{spec.name}.yaml"
-        full_name = f"/{namespace}/{spec.name}"
-        values = {"use_sim_time": True, **self.config.parameters.get(spec.name, {})}
-        values |= extra or {}
         own.write_text(yaml.safe_dump({full_name: {"ros__parameters": values}}), encoding="utf-8")
         arguments += ["--params-file", str(own)]
         return NodeProcess(
@@ -200,22 +216,26 @@ class Orchestrator:
             directory / f"{spec.name}.log",
         )
 
-    def _service(self, process: NodeProcess, name: str) -> str:
+    def _service(self, process: Member, name: str) -> str:
         return f"/{self.config.namespace}/{process.spec.name}/{name}"
 
     async def _configure_all(self) -> None:
         await asyncio.gather(*(self._configure(process) for process in self.processes))
 
-    async def _configure(self, process: NodeProcess) -> None:
+    async def _configure(self, process: Member) -> None:
         state = await self._state(process, _START_TIMEOUT)
-        if state != State.PRIMARY_STATE_UNCONFIGURED:
+        if isinstance(process, AttachedNode):
+            refusal = await process.take_parameters()
+            if refusal:
+                raise GraphError(f"{process.spec.name}: {refusal}")
+        elif state != State.PRIMARY_STATE_UNCONFIGURED:
             raise GraphError(
                 f"{process.spec.name} is in state {state} before it was configured: "
                 "another graph uses its name"
             )
         await self._change(process, Transition.TRANSITION_CONFIGURE, _CONFIGURE_TIMEOUT)
 
-    async def _change(self, process: NodeProcess, transition: int, timeout: float) -> None:
+    async def _change(self, process: Member, transition: int, timeout: float) -> None:
         """Ask for a transition until the node is where it leads.
 
         An answer can be lost while client and server find each other. Then the node's state
@@ -237,7 +257,7 @@ class Orchestrator:
                     reason = await process.refusal(_REFUSAL_PATIENCE)
                     raise GraphError(f"{process.spec.name}: {reason}")
 
-    async def _state(self, process: NodeProcess, timeout: float) -> int:
+    async def _state(self, process: Member, timeout: float) -> int:
         response = await self._client.call(
             GetState, self._service(process, "get_state"), GetState.Request(), timeout
         )
@@ -263,7 +283,7 @@ class Orchestrator:
         ]
 
     async def _while_alive(
-        self, work: Coroutine[Any, Any, Any], among: Sequence[NodeProcess] = ()
+        self, work: Coroutine[Any, Any, Any], among: Sequence[Member] = ()
     ) -> None:
         task = asyncio.create_task(work)
         death = asyncio.create_task(self.first_death(among))
@@ -279,7 +299,7 @@ class Orchestrator:
         raise self.obituary(dead)
 
     @staticmethod
-    def obituary(process: NodeProcess) -> GraphError:
+    def obituary(process: Member) -> GraphError:
         """Return the error that names a node that ended by itself."""
         said = process.complaint()
         return GraphError(

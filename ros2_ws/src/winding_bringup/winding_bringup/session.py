@@ -9,6 +9,7 @@ import signal
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from cable_winding.parameters import build
@@ -19,7 +20,7 @@ from winding_bringup.bags.notes import PARAMETERS
 from winding_bringup.environment import clean_shared_memory, set_process_environment
 from winding_bringup.event_log import Event, EventLog
 from winding_bringup.graph import DEFAULT_NAMESPACE, GRAPH, pace_topics, parameters_of
-from winding_bringup.orchestrator import GraphConfig, Orchestrator
+from winding_bringup.orchestrator import GraphConfig, GraphError, Orchestrator
 from winding_bringup.ownership import chosen_domain, owned
 from winding_bringup.parameter_files import parameters_for
 from winding_bringup.recorder import Recorder, RecorderError, Tape
@@ -48,6 +49,7 @@ class SessionConfig:
         parameters_file: The user's own parameter file.
         domain: DDS domain, or None for the environment's.
         namespace: Namespace of the graph.
+        attach: Whether somebody else runs the nodes; nothing is started or ended here.
     """
 
     directory: Path
@@ -59,6 +61,7 @@ class SessionConfig:
     parameters_file: Path | None = None
     domain: int | None = None
     namespace: str = DEFAULT_NAMESPACE
+    attach: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +146,7 @@ async def _run(config: SessionConfig, view: View) -> SessionResult:
             parameters=_parameters(config),
             parameters_file=config.parameters_file,
             recorded=frozenset(topic.name for topic in recorded),
+            attach=config.attach,
         ),
         client,
     )
@@ -152,7 +156,7 @@ async def _run(config: SessionConfig, view: View) -> SessionResult:
         client,
         recorder.tape,
         log,
-        {topics.FEM: lambda: replay_parameters(recorder.tape, history)},
+        {topics.FEM: partial(_replay, config, recorder.tape, history)},
     )
     try:
         await orchestrator.start()
@@ -173,6 +177,15 @@ async def _run(config: SessionConfig, view: View) -> SessionResult:
         recording_error=recorder.error,
         events=tuple(log.events),
     )
+
+
+def _replay(config: SessionConfig, tape: Tape, file: Path) -> dict[str, object]:
+    """Return the parameters with which a restarted model winds up what the run has had so far."""
+    if config.attach:
+        raise GraphError(
+            f"{topics.FEM} was lost and runs elsewhere, where it cannot replay the run's inputs"
+        )
+    return replay_parameters(tape, file)
 
 
 _PICTURES = (topics.IMAGE, topics.PREVIEW)
