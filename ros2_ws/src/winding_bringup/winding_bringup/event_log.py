@@ -8,6 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+# A run that fails and resumes without end may not fill disk or memory: two files of this size
+# [bytes], and so many events.
+FILE_LIMIT = 1_000_000
+_EVENT_LIMIT = 10_000
+
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
@@ -33,8 +38,8 @@ class EventLog:
     """Events of one run, in memory and in a file of the run's folder.
 
     Attributes:
-        file: Where they are appended, or None.
-        events: All of them.
+        file: Where they are appended, or None; a full one is kept once, as `NAME.1`.
+        events: All of them, or the latest few thousand.
     """
 
     file: Path | None
@@ -49,7 +54,11 @@ class EventLog:
             wall=self.clock() if wall is None else wall, t=t, what=what, node=node, text=text
         )
         self.events.append(event)
+        if len(self.events) > _EVENT_LIMIT:
+            del self.events[: _EVENT_LIMIT // 2]
         if self.file is not None:
+            if self.file.exists() and self.file.stat().st_size > FILE_LIMIT:
+                self.file.replace(self.file.with_name(f"{self.file.name}.1"))
             with self.file.open("a", encoding="utf-8") as lines:
                 lines.write(json.dumps(event.__dict__) + "\n")
         return event

@@ -17,8 +17,11 @@ from winding_bringup.graph import NodeSpec
 
 _HELD = (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
 _ERROR_MARKS = ("error:", "[ERROR]", "[FATAL]")
-# A node that complains without end may not fill the disk: the older half is let go.
-_LOG_LIMIT = 4_000_000
+# A node that complains without end may not fill the disk: two files of this size [bytes].
+LOG_LIMIT = 4_000_000
+_CHUNK = 65_536
+# What a line without an end is cut to [bytes].
+_LINE_LIMIT = 8_192
 _ESCALATION = ((signal.SIGINT, 5.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 5.0))
 
 
@@ -133,18 +136,27 @@ class NodeProcess:
         assert self._process is not None
         assert self._process.stdout is not None
         file = self._log.open("ab")
+        begun = b""
         try:
-            while line := await self._process.stdout.readline():
-                if file.tell() > _LOG_LIMIT:
+            while chunk := await self._process.stdout.read(_CHUNK):
+                if file.tell() + len(chunk) > LOG_LIMIT:
                     file.close()
                     self._log.replace(self._log.with_suffix(".log.1"))
                     file = self._log.open("ab")
-                file.write(line)
+                file.write(chunk)
                 file.flush()
-                text = line.decode(errors="replace").rstrip()
-                if text:
-                    self._complaints.append(text)
-                if text.startswith(_ERROR_MARKS):
-                    self._complained.set()
+                *lines, begun = (begun + chunk).split(b"\n")
+                # A chunk may end within a line, and a line may have no end.
+                begun = begun[:_LINE_LIMIT]
+                for line in lines:
+                    self._hear(line)
+            self._hear(begun)
         finally:
             file.close()
+
+    def _hear(self, line: bytes) -> None:
+        text = line[:_LINE_LIMIT].decode(errors="replace").rstrip()
+        if text:
+            self._complaints.append(text)
+        if text.startswith(_ERROR_MARKS):
+            self._complained.set()

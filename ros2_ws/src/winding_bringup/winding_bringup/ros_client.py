@@ -35,7 +35,13 @@ class RosClient:
     def __init__(self, namespace: str) -> None:
         self._context = Context()
         rclpy.init(
-            args=[NAME, *enclave_arguments(namespace, NAME)],
+            # What it says comes out on stderr; a file of rcl's has no bound.
+            args=[
+                NAME,
+                *enclave_arguments(namespace, NAME),
+                "--ros-args",
+                "--disable-external-lib-logs",
+            ],
             context=self._context,
             signal_handler_options=rclpy.SignalHandlerOptions.NO,
         )
