@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
+from dataclasses import fields
 
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
-from winding_bringup.graph import NodeSpec
+from winding_bringup.graph import NodeSpec, parameters_of
 from winding_bringup.ros_client import RosClient
 
 _ANSWER_TIMEOUT = 30.0
@@ -42,6 +43,7 @@ class AttachedNode:
         self._client = client
         self._name = name
         self._parameters = dict(parameters)
+        self._declared = {field.name for field in fields(parameters_of(spec))} | {"use_sim_time"}
 
     @property
     def pid(self) -> int:
@@ -75,6 +77,9 @@ class AttachedNode:
     async def take_parameters(self) -> str:
         """Bring the node to unconfigured and give it its parameters; return why it refused."""
         await self.let_go()
+        unknown = sorted(set(self._parameters) - self._declared)
+        if unknown:
+            return f"there is no parameter {unknown[0]!r}"
         request = SetParametersAtomically.Request(
             parameters=[
                 Parameter(name, value=value).to_parameter_msg()

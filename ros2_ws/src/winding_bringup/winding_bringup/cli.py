@@ -11,6 +11,7 @@ from winding_bringup.commands.conform import conform
 from winding_bringup.commands.dashboard import dashboard
 from winding_bringup.commands.faults import faults
 from winding_bringup.commands.graph import graph
+from winding_bringup.commands.health import health
 from winding_bringup.commands.identify import identify
 from winding_bringup.commands.predict import predict
 from winding_bringup.commands.render import render
@@ -42,6 +43,7 @@ for _command in (
     conform,
     faults,
     dashboard,
+    health,
     graph,
 ):
     app.command()(_command)
