@@ -2,6 +2,7 @@
 
 import ast
 import io
+import re
 from pathlib import Path
 
 import pytest
@@ -31,3 +32,24 @@ def test_results_go_to_the_one_console(path: Path) -> None:
     ]
     progress = [call for call in made if "stderr" in {word.arg for word in call.keywords}]
     assert path.stem == "console" or made == progress
+
+
+@pytest.mark.parametrize("path", sorted(COMMANDS.glob("*.py")), ids=lambda path: path.stem)
+def test_no_unit_is_swallowed_as_markup(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    docstrings = {
+        ast.get_docstring(node, clean=False)
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+    }
+    printed = [
+        node.value
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and node.value not in docstrings
+    ]
+    # Rich takes "[rad]" for a style of that name and prints nothing.
+    assert [
+        words for words in printed if re.search(r"\[(rad|m|mm|s|kg|g|k?Pa|mrad)\b", words)
+    ] == []

@@ -202,7 +202,7 @@ def _print_constants(console: Console, found: ConstantsEstimate) -> dict[str, An
 
 def _print_fit(console: Console, fit: Fit) -> dict[str, Any]:
     table = Table(title="Markers that were used")
-    for heading in ("run", "marker", "theta [rad]", "fitted", "misses by [mrad]", "z by [mm]"):
+    for heading in ("run", "marker", "theta, rad", "fitted", "misses by, mrad", "z by, mm"):
         table.add_column(heading, justify="right")
     for row in fit.residuals:
         table.add_row(
@@ -248,7 +248,7 @@ def _print_rest(
     taken = set(used.readings.ids.tolist())
     rows = [row for row in predicted[1:][is_wound(predicted)[1:]] if int(row["id"]) not in taken]
     table = Table(title=f"Remaining markers of run {number + 1}, with the identified material")
-    for heading in ("marker", "theta [rad]", "z [mm]", "S [mm]", "measured S [mm]", "error [%]"):
+    for heading in ("marker", "theta, rad", "z, mm", "S, mm", "measured S, mm", "error, %"):
         table.add_column(heading, justify="right")
     record = []
     for row in rows:
@@ -288,7 +288,7 @@ def _tensile(path: Path, options: PredictOptions) -> dict[str, Any]:
     fits = fit_laws(read_tensile_test(path), poisson)
     console = result_console()
     table = Table(title=f"Laws of {path.name}, best first")
-    for heading in ("law", "E [MPa]", "standard error", "C01 share", "rms [kPa]", "AICc"):
+    for heading in ("law", "E, MPa", "standard error", "C01 share", "rms, kPa", "AICc"):
         table.add_column(heading, justify="right")
     for item in fits:
         table.add_row(

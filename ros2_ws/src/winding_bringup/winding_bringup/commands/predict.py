@@ -72,7 +72,7 @@ def _print(result: Prediction, element: str) -> None:
     case = result.config.case
     title = f"case {case.number}" if case.number else "own condition"
     table = Table(title=f"Markers after {result.duration:g} s, {title}, {element}")
-    for column in ("marker", "theta [rad]", "z [mm]", "S [mm]", "on the cylinder"):
+    for column in ("marker", "theta, rad", "z, mm", "S, mm", "on the cylinder"):
         table.add_column(column, justify="right")
     for row in result.markers[1:]:
         table.add_row(
@@ -84,7 +84,7 @@ def _print(result: Prediction, element: str) -> None:
         )
     console.print(table)
     turns = Table(title="Turns")
-    for column in ("turn", "cable used [mm]", "advance [mm]"):
+    for column in ("turn", "cable used, mm", "advance, mm"):
         turns.add_column(column, justify="right")
     for n, (used, pitch) in enumerate(
         zip(result.cable_per_turn(), result.pitch_per_turn(), strict=True), start=1

@@ -19,8 +19,8 @@ def render(
     *,
     case: Annotated[int, typer.Option(help="Row of the paper's Table 1 (1 to 12).")] = 4,
     fps: Annotated[float, typer.Option(help="Frames per second.")] = 50.0,
-    start_s: Annotated[float, typer.Option(help="First instant of the run [s].")] = 0.0,
-    duration_s: Annotated[float, typer.Option(help="Length of the film [s].")] = 20.0,
+    start_s: Annotated[float, typer.Option(help="First instant of the run, in seconds.")] = 0.0,
+    duration_s: Annotated[float, typer.Option(help="Length of the film in seconds.")] = 20.0,
     full: Annotated[
         bool, typer.Option("--full/--window", help="1920x1080, or 640x96 as the rig streams it.")
     ] = False,

@@ -28,7 +28,8 @@ def study(
         str | None, typer.Option(help="Rows of Table 1, such as 1,4 or 7-12; all twelve.")
     ] = None,
     duration_s: Annotated[
-        float, typer.Option("--duration-s", "--duration", help="Simulated time of a run [s].")
+        float,
+        typer.Option("--duration-s", "--duration", help="Simulated seconds of a run."),
     ] = 20.0,
     law: Annotated[
         str | None,

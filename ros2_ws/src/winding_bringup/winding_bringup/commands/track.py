@@ -199,10 +199,9 @@ def _print(tracker: Tracker, lens: PinholeCamera, refined: bool) -> None:
             theta, z = fit.theta, fit.z
             tilt = ", ".join(f"{1e3 * angle:.2f}" for angle in fit.pose.tilt)
             console.print(f"refined: {fit.residual:.2f} px, camera tilt ({tilt}) mrad")
-    table = Table("marker", "theta [rad]", "z [mm]", "S [mm]")
+    table = Table("marker", "theta, rad", "z, mm", "S, mm")
     length = curve_length(tracker.config.centreline_radius, theta, z)
     for n, (angle, height, s) in enumerate(zip(theta, z, length, strict=True)):
-        table.add_row(
-            f"P{n}", f"{angle:.4f}", f"{height / MILLIMETRE:.3f}", f"{s / MILLIMETRE:.2f}"
-        )
+        numbers = (f"{angle:.4f}", f"{height / MILLIMETRE:.3f}", f"{s / MILLIMETRE:.2f}")
+        table.add_row(f"P{n}", *(numbers if math.isfinite(s) else ("-", "-", "-")))
     console.print(table)
