@@ -10,8 +10,8 @@ from cable_winding.ros import topics
 from cable_winding.ros.diagnostic_messages import Level
 from winding_bringup.backoff import Backoff
 from winding_bringup.event_log import EventLog, read_events
-from winding_bringup.recorder import Tape, TapedMessage
 from winding_bringup.sensor_watch import SensorWatch
+from winding_bringup.tape import Tape, TapedMessage
 from winding_bringup.vitals import Vitals
 
 SENSORS = ("/clock", "rig/joint_states", "rig/tension", "camera/camera_info")
@@ -94,14 +94,14 @@ def test_events_are_in_the_file_and_found_again(tmp_path: Path) -> None:
 
 
 def taped(tape: Tape, topic: topics.Topic, rows: list[tuple[int, int]]) -> None:
-    tape.messages[topic.name] += [
-        TapedMessage(stamp_ns=stamp, sent_ns=received, received_ns=received, data=b"")
-        for stamp, received in rows
-    ]
+    for stamp, received in rows:
+        tape.add(
+            topic, TapedMessage(stamp_ns=stamp, sent_ns=received, received_ns=received, data=b"")
+        )
 
 
 def test_vitals_give_rates_latency_and_lost_frames() -> None:
-    tape = Tape()
+    tape = Tape(topics.TOPICS)
     vitals = Vitals(tape)
     vitals.look(0.0, {})
     frames = [k * 5_000_000 for k in range(200) if k not in (50, 51, 120)]
@@ -117,7 +117,7 @@ def test_vitals_give_rates_latency_and_lost_frames() -> None:
 
 
 def test_load_is_told_from_the_second_look_at_a_process_on() -> None:
-    vitals = Vitals(Tape())
+    vitals = Vitals(Tape(topics.TOPICS))
     assert "cpu test [%]" not in vitals.look(0.0, {"test": os.getpid()})[2]
     assert float(vitals.look(1.0, {"test": os.getpid()})[2]["cpu test [%]"]) >= 0.0
     # Another process in the node's place begins anew.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
-from rclpy.serialization import deserialize_message
 from rich.console import Group, RenderableType
 from rich.progress_bar import ProgressBar
 from rich.table import Table
@@ -16,7 +16,7 @@ from cable_winding.ros import topics
 from cable_winding.ros.cloud_messages import decode_cloud
 from cable_winding.ros.rig_messages import decode_joint_state, decode_tension
 from cable_winding.ros.topics import Topic
-from winding_bringup.recorder import Tape
+from winding_bringup.tape import Tape
 
 
 class LiveView:
@@ -29,13 +29,13 @@ class LiveView:
 
     def render(self, wall: float) -> RenderableType:
         """Return the present picture, `wall` seconds after the start."""
-        reading = self._newest(topics.JOINT_STATES)
+        reading = self._tape.newest(topics.JOINT_STATES, decode_joint_state)
         if reading is None:
             return Text("waiting for the first encoder sample")
-        t, measured = decode_joint_state(reading)
-        command = self._newest(topics.JOINT_COMMANDS)
-        wanted = decode_joint_state(command)[1] if command is not None else None
-        tension = self._newest(topics.TENSION)
+        t, measured = reading
+        command = self._tape.newest(topics.JOINT_COMMANDS, decode_joint_state)
+        wanted = command[1] if command is not None else None
+        tension = self._tape.newest(topics.TENSION, decode_tension)
         machine = Table.grid(padding=(0, 2))
         machine.add_row(
             "simulated",
@@ -54,9 +54,7 @@ class LiveView:
             f"target {1e3 * wanted.feed_speed:.3f}" if wanted else "",
             f"{1e3 * measured.carriage_position:.1f} mm",
         )
-        machine.add_row(
-            "tension", f"{decode_tension(tension)[1]:6.3f} N" if tension is not None else "-"
-        )
+        machine.add_row("tension", f"{tension[1]:6.3f} N" if tension is not None else "-")
         bar = ProgressBar(total=self._duration, completed=min(t, self._duration), width=60)
         return Group(bar, machine, self._lengths())
 
@@ -75,16 +73,12 @@ class LiveView:
             )
         return table
 
-    def _newest(self, topic: Topic):  # type: ignore[no-untyped-def]
-        message = self._tape.last(topic)
-        return deserialize_message(message.data, topic.type) if message else None
-
     def _markers(self, topic: Topic) -> dict[int, float]:
-        message = self._newest(topic)
-        if message is None:
-            return {}
         dtype = CORRECTED_DTYPE if topic is topics.CORRECTED_MARKERS else MARKER_DTYPE
-        _, markers = decode_cloud(message, dtype)
+        newest = self._tape.newest(topic, partial(decode_cloud, dtype=dtype))
+        if newest is None:
+            return {}
+        _, markers = newest
         return {
             int(marker): float(length)
             for marker, length in zip(

@@ -5,14 +5,13 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from rclpy.node import Node
 from std_msgs.msg import Header
 
+from cable_winding.intake import StampError
 from cable_winding.ros import topics
 from cable_winding.ros.diagnostic_messages import Level, Status, encode_diagnostics
 from cable_winding.ros.polled import PolledTopic, Taken
@@ -25,6 +24,9 @@ from winding_bringup.bags.loss import LossCount
 from winding_bringup.bags.notes import COMPLETE, LOST, YES
 from winding_bringup.bags.writer import BagWriter
 from winding_bringup.environment import ros_arguments
+from winding_bringup.tape import Tape, TapedMessage
+
+__all__ = ["Recorder", "RecorderError", "Tape", "TapedMessage"]
 
 # Progress follows the topics that come often enough to say how far storage has come.
 _FAST_RATE = 100.0
@@ -37,40 +39,6 @@ _TELL_PERIOD_NS = 1_000_000_000
 
 class RecorderError(BagError):
     """The recording cannot begin where it was asked to."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TapedMessage:
-    """One serialised message.
-
-    Attributes:
-        stamp_ns: Its own stamp [ns].
-        sent_ns: Monotonic wall time at which its publisher sent it [ns].
-        received_ns: Monotonic wall time of its arrival [ns].
-        data: CDR bytes.
-    """
-
-    stamp_ns: int
-    sent_ns: int
-    received_ns: int
-    data: bytes
-
-
-class Tape:
-    """Messages of a run in memory, by topic name; pictures are left to the bag."""
-
-    def __init__(self) -> None:
-        self.messages: dict[str, list[TapedMessage]] = defaultdict(list)
-
-    def last(self, topic: Topic) -> TapedMessage | None:
-        """Return the newest message of a topic."""
-        messages = self.messages.get(topic.name)
-        return messages[-1] if messages else None
-
-    def last_stamp(self, topic: Topic) -> float:
-        """Return the newest stamp of a topic [s], or -1 when there is none yet."""
-        message = self.last(topic)
-        return message.stamp_ns * 1e-9 if message else -1.0
 
 
 class Recorder:
@@ -100,7 +68,8 @@ class Recorder:
         config: BagConfig | None = None,
         notes: Mapping[str, str] | None = None,
     ) -> None:
-        self.tape = Tape()
+        self._recorded = tuple(recorded)
+        self.tape = Tape(self._recorded)
         namespace = node.get_namespace()
         self._hardware_id = namespace
         self._node = Node(
@@ -110,7 +79,6 @@ class Recorder:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self._recorded = tuple(recorded)
         self._index = {topic.name: k for k, topic in enumerate(self._recorded)}
         self._full_names = {
             topic.name: str(self._node.resolve_topic_name(topic.name)) for topic in self._recorded
@@ -128,6 +96,7 @@ class Recorder:
         self._newest_ns = 0
         self._told_ns = time.monotonic_ns()
         self._error: Exception | None = None
+        self._unstamped = 0
         self._fast = tuple(
             topic.name
             for topic in self._recorded
@@ -194,17 +163,22 @@ class Recorder:
             for polled in self._polled:
                 topic = polled.topic
                 for taken in polled.take():
-                    stamp = serialised_stamp_ns(taken.data)
+                    try:
+                        stamp = serialised_stamp_ns(taken.data)
+                    except StampError:
+                        # A stranger may publish any bytes; without a stamp they have no place.
+                        self._unstamped += 1
+                        continue
                     # Supervision looks at the tape, which must not wait for a disk.
-                    if topic not in _PICTURES:
-                        self.tape.messages[topic.name].append(
-                            TapedMessage(
-                                stamp_ns=stamp,
-                                sent_ns=taken.sent_ns,
-                                received_ns=taken.received_ns,
-                                data=taken.data,
-                            )
-                        )
+                    self.tape.add(
+                        topic,
+                        TapedMessage(
+                            stamp_ns=stamp,
+                            sent_ns=taken.sent_ns,
+                            received_ns=taken.received_ns,
+                            data=taken.data,
+                        ),
+                    )
                     self._queue.put((topic, stamp, taken))
         self._queue.put(None)
 
@@ -272,6 +246,8 @@ class Recorder:
         level, message = Level.OK, "recording" if self._writer is not None else "no bag"
         if lost:
             level, message = Level.WARN, f"{lost} messages never arrived"
+        if self._unstamped:
+            level, message = Level.WARN, f"{self._unstamped} messages had no stamp"
         if self._error is not None:
             level, message = Level.ERROR, f"the recording has ended: {self._error}"
         values = {"lost": str(lost), "waiting": str(self._queue.qsize())}
@@ -290,6 +266,3 @@ class Recorder:
         if reached - self._answered_ns >= _ANSWER_PERIOD_NS:
             self._answered_ns = reached
             self._progress.publish(Header(stamp=encode_stamp(reached * 1e-9)))
-
-
-_PICTURES = (topics.IMAGE, topics.PREVIEW)

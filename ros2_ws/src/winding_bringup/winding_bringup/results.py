@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.serialization import deserialize_message
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
@@ -21,8 +21,8 @@ from cable_winding.ros.cloud_messages import decode_cloud
 from cable_winding.ros.diagnostic_messages import decode_case_votes, decode_diagnostics
 from cable_winding.ros.rig_messages import decode_joint_state, decode_tension
 from cable_winding.ros.topics import Topic
-from winding_bringup.recorder import Tape, TapedMessage
 from winding_bringup.session import SessionResult
+from winding_bringup.tape import Reading, Tape
 from winding_study.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 
 # A marker in one of these states was not measured in the frame that says so.
@@ -30,20 +30,26 @@ _UNSEEN = int(
     MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED | MarkerFlag.OCCLUDED | MarkerFlag.CLIPPED
 )
 
+_THINNED = (
+    "The run was long: of what came before its last seconds, curves and means have every second "
+    "message, or every fourth, and so on. Nothing is missing from the counts of frames and samples."
+)
+
 
 def run_record(condition: ConditionParameters, result: SessionResult) -> RunRecord:
     """Return what a finished session says of its run."""
     tape = result.tape
     case = condition.condition()
-    measured = list(_decoded(tape, topics.JOINT_STATES, decode_joint_state))
-    commanded = list(_decoded(tape, topics.JOINT_COMMANDS, decode_joint_state))
-    tension = list(_decoded(tape, topics.TENSION, decode_tension))
+    measured = _in_run(tape, topics.JOINT_STATES, decode_joint_state)
+    commanded = _in_run(tape, topics.JOINT_COMMANDS, decode_joint_state)
+    tension = _in_run(tape, topics.TENSION, decode_tension)
     tracked = _series(tape, topics.TRACKED_MARKERS, MARKER_DTYPE, unseen=_UNSEEN)
     predicted = _series(tape, topics.FEM_MARKERS, MARKER_DTYPE, unseen=MarkerFlag.NOT_WOUND)
     corrected = _series(tape, topics.CORRECTED_MARKERS, CORRECTED_DTYPE)
-    frames = _stamps(tape, topics.CAMERA_INFO)
-    answered = _stamps(tape, topics.TRACKED_MARKERS)
-    joints = _stamps(tape, topics.JOINT_STATES)
+    begin = round(1e9 * tape.origin)
+    frames = tape.stamps(topics.CAMERA_INFO) - begin
+    answered = tape.stamps(topics.TRACKED_MARKERS) - begin
+    joints = tape.stamps(topics.JOINT_STATES) - begin
     published = published_markers(case.number) if case.number else ()
     experiment = {item.marker: item.experiment.s for item in published if item.experiment}
     final = _final_corrections(tape)
@@ -76,9 +82,9 @@ def run_record(condition: ConditionParameters, result: SessionResult) -> RunReco
         joint_states=len(joints),
         joint_states_lost=_missing(joints, topics.JOINT_STATES, condition.duration),
         wall_s=result.wall_s,
-        sim_s=tape.last_stamp(topics.JOINT_STATES),
+        sim_s=tape.last_stamp(topics.JOINT_STATES) - tape.origin,
         facts=_facts(tape),
-        notes=_notes(case.number),
+        notes=(*_notes(case.number), *([_THINNED] if tape.thinned else [])),
     )
 
 
@@ -116,11 +122,11 @@ def results_table(record: RunRecord) -> Table:
     return table
 
 
-def _decoded(
-    tape: Tape, topic: Topic, decode: Callable[[Any], tuple[float, Any]]
-) -> Iterator[tuple[float, Any]]:
-    for message in tape.messages.get(topic.name, ()):
-        yield decode(_message(message, topic))
+def _in_run(
+    tape: Tape, topic: Topic, decode: Callable[[Any], tuple[float, Reading]]
+) -> list[tuple[float, Reading]]:
+    """Return what a topic said, by the time since the run began."""
+    return [(t - tape.origin, value) for t, value in tape.readings(topic, decode)]
 
 
 def _signal(readings: list[tuple[float, AxisReading]], name: str) -> Signal:
@@ -132,7 +138,7 @@ def _signal(readings: list[tuple[float, AxisReading]], name: str) -> Signal:
 
 def _series(tape: Tape, topic: Topic, dtype: np.dtype[np.void], unseen: int = 0) -> MarkerSeries:
     stamps, rows = [], []
-    for t, markers in _decoded(tape, topic, lambda message: decode_cloud(message, dtype)):
+    for t, markers in _in_run(tape, topic, partial(decode_cloud, dtype=dtype)):
         seen = markers[((markers["flags"] & unseen) == 0) & np.isfinite(markers["s"])]
         rows.append(seen)
         stamps.append(np.full(len(seen), t))
@@ -146,10 +152,6 @@ def _series(tape: Tape, topic: Topic, dtype: np.dtype[np.void], unseen: int = 0)
     )
 
 
-def _stamps(tape: Tape, topic: Topic) -> NDArray[np.int64]:
-    return np.array([m.stamp_ns for m in tape.messages.get(topic.name, ())], dtype=np.int64)
-
-
 def _missing(stamps: NDArray[np.int64], topic: Topic, duration: float) -> int:
     """Return how many of the instants 0, 1/rate, ... duration have no message."""
     assert topic.rate is not None
@@ -158,10 +160,10 @@ def _missing(stamps: NDArray[np.int64], topic: Topic, duration: float) -> int:
 
 
 def _final_corrections(tape: Tape) -> dict[int, np.void]:
-    message = tape.last(topics.CORRECTED_MARKERS)
-    if message is None:
+    last = tape.newest(topics.CORRECTED_MARKERS, partial(decode_cloud, dtype=CORRECTED_DTYPE))
+    if last is None:
         return {}
-    _, markers = decode_cloud(_message(message, topics.CORRECTED_MARKERS), CORRECTED_DTYPE)
+    _, markers = last
     return {int(marker["id"]): marker for marker in markers[is_wound(markers)]}
 
 
@@ -189,10 +191,9 @@ def _row(
 
 def _facts(tape: Tape) -> dict[str, str]:
     facts = {}
-    message = tape.last(topics.CORRECTION_CASE)
-    votes = decode_case_votes(_message(message, topics.CORRECTION_CASE))[1] if message else {}
-    if votes:
-        case, share = next(iter(votes.items()))
+    told = tape.newest(topics.CORRECTION_CASE, decode_case_votes)
+    if told is not None and told[1]:
+        case, share = next(iter(told[1].items()))
         facts["resembles"] = f"case {case}, {share:.0%} of the votes"
     said = _last_status(tape, topics.CORRECTION)
     if "weights" in said:
@@ -209,15 +210,12 @@ def _facts(tape: Tape) -> dict[str, str]:
 
 def _last_status(tape: Tape, name: str) -> Mapping[str, str]:
     """Return the values of the last diagnostics of a node."""
-    for message in reversed(tape.messages.get(topics.DIAGNOSTICS.name, [])):
-        for status in decode_diagnostics(_message(message, topics.DIAGNOSTICS))[1]:
+    found: Mapping[str, str] = {}
+    for _, statuses in tape.readings(topics.DIAGNOSTICS, decode_diagnostics):
+        for status in statuses:
             if status.name == name:
-                return status.values
-    return {}
-
-
-def _message(taped: TapedMessage, topic: Topic) -> Any:
-    return deserialize_message(taped.data, topic.type)
+                found = status.values
+    return found
 
 
 def _notes(case: int) -> tuple[str, ...]:

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import numpy as np
-from rclpy.serialization import deserialize_message
 
 from cable_winding.ros import topics
-from cable_winding.ros.rig_messages import MessageError, decode_joint_state, decode_tension
-from cable_winding.ros.topics import Topic
+from cable_winding.ros.rig_messages import decode_joint_state, decode_tension
 from cable_winding.run_inputs import INPUT_DTYPE, RunInputs
-from winding_bringup.recorder import Tape
+from winding_bringup.tape import Tape
 
 
 def taped_inputs(tape: Tape, since: float = 0.0) -> RunInputs:
-    """Return every usable encoder sample with the tension that was the newest then.
+    """Return the usable encoder samples with the tension that was the newest then.
+
+    The tape of a long run is thinned. A model follows a cubic between samples, which a winding
+    machine leaves by less than its encoder's step.
 
     Args:
         tape: What the graph has said.
         since: Leaves out what came before this monotonic wall time [s].
     """
-    readings = _decoded(tape, topics.JOINT_STATES, decode_joint_state, since)
-    tensions = _decoded(tape, topics.TENSION, decode_tension, since)
+    readings = list(tape.readings(topics.JOINT_STATES, decode_joint_state, since))
+    tensions = list(tape.readings(topics.TENSION, decode_tension, since))
     samples = np.full(len(readings), np.nan, dtype=INPUT_DTYPE)
     samples["t"] = [t for t, _ in readings]
     for name in ("cylinder_angle", "angular_speed", "carriage_position", "feed_speed"):
@@ -31,16 +32,3 @@ def taped_inputs(tape: Tape, since: float = 0.0) -> RunInputs:
         newest = np.searchsorted(times, samples["t"], side="right") - 1
         samples["tension"] = np.where(newest >= 0, forces[np.maximum(newest, 0)], np.nan)
     return RunInputs(samples=samples)
-
-
-def _decoded(tape: Tape, topic: Topic, decode, since: float):  # type: ignore[no-untyped-def]
-    usable = []
-    for message in list(tape.messages.get(topic.name, ())):
-        if message.received_ns * 1e-9 < since:
-            continue
-        try:
-            usable.append(decode(deserialize_message(message.data, topic.type)))
-        except MessageError:
-            # The node that reads them live refuses the same ones.
-            continue
-    return usable

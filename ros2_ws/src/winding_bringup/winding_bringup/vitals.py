@@ -9,7 +9,7 @@ import psutil  # type: ignore[import-untyped]
 
 from cable_winding.ros import topics
 from cable_winding.ros.diagnostic_messages import Level
-from winding_bringup.recorder import Tape, TapedMessage
+from winding_bringup.tape import Tape, TapedMessage
 
 _FRAME_PERIOD_NS = 5_000_000
 _MEBIBYTE = 2.0**20
@@ -27,7 +27,7 @@ class Vitals:
         self.tape = tape
         self.lost_frames = 0
         self._seen: dict[str, int] = {
-            name: len(messages) for name, messages in tape.messages.items()
+            name: messages.taken for name, messages in tape.messages.items()
         }
         self._last: float | None = None
         self._processes: dict[str, psutil.Process] = {}
@@ -44,9 +44,10 @@ class Vitals:
         values = self._latency()
         before = self.lost_frames
         self.lost_frames += self._frame_gaps()
-        for name, messages in list(self.tape.messages.items()):
-            fresh = len(messages) - self._seen.get(name, 0)
-            self._seen[name] = len(messages)
+        for name, messages in self.tape.messages.items():
+            count = messages.taken
+            fresh = count - self._seen[name]
+            self._seen[name] = count
             if span > 0.0:
                 values[f"rate {name} [1/s]"] = f"{fresh / span:.0f}"
         values["lost frames"] = str(self.lost_frames)
@@ -56,8 +57,8 @@ class Vitals:
         return Level.OK, "", values
 
     def _fresh(self, topic: topics.Topic, overlap: int = 0) -> list[TapedMessage]:
-        messages = self.tape.messages.get(topic.name, [])
-        return messages[max(self._seen.get(topic.name, 0) - overlap, 0) :]
+        messages = self.tape.messages[topic.name]
+        return messages.newest(messages.taken - self._seen[topic.name] + overlap)
 
     def _latency(self) -> dict[str, str]:
         """Return median and 99th percentile of the wall time from frame to corrected length."""

@@ -116,8 +116,10 @@ def decode_camera_info(message: CameraInfo) -> tuple[float, CameraReading]:
         raise MessageError(
             f"binning must be equal both ways, got {message.binning_x} x {message.binning_y}"
         )
+    if len(message.d) > 5:
+        raise MessageError(f"{DISTORTION_MODEL} has 5 coefficients, got {len(message.d)}")
     distortion = np.zeros(5)
-    distortion[: len(message.d)] = message.d[:5]
+    distortion[: len(message.d)] = message.d
     roi = message.roi
     reading = CameraReading(
         width=message.width,

@@ -103,13 +103,16 @@ def decode_case_votes(message: DiagnosticArray) -> tuple[float, dict[int, float]
     """Return (t [s], share of votes by case number), best first.
 
     Raises:
-        MessageError: It is not one status with a number for each case.
+        MessageError: It is not one status with a share, 0 to 1, for each case.
     """
     t, statuses = decode_diagnostics(message)
     if len(statuses) != 1:
         raise MessageError(f"case votes need one status, got {len(statuses)}")
-    votes = statuses[0].values
+    said = statuses[0].values
     try:
-        return t, {int(key.removeprefix("case ")): float(vote) for key, vote in votes.items()}
+        votes = {int(key.removeprefix("case ")): float(vote) for key, vote in said.items()}
     except ValueError:
-        raise MessageError(f"case votes need a number for each case, got {dict(votes)}") from None
+        raise MessageError(f"case votes need a number for each case, got {dict(said)}") from None
+    if not all(0.0 <= vote <= 1.0 for vote in votes.values()):
+        raise MessageError(f"a share of votes lies in 0 to 1, got {dict(said)}")
+    return t, votes

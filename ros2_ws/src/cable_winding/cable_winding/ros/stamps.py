@@ -6,6 +6,8 @@ import struct
 
 from builtin_interfaces.msg import Time
 
+from cable_winding.intake import StampError
+
 _NANO = 1_000_000_000
 _CDR_HEADER = 4
 # Every stamped message starts with its stamp, right behind the CDR encapsulation header.
@@ -27,9 +29,9 @@ def serialised_stamp_ns(data: bytes) -> int:
     """Return the stamp [ns] of a serialised message that starts with a stamp or a header.
 
     Raises:
-        ValueError: The data is too short to hold a stamp.
+        StampError: The data is too short to hold a stamp.
     """
     if len(data) < _CDR_HEADER + 8:
-        raise ValueError(f"a stamped message has at least 12 bytes, got {len(data)}")
+        raise StampError(f"a stamped message has at least 12 bytes, got {len(data)}")
     seconds, nanoseconds = _STAMP[data[1] & 1].unpack_from(data, _CDR_HEADER)
     return int(seconds) * _NANO + int(nanoseconds)

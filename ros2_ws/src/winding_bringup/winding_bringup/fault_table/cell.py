@@ -41,6 +41,11 @@ class CellError(RuntimeError):
 class FaultCell:
     """The graph in which faults are tried.
 
+    Args:
+        directory: New folder of logs and events.
+        namespace: Of the graph.
+        identify: Whether the model looks for the cable's modulus while it winds.
+
     Attributes:
         orchestrator: Its processes.
         client: The orchestrator's node.
@@ -49,7 +54,7 @@ class FaultCell:
         supervision: The task that supervises the present run; it fails when the run ends.
     """
 
-    def __init__(self, directory: Path, namespace: str) -> None:
+    def __init__(self, directory: Path, namespace: str, *, identify: bool = False) -> None:
         (directory / "log").mkdir(parents=True)
         self.namespace = namespace
         self.log = EventLog(file=directory / "events.jsonl")
@@ -68,8 +73,8 @@ class FaultCell:
             "pace_topics": ",".join(paced),
             "supervisor_timeout": 1.5,
         }
-        # An identification at work is no part of any fault, and takes a processor.
-        parameters[topics.FEM] |= {"update_material": False}
+        # An identification at work is no part of any fault, and takes a processor: off by default.
+        parameters[topics.FEM] |= {"update_material": identify}
         self.orchestrator = Orchestrator(
             GraphConfig(
                 namespace=namespace,
