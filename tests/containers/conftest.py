@@ -1,0 +1,95 @@
+"""The graph's nodes as container engines keep them: each a process that is started again."""
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import winding_bringup
+from winding_bringup.graph import GRAPH
+
+PROFILE = Path(winding_bringup.__file__).parent / "profiles" / "camera.xml"
+
+
+class KeptNodes:
+    """One process per node, started again when it ends, until they are all taken down.
+
+    Args:
+        folder: Of their output.
+        before: Command that runs a node's command in a place of its own, by number.
+        environment: Beside that of the test.
+    """
+
+    namespace = "apart"
+
+    def __init__(
+        self,
+        folder: Path,
+        before: Callable[[int], list[str]] = lambda number: [],
+        environment: dict[str, str] | None = None,
+    ) -> None:
+        self.down = threading.Event()
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._folder = folder
+        self._before = before
+        self._environment = {
+            **os.environ,
+            "OMP_NUM_THREADS": "1",
+            # As compose sets one: killed processes are forgotten after 3 s.
+            "FASTRTPS_DEFAULT_PROFILES_FILE": str(PROFILE),
+            **(environment or {}),
+        }
+        for number, spec in enumerate(GRAPH):
+            self._start(number, spec.name)
+        self._keepers = [
+            threading.Thread(target=self._keep, args=(number, spec.name))
+            for number, spec in enumerate(GRAPH)
+        ]
+        for keeper in self._keepers:
+            keeper.start()
+
+    def close(self) -> None:
+        self.down.set()
+        for process in self.processes.values():
+            process.terminate()
+        for keeper in self._keepers:
+            keeper.join()
+
+    def _start(self, number: int, name: str) -> None:
+        package = next(spec.package for spec in GRAPH if spec.name == name)
+        with (self._folder / f"{name}.log").open("ab") as output:
+            self.processes[name] = subprocess.Popen(
+                [
+                    *self._before(number),
+                    *(sys.executable, "-m", package, "--ros-args"),
+                    *("-r", f"__ns:=/{self.namespace}", "-r", f"/clock:=/{self.namespace}/clock"),
+                ],
+                stdout=output,
+                stderr=output,
+                env=self._environment,
+            )
+
+    def _keep(self, number: int, name: str) -> None:
+        while True:
+            self.processes[name].wait()
+            if self.down.is_set():
+                return
+            self._start(number, name)
+
+
+@pytest.fixture
+def keep_nodes() -> Iterator[Callable[..., KeptNodes]]:
+    """Make nodes that are kept until the end of the test."""
+    kept: list[KeptNodes] = []
+
+    def keep(*args: object, **kwargs: object) -> KeptNodes:
+        kept.append(KeptNodes(*args, **kwargs))
+        return kept[-1]
+
+    yield keep
+    for nodes in kept:
+        nodes.close()
