@@ -1,0 +1,447 @@
+"""Made-up messages: a decoder gives what it promises or MessageError, and nothing else."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Point, WrenchStamped
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState, PointCloud2, PointField
+from visualization_msgs.msg import Marker
+
+from cable_winding.intake import StampError
+from cable_winding.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
+from cable_winding.readings import AxisReading, ImageWindow
+from cable_winding.ros import topics
+from cable_winding.ros.camera_messages import (
+    CameraReading,
+    decode_camera_info,
+    decode_image,
+    decode_preview,
+    encode_camera_info,
+    encode_image,
+    encode_preview,
+)
+from cable_winding.ros.cloud_messages import (
+    decode_cloud,
+    decode_line_strip,
+    encode_cloud,
+    encode_line_strip,
+)
+from cable_winding.ros.diagnostic_messages import (
+    Level,
+    Status,
+    decode_case_votes,
+    decode_diagnostics,
+    encode_case_votes,
+    encode_diagnostics,
+)
+from cable_winding.ros.material_messages import (
+    NAME,
+    MaterialReport,
+    decode_material,
+    encode_material,
+)
+from cable_winding.ros.rig_messages import (
+    MessageError,
+    decode_joint_state,
+    decode_tension,
+    encode_joint_state,
+    encode_tension,
+)
+from cable_winding.ros.serialised import deserialised
+from cable_winding.ros.stamps import decode_stamp, encode_stamp, serialised_stamp_ns
+
+fuzzed = settings.get_profile("quick")
+any_float = st.floats(allow_nan=True, allow_infinity=True)
+number = st.floats(allow_nan=False, allow_infinity=False)
+small = st.integers(0, 40)
+uint32 = st.one_of(small, st.integers(0, 2**32 - 1))
+words = st.text(st.characters(min_codepoint=32, exclude_categories=["Cs"]), max_size=12)
+# What comes back exactly from whole nanoseconds.
+stamps = st.integers(-(2**20), 2**20).map(lambda k: k / 2.0)
+DECODERS: dict[topics.Topic, Callable[[Any], Any]] = {
+    topics.JOINT_STATES: decode_joint_state,
+    topics.TENSION: decode_tension,
+    topics.IMAGE: decode_image,
+    topics.CAMERA_INFO: decode_camera_info,
+    topics.PREVIEW: decode_preview,
+    topics.TRACKED_MARKERS: lambda message: decode_cloud(message, MARKER_DTYPE),
+    topics.CORRECTED_MARKERS: lambda message: decode_cloud(message, CORRECTED_DTYPE),
+    topics.FEM_CABLE: lambda message: decode_cloud(message, CABLE_DTYPE),
+    topics.FEM_CABLE_LINE: decode_line_strip,
+    topics.FEM_MATERIAL: decode_material,
+    topics.CORRECTION_CASE: decode_case_votes,
+    topics.DIAGNOSTICS: decode_diagnostics,
+}
+
+
+def taken(decode: Callable[[Any], Any], message: Any) -> Any:
+    """Return what a decoder makes of a message, or None when it refuses it."""
+    try:
+        return decode(message)
+    except MessageError:
+        return None
+
+
+def wired(message: Any) -> Any:
+    """Return a message as it arrives at the other end."""
+    return deserialize_message(serialize_message(message), type(message))
+
+
+@fuzzed
+@given(
+    names=st.lists(st.sampled_from(["cylinder_joint", "carriage_joint", "", "x"]), max_size=4),
+    position=st.lists(any_float, max_size=4),
+    velocity=st.lists(any_float, max_size=4),
+)
+def test_joint_states(names: list[str], position: list[float], velocity: list[float]) -> None:
+    read = taken(decode_joint_state, JointState(name=names, position=position, velocity=velocity))
+    if read is not None:
+        _, reading = read
+        assert np.isfinite(list(vars(reading).values())).all()
+        assert reading.cylinder_angle == position[names.index("cylinder_joint")]
+        assert reading.feed_speed == velocity[names.index("carriage_joint")]
+
+
+@fuzzed
+@given(t=stamps, values=st.tuples(number, number, number, number))
+def test_joint_states_come_back(t: float, values: tuple[float, ...]) -> None:
+    reading = AxisReading(
+        cylinder_angle=values[0],
+        angular_speed=values[1],
+        carriage_position=values[2],
+        feed_speed=values[3],
+    )
+    assert decode_joint_state(wired(encode_joint_state(t, reading))) == (t, reading)
+
+
+@fuzzed
+@given(t=stamps, force=any_float)
+def test_tension(t: float, force: float) -> None:
+    read = taken(decode_tension, wired(encode_tension(t, force)))
+    assert read == ((t, force) if math.isfinite(force) else None)
+
+
+@fuzzed
+@given(
+    size=st.tuples(uint32, uint32, uint32),
+    encoding=st.sampled_from(["bgr8", "rgb8", "mono8", "bayer_rggb8", "32FC3", ""]),
+    data=st.binary(max_size=300),
+    big=st.integers(0, 1),
+)
+def test_images(size: tuple[int, int, int], encoding: str, data: bytes, big: int) -> None:
+    height, width, step = size
+    message = Image(height=height, width=width, step=step, encoding=encoding, is_bigendian=big)
+    message._data = np.frombuffer(data, dtype=np.uint8)
+    read = taken(decode_image, message)
+    if read is not None:
+        assert encoding in ("bgr8", "rgb8")
+        assert read[1].shape == (height, width, 3)
+        assert read[1].dtype == np.uint8
+
+
+@fuzzed
+@given(t=stamps, rows=small, columns=small, seed=small)
+def test_images_come_back_and_rows_may_be_padded(
+    t: float, rows: int, columns: int, seed: int
+) -> None:
+    frame = np.random.default_rng(seed).integers(0, 256, (rows, columns, 3), dtype=np.uint8)
+    message = encode_image(t, frame)
+    assert decode_image(message)[0] == t
+    assert (decode_image(message)[1] == frame).all()
+    step = 3 * columns + seed
+    padded = np.zeros((rows, step), dtype=np.uint8)
+    padded[:, : 3 * columns] = frame.reshape(rows, -1) if frame.size else 0
+    message.step, message._data = step, padded.reshape(-1)
+    assert (decode_image(message)[1] == frame).all()
+
+
+@fuzzed
+@given(
+    k=st.lists(any_float, min_size=9, max_size=9),
+    d=st.lists(any_float, max_size=14),
+    binning=st.tuples(uint32, uint32),
+    model=st.sampled_from(["plumb_bob", "plumb_bob", "equidistant", ""]),
+)
+def test_camera_info(k: list[float], d: list[float], binning: tuple[int, int], model: str) -> None:
+    message = CameraInfo(
+        k=np.array(k), d=d, binning_x=binning[0], binning_y=binning[1], distortion_model=model
+    )
+    read = taken(decode_camera_info, message)
+    if read is not None:
+        _, reading = read
+        assert reading.matrix[0, 0] != 0.0
+        np.testing.assert_array_equal(reading.distortion, np.array((d + [0.0] * 5)[:5]))
+        assert len(d) <= 5
+        assert reading.window.binning == max(1, *binning)
+
+
+@fuzzed
+@given(
+    t=stamps,
+    k=st.lists(number, min_size=9, max_size=9).filter(lambda k: k[0] != 0.0),
+    d=st.lists(number, min_size=5, max_size=5),
+    window=st.tuples(uint32, uint32, uint32, uint32, st.integers(1, 100)),
+)
+def test_camera_info_comes_back(
+    t: float, k: list[float], d: list[float], window: tuple[int, ...]
+) -> None:
+    x, y, width, height, binning = window
+    reading = CameraReading(
+        width=width,
+        height=height,
+        matrix=np.array(k).reshape(3, 3),
+        distortion=np.array(d),
+        window=ImageWindow(x_offset=x, y_offset=y, width=width, height=height, binning=binning),
+    )
+    stamp, back = decode_camera_info(wired(encode_camera_info(t, reading)))
+    assert (stamp, back.width, back.height, back.window) == (t, width, height, reading.window)
+    np.testing.assert_array_equal(back.matrix, reading.matrix)
+    np.testing.assert_array_equal(back.distortion, reading.distortion)
+
+
+@fuzzed
+@given(form=words, data=st.binary(max_size=50), t=stamps)
+def test_previews(form: str, data: bytes, t: float) -> None:
+    message = CompressedImage(format=form)
+    message._data = np.frombuffer(data, dtype=np.uint8)
+    read = taken(decode_preview, message)
+    assert read == ((0.0, data) if "jpeg" in form else None)
+    assert decode_preview(encode_preview(t, data)) == (t, data)
+
+
+fields = st.lists(
+    st.builds(
+        PointField,
+        name=st.sampled_from([*(MARKER_DTYPE.names or ()), "extra"]),
+        offset=uint32,
+        datatype=st.integers(0, 9),
+        count=small,
+    ),
+    max_size=12,
+)
+
+
+@fuzzed
+@given(
+    fields=fields,
+    shape=st.tuples(uint32, uint32, uint32, uint32),
+    data=st.binary(max_size=300),
+    big=st.booleans(),
+)
+def test_clouds_of_anything(
+    fields: list[PointField], shape: tuple[int, int, int, int], data: bytes, big: bool
+) -> None:
+    message = PointCloud2(
+        fields=fields,
+        height=shape[0],
+        width=shape[1],
+        point_step=shape[2],
+        row_step=shape[3],
+        is_bigendian=big,
+    )
+    message._data = np.frombuffer(data, dtype=np.uint8)
+    taken(lambda cloud: decode_cloud(cloud, MARKER_DTYPE), message)
+
+
+@pytest.mark.parametrize("dtype", [MARKER_DTYPE, CORRECTED_DTYPE, CABLE_DTYPE])
+@fuzzed
+@given(
+    offsets=st.lists(uint32, min_size=14, max_size=14),
+    step=uint32,
+    width=uint32,
+    length=st.integers(0, 400),
+)
+def test_clouds_that_lie_about_their_shape(
+    dtype: np.dtype[np.void], offsets: list[int], step: int, width: int, length: int
+) -> None:
+    message = encode_cloud(0.0, np.zeros(3, dtype=dtype))
+    for field, offset in zip(message.fields, offsets, strict=False):
+        field.offset = offset
+    message.point_step, message.width = step, width
+    message._data = np.zeros(length, dtype=np.uint8)
+    read = taken(lambda cloud: decode_cloud(cloud, dtype), message)
+    assert read is None or len(read[1]) * step == length
+
+
+@pytest.mark.parametrize("dtype", [MARKER_DTYPE, CORRECTED_DTYPE, CABLE_DTYPE])
+@fuzzed
+@given(t=stamps, count=small, seed=small)
+def test_clouds_come_back_bit_by_bit(
+    dtype: np.dtype[np.void], t: float, count: int, seed: int
+) -> None:
+    raw = np.random.default_rng(seed).integers(0, 256, count * dtype.itemsize, dtype=np.uint8)
+    records = raw.view(dtype)
+    stamp, back = decode_cloud(encode_cloud(t, records), dtype)
+    assert stamp == t
+    for name in dtype.names or ():
+        # Among the made-up bytes are NaNs.
+        assert back[name].tobytes() == records[name].tobytes()
+
+
+@fuzzed
+@given(
+    t=stamps, points=st.lists(st.tuples(any_float, any_float, any_float), max_size=5), width=number
+)
+def test_lines_come_back(t: float, points: list[tuple[float, ...]], width: float) -> None:
+    stamp, back = decode_line_strip(
+        wired(encode_line_strip(t, np.array(points, dtype=float).reshape(-1, 3), width))
+    )
+    assert stamp == t
+    np.testing.assert_array_equal(back, np.array(points, dtype=float).reshape(-1, 3))
+
+
+def test_a_line_without_points_is_empty() -> None:
+    assert decode_line_strip(Marker())[1].shape == (0, 3)
+    assert decode_line_strip(Marker(points=[Point(x=1.0)]))[1].tolist() == [[1.0, 0.0, 0.0]]
+
+
+keys = st.one_of(
+    words, st.sampled_from(["case 4", "case x", "law", "young", "markers", "taken_up"])
+)
+values = st.one_of(words, st.sampled_from(["0.5", "nan", "1e999", "-1", "1 2", "9" * 5000]))
+statuses = st.lists(
+    st.builds(
+        lambda level, name, pairs: DiagnosticStatus(
+            level=bytes([level]),
+            name=name,
+            values=[KeyValue(key=key, value=value) for key, value in pairs],
+        ),
+        st.one_of(st.integers(0, 3), st.integers(0, 255)),
+        st.one_of(words, st.just(NAME)),
+        st.lists(st.tuples(keys, values), max_size=7),
+    ),
+    max_size=2,
+)
+
+
+@fuzzed
+@given(statuses=statuses)
+def test_diagnostics(statuses: list[DiagnosticStatus]) -> None:
+    message = wired(DiagnosticArray(status=statuses))
+    read = taken(decode_diagnostics, message)
+    if read is not None:
+        assert {status.level for status in read[1]} <= set(Level)
+    votes = taken(decode_case_votes, message)
+    if votes is not None:
+        assert all(0.0 <= share <= 1.0 for share in votes[1].values())
+    taken(decode_material, message)
+
+
+@fuzzed
+@given(
+    t=stamps,
+    said=st.lists(
+        st.builds(
+            Status,
+            name=words,
+            level=st.sampled_from(Level),
+            message=words,
+            values=st.dictionaries(words, words, max_size=3),
+        ),
+        max_size=3,
+    ),
+)
+def test_diagnostics_come_back(t: float, said: list[Status]) -> None:
+    assert decode_diagnostics(wired(encode_diagnostics(t, said))) == (t, tuple(said))
+
+
+@fuzzed
+@given(votes=st.dictionaries(st.integers(1, 12), st.integers(0, 10**6).map(lambda k: k / 10**6)))
+def test_votes_come_back_best_first(votes: dict[int, float]) -> None:
+    _, back = decode_case_votes(encode_case_votes(1.0, votes))
+    assert back == votes
+    assert list(back.values()) == sorted(votes.values(), reverse=True)
+
+
+@fuzzed
+@given(
+    numbers=st.lists(any_float, min_size=4, max_size=4),
+    markers=st.lists(st.integers(0, 9), max_size=4),
+    taken_up=st.booleans(),
+    refusal=words,
+)
+def test_materials_come_back(
+    numbers: list[float], markers: list[int], taken_up: bool, refusal: str
+) -> None:
+    report = MaterialReport(
+        law="linear",
+        young=numbers[0],
+        standard_error=numbers[1],
+        half_width_90=numbers[2],
+        markers=tuple(markers),
+        worst_share=numbers[3],
+        taken_up=taken_up,
+        refusal=refusal,
+    )
+    _, back = decode_material(wired(encode_material(1.0, report)))
+    # Unlike nan, its text is equal to itself.
+    assert repr(back) == repr(report)
+
+
+@fuzzed
+@given(data=st.binary(max_size=40))
+def test_stamps_of_any_bytes(data: bytes) -> None:
+    if len(data) < 12:
+        with pytest.raises(StampError, match="at least 12 bytes"):
+            serialised_stamp_ns(data)
+    else:
+        stamp = serialised_stamp_ns(data)
+        assert -(2**31) * 10**9 <= stamp < 2**31 * 10**9 + 2**32
+
+
+@fuzzed
+@given(nanoseconds=st.integers(-(2**52), 2**52))
+def test_stamps_come_back(nanoseconds: int) -> None:
+    message = encode_tension(nanoseconds * 1e-9, 0.0)
+    assert serialised_stamp_ns(serialize_message(message)) == pytest.approx(nanoseconds, abs=1)
+    again = encode_stamp(decode_stamp(message.header.stamp))
+    assert (
+        abs(again.nanosec - message.header.stamp.nanosec) <= 1
+        or again.sec != message.header.stamp.sec
+    )
+
+
+def example(topic: topics.Topic) -> Any:
+    """Return a message of a topic with something in every list."""
+    message = topic.type()
+    for name, kind in topic.type.get_fields_and_field_types().items():
+        if kind == "sequence<string>":
+            setattr(message, name, ["cylinder_joint", "carriage_joint"])
+        elif kind == "sequence<double>":
+            setattr(message, name, [0.5, 1.5])
+        elif kind.startswith("sequence<diagnostic_msgs/DiagnosticStatus"):
+            message.status = [
+                DiagnosticStatus(name=NAME, values=[KeyValue(key="case 1", value="1")])
+            ]
+        elif kind.startswith("sequence<sensor_msgs/PointField"):
+            message.fields = [PointField(name="x", offset=0, datatype=7, count=1)]
+    if isinstance(message, WrenchStamped):
+        message.wrench.force.x = 1.0
+    return message
+
+
+@pytest.mark.parametrize("topic", DECODERS, ids=lambda topic: topic.name)
+@fuzzed
+@given(
+    changes=st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 255)), max_size=6),
+    length=st.one_of(st.just(1.0), st.floats(0, 1)),
+    garbage=st.one_of(st.none(), st.binary(max_size=120)),
+)
+def test_changed_bytes_of_a_message(
+    topic: topics.Topic,
+    changes: list[tuple[float, int]],
+    length: float,
+    garbage: bytes | None,
+) -> None:
+    whole = serialize_message(example(topic)) if garbage is None else garbage
+    content = bytearray(whole[: round(length * len(whole))])
+    for place, value in changes if content else []:
+        content[int(place * len(content))] = value
+    taken(lambda data: DECODERS[topic](deserialised(data, topic)), bytes(content))
