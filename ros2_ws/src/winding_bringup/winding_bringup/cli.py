@@ -9,6 +9,7 @@ from winding_bringup.commands.board import board
 from winding_bringup.commands.calibrate import calibrate
 from winding_bringup.commands.conform import conform
 from winding_bringup.commands.dashboard import dashboard
+from winding_bringup.commands.doctor import doctor
 from winding_bringup.commands.faults import faults
 from winding_bringup.commands.graph import graph
 from winding_bringup.commands.health import health
@@ -41,6 +42,7 @@ for _command in (
     board,
     calibrate,
     conform,
+    doctor,
     faults,
     dashboard,
     health,

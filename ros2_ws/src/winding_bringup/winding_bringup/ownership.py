@@ -29,6 +29,11 @@ def chosen_domain(asked: int | None) -> int:
     return int(text)
 
 
+def lock_folder() -> Path:
+    """Return the folder of this user's locks, one file for each domain and namespace."""
+    return Path(tempfile.gettempdir()) / f"cable-winding-twin-{getpass.getuser()}"
+
+
 @contextmanager
 def owned(domain: int, namespace: str) -> Iterator[None]:
     """Hold a (domain, namespace) for this process; the lock goes with the process, however it ends.
@@ -36,7 +41,7 @@ def owned(domain: int, namespace: str) -> Iterator[None]:
     Raises:
         DomainError: Another graph on this machine holds it.
     """
-    folder = Path(tempfile.gettempdir()) / f"cable-winding-twin-{getpass.getuser()}"
+    folder = lock_folder()
     folder.mkdir(exist_ok=True)
     path = folder / f"domain-{domain}-{namespace.replace('/', '-')}.lock"
     with path.open("w") as lock:
