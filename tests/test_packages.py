@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from catkin_pkg.changelog import Changelog, populate_changelog_from_rst
+from catkin_pkg.package import parse_package
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "ros2_ws" / "src"
@@ -141,6 +143,25 @@ def test_data_files_of_the_package_are_installed(package: str) -> None:
         if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts
     }
     assert data <= installed
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_the_tools_of_ros_read_the_manifest_without_a_warning(package: str) -> None:
+    warnings: list[str] = []
+    parse_package(str(SOURCE / package), warnings=warnings).validate(warnings=warnings)
+    assert warnings == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+@pytest.mark.filterwarnings("ignore:nodes.Node.traverse:DeprecationWarning")
+def test_the_tools_of_ros_read_the_changelog(package: str) -> None:
+    text = (SOURCE / package / "CHANGELOG.rst").read_text(encoding="utf-8")
+    # What a release makes of it (REP-132): the tools leave out what is forthcoming.
+    released = f"{PROJECT['version']} (2026-01-01)"
+    text = text.replace("Forthcoming\n-----------\n", f"{released}\n{'-' * len(released)}\n")
+    changelog = populate_changelog_from_rst(Changelog(package), text)
+    assert next(changelog.foreach_version())[0] == PROJECT["version"]
+    assert changelog.get_content_of_version(PROJECT["version"])
 
 
 @pytest.mark.parametrize("package", PACKAGES)

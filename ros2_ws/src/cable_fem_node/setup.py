@@ -1,3 +1,5 @@
+"""Installs cable_fem_node for colcon."""
+
 from setuptools import find_packages, setup
 
 package_name = "cable_fem_node"

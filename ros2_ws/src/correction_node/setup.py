@@ -1,3 +1,5 @@
+"""Installs correction_node for colcon."""
+
 from setuptools import find_packages, setup
 
 package_name = "correction_node"

@@ -1,3 +1,5 @@
+"""Installs marker_tracker_node for colcon."""
+
 from setuptools import find_packages, setup
 
 package_name = "marker_tracker_node"

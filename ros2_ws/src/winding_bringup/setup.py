@@ -1,3 +1,5 @@
+"""Installs winding_bringup for colcon."""
+
 from setuptools import find_packages, setup
 
 package_name = "winding_bringup"

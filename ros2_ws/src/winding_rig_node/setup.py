@@ -1,3 +1,5 @@
+"""Installs winding_rig_node for colcon."""
+
 from setuptools import find_packages, setup
 
 package_name = "winding_rig_node"

@@ -1,3 +1,5 @@
+"""Installs winding_study for colcon."""
+
 from setuptools import find_packages, setup
 
 package_name = "winding_study"
