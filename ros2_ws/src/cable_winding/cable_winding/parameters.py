@@ -13,6 +13,10 @@ Value = bool | int | float | str | list[float]
 Configuration = TypeVar("Configuration")
 
 
+# A sentence shows so much of what was given [characters].
+_SHOWN = 120
+
+
 class ParameterError(ValueError):
     """A parameter has an unknown name, a wrong type or a value outside its range."""
 
@@ -42,12 +46,17 @@ class Declaration:
         Raises:
             ParameterError: Wrong type, NaN, or outside range or choices.
         """
-        converted = self._typed(value)
+        try:
+            converted = self._typed(value)
+        except OverflowError:
+            raise ParameterError(
+                f"parameter {self.name} must be finite, got {_shown(value)}"
+            ) from None
         if isinstance(converted, str):
             if self.choices is not None and converted not in self.choices:
                 raise ParameterError(
                     f"parameter {self.name} must be one of {', '.join(self.choices)}, "
-                    f"got {converted!r}"
+                    f"got {_shown(converted)}"
                 )
             return converted
         for number in converted if isinstance(converted, list) else [converted]:
@@ -61,6 +70,9 @@ class Declaration:
                 return value
         elif isinstance(wanted, int):
             if isinstance(value, int) and not isinstance(value, bool):
+                # ROS has whole numbers of 64 bits.
+                if abs(value) >= 2**63:
+                    raise OverflowError
                 return value
         elif isinstance(wanted, float):
             if isinstance(value, int | float) and not isinstance(value, bool):
@@ -75,9 +87,12 @@ class Declaration:
             ):
                 return [float(item) for item in items]
             raise ParameterError(
-                f"parameter {self.name} must be a list of {len(wanted)} numbers, got {items}"
+                f"parameter {self.name} must be a list of {len(wanted)} numbers, "
+                f"got {_shown(items)}"
             )
-        raise ParameterError(f"parameter {self.name} must be a {self.type_name}, got {value!r}")
+        raise ParameterError(
+            f"parameter {self.name} must be a {self.type_name}, got {_shown(value)}"
+        )
 
     def _check_range(self, number: float) -> None:
         if not math.isfinite(number):
@@ -142,9 +157,19 @@ def refuse_unknown(names: Iterable[str], known: Iterable[str], *, owner: str) ->
     known = sorted(known)
     for name in names:
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
+            near = difflib.get_close_matches(name[:_SHOWN], known, n=1, cutoff=0.0)
             hint = f"; did you mean {near[0]}?" if near else ""
-            raise ParameterError(f"{owner} has no parameter {name}{hint}")
+            word = name if name.isidentifier() and len(name) <= _SHOWN else _shown(name)
+            raise ParameterError(f"{owner} has no parameter {word}{hint}")
+
+
+def _shown(value: object) -> str:
+    try:
+        text = repr(value)
+    except ValueError:
+        # Python writes no whole number of more than 4300 digits.
+        return "a number of thousands of digits"
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
 
 
 def build(

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +64,8 @@ class RunInputs:
         with file.open("rb") as source:
             try:
                 samples = np.load(source, allow_pickle=False)
-            except (ValueError, EOFError, OSError) as error:
+            except (ValueError, EOFError, OSError, BadZipFile, MemoryError) as error:
+                # A head may claim more samples than there is memory.
                 raise RunInputsError(f"{file} holds no inputs of a run: {error}") from error
         if not isinstance(samples, np.ndarray) or samples.dtype != INPUT_DTYPE:
             raise RunInputsError(f"{file} holds no inputs of a run")

@@ -101,11 +101,15 @@ def parse_lengths(text: str, *, source: str) -> dict[tuple[int, int], float]:
         ValueError: A column or a number is missing, doubled, not finite or not positive.
     """
     reader = csv.DictReader(text.splitlines())
+    try:
+        rows = list(reader)
+    except csv.Error as error:
+        raise ValueError(f"{source} is no CSV text: {error}") from error
     missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
     if missing:
         raise ValueError(f"{source} has no column {missing[0]}; it needs {', '.join(COLUMNS)}")
     predicted: dict[tuple[int, int], float] = {}
-    for line, row in enumerate(reader, start=2):
+    for line, row in enumerate(rows, start=2):
         try:
             key = (int(row["case"]), int(row["marker"]))
             length = float(row["s_fem_m"])

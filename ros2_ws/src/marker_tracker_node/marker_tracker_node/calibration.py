@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from cable_winding.yaml_text import YamlTextError, load_yaml
 from marker_tracker_node.pinhole import PLUMB_BOB, PinholeCamera
 
 FloatArray = NDArray[np.float64]
@@ -203,7 +204,7 @@ def read_camera(path: Path) -> PinholeCamera:
         CalibrationError: The file cannot be read or does not describe a calibrated camera.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = load_yaml(path.read_text(encoding="utf-8"))
         roi = content.get("roi", {})
         return PinholeCamera.from_info(
             width=int(content["image_width"]),
@@ -221,9 +222,9 @@ def read_camera(path: Path) -> PinholeCamera:
         )
     except OSError as error:
         raise CalibrationError(f"cannot read {path}: {error.strerror}") from error
-    except yaml.YAMLError as error:
+    except YamlTextError as error:
         raise CalibrationError(f"{path} is not YAML: {error}") from error
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError, OverflowError) as error:
         raise CalibrationError(f"{path} is not a camera file: {error!r} is missing") from error
     except ValueError as error:
         raise CalibrationError(f"{path}: {error}") from error

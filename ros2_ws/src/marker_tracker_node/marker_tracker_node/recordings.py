@@ -45,6 +45,9 @@ class Motion:
     guide_z: FloatArray
 
     def __post_init__(self) -> None:
+        for name, values in vars(self).items():
+            if not np.isfinite(values).all():
+                raise RecordingError(f"{name} of a motion must be finite")
         if self.t.size < 1 or not (np.diff(self.t) > 0.0).all():
             raise RecordingError(f"motion times must ascend, got {self.t.size} of them")
 
@@ -83,7 +86,7 @@ def read_motion(path: Path) -> Motion:
         columns = [np.array([float(row[name]) for row in rows]) for name in MOTION_COLUMNS]
     except OSError as error:
         raise RecordingError(f"cannot read {path}: {error.strerror}") from error
-    except (KeyError, ValueError, TypeError) as error:
+    except (KeyError, ValueError, TypeError, csv.Error) as error:
         raise RecordingError(
             f"{path} must have the columns {', '.join(MOTION_COLUMNS)} with numbers: {error!r}"
         ) from error
@@ -100,8 +103,7 @@ def folder_frames(folder: Path, fps: float | None) -> Iterator[tuple[float, Byte
     """
     index = folder / "frames.csv"
     if index.exists():
-        with index.open(encoding="utf-8", newline="") as file:
-            listed = [(folder / row["file"], float(row["t"])) for row in csv.DictReader(file)]
+        listed = _listed(index)
     else:
         if fps is None:
             raise RecordingError(f"{folder} has no frames.csv: give the frame rate")
@@ -111,6 +113,17 @@ def folder_frames(folder: Path, fps: float | None) -> Iterator[tuple[float, Byte
         raise RecordingError(f"{folder} holds no picture")
     for path, t in listed:
         yield t, read_picture(path)
+
+
+def _listed(index: Path) -> list[tuple[Path, float]]:
+    try:
+        with index.open(encoding="utf-8", newline="") as file:
+            listed = [(index.parent / row["file"], float(row["t"])) for row in csv.DictReader(file)]
+    except (KeyError, ValueError, TypeError, csv.Error) as error:
+        raise RecordingError(f"{index} must have the columns file and t: {error!r}") from error
+    if not all(math.isfinite(t) for _, t in listed):
+        raise RecordingError(f"{index} must have finite times")
+    return listed
 
 
 def read_picture(path: Path) -> ByteArray:

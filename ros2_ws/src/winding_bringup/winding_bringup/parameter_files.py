@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
+from cable_winding.yaml_text import YamlTextError, load_yaml
 
 _PARAMETERS = "ros__parameters"
 
@@ -24,8 +24,8 @@ def parameters_for(file: Path, node: str) -> dict[str, Any]:
         ValueError: It is not such a file.
     """
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        content = load_yaml(file.read_text(encoding="utf-8"))
+    except (YamlTextError, UnicodeDecodeError) as error:
         raise ValueError(f"{file} is not a parameter file: {error}") from error
     if content is None:
         return {}

@@ -190,10 +190,14 @@ def _rows(path: Path) -> list[dict[str, str]]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise SourceError(f"cannot read {path}: {error}") from error
     if not rows:
         raise SourceError(f"{path} holds no row of numbers below a head line")
+    for line, row in enumerate(rows, start=1):
+        # The reader puts cells without a heading under None.
+        if None in row:
+            raise SourceError(f"row {line} of {path} has more cells than the head line")
     return rows
 
 

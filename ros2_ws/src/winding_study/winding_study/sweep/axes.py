@@ -52,9 +52,13 @@ def typed(name: str, kind: type, value: object) -> Value:
         SpecError: The value has another type or is not finite.
     """
     if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
-        if not math.isfinite(value):
-            raise SpecError(f"{name} must be finite, got {value}")
-        return float(value)
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            raise SpecError(f"{name} must be finite, got {number}")
+        return number
     if kind is int and isinstance(value, int) and not isinstance(value, bool):
         return value
     if kind in (bool, str) and isinstance(value, kind):
@@ -71,14 +75,13 @@ def _range(name: str, kind: type, given: Mapping[Any, Any]) -> list[Value]:
     low, high = (_number(f"{word} of {name}", given[word]) for word in ("from", "to"))
     count = _count(name, given["count"])
     spacing = given.get("spacing", "linear")
-    if spacing == "linear":
-        numbers = np.linspace(low, high, count)
-    elif spacing == "log":
-        if min(low, high) <= 0.0:
-            raise SpecError(f"{name} has log spacing, so from and to must be positive")
-        numbers = np.geomspace(low, high, count)
-    else:
+    if spacing not in ("linear", "log"):
         raise SpecError(f"spacing of {name} must be linear or log, got {spacing!r}")
+    if spacing == "log" and min(low, high) <= 0.0:
+        raise SpecError(f"{name} has log spacing, so from and to must be positive")
+    if not math.isfinite(high - low):
+        raise SpecError(f"from and to of {name} are too far apart, got {low:g} and {high:g}")
+    numbers = (np.linspace if spacing == "linear" else np.geomspace)(low, high, count)
     if kind is float:
         return [float(number) for number in numbers]
     fraction = next((number for number in numbers if number != round(number)), None)
@@ -95,11 +98,13 @@ def _sample(name: str, kind: type, given: Mapping[Any, Any]) -> list[Value]:
         "uniform": (("low", "high"), np.random.Generator.uniform),
         "normal": (("mean", "deviation"), np.random.Generator.normal),
     }
-    if shape not in draws:
+    if not isinstance(shape, str) or shape not in draws:
         raise SpecError(f"random of {name} must be uniform or normal, got {shape!r}")
     words, draw = draws[shape]
     _refuse_words(name, given, needed=("random", *words, "count", "seed"), more=())
     one, two = (_number(f"{word} of {name}", given[word]) for word in words)
+    if not math.isfinite(two - one):
+        raise SpecError(f"{words[0]} and {words[1]} of {name} are too far apart")
     if shape == "uniform" and one > two:
         raise SpecError(f"low of {name} must not exceed high, got {one:g} and {two:g}")
     if shape == "normal" and two < 0.0:
@@ -110,7 +115,7 @@ def _sample(name: str, kind: type, given: Mapping[Any, Any]) -> list[Value]:
     # Two parameters with the same seed must not move together.
     own = int.from_bytes(hashlib.sha256(name.encode("utf-8")).digest()[:8], "little")
     rng = np.random.default_rng([seed, own])
-    return [float(number) for number in draw(rng, one, two, count)]
+    return [_number(f"a sample of {name}", float(number)) for number in draw(rng, one, two, count)]
 
 
 def _refuse_words(

@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from cable_winding.yaml_text import PlainLoader, YamlTextError, load_yaml
 from winding_study.sweep.axes import LIMIT, SpecError, Value, axis_values
 
 GRID, ZIP = "grid", "zip"
@@ -60,9 +61,9 @@ def parse_spec(text: str, kinds: Mapping[str, type]) -> SweepSpec:
         SpecError: The text cannot be used.
     """
     try:
-        content = yaml.load(text, _StrictLoader)
-    except yaml.YAMLError as error:
-        raise SpecError(f"it is no YAML: {' '.join(str(error).split())}") from error
+        content = load_yaml(text, _StrictLoader)
+    except YamlTextError as error:
+        raise SpecError(f"it is no YAML: {error}") from error
     if not isinstance(content, dict) or not isinstance(content.get("parameters"), dict):
         raise SpecError("it must hold a mapping named parameters")
     for word in content:
@@ -93,14 +94,16 @@ def _axis(name: object, value: object, kinds: Mapping[str, type]) -> tuple[Value
     return tuple(axis_values(name, kinds[name], value))
 
 
-class _StrictLoader(yaml.SafeLoader):
-    """YAML's safe loader, but a name that stands twice is an error."""
+class _StrictLoader(PlainLoader):
+    """The plain loader, but a name that stands twice is an error."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        names = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for name in names:
+        names: set[str] = set()
+        for key, _ in node.value:
+            name = self.construct_object(key, deep=True)
             if not isinstance(name, str):
                 raise yaml.YAMLError(f"a name must be a word, got {name!r}{node.start_mark}")
-            if names.count(name) > 1:
+            if name in names:
                 raise yaml.YAMLError(f"{name} stands twice{node.start_mark}")
+            names.add(name)
         return super().construct_mapping(node, deep)

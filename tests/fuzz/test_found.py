@@ -1,0 +1,139 @@
+"""What made-up inputs have found, each once and plainly."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sensor_msgs.msg import CameraInfo
+
+from cable_winding.parameters import ParameterError, build
+from cable_winding.ros.camera_messages import decode_camera_info
+from cable_winding.ros.diagnostic_messages import decode_case_votes, encode_case_votes
+from cable_winding.ros.rig_messages import MessageError
+from cable_winding.run_inputs import RunInputs, RunInputsError
+from cable_winding.yaml_text import YamlTextError, load_yaml
+from correction_node.dataset import parse_lengths
+from marker_tracker_node.calibration import CalibrationError, read_camera
+from marker_tracker_node.recordings import RecordingError, folder_frames, read_motion
+from winding_bringup.commands.identify_sources import SourceError, read_readings
+from winding_bringup.parameter_files import parameters_for
+from winding_rig_node.parameters import RigParameters
+from winding_study.sweep.axes import SpecError
+from winding_study.sweep.spec import parse_spec
+
+
+def given(folder: Path, content: str | bytes) -> Path:
+    path = folder / "given"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def test_more_coefficients_than_the_lens_model_has_were_cut_off() -> None:
+    message = CameraInfo(k=[1.0] * 9, d=[0.0] * 8, distortion_model="plumb_bob")
+    with pytest.raises(MessageError, match="plumb_bob has 5 coefficients, got 8"):
+        decode_camera_info(message)
+
+
+@pytest.mark.parametrize("share", [math.nan, math.inf, -0.1, 1.5])
+def test_any_number_was_a_share_of_votes(share: float) -> None:
+    with pytest.raises(MessageError, match="a share of votes lies in 0 to 1"):
+        decode_case_votes(encode_case_votes(0.0, {1: share}))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("a: &a [1]\nb: *a", "an alias stands in line 2: write the value out"),
+        ("[" * 20_000, "it is nested too deeply"),
+        ("x: !!int ''", "a value does not fit its tag: string index out of range"),
+        ("x: !!bool perhaps", "a value does not fit its tag: 'perhaps'"),
+    ],
+)
+def test_yaml_errors_of_other_kinds_got_through(tmp_path: Path, text: str, sentence: str) -> None:
+    with pytest.raises(YamlTextError) as refused:
+        load_yaml(text)
+    assert str(refused.value) == sentence
+    with pytest.raises(ValueError, match="is not a parameter file"):
+        parameters_for(given(tmp_path, text), "/winding/cable_fem")
+    with pytest.raises(CalibrationError, match="is not YAML"):
+        read_camera(given(tmp_path, text))
+    with pytest.raises(SpecError, match="it is no YAML"):
+        parse_spec(text, {"case": int})
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"speed": 10**400}, "parameter speed must be finite, got 1000"),
+        ({"seed": 2**63}, "parameter seed must be finite, got 9223372036854775808"),
+        ({"case": 10**5000}, "parameter case must be finite, got a number of thousands of digits"),
+        ({"a\nb": 1}, r"winding_rig has no parameter 'a\nb'; did you mean"),
+    ],
+)
+def test_a_parameter_was_refused_by_another_error(values: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ParameterError) as refused:
+        build(RigParameters, values, owner="winding_rig")
+    assert str(refused.value).startswith(sentence)
+
+
+def test_a_long_value_was_repeated_as_a_whole() -> None:
+    with pytest.raises(ParameterError) as refused:
+        build(RigParameters, {"speed": "x" * 100_000}, owner="winding_rig")
+    assert len(str(refused.value)) < 300
+
+
+@pytest.mark.parametrize(
+    "axis",
+    [
+        f"{10**400}",
+        "{random: [], low: 1, high: 2, count: 1, seed: 1}",
+        "{random: uniform, low: -1.0e+308, high: 1.0e+308, count: 1, seed: 1}",
+        "{from: -1.0e+308, to: 1.0e+308, count: 3}",
+    ],
+)
+def test_a_sweep_gave_no_number_or_another_error(axis: str) -> None:
+    with pytest.raises(SpecError, match="friction"):
+        parse_spec(f"parameters: {{friction: {axis}}}", {"friction": float})
+
+
+def test_a_camera_of_infinite_width_overflowed(tmp_path: Path) -> None:
+    text = "{image_width: .inf, image_height: 1}"
+    with pytest.raises(CalibrationError, match="is not a camera file"):
+        read_camera(given(tmp_path, text))
+
+
+@pytest.mark.parametrize("row", ["nan,0,0", "0,inf,0", '"' + "a" * 140_000])
+def test_a_motion_was_not_finite_or_no_csv(tmp_path: Path, row: str) -> None:
+    with pytest.raises(RecordingError):
+        read_motion(given(tmp_path, f"t,cylinder_angle,guide_z\n{row}"))
+
+
+@pytest.mark.parametrize("text", ["x\n1", "file,t\na.png", "file,t\na.png,nan", "file,t\na.png,x"])
+def test_a_list_of_frames_was_believed(tmp_path: Path, text: str) -> None:
+    (tmp_path / "frames.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(RecordingError, match=r"frames\.csv must have"):
+        list(folder_frames(tmp_path, None))
+
+
+def test_cells_without_a_heading_were_joined(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match=r"row 1 of .* has more cells than the head line"):
+        read_readings(given(tmp_path, "a\n1,2"))
+
+
+def test_lengths_of_another_csv_error() -> None:
+    with pytest.raises(ValueError, match="x is no CSV text"):
+        parse_lengths('case,marker,s_fem_m\n"' + "a" * 140_000, source="x")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"PK\x03\x04",
+        b"\x93NUMPY\x01\x00\x46\x00"
+        + b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000000,)}".ljust(70),
+    ],
+)
+def test_a_damaged_file_of_inputs_raised_what_it_liked(tmp_path: Path, content: bytes) -> None:
+    with pytest.raises(RunInputsError, match="holds no inputs of a run"):
+        RunInputs.read(given(tmp_path, content))
