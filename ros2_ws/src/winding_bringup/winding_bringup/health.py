@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterable
+from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -46,7 +46,7 @@ def listen(nodes: Collection[str], namespace: str, patience: float) -> list[Stat
     rclpy.init(context=context, args=[_NAME])
     heard: dict[str, Status] = {}
 
-    def note(message: DiagnosticArray) -> None:
+    def note(message: Any) -> None:
         _, statuses = decode_diagnostics(message)
         for said, status in zip(message.status, statuses, strict=True):
             if said.hardware_id == f"/{namespace}":
