@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cable_winding.ros import topics
-from winding_bringup.graph import GRAPH
+from winding_bringup.graph import GRAPH, PAGE
 from winding_bringup.security import SecurityError, check_security, sros2_policy
 
 SHIPPED = Path(__file__).parents[2] / "security" / "sros2_policy.xml"
@@ -43,17 +43,20 @@ def test_a_node_may_do_what_the_graph_says_and_no_more(spec) -> None:  # type: i
     assert heard == {topic.name for topic in spec.subscribes}
 
 
-def test_only_the_orchestrator_commands_the_machine() -> None:
+def test_only_the_orchestrator_and_the_page_command_the_machine() -> None:
     policy = sros2_policy("cell")
     for spec in GRAPH:
         assert not allowed(policy, spec.name, "services", "request")
-    assert set(topics.SERVICES) <= allowed(policy, "orchestrator", "services", "request")
+    for node in ("orchestrator", PAGE.name):
+        assert set(topics.SERVICES) <= allowed(policy, node, "services", "request")
+    assert set(topics.RECORDER_SERVICES) <= allowed(policy, PAGE.name, "services", "request")
+    assert set(topics.RECORDER_SERVICES) == allowed(policy, topics.RECORDER, "services", "reply")
     assert set(topics.SERVICES) <= allowed(policy, topics.RIG, "services", "reply")
 
 
 def test_every_node_has_an_enclave_in_its_namespace() -> None:
     paths = {item.get("path") for item in ET.fromstring(sros2_policy("cell")).iter("enclave")}
-    assert paths == {f"/cell/{spec.name}" for spec in GRAPH} | {"/cell/orchestrator"}
+    assert paths == {f"/cell/{spec.name}" for spec in (*GRAPH, PAGE)} | {"/cell/orchestrator"}
 
 
 def test_a_secure_run_without_the_settings_is_refused() -> None:

@@ -9,7 +9,7 @@ import threading
 import time
 import urllib.request
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,9 @@ from cable_winding.ros.rig_messages import decode_joint_state
 CHROMIUM = Path("/usr/bin/chromium")
 # First starts compile kernels on a busy machine.
 PATIENCE = 240.0
+# Ten times what the page takes, on two busy cores.
+TAB_PATIENCE = 60.0
+SIZES = {"desk": (1280, 800), "phone": (390, 844)}
 NAMESPACE = "operated"
 
 
@@ -85,14 +88,14 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def wait_for_line(process: "subprocess.Popen[str]", text: str) -> None:
-    end = time.monotonic() + PATIENCE
+def wait_for_line(process: "subprocess.Popen[str]", text: str, patience: float = PATIENCE) -> None:
+    end = time.monotonic() + patience
     while time.monotonic() < end:
         assert process.stdout is not None
         if select.select([process.stdout], [], [], 0.5)[0] and text in process.stdout.readline():
             return
         assert process.poll() is None, f"ended with {process.returncode} before it said {text}"
-    pytest.fail(f"did not say {text} in {PATIENCE:g} s")
+    pytest.fail(f"did not say {text} in {patience:g} s")
 
 
 def wait_for_page(url: str) -> None:
@@ -107,6 +110,45 @@ def wait_for_page(url: str) -> None:
     pytest.fail(f"no page at {url} in {PATIENCE:g} s")
 
 
+class Serving:
+    """What starts a command that serves a page."""
+
+    free_port = staticmethod(free_port)
+    wait_for_line = staticmethod(wait_for_line)
+
+    @staticmethod
+    def environment() -> dict[str, str]:
+        """Return an environment without what tells NiceGUI that it is being tested."""
+        hints = ("PYTEST_CURRENT_TEST", "NICEGUI_USER_SIMULATION", "NICEGUI_SCREEN_TEST_PORT")
+        return {name: value for name, value in os.environ.items() if name not in hints}
+
+
+@pytest.fixture(scope="session")
+def serving() -> type[Serving]:
+    return Serving
+
+
+@pytest.fixture(scope="module")
+def motion_of() -> Iterator[Callable[[str], Motion]]:
+    """Follow the machines of namespaces."""
+    motions = []
+
+    def follow(namespace: str) -> Motion:
+        motions.append(Motion(namespace))
+        return motions[-1]
+
+    yield follow
+    for motion in motions:
+        motion.close()
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pictures")
+    print(f"pictures in {folder}")
+    return folder
+
+
 @pytest.fixture(scope="module")
 def duration(request: pytest.FixtureRequest) -> float:
     """Simulated length of the run [s]."""
@@ -117,10 +159,7 @@ def duration(request: pytest.FixtureRequest) -> float:
 def operated(tmp_path_factory: pytest.TempPathFactory, duration: float) -> Iterator[Operated]:
     folder = tmp_path_factory.mktemp("operated")
     port = free_port()
-    environment = {**os.environ, "ROS_LOG_DIR": str(folder)}
-    # pytest tells NiceGUI through these that it is being tested.
-    for name in ("PYTEST_CURRENT_TEST", "NICEGUI_USER_SIMULATION", "NICEGUI_SCREEN_TEST_PORT"):
-        environment.pop(name, None)
+    environment = {**Serving.environment(), "ROS_LOG_DIR": str(folder)}
     graph = subprocess.Popen(
         [sys.executable, str(Path(__file__).parent / "standing_graph.py"), NAMESPACE, "4",
          str(duration), str(folder)],
@@ -165,3 +204,103 @@ def browser() -> Iterator[Any]:
         )
         yield launched
         launched.close()
+
+
+# Labels whose text does not fit their box, or that stick out of their card.
+CLIPPED = """
+() => [...document.querySelectorAll('.card, header')].flatMap(card => {
+  const room = card.getBoundingClientRect();
+  return [...card.querySelectorAll('.nicegui-label, .q-btn, th, td')].filter(item => {
+    const box = item.getBoundingClientRect();
+    return box.width > 0 && !item.closest('.scene') && !item.closest('.buttons') &&
+      (item.scrollWidth > item.clientWidth + 1 && getComputedStyle(item).display !== 'inline' ||
+       box.right > room.right + 1 || box.left < room.left - 1);
+  }).map(item => item.innerText);
+})
+"""
+# Cards and the header's parts may touch, not cover each other.
+OVERLAPPING = """
+() => {
+  const found = [];
+  for (const group of ['.card', 'header > *']) {
+    const boxes = [...document.querySelectorAll(group)]
+      .filter(item => getComputedStyle(item).position !== 'fixed')
+      .map(item => [item.className, item.getBoundingClientRect()])
+      .filter(([, box]) => box.width > 0 && box.height > 0);
+    for (let i = 0; i < boxes.length; i++) for (let j = i + 1; j < boxes.length; j++) {
+      const [a, b] = [boxes[i][1], boxes[j][1]];
+      if (a.left < b.right - 1 && b.left < a.right - 1 &&
+          a.top < b.bottom - 1 && b.top < a.bottom - 1)
+        found.push(boxes[i][0] + ' / ' + boxes[j][0]);
+    }
+  }
+  return found;
+}
+"""
+
+
+class Tab:
+    """A page with what it complained about and whom it asked."""
+
+    def __init__(self, browser: Any, size: tuple[int, int]) -> None:
+        self.page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+        self.page.set_default_timeout(1000.0 * TAB_PATIENCE)
+        self.complaints: list[str] = []
+        self.asked: list[str] = []
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("console", self._note)
+        self.page.on("request", lambda request: self.asked.append(request.url))
+
+    def _note(self, message: Any) -> None:
+        if message.type == "error":
+            self.complaints.append(message.text)
+
+    def button(self, name: str) -> Any:
+        return self.page.locator("header").get_by_role("button", name=name, exact=True)
+
+    def wait_for(self, script: str) -> None:
+        self.page.wait_for_function(script)
+
+    def phase(self, text: str) -> None:
+        self.wait_for(f"document.querySelector('.phase').innerText.toLowerCase() === '{text}'")
+
+    def said(self, text: str) -> None:
+        """Wait until the page says what came of the last command."""
+        self.wait_for(f"document.querySelector('.said').innerText.includes({text!r})")
+
+    def click_time(self, name: str) -> float:
+        """Click a button and return the time of its click event [s since the epoch]."""
+        self.button(name).evaluate(
+            "b => b.addEventListener('click', () => { window.clicked = Date.now() }, {once: true})"
+        )
+        self.button(name).click()
+        return float(self.page.evaluate("window.clicked")) / 1000.0
+
+    def misfits(self) -> list[str]:
+        """Return what sticks out, is clipped or covers something else."""
+        wide, room = self.page.evaluate(
+            "[document.documentElement.scrollWidth, document.documentElement.clientWidth]"
+        )
+        found = [f"the page is {wide} wide in {room}"] if wide > room else []
+        return found + self.page.evaluate(CLIPPED) + self.page.evaluate(OVERLAPPING)
+
+    def strangers(self, url: str) -> list[str]:
+        """Return who else was asked for something."""
+        own = (url, url.replace("http", "ws"), "data:", "blob:")
+        return [asked for asked in self.asked if not asked.startswith(own)]
+
+
+@pytest.fixture(scope="module")
+def new_tab(browser: Any) -> Iterator[Callable[[str, str], Tab]]:
+    """Open tabs of the browser: at a desk or on a phone, at an address."""
+    tabs = []
+
+    def new(where: str, url: str) -> Tab:
+        tabs.append(Tab(browser, SIZES[where]))
+        tabs[-1].page.goto(url)
+        return tabs[-1]
+
+    yield new
+    for tab in tabs:
+        if not tab.page.is_closed():
+            tab.page.close()

@@ -15,6 +15,7 @@ from cable_winding.readings import AxisReading
 from winding_dashboard import commands
 from winding_dashboard.commands import Choice, CommandError
 from winding_dashboard.health import Report, Severity
+from winding_dashboard.material_view import MaterialView
 from winding_dashboard.page import Page
 from winding_dashboard.view_state import ViewState
 
@@ -26,8 +27,9 @@ PATIENCE = 10.0
 class Machine:
     """A graph that does as it is told, or refuses with a sentence."""
 
-    def __init__(self, *, missing: str = "", refusal: str = "") -> None:
+    def __init__(self, *, missing: str = "", refusal: str = "", unrecorded: str = "") -> None:
         self.missing, self.refusal = missing, refusal
+        self._unrecorded = unrecorded
         self.done: list[str] = []
 
     def unavailable(self, command: str) -> str:
@@ -45,9 +47,23 @@ class Machine:
     async def choice(self) -> Choice:
         return Choice(case=4, law="linear", laws=("linear", "hencky"))
 
-    async def prepare(self, case: int, law: str, tell: Callable[[str], None]) -> None:
+    async def prepare(self, choice: Choice, tell: Callable[[str], None]) -> str:
         tell("building")
-        self.done.append(f"prepare {case} {law}")
+        if self.refusal:
+            raise CommandError(self.refusal)
+        own = " ".join(f"{name}={value:g}" for name, value in choice.own.items())
+        take_up = "take up" if choice.take_up else ""
+        self.done.append(f"prepare {choice.case} {choice.law} {own} {take_up}".strip())
+        return ""
+
+    def unrecorded(self) -> str:
+        return self._unrecorded
+
+    async def record(self, on: bool) -> str:
+        if self.refusal:
+            raise CommandError(self.refusal)
+        self.done.append("record" if on else "end")
+        return "recording into bag" if on else "bag: 7 messages"
 
     async def renew(self) -> None:
         self.done.append("renew")
@@ -215,6 +231,152 @@ async def test_nothing_is_chosen_while_the_machine_winds() -> None:
         await user.open("/")
         await user.should_see("cannot be chosen while the machine is winding", retries=50)
         assert not button(user, "Prepare").enabled
+
+
+async def form(user: User) -> dict[str, ui.number]:
+    await until(lambda: button(user, "Prepare").enabled)
+    case = min(user.find(ui.select).elements, key=lambda item: item.id)
+    case.value = 0
+    await user.should_see("Cylinder diameter, mm", retries=50)
+    return {str(item.props["label"]): item for item in user.find(ui.number).elements}
+
+
+async def test_own_condition_is_prepared_in_si() -> None:
+    machine, state = Machine(), fresh_state()
+    phase(state, "idle")
+    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
+        await user.open("/")
+        await user.should_not_see("Cylinder diameter, mm")
+        fields = await form(user)
+        for value, name in (
+            (30.0, "Cylinder diameter, mm"),
+            (4.0, "Cable diameter, mm"),
+            (3.5, "Weight, N"),
+            (80.0, "Marker spacing, mm"),
+        ):
+            fields[name].value = value
+        (take_up,) = user.find(ui.checkbox).elements
+        take_up.value = True
+        click(user, button(user, "Prepare"))
+        await until(lambda: bool(machine.done))
+        assert machine.done == [
+            "prepare 0 linear cylinder_diameter=0.03 cable_diameter=0.004 weight=3.5 "
+            "marker_spacing=0.08 take up"
+        ]
+        await user.should_see("prepare: ready to wind a condition of your own", retries=50)
+
+
+async def test_wrong_own_condition_is_refused_with_value_and_limits() -> None:
+    machine, state = Machine(), fresh_state()
+    phase(state, "idle")
+    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
+        await user.open("/")
+        fields = await form(user)
+        click(user, button(user, "Prepare"))
+        await user.should_see("cylinder diameter is missing; it must be 5 to 500 mm", retries=50)
+        fields["Cylinder diameter, mm"].value = 3000.0
+        click(user, button(user, "Prepare"))
+        await user.should_see("cylinder diameter must be 5 to 500 mm, got 3000 mm", retries=50)
+        assert machine.done == []
+
+
+async def test_refused_preparation_says_why_beside_its_button() -> None:
+    machine, state = (
+        Machine(refusal="cable_fem cannot configure: the weight is too much"),
+        (fresh_state()),
+    )
+    phase(state, "idle")
+    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
+        await user.open("/")
+        await until(lambda: button(user, "Prepare").enabled)
+        click(user, button(user, "Prepare"))
+        await user.should_see("prepare: cable_fem cannot configure", retries=50)
+        await until(
+            lambda: any(
+                label.text == machine.refusal and "bad" in label.classes
+                for label in user.find(ui.label).elements
+            )
+        )
+
+
+def recorded(state: ViewState, bag: str) -> None:
+    values = {"bag": bag, "messages": "12345", "bytes": "67800000", "lost": "0"} if bag else {}
+    state.health.note(
+        time.monotonic(),
+        [Report(name="recorder", severity=Severity.OK, message="recording", values=values)],
+    )
+
+
+async def test_recording_is_begun_and_shown() -> None:
+    machine, state = Machine(), fresh_state()
+    phase(state, "winding")
+    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
+        await user.open("/")
+        await user.should_see("nothing is being recorded", retries=50)
+        click(user, button(user, "Record"))
+        await until(lambda: machine.done == ["record"])
+        recorded(state, "bag-2")
+        await user.should_see("into bag-2: 12 345 messages, 67.8 MB", retries=50)
+
+
+async def test_ending_a_recording_asks_while_the_machine_winds() -> None:
+    machine, state = Machine(), fresh_state()
+    phase(state, "winding")
+    recorded(state, "bag")
+    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
+        await user.open("/")
+        await user.should_see("into bag:", retries=50)
+        click(user, button(user, "Stop recording"))
+        await user.should_see("Stop recording while the machine winds?", retries=50)
+        assert machine.done == []
+        click(user, buttons(user, "Stop recording")[-1])
+        await until(lambda: machine.done == ["end"])
+
+
+async def test_ending_a_recording_of_a_machine_that_stands_asks_nothing() -> None:
+    machine, state = Machine(), fresh_state()
+    phase(state, "idle")
+    recorded(state, "bag")
+    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
+        await user.open("/")
+        await user.should_see("into bag:", retries=50)
+        click(user, button(user, "Stop recording"))
+        await until(lambda: machine.done == ["end"])
+        await user.should_see("recording: bag: 7 messages", retries=50)
+
+
+async def test_recording_that_nobody_serves_is_off_with_a_reason() -> None:
+    machine, state = Machine(unrecorded="nobody serves recorder/record in /winding"), fresh_state()
+    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
+        await user.open("/")
+        await user.should_see("nobody serves recorder/record in /winding", retries=50)
+        assert not button(user, "Record").enabled
+
+
+async def test_material_is_told_with_its_half_width() -> None:
+    state = fresh_state()
+    async with user_simulation(lambda: Page(state, Machine(), time.monotonic)) as user:
+        await user.open("/")
+        await user.should_see("Effective modulus: no marker is measured yet")
+        state.material = MaterialView(
+            law="neo_hookean", young=2.61e6, half_width_90=5.2e4, markers=(1, 2), taken_up=False
+        )
+        await user.should_see(
+            "Effective modulus 2.610 ± 0.052 MPa (nine times in ten), neo hookean, from P1, P2; "
+            "the model keeps its own",
+            retries=50,
+        )
+
+
+async def test_nothing_is_started_while_a_node_is_down() -> None:
+    state = fresh_state()
+    phase(state, "idle")
+    state.health.lifecycle = {"winding_rig": "active", "cable_fem": "inactive"}
+    async with user_simulation(lambda: Page(state, Machine(), time.monotonic)) as user:
+        await user.open("/")
+        await until(lambda: not button(user, "Start").enabled)
+        assert button(user, "Start").props["title"].startswith("cable_fem is inactive")
+        assert button(user, "Stop").enabled
 
 
 async def test_text_from_the_graph_is_text_and_never_markup() -> None:

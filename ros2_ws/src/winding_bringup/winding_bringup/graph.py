@@ -18,6 +18,7 @@ class Policy(Enum):
     END = "the run ends"
     RESTART = "the node is started again and the run resumes"
     REPLAY = "the node is started again, replays the run's inputs, and the run resumes"
+    ASIDE = "the node is started again and the machine goes on meanwhile"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +105,22 @@ GRAPH: tuple[NodeSpec, ...] = (
             topics.RECORDER_PROGRESS,
         ),
     ),
+)
+
+
+# No part of the graph: it looks and asks, and the graph is whole without it.
+PAGE = NodeSpec(
+    name=topics.DASHBOARD,
+    package="winding_dashboard",
+    node_class="DashboardNode",
+    parameters_class="DashboardParameters",
+    publishes=(),
+    subscribes=tuple(
+        topic
+        for topic in topics.TOPICS
+        if topic not in (topics.CLOCK, topics.IMAGE, topics.RECORDER_PROGRESS)
+    ),
+    policy=Policy.ASIDE,
 )
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from cable_winding.parameters import Declaration, declarations
 from cable_winding.ros.heartbeat import LEASE, PERIOD, heartbeat_topic
-from cable_winding.ros.topics import SERVICES, TOPICS
-from winding_bringup.graph import GRAPH, parameters_of
+from cable_winding.ros.topics import RECORDER_SERVICES, SERVICES, TOPICS
+from winding_bringup.graph import GRAPH, PAGE, parameters_of
 
 
 def as_markdown() -> str:
@@ -27,8 +27,9 @@ def _topics() -> list[str]:
             f"| {topic.description} |"
         )
     lines.append(
-        f"| `{heartbeat_topic('<node>')}` | `std_msgs/msg/Header` | every node, orchestrator "
-        f"| {1.0 / PERIOD:g} Hz | reliable, depth 1, liveliness {LEASE:g} s | no "
+        f"| `{heartbeat_topic('<node>')}` | `std_msgs/msg/Header` "
+        f"| every node, orchestrator, supervised page | {1.0 / PERIOD:g} Hz "
+        f"| reliable, depth 1, liveliness {LEASE:g} s | no "
         "| signs of life; the stamp is wall time |"
     )
     return lines
@@ -36,7 +37,8 @@ def _topics() -> list[str]:
 
 def _services() -> list[str]:
     lines = ["| service | type | what it does |", "|---|---|---|"]
-    lines += [f"| `{name}` | `{type_}` | {text} |" for name, (type_, text) in SERVICES.items()]
+    served = SERVICES | RECORDER_SERVICES
+    lines += [f"| `{name}` | `{type_}` | {text} |" for name, (type_, text) in served.items()]
     lines.append(
         "| `<node>/change_state`, `<node>/get_state`, ... | `lifecycle_msgs/srv/*` "
         "| lifecycle of every node |"
@@ -46,7 +48,7 @@ def _services() -> list[str]:
 
 def _parameters() -> list[str]:
     lines = []
-    for spec in reversed(GRAPH):
+    for spec in (*reversed(GRAPH), PAGE):
         lines += [
             f"### Parameters of `{spec.name}`",
             "",

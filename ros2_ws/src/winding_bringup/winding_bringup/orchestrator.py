@@ -13,12 +13,16 @@ from typing import Any
 import yaml
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import parameter_value_to_python
 from std_srvs.srv import Trigger
 
+from cable_winding.parameters import declarations
 from cable_winding.ros import topics
 from winding_bringup.attached_node import AttachedNode
 from winding_bringup.environment import child_environment, enclave_arguments, ros_arguments
-from winding_bringup.graph import GRAPH, NodeSpec, expected_subscribers
+from winding_bringup.graph import GRAPH, NodeSpec, parameters_of
+from winding_bringup.matching import PATIENCE, Matching
 from winding_bringup.node_process import NodeProcess
 from winding_bringup.parameter_files import parameters_for
 from winding_bringup.ros_client import RosClient
@@ -26,7 +30,6 @@ from winding_bringup.ros_client import RosClient
 # First starts import torch and compile kernels on a busy machine.
 _START_TIMEOUT = 120.0
 _CONFIGURE_TIMEOUT = 300.0
-_MATCH_TIMEOUT = 30.0
 _POLL = 0.02
 _FORGETTING = 0.5
 # A transition without an answer for so long is looked after.
@@ -86,6 +89,9 @@ class Orchestrator:
         self._client = client
         self.processes: list[Member] = [self._process(spec) for spec in GRAPH]
         self._active: set[str] = set()
+        self._matching = Matching(client, config.recorded)
+        # What the nodes were found to be set to, for those that are started again.
+        self._adopted: dict[str, dict[str, object]] = {}
 
     async def start(self) -> None:
         """Start every process; raise GraphError when one ends before it answers."""
@@ -126,7 +132,7 @@ class Orchestrator:
         old = self.process(name)
         self._active.discard(name)
         await old.kill()
-        new = self._process(old.spec, extra)
+        new = self._process(old.spec, {**self._adopted.get(name, {}), **extra})
         self.processes[self.processes.index(old)] = new
         await new.start()
         await self._while_alive(self._configure(new), [new])
@@ -137,12 +143,31 @@ class Orchestrator:
 
     async def rematch(self, names: Collection[str]) -> None:
         """Wait until the graph has forgotten killed processes and matches their successors."""
-        async with _deadline(_MATCH_TIMEOUT, f"the graph does not forget a killed {names}"):
+        async with _deadline(PATIENCE, f"the graph does not forget a killed {names}"):
             while any(self._client.present(name) != 1 for name in names):
                 await asyncio.sleep(_POLL)
         # Each process forgets for itself, a little earlier or later than this one.
         await asyncio.sleep(_FORGETTING)
         await self._while_alive(self._matched())
+
+    async def adopt_parameters(self) -> dict[str, dict[str, object]]:
+        """Return what every node is set to now; a node that is restarted gets the same.
+
+        A node that does not answer keeps what was known of it.
+        """
+        for process in self.processes:
+            name = process.spec.name
+            stated = [item.name for item in declarations(parameters_of(process.spec))]
+            answer = await self._client.try_call(
+                GetParameters,
+                self._service(process, "get_parameters"),
+                GetParameters.Request(names=stated),
+                _ANSWER_PATIENCE,
+            )
+            if answer is not None and len(answer.values) == len(stated):
+                values = map(parameter_value_to_python, answer.values)
+                self._adopted[name] = dict(zip(stated, values, strict=True))
+        return dict(self._adopted)
 
     async def begin_anew(self) -> None:
         """Let every node but the rig begin a new run: what it knew of the last one is gone."""
@@ -264,23 +289,10 @@ class Orchestrator:
         return int(response.current_state.id)
 
     async def _matched(self) -> None:
-        expected = expected_subscribers(self.config.recorded)
         try:
-            async with asyncio.timeout(_MATCH_TIMEOUT):
-                while missing := self._unmatched(expected):
-                    await asyncio.sleep(_POLL)
-        except TimeoutError:
-            raise GraphError(
-                f"not every subscriber found its publisher in {_MATCH_TIMEOUT:g} s: {missing[0]}"
-            ) from None
-
-    def _unmatched(self, expected: Mapping[str, Mapping[str, int]]) -> list[str]:
-        return [
-            f"{node} {topic} has {self._client.matched(node, topic)} of {count} subscribers"
-            for node, counts in expected.items()
-            for topic, count in counts.items()
-            if self._client.matched(node, topic) < count
-        ]
+            await self._matching.complete()
+        except TimeoutError as error:
+            raise GraphError(str(error)) from None
 
     async def _while_alive(
         self, work: Coroutine[Any, Any, Any], among: Sequence[Member] = ()

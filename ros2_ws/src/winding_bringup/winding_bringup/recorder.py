@@ -17,13 +17,10 @@ from cable_winding.ros.diagnostic_messages import Level, Status, encode_diagnost
 from cable_winding.ros.polled import PolledTopic, Taken
 from cable_winding.ros.stamps import encode_stamp, serialised_stamp_ns
 from cable_winding.ros.topics import Topic
+from winding_bringup.bag_series import BagSeries, RecorderError, free_folder
 from winding_bringup.bags.bag_file import BagConfig
-from winding_bringup.bags.channel import jazzy_channel
-from winding_bringup.bags.failure import BagError
-from winding_bringup.bags.loss import LossCount
-from winding_bringup.bags.notes import COMPLETE, LOST, YES
-from winding_bringup.bags.writer import BagWriter
 from winding_bringup.environment import ros_arguments
+from winding_bringup.record_requests import RecordRequest, RecordRequests
 from winding_bringup.tape import Tape, TapedMessage
 
 __all__ = ["Recorder", "RecorderError", "Tape", "TapedMessage"]
@@ -35,10 +32,8 @@ _ANSWER_PERIOD_NS = 20_000_000
 _LOOK_PERIOD = 0.004
 # An open chunk is stored at least this often, and the recorder's state told (REP-107).
 _TELL_PERIOD_NS = 1_000_000_000
-
-
-class RecorderError(BagError):
-    """The recording cannot begin where it was asked to."""
+# Messages of one topic come in order; a machine that is built anew begins at zero.
+_WENT_BACK_NS = 500_000_000
 
 
 class Recorder:
@@ -54,6 +49,13 @@ class Recorder:
         recorded: Topics.
         config: How the bag is stored.
         notes: What the bag says of the run, by name.
+        further: Where bags go that the service recorder/record asks for, with a number where
+            there is one already; None serves nobody.
+        on_demand: Topics that are taken only while a bag is being recorded.
+
+    Attributes:
+        tape: What has come so far.
+        bags: What is recorded.
 
     Raises:
         RecorderError: The folder exists, or nothing can be written there.
@@ -67,8 +69,13 @@ class Recorder:
         recorded: Iterable[Topic],
         config: BagConfig | None = None,
         notes: Mapping[str, str] | None = None,
+        further: Path | None = None,
+        on_demand: Iterable[Topic] = (),
     ) -> None:
-        self._recorded = tuple(recorded)
+        always = tuple(recorded)
+        self._on_demand = tuple(topic for topic in on_demand if topic not in always)
+        self._recorded = (*always, *self._on_demand)
+        self._further = further
         self.tape = Tape(self._recorded)
         namespace = node.get_namespace()
         self._hardware_id = namespace
@@ -79,31 +86,38 @@ class Recorder:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self._index = {topic.name: k for k, topic in enumerate(self._recorded)}
-        self._full_names = {
-            topic.name: str(self._node.resolve_topic_name(topic.name)) for topic in self._recorded
-        }
-        self._losses = {
-            topic.name: LossCount()
-            for topic in self._recorded
-            if topic.publisher != topics.EVERY_NODE
-        }
-        self._queue: queue.SimpleQueue[tuple[Topic, int, Taken] | None] = queue.SimpleQueue()
+        self.bags = BagSeries(
+            self._recorded,
+            {
+                topic.name: str(self._node.resolve_topic_name(topic.name))
+                for topic in self._recorded
+            },
+            config or BagConfig(),
+            notes or {},
+        )
+        self._queue: queue.SimpleQueue[tuple[Topic, int, Taken] | RecordRequest | None] = (
+            queue.SimpleQueue()
+        )
+        self._requests = RecordRequests(self._node) if further is not None else None
+        self._last_ns: dict[str, int] = {}
         self._progress = topics.RECORDER_PROGRESS.advertise(self._node)
         self._diagnostics = topics.DIAGNOSTICS.advertise(self._node)
         self._stored_ns: dict[str, int] = {}
         self._answered_ns = -_ANSWER_PERIOD_NS
         self._newest_ns = 0
         self._told_ns = time.monotonic_ns()
-        self._error: Exception | None = None
         self._unstamped = 0
         self._fast = tuple(
             topic.name
             for topic in self._recorded
             if topic.rate is not None and topic.rate >= _FAST_RATE and topic.publisher == topics.RIG
         )
-        self._writer = None if bag is None else self._open(bag, config or BagConfig(), notes or {})
-        self._polled = [PolledTopic(self._node, topic) for topic in self._recorded]
+        self._followed = frozenset(self._fast) & {topic.name for topic in always}
+        if bag is not None:
+            self.bags.begin(bag)
+        self._polled = [
+            PolledTopic(self._node, topic) for topic in (always if bag is None else self._recorded)
+        ]
         self._closing = threading.Event()
         self._taker = threading.Thread(target=self._take, name="recorder take", daemon=True)
         self._storer = threading.Thread(target=self._store, name="recorder store", daemon=True)
@@ -120,40 +134,24 @@ class Recorder:
         self._closing.set()
         self._taker.join()
         self._storer.join()
-        self._end("")
+        self.bags.end()
+        self.bags.join()
         self._node.destroy_node()
 
     @property
     def error(self) -> Exception | None:
         """What ended the bag before the run, if anything did."""
-        return self._error
+        return self.bags.error
 
     @property
     def lost(self) -> dict[str, int]:
         """Messages that were published after the first one and never arrived, by topic name."""
-        return {name: count.lost for name, count in self._losses.items()}
+        return {name: count.lost for name, count in self.bags.losses.items()}
 
     @property
     def received(self) -> dict[str, int]:
         """Messages dealt with so far, by topic name, where one node publishes."""
-        return {name: count.received for name, count in self._losses.items()}
-
-    def _open(self, bag: Path, config: BagConfig, notes: Mapping[str, str]) -> BagWriter:
-        channels = [
-            jazzy_channel(
-                self._full_names[topic.name],
-                topic.type_name,
-                depth=topic.depth,
-                latched=topic.latched,
-            )
-            for topic in self._recorded
-        ]
-        try:
-            return BagWriter(bag, channels, config, notes)
-        except OSError as error:
-            raise RecorderError(f"cannot record into {bag}: {error.strerror or error}") from error
-        except BagError as error:
-            raise RecorderError(str(error)) from error
+        return {name: count.received for name, count in self.bags.losses.items()}
 
     def _take(self) -> None:
         """Take what has arrived, again and again; once more after `close` was called."""
@@ -180,7 +178,20 @@ class Recorder:
                         ),
                     )
                     self._queue.put((topic, stamp, taken))
+            for request in self._requests.take() if self._requests is not None else ():
+                self._take_on_demand(request.on)
+                self._queue.put(request)
         self._queue.put(None)
+
+    def _take_on_demand(self, on: bool) -> None:
+        """Take what is only recorded, or take it no longer."""
+        present = [polled for polled in self._polled if polled.topic in self._on_demand]
+        if on and not present:
+            self._polled += [PolledTopic(self._node, topic) for topic in self._on_demand]
+        if not on:
+            self._polled = [polled for polled in self._polled if polled not in present]
+            for polled in present:
+                polled.close()
 
     def _store(self) -> None:
         while True:
@@ -191,68 +202,95 @@ class Recorder:
                 continue
             if item is None:
                 return
+            if isinstance(item, RecordRequest):
+                self._turn(item)
+                continue
             topic, stamp, taken = item
+            if self._further is not None:
+                self._follow_time(topic, stamp)
             if topic.publisher == topics.EVERY_NODE:
                 # Strangers publish there too, and their clocks are their own.
                 stamp = min(stamp, self._newest_ns)
             self._newest_ns = max(self._newest_ns, stamp)
-            if topic.name in self._losses:
-                self._losses[topic.name].take(taken.number)
-            if self._writer is not None:
-                try:
-                    self._writer.write(self._index[topic.name], stamp, taken.data, taken.number)
-                except OSError as error:
-                    self._fail(error)
+            try:
+                self.bags.take(topic, stamp, taken)
+            except OSError as error:
+                self._fail(error)
             if topic.name in self._fast:
                 self._answer(topic, stamp)
             now = time.monotonic_ns()
             if now - self._told_ns >= _TELL_PERIOD_NS:
                 self._tell(now)
 
-    def _fail(self, error: OSError) -> None:
-        """End the bag where it stands; the run goes on."""
-        self._error = error
-        self._end(f"no: {error.strerror or error} at {self._newest_ns * 1e-9:.3f} s")
+    def _turn(self, request: RecordRequest) -> None:
+        """Begin a bag or end it; the answer comes when that is done."""
+        if request.on:
+            try:
+                request.answer(True, f"recording into {self._begin()}")
+            except RecorderError as error:
+                request.answer(False, str(error))
+        else:
+            for topic in self._on_demand:
+                self._stored_ns.pop(topic.name, None)
+            self.bags.leave(request.answer)
         self._publish_state()
 
-    def _end(self, failure: str) -> None:
-        writer, self._writer = self._writer, None
-        if writer is None:
+    def _begin(self) -> Path:
+        """Return the bag that is being recorded; begin one if there is none."""
+        if self.bags.writer is None:
+            assert self._further is not None
+            self.bags.begin(free_folder(self._further))
+        return self.bags.folders[-1]
+
+    def _follow_time(self, topic: Topic, stamp: int) -> None:
+        """Begin another bag when time has gone back: each has one course of time."""
+        if topic.name not in self.bags.losses:
             return
-        notes = {COMPLETE: failure or YES}
-        for name, count in self._losses.items():
-            notes[f"{LOST}{self._full_names[name]}"] = str(count.lost)
+        last, self._last_ns[topic.name] = self._last_ns.get(topic.name, stamp), stamp
+        if stamp >= last - _WENT_BACK_NS:
+            return
+        self._last_ns = {topic.name: stamp}
+        self._stored_ns.clear()
+        self.bags.forget()
+        self._answered_ns, self._newest_ns = -_ANSWER_PERIOD_NS, 0
+        if self.bags.writer is None:
+            return
+        self.bags.leave(lambda _done, _sentence: None)
         try:
-            writer.close(notes)
-        except OSError as error:
-            self._error = OSError(
-                error.errno,
-                f"{error.strerror or error}; the bag was not closed, "
-                f"`winding bag recover {writer.folder}` reads what there is",
-            )
+            self._begin()
+        except RecorderError as error:
+            self.bags.error = error
+
+    def _fail(self, error: OSError) -> None:
+        """End the bag where it stands; the run goes on."""
+        self.bags.error = error
+        self.bags.end(f"no: {error.strerror or error} at {self._newest_ns * 1e-9:.3f} s")
+        self._publish_state()
 
     def _tell(self, now: int) -> None:
         self._told_ns = now
-        if self._writer is not None:
+        if self.bags.writer is not None:
             try:
-                self._writer.flush()
+                self.bags.writer.flush()
             except OSError as error:
                 self._fail(error)
                 return
         self._publish_state()
 
     def _publish_state(self) -> None:
-        lost = sum(count.lost for count in self._losses.values())
-        level, message = Level.OK, "recording" if self._writer is not None else "no bag"
+        lost = sum(self.lost.values())
+        writer = self.bags.writer
+        level, message = Level.OK, "recording" if writer is not None else "no bag"
         if lost:
             level, message = Level.WARN, f"{lost} messages never arrived"
         if self._unstamped:
             level, message = Level.WARN, f"{self._unstamped} messages had no stamp"
-        if self._error is not None:
-            level, message = Level.ERROR, f"the recording has ended: {self._error}"
+        if self.error is not None and writer is None:
+            level, message = Level.ERROR, f"the recording has ended: {self.error}"
         values = {"lost": str(lost), "waiting": str(self._queue.qsize())}
-        if self._writer is not None:
-            values |= {"messages": str(self._writer.taken), "bytes": str(self._writer.stored)}
+        if writer is not None:
+            values |= {"messages": str(writer.taken), "bytes": str(writer.stored)}
+            values["bag"] = writer.folder.name
         status = Status(name=topics.RECORDER, level=level, message=message, values=values)
         self._diagnostics.publish(
             encode_diagnostics(self._newest_ns * 1e-9, [status], hardware_id=self._hardware_id)
@@ -260,7 +298,7 @@ class Recorder:
 
     def _answer(self, topic: Topic, stamp_ns: int) -> None:
         self._stored_ns[topic.name] = stamp_ns
-        if len(self._stored_ns) < len(self._fast):
+        if not self._followed <= self._stored_ns.keys():
             return
         reached = min(self._stored_ns.values())
         if reached - self._answered_ns >= _ANSWER_PERIOD_NS:

@@ -12,7 +12,7 @@ from pathlib import Path
 from cable_winding.ros import topics
 from cable_winding.ros.heartbeat import heartbeat_topic
 from winding_bringup.environment import enclave
-from winding_bringup.graph import GRAPH, NodeSpec
+from winding_bringup.graph import GRAPH, PAGE, NodeSpec
 
 ORCHESTRATOR = "orchestrator"
 # What rclpy serves for every lifecycle node, in its own namespace.
@@ -51,7 +51,8 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     """Return the graph's access policy as SROS2 policy XML (version 0.2.0).
 
     Every node may publish, hear and serve what the graph says and nothing else. Only the
-    orchestrator may ask for transitions, parameters and commands of the machine.
+    orchestrator and the operator's page may ask for transitions, parameters and commands of the
+    machine.
     """
     root = ET.Element("policy", version="0.2.0")
     enclaves = ET.SubElement(root, "enclaves")
@@ -70,7 +71,7 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     # Orchestrator and recorder share a process, so they share keys.
     process = _enclave(enclaves, namespace, ORCHESTRATOR)
     profile = _profile(process, namespace, ORCHESTRATOR)
-    signs = [heartbeat_topic(spec.name) for spec in graph]
+    signs = [heartbeat_topic(spec.name) for spec in (*graph, PAGE)]
     _allow(profile, "topics", "publish", [heartbeat_topic(ORCHESTRATOR)])
     _allow(profile, "topics", "subscribe", [topics.DIAGNOSTICS.name, *signs])
     asked = [f"{spec.name}/{name}" for spec in graph for name in _OWN_SERVICES]
@@ -80,6 +81,14 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     _allow(profile, "topics", "publish", [topics.RECORDER_PROGRESS.name])
     recorded = [topic.name for topic in topics.TOPICS if topic.recorded]
     _allow(profile, "topics", "subscribe", recorded)
+    _allow(profile, "services", "reply", topics.RECORDER_SERVICES)
+    profiles = _enclave(enclaves, namespace, PAGE.name)
+    profile = _profile(profiles, namespace, PAGE.name)
+    _allow(profile, "topics", "publish", [heartbeat_topic(PAGE.name)])
+    _allow(profile, "services", "request", [*topics.SERVICES, *topics.RECORDER_SERVICES, *asked])
+    _allow(profile, "services", "reply", [f"{PAGE.name}/{n}" for n in _PARAMETER_SERVICES])
+    profile = _profile(profiles, namespace, f"{PAGE.name}_eyes")
+    _allow(profile, "topics", "subscribe", [topic.name for topic in PAGE.subscribes])
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 

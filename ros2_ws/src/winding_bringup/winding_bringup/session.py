@@ -3,36 +3,34 @@
 from __future__ import annotations
 
 import asyncio
-import json
-import math
 import signal
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from cable_winding.parameters import build
 from cable_winding.ros import topics
-from cable_winding.ros.topics import Topic
+from winding_bringup.attended import Attended, parameter_notes
 from winding_bringup.bags.bag_file import BagConfig
-from winding_bringup.bags.notes import PARAMETERS
 from winding_bringup.environment import clean_shared_memory, set_process_environment
 from winding_bringup.event_log import Event, EventLog
-from winding_bringup.graph import DEFAULT_NAMESPACE, GRAPH, pace_topics, parameters_of
+from winding_bringup.graph import DEFAULT_NAMESPACE, GRAPH, PAGE, pace_topics, parameters_of
 from winding_bringup.orchestrator import GraphConfig, GraphError, Orchestrator
 from winding_bringup.ownership import chosen_domain, owned
+from winding_bringup.page_keeper import PageConfig, PageKeeper
 from winding_bringup.parameter_files import parameters_for
 from winding_bringup.recorder import Recorder, RecorderError, Tape
 from winding_bringup.ros_client import RosClient
+from winding_bringup.run_end import RunEnd
 from winding_bringup.supervision import Supervisor, replay_parameters
 
 _POLL = 0.05
 _VIEW_PERIOD = 0.25
 # The machine stops when the orchestrator has given no sign of life for so long.
 _SUPERVISOR_TIMEOUT = 1.5
-# Frames may be lost at the very end of a run: nothing more comes after so long.
-_LAST_FRAMES = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +48,7 @@ class SessionConfig:
         domain: DDS domain, or None for the environment's.
         namespace: Namespace of the graph.
         attach: Whether somebody else runs the nodes; nothing is started or ended here.
+        page: Parameters of the operator's page; None for a run that starts by itself.
     """
 
     directory: Path
@@ -62,6 +61,7 @@ class SessionConfig:
     domain: int | None = None
     namespace: str = DEFAULT_NAMESPACE
     attach: bool = False
+    page: Mapping[str, object] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,15 +73,21 @@ class SessionResult:
         wall_s: How long the run took [s].
         recording_error: What ended the bag before the run, if anything did.
         events: What supervision saw and did; nothing in a run without failures.
+        wound: Parameters of the machine in a run that an operator conducted; nothing when none
+            was begun.
+        bags: What was recorded.
     """
 
     tape: Tape
     wall_s: float
     recording_error: Exception | None = None
     events: tuple[Event, ...] = ()
+    wound: Mapping[str, object] = field(default_factory=dict)
+    bags: tuple[Path, ...] = ()
 
 
 View = Callable[[Tape, float], None]
+Tell = Callable[[str], None]
 
 
 def check_session(config: SessionConfig) -> None:
@@ -95,16 +101,19 @@ def check_session(config: SessionConfig) -> None:
     for spec in GRAPH:
         build(parameters_of(spec), _parameters(config)[spec.name], owner=spec.name)
     chosen_domain(config.domain)
+    if config.page is not None:
+        build(parameters_of(PAGE), config.page, owner=PAGE.name).check()
     if config.bag is not None and config.bag.exists():
         raise RecorderError(f"{config.bag} exists already; a recording is never overwritten")
 
 
-def run_session(config: SessionConfig, view: View) -> SessionResult:
-    """Run the graph once from start to finish.
+def run_session(config: SessionConfig, view: View, tell: Tell = print) -> SessionResult:
+    """Run the graph once from start to finish, or as an operator conducts it.
 
     Args:
         config: What to run.
         view: Called a few times per second with the tape so far and the wall time [s].
+        tell: Takes the sentence that says where the operator's page is.
 
     Raises:
         ParameterError, RecorderError: As in `check_session`.
@@ -116,10 +125,10 @@ def run_session(config: SessionConfig, view: View) -> SessionResult:
     with owned(domain, config.namespace):
         set_process_environment(domain, config.directory / "log")
         clean_shared_memory()
-        return asyncio.run(_run(config, view))
+        return asyncio.run(_run(config, view, tell))
 
 
-async def _run(config: SessionConfig, view: View) -> SessionResult:
+async def _run(config: SessionConfig, view: View, tell: Tell) -> SessionResult:
     log = EventLog(file=config.directory / "events.jsonl")
     task = asyncio.current_task()
     assert task is not None
@@ -128,7 +137,7 @@ async def _run(config: SessionConfig, view: View) -> SessionResult:
     recorded = tuple(
         topic
         for topic in topics.TOPICS
-        if topic.recorded and (config.bag is not None or topic not in _PICTURES)
+        if topic.recorded and (_records(config) or topic not in _PICTURES)
     )
     client = RosClient(config.namespace)
     recorder = Recorder(
@@ -137,6 +146,7 @@ async def _run(config: SessionConfig, view: View) -> SessionResult:
         recorded=recorded,
         config=config.recording,
         notes=_run_notes(config),
+        **_further(config),
     )
     client.start()
     orchestrator = Orchestrator(
@@ -157,17 +167,30 @@ async def _run(config: SessionConfig, view: View) -> SessionResult:
         recorder.tape,
         log,
         {topics.FEM: partial(_replay, config, recorder.tape, history)},
+        operated=config.page is not None,
     )
+    wound: Mapping[str, object] = {}
+    keeper: PageKeeper | None = None
     try:
         await orchestrator.start()
         await orchestrator.bring_up()
         async with supervisor.beating():
-            begin = time.monotonic()
-            await orchestrator.command("rig/start")
-            await _follow(config, supervisor, recorder, view, begin)
-            wall = time.monotonic() - begin
+            if config.page is not None:
+                keeper = _page(config, config.page, client, log, supervisor)
+                await keeper.start()
+                tell(f"operator's page: {keeper.url}  (Start is there; Ctrl-C here ends the run)")
+                operated = Attended(client, orchestrator, recorder, _interrupted())
+                await operated.follow((supervisor.watch(), keeper.keep()), view)
+                wound, wall = operated.wound, operated.wall_s
+            else:
+                begin = time.monotonic()
+                await orchestrator.command("rig/start")
+                await _follow(config, supervisor, recorder, view, begin)
+                wall = time.monotonic() - begin
     finally:
         await orchestrator.stop()
+        if keeper is not None:
+            await keeper.stop()
         # The recorder publishes until everything is stored.
         recorder.close()
         client.close()
@@ -176,7 +199,43 @@ async def _run(config: SessionConfig, view: View) -> SessionResult:
         wall_s=wall,
         recording_error=recorder.error,
         events=tuple(log.events),
+        wound=wound,
+        bags=tuple(recorder.bags.folders),
     )
+
+
+def _page(
+    config: SessionConfig,
+    parameters: Mapping[str, object],
+    client: RosClient,
+    log: EventLog,
+    supervisor: Supervisor,
+) -> PageKeeper:
+    page = PageConfig(
+        parameters=parameters,
+        namespace=config.namespace,
+        log_directory=config.directory / "log",
+    )
+    return PageKeeper(page, client, log, lambda: supervisor.t)
+
+
+def _interrupted() -> asyncio.Event:
+    """Return what Ctrl-C sets from now on: it ends an operator's run and is no failure."""
+    ended = asyncio.Event()
+    asyncio.get_running_loop().add_signal_handler(signal.SIGINT, ended.set)
+    return ended
+
+
+def _records(config: SessionConfig) -> bool:
+    """Return whether pictures are recorded throughout; an operator's recorder comes and goes."""
+    return config.bag is not None and config.page is None
+
+
+def _further(config: SessionConfig) -> dict[str, Any]:
+    """Return what lets an operator record; a run that starts by itself has one bag or none."""
+    if config.page is None:
+        return {}
+    return {"further": config.bag or config.directory / "bag", "on_demand": _PICTURES}
 
 
 def _replay(config: SessionConfig, tape: Tape, file: Path) -> dict[str, object]:
@@ -193,13 +252,13 @@ _PICTURES = (topics.IMAGE, topics.PREVIEW)
 
 def _run_notes(config: SessionConfig) -> dict[str, str]:
     """Return the parameters of every node as a bag keeps them, for its replay."""
-    notes = {}
+    stated = {}
     for name, own in _parameters(config).items():
         values: dict[str, object] = {}
         if config.parameters_file is not None:
             values |= parameters_for(config.parameters_file, f"/{config.namespace}/{name}")
-        notes[f"{PARAMETERS}{name}"] = json.dumps(values | own)
-    return notes
+        stated[name] = values | own
+    return parameter_notes(stated)
 
 
 def _parameters(config: SessionConfig) -> dict[str, dict[str, object]]:
@@ -234,33 +293,3 @@ async def _follow(
         view(recorder.tape, time.monotonic() - begin)
     finally:
         supervision.cancel()
-
-
-class RunEnd:
-    """Tells when each room has dealt with a run's last sample.
-
-    Args:
-        duration: Simulated length of the run [s].
-    """
-
-    def __init__(self, duration: float) -> None:
-        self._duration = duration
-        self._last_frame = -1.0
-        self._since = math.inf
-
-    def reached(self, tape: Tape, now: float) -> bool:
-        """Return whether the tape has everything, as far as wall time `now` [s] can tell."""
-        followers = (topics.JOINT_STATES, topics.FEM_MARKERS, topics.CORRECTED_MARKERS)
-        if not all(self._ends(topic, tape) for topic in followers):
-            return False
-        if self._ends(topics.CAMERA_INFO, tape) and self._ends(topics.TRACKED_MARKERS, tape):
-            return True
-        # The camera may have lost its last frames: then the one before has to be answered.
-        frame = tape.last_stamp(topics.TRACKED_MARKERS)
-        if frame != self._last_frame:
-            self._last_frame, self._since = frame, now
-        return now - self._since >= _LAST_FRAMES
-
-    def _ends(self, topic: Topic, tape: Tape) -> bool:
-        assert topic.rate is not None
-        return tape.last_stamp(topic) > self._duration - 1.0 / topic.rate

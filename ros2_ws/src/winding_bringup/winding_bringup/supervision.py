@@ -76,6 +76,8 @@ class Supervisor:
         log: Where events go.
         replay: Writes the run's inputs so far and returns the parameters with which a node
             replays them, by node.
+        operated: Whether an operator starts and stops the machine. Then nobody else starts it,
+            and what nodes do while it stands is the operator's business.
     """
 
     def __init__(
@@ -85,12 +87,15 @@ class Supervisor:
         tape: Tape,
         log: EventLog,
         replay: Mapping[str, Callable[[], dict[str, object]]],
+        *,
+        operated: bool = False,
     ) -> None:
         self.log = log
         self._orchestrator = orchestrator
         self._client = client
         self._tape = tape
         self._replay = replay
+        self._operated = operated
         self._findings: asyncio.Queue[Finding] = asyncio.Queue()
         self._healthy: set[str] = set()
         self._misses: Counter[str] = Counter()
@@ -136,6 +141,18 @@ class Supervisor:
         """Simulated time of the newest encoder sample [s]."""
         return max(self._tape.last_stamp(topics.JOINT_STATES), 0.0)
 
+    @property
+    def _left_alone(self) -> bool:
+        """Whether the operator's machine stands, so that nodes may be silent and topics late."""
+        status = self._client.status(topics.RIG)
+        phase = status.values.get("phase") if status is not None else None
+        return self._operated and phase not in _MOVING
+
+    @property
+    def _dismantled(self) -> bool:
+        status = self._client.status(topics.RIG)
+        return status is None or "phase" not in status.values
+
     def _trust(self, name: str) -> None:
         self._healthy.add(name)
         self._misses[name] = 0
@@ -154,6 +171,9 @@ class Supervisor:
         if sign is Sign.ALIVE:
             self._misses[name] = 0
         elif sign is Sign.STALLED:
+            # Models are built while nothing moves.
+            if self._left_alone:
+                return
             # A process that gets no processor is late; one that hangs is late again and again.
             self._misses[name] += 1
             if self._misses[name] >= _STALLS:
@@ -190,7 +210,8 @@ class Supervisor:
                     self._find(name, status.message, fatal=True)
                     return
             sensors = {topic.name: self._tape.last_stamp(topic) for topic in _SENSORS}
-            if min(sensors.values()) < 0.0 or len(self._healthy) < len(GRAPH):
+            awake = min(sensors.values()) >= 0.0 and len(self._healthy) == len(GRAPH)
+            if self._left_alone or not awake:
                 self._sensors.forget()
                 continue
             answers = {
@@ -224,6 +245,9 @@ class Supervisor:
             await process.kill()
             said = process.complaint()
             self._end(finding.node, sentence + (f": {said}" if said else ""))
+        if self._left_alone and self._dismantled:
+            # Nothing can move, and whoever was preparing it waits for this node in vain.
+            self._end(finding.node, sentence)
         await self._stop_machine()
         if finding.fatal:
             self._end(finding.node, sentence)
@@ -275,7 +299,8 @@ class Supervisor:
         await self._orchestrator.restart(name, extra)
         self._note("restarted", name, "active again")
         await self._orchestrator.rematch([name])
-        if self._findings.empty():
+        # An operator may have pressed Stop while the machine stood; Start is theirs.
+        if self._findings.empty() and not self._operated:
             await self._orchestrator.command("rig/start")
             self._note("resumed", topics.RIG, "rig/start")
         self._sensors.forget()

@@ -64,6 +64,7 @@ def serve(node: DashboardNode) -> None:
 
     app.add_middleware(Gate, token=parameters.token, host=parameters.host)
     app.timer(PERIOD, lambda: node.eyes.look(time.monotonic()))
+    app.timer(PERIOD, node.beat)
     app.timer(_LIFECYCLE_PERIOD, ask_lifecycle)
     print(f"operator's page: http://{parameters.host}:{parameters.port}", flush=True)
     ui.run(

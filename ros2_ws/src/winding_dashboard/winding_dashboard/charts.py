@@ -22,7 +22,15 @@ _FONT = "Segoe UI, Helvetica Neue, Noto Sans, DejaVu Sans, Arial, sans-serif"
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """One curve of a chart."""
+    """One curve of a chart.
+
+    Attributes:
+        column: Of the trace that it draws.
+        name: In the legend.
+        colour: CSS colour.
+        dashed: Drawn with gaps.
+        width: [pixels].
+    """
 
     column: str
     name: str

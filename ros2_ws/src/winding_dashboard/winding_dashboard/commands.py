@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
@@ -17,17 +17,21 @@ class CommandError(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """What may be wound.
+    """What is wound.
 
     Attributes:
-        case: Row of the paper's Table 1.
+        case: Row of the paper's Table 1; 0 for a condition of one's own.
         law: Material law of the solver.
+        own: Values [SI] of a condition of one's own, by parameter name; none with another case.
+        take_up: Whether the solver goes on with the modulus that the markers tell.
         laws: The laws that the solver knows.
     """
 
     case: int
     law: str
-    laws: tuple[str, ...]
+    own: Mapping[str, float] = field(default_factory=dict)
+    take_up: bool = False
+    laws: tuple[str, ...] = ()
 
 
 class Graph(Protocol):
@@ -49,11 +53,25 @@ class Graph(Protocol):
     async def choice(self) -> Choice:
         """Return what the nodes are set to."""
 
-    async def prepare(self, case: int, law: str, tell: Callable[[str], None]) -> None:
-        """Set case and law on every node and bring all nodes up; raise CommandError."""
+    async def prepare(self, choice: Choice, tell: Callable[[str], None]) -> str:
+        """Set a choice on every node and bring all nodes up; raise CommandError.
+
+        Returns:
+            What the operator should know of it, or nothing.
+        """
 
     async def renew(self) -> None:
         """Let the watching nodes begin a new run; raise CommandError."""
+
+    def unrecorded(self) -> str:
+        """Return why the recording cannot be switched now; empty when it can."""
+
+    async def record(self, on: bool) -> str:
+        """Begin a recording or end it; return the recorder's answer.
+
+        Raises:
+            CommandError: It was refused or not answered.
+        """
 
 
 class Lifecycle(Protocol):
@@ -117,6 +135,21 @@ _OUT_OF_PHASE = {
     (RESET, "winding"): "stop the machine first",
     (RESET, "stopping"): "the machine is still stopping",
 }
+
+
+_WORKING = ("active", "no answer", "")
+
+
+def asleep(lifecycle: Mapping[str, str]) -> str:
+    """Return which node does not work, so that nothing should be started; empty when all do.
+
+    Args:
+        lifecycle: State of each node that answers, by name.
+    """
+    for node, state in lifecycle.items():
+        if state not in _WORKING:
+            return f"{node} is {state}; wait for it, or prepare the run"
+    return ""
 
 
 def out_of_phase(command: str, phase: str) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 # A node repeats its state every second; one that misses three is not heard.
@@ -29,6 +29,7 @@ class Report:
     name: str
     severity: Severity
     message: str
+    values: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +90,15 @@ class Health:
             ),
             "",
         )
+
+    def values(self, component: str) -> Mapping[str, str]:
+        """Return what a component such as `winding_rig: topics` last measured."""
+        report = self._reports.get(node_of(component), {}).get(component)
+        return {} if report is None else report.values
+
+    def silent_for(self, node: str, now: float) -> float:
+        """Return for how long nothing was heard of a node, at wall time now [s]; inf if ever."""
+        return now - self._heard.get(node, float("-inf"))
 
     def rows(self, now: float) -> list[NodeHealth]:
         """Return one row for each node at wall time now [s], the expected nodes first."""

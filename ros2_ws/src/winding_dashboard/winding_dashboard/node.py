@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import threading
+import time
 from typing import Any
 
 from rclpy.context import Context
@@ -10,13 +12,15 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
 from cable_winding.ros import topics
+from cable_winding.ros.heartbeat import Heartbeat
 from cable_winding.ros.parameters import declare_parameters, refuse_invalid
+from cable_winding.ros.process import SUPERVISED
 from winding_dashboard.parameters import DashboardParameters
 from winding_dashboard.ros.eyes import Eyes
 from winding_dashboard.ros.hands import NODES, Hands
 from winding_dashboard.view_state import ViewState
 
-NAME = "dashboard"
+NAME = topics.DASHBOARD
 # EventsExecutor.spin() of rclpy 7.1 never returns to the interpreter; spin_once does.
 _SPIN_PERIOD = 0.1
 
@@ -24,8 +28,8 @@ _SPIN_PERIOD = 0.1
 class DashboardNode(Node):  # type: ignore[misc]
     """Plain node `dashboard`: reads every topic of the graph, publishes none.
 
-    Calls rig/start, rig/stop, rig/reset, rig/emergency_stop, and the lifecycle and parameter
-    services of the graph's nodes.
+    Calls rig/start, rig/stop, rig/reset, rig/emergency_stop, recorder/record, and the lifecycle
+    and parameter services of the graph's nodes. A supervised one gives signs of life.
 
     Attributes:
         parameters: Of the page.
@@ -53,13 +57,21 @@ class DashboardNode(Node):  # type: ignore[misc]
         self.eyes = Eyes(self._watcher, self.parameters, self.state)
         self._executor = EventsExecutor(context=context)
         self._executor.add_node(self)
-        self.hands = Hands(self, self._executor.wake)
+        self.hands = Hands(self, self._executor.wake, self.state.health, time.monotonic)
+        # Two pages of one graph may not vouch for each other.
+        supervised = bool(os.environ.get(SUPERVISED))
+        self._heartbeat = Heartbeat(self, NAME) if supervised else None
         self._quit = threading.Event()
         self._thread = threading.Thread(target=self._spin, name="dashboard")
 
     def start(self) -> None:
         """Begin to spin."""
         self._thread.start()
+
+    def beat(self) -> None:
+        """Say that the page is being served."""
+        if self._heartbeat is not None:
+            self._heartbeat.beat()
 
     def close(self) -> None:
         """Stop spinning and leave the graph."""

@@ -13,6 +13,7 @@ from winding_dashboard.charts import Charts
 from winding_dashboard.commands import CommandError, Graph
 from winding_dashboard.palette import DANGER
 from winding_dashboard.panels import CameraPanel, Figures, MarkerTable, NodeTable, number
+from winding_dashboard.record_panel import RecordPanel
 from winding_dashboard.scene import SceneView
 from winding_dashboard.setup_panel import SetupPanel
 from winding_dashboard.view_state import ViewState
@@ -56,7 +57,9 @@ class Page:
             self._middle = ui.element("div").classes("charts waiting")
             with ui.element("div").classes("below"):
                 self._nodes = NodeTable()
-                self._setup = SetupPanel(state, graph, self.say)
+                with ui.element("div").classes("side"):
+                    self._setup = SetupPanel(state, graph, self.say)
+                    self._record = RecordPanel(state, graph, self._do, clock)
         self._scene: SceneView | None = None
         self._charts: Charts | None = None
         self.update()
@@ -78,6 +81,7 @@ class Page:
         if self._pushes % _SLOW_EVERY == 0:
             self._nodes.update(state, self._clock())
             self._setup.update()
+            self._record.update()
             self._update_buttons()
         self._pushes += 1
 
@@ -96,6 +100,7 @@ class Page:
         with ui.element("header").classes("top"):
             ui.label("Cable winding").classes("title").props("role=heading aria-level=1")
             self._phase = ui.label().classes("phase").props("role=status aria-label=phase")
+            self._recording = ui.label("recording").classes("recording")
             self._clock_label = ui.label().classes("clock")
             self._said = ui.label().classes("said").props("role=status aria-live=polite")
             with ui.element("div").classes("buttons"):
@@ -169,6 +174,7 @@ class Page:
         if style != self._phase_style:
             self._phase.classes(replace=f"phase {style}")
             self._phase_style = style
+        self._recording.set_visibility(state.recording(self._clock()).on)
         self._clock_label.set_text(f"{number(state.time, 1)} s")
 
     def _tell_missing(self) -> None:
@@ -182,6 +188,8 @@ class Page:
         phase = self._state.phase if self._state.heard(self._clock()) else ""
         for command, button in self._buttons.items():
             reason = self._graph.unavailable(command) or commands.out_of_phase(command, phase)
+            if command == commands.START:
+                reason = reason or commands.asleep(self._state.health.lifecycle)
             button.set_enabled(not reason)
             text = reason or _TITLES[command]
             if button.props.get("title") != text:

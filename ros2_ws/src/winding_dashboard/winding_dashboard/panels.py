@@ -9,6 +9,7 @@ from nicegui import ui
 
 from winding_dashboard.health import NodeHealth, Severity
 from winding_dashboard.marker_rows import MOST_MARKERS, MarkerRow
+from winding_dashboard.material_view import material_sentence
 from winding_dashboard.overlay import measured_count
 from winding_dashboard.view_state import ViewState
 
@@ -151,9 +152,11 @@ class MarkerTable:
                             ui.label(title).classes(style)
                 with ui.element("tbody"):
                     self._rows = [_MarkerLine() for _ in range(MOST_MARKERS)]
+            self._material = ui.label().classes("remark material").props("role=status")
 
     def update(self, state: ViewState) -> None:
         """Show a row for every marker; the usual four from the start."""
+        self._material.set_text(material_sentence(state.material))
         rows = state.marker_rows()
         known = {row.id for row in rows}
         rows += [MarkerRow(id=n) for n in range(1, _FEWEST_ROWS + 1) if n not in known]

@@ -1,16 +1,17 @@
-"""What is wound: case and material law, chosen before a run."""
+"""What is wound: condition and material, chosen before a run."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
 from nicegui import ui
+from nicegui.elements.mixins.disableable_element import DisableableElement
 
 from cable_winding.cases import paper_cases
-from winding_dashboard.commands import CommandError, Graph
+from winding_dashboard.commands import Choice, CommandError, Graph
+from winding_dashboard.own_condition import MILLIMETRE, OWN_VALUES, own_condition
 from winding_dashboard.view_state import ViewState
 
-_MILLIMETRE = 1.0e3
 _OWN = 0
 
 
@@ -22,7 +23,7 @@ class Say(Protocol):
 
 
 class SetupPanel:
-    """Case and material law of the next run.
+    """Condition and material of the next run.
 
     Args:
         state: Says whether the machine stands.
@@ -39,6 +40,17 @@ class SetupPanel:
             with ui.element("div").classes("row"):
                 self._case = ui.select(_cases(), label="Case", value=None).props("dense outlined")
                 self._law = ui.select({}, label="Material law", value=None).props("dense outlined")
+            with ui.element("div").classes("row own") as self._form:
+                self._own = {
+                    item.name: ui.number(
+                        f"{item.label}, {item.unit}", on_change=lambda: self._refuse("")
+                    ).props(f"dense outlined min={item.low:g} max={item.high:g} step=any")
+                    for item in OWN_VALUES
+                }
+            self._form.bind_visibility_from(self._case, "value", value=_OWN)
+            self._take_up = ui.checkbox("Go on with the modulus that the markers tell").props(
+                "dense"
+            )
             with ui.element("div").classes("row"):
                 self._button = ui.button("Prepare", on_click=self._ask).props(
                     "outline no-caps color=grey-9"
@@ -55,15 +67,23 @@ class SetupPanel:
                     "unelevated no-caps color=grey-9 autofocus"
                 )
                 ui.button("Prepare", on_click=self._prepare).props("outline no-caps color=grey-9")
+        self._elements: tuple[DisableableElement, ...] = (
+            self._case,
+            self._law,
+            self._take_up,
+            self._button,
+            *self._own.values(),
+        )
+        self._refused = ""
         ui.timer(1.0, self._ask_choice)
 
     def update(self) -> None:
         """Enable what can be done now, or say why not."""
         reason = self._reason()
-        for element in (self._case, self._law, self._button):
+        for element in self._elements:
             element.set_enabled(not reason and not self._busy)
         if not self._busy:
-            self._said.set_text(reason)
+            self._tell(reason or self._refused, refused=bool(not reason and self._refused))
 
     def _reason(self) -> str:
         missing = self._graph.unprepared()
@@ -81,18 +101,43 @@ class SetupPanel:
         try:
             choice = await self._graph.choice()
         except CommandError as error:
-            self._said.set_text(str(error))
+            self._tell(str(error))
             return
         self._law.set_options({law: law.replace("_", " ") for law in choice.laws}, value=choice.law)
-        # A condition of one's own stays out of the list unless it is what is set.
-        options = _cases() | ({_OWN: "own condition"} if choice.case == _OWN else {})
-        self._case.set_options(options, value=choice.case)
+        for item in OWN_VALUES:
+            if choice.own.get(item.name):
+                # Parameters are kept in metres: 0.03 is 30 mm and not 29.999999999999996.
+                self._own[item.name].value = round(choice.own[item.name] / item.scale, 6)
+        self._take_up.value = choice.take_up
+        self._case.value = choice.case
         self._known = True
 
-    def _tell(self, sentence: str) -> None:
+    def _tell(self, sentence: str, *, refused: bool = False) -> None:
         self._said.set_text(sentence)
+        self._said.classes(replace="remark bad" if refused else "remark")
+
+    def _refuse(self, sentence: str) -> None:
+        self._refused = sentence
+        self.update()
+
+    def _chosen(self) -> Choice | None:
+        """Return what stands in the form; None when it is refused, which is told."""
+        case = int(self._case.value or _OWN)
+        own: dict[str, float] = {}
+        if case == _OWN:
+            try:
+                own = own_condition({name: field.value for name, field in self._own.items()})
+            except ValueError as error:
+                self._refuse(str(error))
+                return None
+        self._refuse("")
+        return Choice(
+            case=case, law=str(self._law.value), own=own, take_up=bool(self._take_up.value)
+        )
 
     async def _ask(self) -> None:
+        if self._chosen() is None:
+            return
         if self._state.time > 0.0:
             self._dialog.open()
         else:
@@ -100,26 +145,31 @@ class SetupPanel:
 
     async def _prepare(self) -> None:
         self._dialog.close()
-        case, law = int(self._case.value or 0), str(self._law.value)
+        choice = self._chosen()
+        if choice is None:
+            return
         self._busy = True
         self.update()
         try:
-            await self._graph.prepare(case, law, self._tell)
+            remark = await self._graph.prepare(choice, self._tell)
         except CommandError as error:
             self._say(f"prepare: {error}", alarm=True)
+            self._refused = str(error)
         else:
             self._state.clear()
-            self._say(f"prepare: ready to wind case {case}")
+            name = f"case {choice.case}" if choice.case else "a condition of your own"
+            self._say(f"prepare: ready to wind {name}{f'; {remark}' if remark else ''}")
         finally:
             self._busy = False
             self.update()
 
 
 def _cases() -> dict[int, str]:
-    return {
+    rows = {
         case.number: (
-            f"{case.number}: cylinder {case.cylinder_diameter * _MILLIMETRE:g} mm, "
-            f"cable {case.cable_diameter * _MILLIMETRE:g} mm, {case.weight:.2f} N"
+            f"{case.number}: cylinder {case.cylinder_diameter / MILLIMETRE:g} mm, "
+            f"cable {case.cable_diameter / MILLIMETRE:g} mm, {case.weight:.2f} N"
         )
         for case in paper_cases()
     }
+    return rows | {_OWN: "own condition"}

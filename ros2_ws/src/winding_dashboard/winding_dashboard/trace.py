@@ -29,7 +29,11 @@ class Trace:
         return self._rows[-1][0] if self._rows else NAN
 
     def append(self, t: float, *values: float) -> None:
-        """Add a row of time t [s]; a missing value is nan."""
+        """Add a row of time t [s]; a missing value is nan.
+
+        Raises:
+            ValueError: There are more or fewer values than columns.
+        """
         if len(values) != len(self.columns):
             raise ValueError(f"row needs {len(self.columns)} values, got {len(values)}")
         self._rows.append((t, *values))

@@ -16,8 +16,10 @@ from cable_winding.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE, Ma
 from cable_winding.readings import AxisReading
 from winding_dashboard.health import SILENCE, Health
 from winding_dashboard.marker_rows import MOST_MARKERS, MarkerRow, marker_rows
+from winding_dashboard.material_view import MaterialView
 from winding_dashboard.overlay import band_overlay
 from winding_dashboard.projection import CameraView
+from winding_dashboard.recording import RECORDER, Recording, recording_of
 from winding_dashboard.shape import CableShape, cable_shape
 from winding_dashboard.trace import NAN, Trace
 
@@ -46,7 +48,7 @@ class ViewState:
         tension: At the guide [N].
         picture: The newest preview, JPEG; empty before any.
         votes: Share of votes by case number, best first.
-        material: What is known of the cable's material by name, as text.
+        material: What the tracked markers tell of the cable's material; None before any.
         speeds: Trace of measured and commanded speeds and the tension.
         lengths: Trace of each marker's curve lengths by its number.
     """
@@ -72,7 +74,7 @@ class ViewState:
         self.tension = NAN
         self.picture = b""
         self.votes: dict[int, float] = {}
-        self.material: dict[str, str] = {}
+        self.material: MaterialView | None = None
         self.tracked: Markers = np.zeros(0, MARKER_DTYPE)
         self.predicted: Markers = np.zeros(0, MARKER_DTYPE)
         self.ahead: Markers = np.zeros(0, MARKER_DTYPE)
@@ -101,6 +103,11 @@ class ViewState:
             if radii.size:
                 return float(radii[0])
         return NAN
+
+    def recording(self, now: float) -> Recording:
+        """Return what the recorder said of its bag, unless it is silent at wall time now [s]."""
+        silent = self.health.silent_for(RECORDER, now) > SILENCE
+        return Recording() if silent else recording_of(self.health)
 
     def heard(self, now: float) -> bool:
         """Return whether anything came lately, at wall time now [s]."""

@@ -39,6 +39,7 @@ class PolledTopic:
 
     def __init__(self, node: Node, topic: Topic) -> None:
         self.topic = topic
+        self._node = node
         self._subscription = node.create_subscription(
             topic.type,
             topic.name,
@@ -64,6 +65,10 @@ class PolledTopic:
                 sent_ns=information["source_timestamp"] + offset,
                 received_ns=information["received_timestamp"] + offset,
             )
+
+    def close(self) -> None:
+        """Take nothing any more."""
+        self._node.destroy_subscription(self._subscription)
 
     def _called(self, message: bytes) -> None:
         raise RuntimeError(f"the node of the polled topic {self.topic.name} is spun")

@@ -143,12 +143,13 @@ def _topic(
     )
 
 
-RIG, TRACKER, FEM, CORRECTION, RECORDER = (
+RIG, TRACKER, FEM, CORRECTION, RECORDER, DASHBOARD = (
     "winding_rig",
     "marker_tracker",
     "cable_fem",
     "correction",
     "recorder",
+    "dashboard",
 )
 
 CLOCK = _topic("/clock", Clock, 100.0, RIG, "simulated time")
@@ -239,5 +240,15 @@ SERVICES = {
     "camera/set_camera_info": (
         "sensor_msgs/srv/SetCameraInfo",
         "take a new calibration; every later camera_info carries it",
+    ),
+}
+
+RECORD = "recorder/record"
+# Served by the recorder of a run that an operator conducts.
+RECORDER_SERVICES = {
+    RECORD: (
+        "std_srvs/srv/SetBool",
+        "record into a further bag of the run's folder, or close the one that is being recorded; "
+        "in a run with an operator's page",
     ),
 }

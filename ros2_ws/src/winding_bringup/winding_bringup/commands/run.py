@@ -68,6 +68,13 @@ def run(
         int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
     ] = None,
     namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
+    dashboard: Annotated[
+        bool,
+        typer.Option("--dashboard", help="Serve the operator's page and wait for its Start."),
+    ] = False,
+    dashboard_port: Annotated[
+        int | None, typer.Option(help="TCP port of that page; 8080 by default.")
+    ] = None,
     attach: Annotated[
         bool,
         typer.Option("--attach", help="The nodes run already, such as in containers of their own."),
@@ -86,6 +93,8 @@ def run(
         "weight": tension_n,
         "marker_spacing": _scaled(marker_spacing_mm, _MILLIMETRE),
     }
+    if dashboard and case is None and not any(own.values()):
+        case = ConditionParameters().case
     try:
         values = condition_values(case, own) | {"duration": duration_s}
         condition = build(ConditionParameters, values, owner="winding run")
@@ -94,13 +103,16 @@ def run(
     except ValueError as error:
         refuse(error)
     _refuse_namespace(namespace)
+    if dashboard_port is not None and not dashboard:
+        refuse("--dashboard-port is for a run with --dashboard")
     if secure:
-        _refuse_open(namespace)
+        _refuse_open(namespace, dashboard=dashboard)
     if parameters is not None and not parameters.is_file():
         refuse(f"no parameter file at {parameters}")
     recording = _recording(storage, compression, split_mb)
     lay = lay or ("fem" if wound.number == 0 else "paper")
     from cable_winding.ros import topics
+    from winding_bringup.commands.page_options import operated_condition, page_parameters
     from winding_bringup.session import SessionConfig
 
     config = SessionConfig(
@@ -118,10 +130,17 @@ def run(
         domain=domain,
         namespace=namespace,
         attach=attach,
+        page=page_parameters(dashboard_port, parameters, namespace) if dashboard else None,
     )
     _check(config)
     config = replace(config, directory=_claimed(config.directory, exactly=output is not None))
     result = _session(config, condition)
+    if dashboard:
+        operated = operated_condition(condition, result)
+        if operated is None:
+            print("the operator ended the run before anything was wound", flush=True)
+            return
+        condition = operated
     _deliver(
         condition,
         config,
@@ -161,11 +180,12 @@ def _refuse_namespace(namespace: str) -> None:
         refuse(f"namespace must be made of letters, digits, _ and /, got {namespace!r}")
 
 
-def _refuse_open(namespace: str) -> None:
+def _refuse_open(namespace: str, *, dashboard: bool) -> None:
+    from winding_bringup.graph import GRAPH, PAGE
     from winding_bringup.security import SecurityError, check_security
 
     try:
-        check_security(namespace)
+        check_security(namespace, graph=(*GRAPH, PAGE) if dashboard else GRAPH)
     except SecurityError as error:
         refuse(error)
 
@@ -217,20 +237,24 @@ def _session(config: SessionConfig, condition: object) -> SessionResult:
     console = Console(stderr=True)
     try:
         if not console.is_terminal:
-            return run_session(config, _ProgressLines(config.duration))
+            return run_session(config, _ProgressLines(config.duration), _say)
         with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
 
             def view(tape: Tape, wall: float) -> None:
                 picture = LiveView(condition.condition(), config.duration, tape)
                 live.update(picture.render(wall))
 
-            return run_session(config, view)
+            return run_session(config, view, live.console.print)
     except (DomainError, RecorderError) as error:
         refuse(error)
     except (GraphError, TimeoutError, OSError) as error:
         refuse(error, FAILED)
     except (KeyboardInterrupt, asyncio.CancelledError):
         refuse("interrupted; the nodes are stopped", INTERRUPTED)
+
+
+def _say(sentence: str) -> None:
+    print(sentence, flush=True)
 
 
 class _ProgressLines:
@@ -269,6 +293,7 @@ def _deliver(
     page = write_report(record, report)
     console = result_console()
     console.print(results_table(record))
-    for name, path in (("report", page), ("numbers", json), ("bag", config.bag)):
+    bags = result.bags if config.page is not None else (config.bag,)
+    for name, path in (("report", page), ("numbers", json), *(("bag", bag) for bag in bags)):
         if path is not None:
             console.print(f"{name}: {path}", soft_wrap=True)

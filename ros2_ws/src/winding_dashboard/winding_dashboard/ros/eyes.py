@@ -15,9 +15,11 @@ from cable_winding.ros import topics
 from cable_winding.ros.camera_messages import decode_camera_info, decode_preview
 from cable_winding.ros.cloud_messages import decode_cloud
 from cable_winding.ros.diagnostic_messages import decode_case_votes, decode_diagnostics
+from cable_winding.ros.material_messages import decode_material
 from cable_winding.ros.rig_messages import MessageError, decode_joint_state, decode_tension
 from cable_winding.ros.topics import Topic
 from winding_dashboard.health import Report, Severity
+from winding_dashboard.material_view import MaterialView
 from winding_dashboard.parameters import DashboardParameters
 from winding_dashboard.projection import CameraView
 from winding_dashboard.view_state import ViewState
@@ -56,6 +58,7 @@ class Eyes:
             (topics.CORRECTED_MARKERS, self._on_corrected),
             (topics.FEM_PREDICTION, self._on_ahead),
             (topics.CORRECTION_CASE, self._on_votes),
+            (topics.FEM_MATERIAL, self._on_material),
             (topics.DIAGNOSTICS, self._on_diagnostics),
         )
         self._watched = [(_subscribe(node, topic), topic, note) for topic, note in watched]
@@ -124,6 +127,21 @@ class Eyes:
     def _on_votes(self, message: Any) -> None:
         self._state.note_votes(decode_case_votes(message)[1])
 
+    def _on_material(self, message: Any) -> None:
+        report = decode_material(message)[1]
+        self._state.material = (
+            None
+            if report is None
+            else MaterialView(
+                law=report.law,
+                young=report.young,
+                half_width_90=report.half_width_90,
+                markers=report.markers,
+                taken_up=report.taken_up,
+                refusal=report.refusal,
+            )
+        )
+
     def _on_diagnostics(self, message: Any) -> None:
         own = [item for item in message.status if item.hardware_id in ("", self._namespace)]
         message.status = own
@@ -134,6 +152,7 @@ class Eyes:
                     name=status.name,
                     severity=Severity(int(status.level)),
                     message=status.message,
+                    values=status.values,
                 )
                 for status in decode_diagnostics(message)[1]
             ],

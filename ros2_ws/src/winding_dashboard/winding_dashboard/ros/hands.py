@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from lifecycle_msgs.msg import Transition
@@ -11,11 +11,13 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from cable_winding.ros import topics
 from winding_dashboard import commands
 from winding_dashboard.commands import Choice, CommandError
+from winding_dashboard.health import Health
+from winding_dashboard.own_condition import OWN_VALUES, condition_parameters
 
 # Listeners first, the machine last, as the orchestrator activates them.
 NODES = (topics.CORRECTION, topics.FEM, topics.TRACKER, topics.RIG)
@@ -33,6 +35,24 @@ _QUICK = 0.9
 _TRANSITION = 300.0
 _EMERGENCY_REPEAT = 0.5
 _ONE_OF = "one of "
+_CANNOT = "cannot "
+_LAY, _OWN_LAY = "lay", "fem"
+# Discovery takes a second on a busy machine; readers of other tools may never come back.
+_MATCHING = 10.0
+_LOOK = 0.1
+# A large bag on a slow disk.
+_CLOSING = 120.0
+_MATCHED = "matched "
+
+
+def readers(health: Health, nodes: Sequence[str]) -> dict[str, int]:
+    """Return how many subscribers the nodes' publishers say they have, by topic."""
+    found = {}
+    for node in nodes:
+        for key, value in health.values(f"{node}: topics").items():
+            if key.startswith(_MATCHED) and value.isdigit():
+                found[key.removeprefix(_MATCHED)] = int(value)
+    return found
 
 
 class Hands:
@@ -41,10 +61,22 @@ class Hands:
     Args:
         node: A node that an executor spins.
         wake: Tells the executor that the node has further clients.
+        health: What the nodes say of themselves.
+        clock: Wall time [s] as `health` gets it.
     """
 
-    def __init__(self, node: Node, wake: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        wake: Callable[[], None],
+        health: Health,
+        clock: Callable[[], float],
+    ) -> None:
         self._namespace = node.get_namespace()
+        self._health = health
+        self._clock = clock
+        self._first_lay: str | None = None
+        self._recorder = node.create_client(SetBool, topics.RECORD)
         self._rig = {name: node.create_client(Trigger, f"rig/{name}") for name in _RIG_COMMANDS}
         self._services = {
             (name, service): node.create_client(type_, f"{name}/{service}")
@@ -84,28 +116,81 @@ class Hands:
         return str(response.message)
 
     async def choice(self) -> Choice:
-        """Return the case and the material law that the solver is set to, and its laws."""
-        names = ["case", "law"]
-        got = await self._call(
-            self._services[topics.FEM, "get_parameters"],
-            GetParameters.Request(names=names),
-            _ANSWER,
-        )
+        """Return what the solver is set to wind, and the laws that it knows."""
+        own = [item.name for item in OWN_VALUES]
+        names = ["case", "law", "take_up_material", *own]
+        got = await self._parameters(topics.FEM, names)
         told = await self._call(
             self._services[topics.FEM, "describe_parameters"],
-            DescribeParameters.Request(names=names),
+            DescribeParameters.Request(names=["law"]),
             _ANSWER,
         )
-        case, law = (parameter_value_to_python(value) for value in got.values)
-        stated = told.descriptors[1].additional_constraints
+        law = str(got["law"])
+        stated = told.descriptors[0].additional_constraints
         laws = tuple(stated.removeprefix(_ONE_OF).split(", ")) if stated else (law,)
-        return Choice(case=int(case), law=str(law), laws=laws)
+        return Choice(
+            case=int(str(got["case"])),
+            law=law,
+            own={name: float(str(got[name])) for name in own},
+            take_up=bool(got["take_up_material"]),
+            laws=laws,
+        )
 
-    async def prepare(self, case: int, law: str, tell: Callable[[str], None]) -> None:
-        """Set case and law on every node and bring all nodes up."""
-        values: dict[str, dict[str, object]] = {name: {"case": case} for name in NODES}
-        values[topics.FEM]["law"] = law
+    async def prepare(self, choice: Choice, tell: Callable[[str], None]) -> str:
+        """Set a choice on every node, bring all nodes up and wait until they hear each other."""
+        condition = condition_parameters(choice.case, choice.own)
+        values: dict[str, dict[str, object]] = {name: dict(condition) for name in NODES}
+        values[topics.FEM] |= {"law": choice.law, "take_up_material": choice.take_up}
+        values[topics.RIG] |= await self._lay(choice.case)
+        before = readers(self._health, NODES)
         await commands.prepare(self, NODES, values, tell)
+        tell("waiting until the nodes hear each other")
+        return await self._heard_by(before)
+
+    async def _lay(self, case: int) -> dict[str, object]:
+        """Return where a simulated machine lays the cable; a real one is not asked.
+
+        What nobody published can only be laid by the model with hidden properties.
+        """
+        lay = (await self._parameters(topics.RIG, [_LAY])).get(_LAY)
+        if lay is None:
+            return {}
+        self._first_lay = self._first_lay or str(lay)
+        return {_LAY: _OWN_LAY if case == 0 else self._first_lay}
+
+    async def _heard_by(self, before: Mapping[str, int]) -> str:
+        """Wait until every topic has as many readers as before; return what is missing."""
+        begin = self._clock()
+        while (now := self._clock()) - begin < _MATCHING:
+            told = all(self._health.silent_for(node, now) < now - begin for node in NODES)
+            present = readers(self._health, NODES)
+            missing = [name for name, count in before.items() if present.get(name, 0) < count]
+            if told and not missing:
+                return ""
+            await asyncio.sleep(_LOOK)
+        return f"{missing[0]} has fewer readers than before" if missing else ""
+
+    async def _parameters(self, node: str, names: Sequence[str]) -> dict[str, object]:
+        got = await self._call(
+            self._services[node, "get_parameters"], GetParameters.Request(names=names), _ANSWER
+        )
+        return {
+            name: parameter_value_to_python(value)
+            for name, value in zip(names, got.values, strict=False)
+        }
+
+    def unrecorded(self) -> str:
+        """Return why the recording cannot be switched now; empty when it can."""
+        if self._recorder.service_is_ready():
+            return ""
+        return f"nobody serves {topics.RECORD} in {self._namespace}; `winding run --dashboard` does"
+
+    async def record(self, on: bool) -> str:
+        """Begin a recording or end it."""
+        response = await self._call(self._recorder, SetBool.Request(data=on), _CLOSING)
+        if not response.success:
+            raise CommandError(response.message or f"{topics.RECORD} was refused")
+        return str(response.message)
 
     async def renew(self) -> None:
         """Let the listeners begin a new run."""
@@ -128,7 +213,17 @@ class Hands:
         request = ChangeState.Request(transition=Transition(id=_TRANSITIONS[transition]))
         response = await self._call(self._services[node, "change_state"], request, _TRANSITION)
         if not response.success:
-            raise CommandError(f"{node} refused to {transition}; the list of nodes says why")
+            raise CommandError(f"{node} {await self._refusal(node, transition)}")
+
+    async def _refusal(self, node: str, transition: str) -> str:
+        """Return what a node says of a refused transition; it says so within a second."""
+        begin = self._clock()
+        while (now := self._clock()) - begin < _ANSWER:
+            said = self._health.message(node)
+            if self._health.silent_for(node, now) < now - begin and said.startswith(_CANNOT):
+                return said
+            await asyncio.sleep(_LOOK)
+        return f"refused to {transition}; the list of nodes says why"
 
     async def set_parameters(self, node: str, values: Mapping[str, object]) -> None:
         """Set parameters all at once."""
