@@ -50,7 +50,7 @@ def touch_cylinder(
         net: Net forces (3, nodes) [N], added to.
         couple: Friction's torque about the cable's axis (nodes,) [N m], set.
         k: Constants of the contact.
-        ledger: Energies, added to.
+        ledger: Energies [J], added to.
         rolling: Whether the cable may roll about its axis.
     """
     x, v, slip, roll = points.position, points.velocity, points.slip, points.roll

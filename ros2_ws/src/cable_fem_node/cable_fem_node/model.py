@@ -245,7 +245,7 @@ class ExplicitModel(ABC):
         """Come to rest by kinetic damping; loads and drives stand at their present amplitude.
 
         Args:
-            tolerance: Greatest net force on a free node over the greatest force in the model.
+            tolerance: Relative: net force on a free node over the greatest force in the model.
             batches: Most batches of steps.
             length: Steps in a batch.
 

@@ -50,7 +50,7 @@ def move(
     Args:
         nodes: Number of nodes.
         dt: Step [s].
-        kick: 1, or 1/2 in a step from rest: velocities live at half steps.
+        kick: Share of a step: 1, or 1/2 from rest, as velocities live at half steps.
         position: (3, nodes) [m], changed.
         velocity: (3, nodes) [m/s], changed.
         net: Internal and contact forces (3, nodes) [N].
@@ -62,7 +62,7 @@ def move(
         driven: Given velocities (3, nodes) [m/s] at amplitude one.
         drive_factor: Amplitude of the given velocities.
         damping_rate: Mass-proportional damping [1/s].
-        ledger: Energies, added to.
+        ledger: Energies [J], added to.
     """
     half = 0.5 * damping_rate * dt
     loads = 0.0

@@ -38,17 +38,28 @@ class ContactLaw(Protocol):
     """Constants of a contact with the cylinder (SI, per node)."""
 
     @property
-    def normal_stiffness(self) -> float: ...  # noqa: D102
+    def normal_stiffness(self) -> float:
+        """Push for each metre of depth [N/m]."""
+
     @property
-    def normal_damping(self) -> float: ...  # noqa: D102
+    def normal_damping(self) -> float:
+        """Push for each metre per second [N s/m]."""
+
     @property
-    def stick_stiffness(self) -> float: ...  # noqa: D102
+    def stick_stiffness(self) -> float:
+        """Friction for each metre of the stick spring [N/m]."""
+
     @property
-    def stick_damping(self) -> float: ...  # noqa: D102
+    def stick_damping(self) -> float:
+        """Friction for each metre per second while sticking [N s/m]."""
+
     @property
-    def friction(self) -> float: ...  # noqa: D102
+    def friction(self) -> float:
+        """Coulomb's coefficient, dimensionless."""
+
     @property
-    def cable_radius(self) -> float: ...  # noqa: D102
+    def cable_radius(self) -> float:
+        """Undeformed [m]."""
 
 
 def empty_points(capacity: int) -> Points:

@@ -107,7 +107,7 @@ class RunHistory:
         """Take a sample of the machine at a time since the start of the run [s].
 
         Args:
-            t: Later than every time before.
+            t: [s], later than every time before.
             reading: Both axes.
             tension: Measured span tension [N]; None where the model's own law holds.
 
@@ -183,7 +183,11 @@ def replay(inputs: Inputs, model: Follower, going: Callable[[], bool] = lambda: 
 def planned_inputs(
     drive: DriveProfile, duration: float, *, tension: float | None = None, period: float = 0.02
 ) -> Inputs:
-    """Return the inputs of a run that goes as planned, shape (n,), t = 0 included."""
+    """Return the inputs of a run that goes as planned, shape (n,), t = 0 included.
+
+    Raises:
+        ValueError: The duration [s] is not positive and finite.
+    """
     if not (math.isfinite(duration) and duration > 0.0):
         raise ValueError(f"duration must be positive and finite, got {duration}")
     times = np.linspace(0.0, duration, max(1, math.ceil(duration / period - 1.0e-9)) + 1)

@@ -46,7 +46,10 @@ def section_mesh(
         rim_nodes: Nodes on the circumference, a multiple of 4.
         rings: Layers of elements between core and rim.
         core: Share of the radius that the core takes.
-        bulge: Roundness of the core: 0 a square, 1 a disc.
+        bulge: Roundness of the core, dimensionless: 0 a square, 1 a disc.
+
+    Raises:
+        ValueError: rim_nodes is no multiple of 4, or there is no ring.
     """
     if rim_nodes < 4 or rim_nodes % 4:
         raise ValueError(f"rim_nodes must be a multiple of 4, got {rim_nodes}")
@@ -90,7 +93,11 @@ def round_bar(
     rim_nodes: int = 12,
     rings: int = 1,
 ) -> BarMesh:
-    """Return the mesh of a round bar along z with sections at increasing positions [m]."""
+    """Return the mesh of a round bar along z with sections at increasing positions [m].
+
+    Raises:
+        ValueError: Fewer than two positions, or they do not increase.
+    """
     z = np.asarray(axial, dtype=float)
     if z.ndim != 1 or z.size < 2 or not np.all(np.diff(z) > 0.0):
         raise ValueError("axial needs at least two increasing positions")

@@ -37,7 +37,11 @@ def solid_equilibrium(
 
 
 def solid_stiffness(solid: Solid) -> csc_matrix:
-    """Return the tangent stiffness of all unknowns, node * 3 + axis [N/m]."""
+    """Return the tangent stiffness of all unknowns, node * 3 + axis [N/m].
+
+    Raises:
+        DivergenceError: An element is inside out.
+    """
     count = solid.volumes.size
     matrix = np.empty((count, 24, 24))
     size = float(np.cbrt(solid.volumes.min()))

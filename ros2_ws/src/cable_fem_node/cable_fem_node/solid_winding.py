@@ -137,6 +137,7 @@ class SolidWinding:
 
         Raises:
             DivergenceError: An element turned inside out, or the cable has run out.
+            ValueError: Time runs backwards or is not finite.
         """
         span = t - self.time
         if not (math.isfinite(span) and span >= 0.0):
@@ -278,7 +279,11 @@ def predict_solid(
     rate: float = 50.0,
     cpu_clock: Callable[[], float] = time.process_time,
 ) -> Prediction:
-    """Wind a whole run ahead with solid elements; arguments and errors as `predict`."""
+    """Wind a whole run ahead with solid elements; arguments and errors as `predict`.
+
+    Raises:
+        ValueError: Duration [s] or rate [Hz] is not positive and finite.
+    """
     drive = DriveProfile() if drive is None else drive
     for name, value in (("duration", duration), ("rate", rate)):
         if not (math.isfinite(value) and value > 0.0):

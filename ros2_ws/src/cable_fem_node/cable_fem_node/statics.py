@@ -26,7 +26,7 @@ def equilibrium(
     Args:
         rod: Changed in place.
         increments: Steps in which loads are raised from zero.
-        tolerance: Greatest unbalanced force over the greatest force in the rod.
+        tolerance: Relative: unbalanced force over the greatest force in the rod.
         iterations: Newton iterations per increment.
 
     Raises:

@@ -158,7 +158,7 @@ def advance_winding(
         reference: Reference length of the elements (capacity,) [m], changed in place.
         work: Scratch.
         k: Constants.
-        table: Stress table of the law.
+        table: See `UniaxialLaw.table`.
         ledger: Energies [J], added to in place.
         rolling: Let the cable roll on the surface about its own axis.
 

@@ -146,7 +146,7 @@ def half_width(standard_error: float, quantile: float) -> float:
     """Return the greater half of a 90 % interval of exp(x), relative to exp of the estimate.
 
     Args:
-        standard_error: Of x.
+        standard_error: Of x, dimensionless.
         quantile: See `Fit`.
     """
     return math.expm1(min(quantile * standard_error, 50.0))

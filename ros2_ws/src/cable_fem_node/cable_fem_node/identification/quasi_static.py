@@ -32,6 +32,9 @@ def lay(run: TrackedRun, law: UniaxialLaw) -> tuple[FloatArray, FloatArray]:
     Args:
         run: Inputs and markers.
         law: The material that is tried.
+
+    Raises:
+        IdentificationError: The last marker does not land within the run.
     """
     config, case = run.config, run.config.case
     longest = float(run.readings.ids[-1]) * case.marker_spacing

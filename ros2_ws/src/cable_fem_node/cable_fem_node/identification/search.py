@@ -85,7 +85,12 @@ class Search:
         self.calls = 0
 
     def run(self, start: FloatArray, scatter: float) -> None:
-        """Search from parameters until a step is small against the standard error."""
+        """Search from parameters until a step is small against the standard error.
+
+        Raises:
+            IdentificationError: The markers do not tell the parameters, or the search does not
+                come to rest.
+        """
         runs, config = self._runs, self._config
         angle = angle_covariance(runs, config.model_share, scatter)
         axial = axial_covariance(runs, config.model_z)

@@ -92,7 +92,7 @@ def fit_laws(test: TensileTest, poisson: float, laws: Sequence[str] = LAWS) -> t
 
     Args:
         test: Points.
-        poisson: nu, which a tensile test without lateral strain cannot tell.
+        poisson: nu, dimensionless; a test without lateral strain cannot tell it.
         laws: Which.
     """
     fits = [_fitted(test, law, poisson) for law in laws]
