@@ -81,7 +81,11 @@ class DriveProfile:
         return self.angular_speed * way, self.feed_speed * way
 
     def time_at_angle(self, angle: float) -> float:
-        """Return the time [s] at which the cylinder reaches an angle [rad]."""
+        """Return the time [s] at which the cylinder reaches an angle [rad].
+
+        Raises:
+            ValueError: The angle is negative.
+        """
         if angle < 0.0:
             raise ValueError(f"angle must not be negative, got {angle} rad")
         way = angle / self.angular_speed

@@ -60,7 +60,11 @@ def guide_distance_of(free_length: float, radius: float) -> float:
 
 
 def free_length_of(guide_distance: float, radius: float) -> float:
-    """Return the tangent span length [m] for a guide at a distance from the cylinder axis."""
+    """Return the tangent span length [m] for a guide at a distance from the cylinder axis.
+
+    Raises:
+        ValueError: The guide [m] is not outside the centreline radius [m].
+    """
     if not guide_distance > radius:
         raise ValueError(
             f"guide_distance must exceed the centreline radius {radius} m, got {guide_distance} m"

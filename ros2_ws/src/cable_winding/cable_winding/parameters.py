@@ -23,7 +23,17 @@ class ParameterError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Declaration:
-    """One parameter as its dataclass field states it."""
+    """One parameter as its dataclass field states it.
+
+    Attributes:
+        name: Of the field and of the ROS parameter.
+        default: Its type is the parameter's type.
+        description: One sentence, with the unit.
+        low: Smallest allowed number; None for no limit.
+        high: Largest allowed number; None for no limit.
+        choices: Allowed texts; None for any.
+        read_only: Whether the value is fixed once the node runs.
+    """
 
     name: str
     default: Value
@@ -121,8 +131,8 @@ def parameter(
     Args:
         default: The value when nobody sets one; its type is the parameter's type.
         description: One sentence, with the unit.
-        low: Smallest allowed number.
-        high: Largest allowed number.
+        low: Smallest allowed number, in the unit of the description.
+        high: Largest allowed number, in the same unit.
         choices: Allowed texts.
         read_only: Whether the value is fixed once the node runs.
     """

@@ -13,7 +13,16 @@ MEGAPASCAL = 1.0e6
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedCondition:
-    """One row of Table 1, in SI."""
+    """One row of Table 1, in SI.
+
+    Attributes:
+        case: 1 to 12.
+        cylinder_diameter: [m].
+        cable_diameter: [m].
+        nominal_stress: Weight over the undeformed section [Pa].
+        weight: [N].
+        marker_spacing: Along the undeformed cable [m].
+    """
 
     case: int
     cylinder_diameter: float
@@ -36,7 +45,14 @@ class Lay:
 class PublishedMarker:
     """One marker of one case: Tables 2-4 (theta, z), 5-6 (S), 7 and 8 (errors in percent).
 
-    `experiment` and both errors are None where the paper prints a dash.
+    Attributes:
+        case: 1 to 12.
+        marker: n of Pn.
+        original_length: From P0 along the undeformed cable [m].
+        simulation: The paper's finite elements.
+        experiment: The measurement; None, like both errors, where the paper prints a dash.
+        error_pct: Table 7 [%].
+        updated_error_pct: Table 8 [%].
     """
 
     case: int
@@ -81,6 +97,9 @@ def length_error_pct(measured: float, predicted: float) -> float:
     """Return Table 7's error: 100 |S_EXP - S_FEM| / S_FEM.
 
     Table 8 is the same measure of the corrected prediction h S_FEM.
+
+    Raises:
+        ValueError: The predicted length [m] is not positive.
     """
     if not predicted > 0.0:
         raise ValueError(f"predicted length must be positive, got {predicted} m")

@@ -21,7 +21,11 @@ class PlainLoader(yaml.SafeLoader):
     """
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """Return the next node; refuse one that stands for another."""
+        """Return the next node.
+
+        Raises:
+            YAMLError: It is an alias, which stands for another.
+        """
         if self.check_event(yaml.AliasEvent):
             mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
             raise yaml.YAMLError(f"an alias stands in line {mark.line + 1}: write the value out")

@@ -37,7 +37,11 @@ class CameraReading:
 
 
 def encode_image(t: float, frame: NDArray[np.uint8]) -> Image:
-    """Return a BGR frame, shape (height, width, 3), as an Image stamped t [s]."""
+    """Return a BGR frame, shape (height, width, 3), as an Image stamped t [s].
+
+    Raises:
+        ValueError: It has another shape or is not uint8.
+    """
     if frame.dtype != np.uint8 or frame.ndim != 3 or frame.shape[2] != 3:
         raise ValueError(f"frame must be uint8 (h, w, 3), got {frame.dtype} {frame.shape}")
     message = Image(
@@ -148,7 +152,11 @@ def encode_preview(t: float, jpeg: bytes) -> CompressedImage:
 
 
 def decode_preview(message: CompressedImage) -> tuple[float, bytes]:
-    """Return (t [s], JPEG bytes)."""
+    """Return (t [s], JPEG bytes).
+
+    Raises:
+        MessageError: The picture is no JPEG.
+    """
     if "jpeg" not in message.format:
         raise MessageError(f"preview must be jpeg, got format {message.format!r}")
     return decode_stamp(message.header.stamp), bytes(message.data)

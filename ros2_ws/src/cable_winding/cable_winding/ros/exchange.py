@@ -15,7 +15,7 @@ from cable_winding.ros.topics import Topic
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """A message to publish."""
+    """A `message` to publish on a `topic`."""
 
     topic: Topic
     message: Any

@@ -206,7 +206,8 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
 
         return answer
 
-    def on_configure(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
+    def on_configure(self, state: Any) -> TransitionCallbackReturn:
+        """Make what the node works with: parameters, kernels, state."""
         result = self._transition("configure", self._take_parameters, self.configure)
         self._configured = result is TransitionCallbackReturn.SUCCESS
         if result is TransitionCallbackReturn.FAILURE:
@@ -214,7 +215,8 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             self._clear()
         return result
 
-    def on_activate(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
+    def on_activate(self, state: Any) -> TransitionCallbackReturn:
+        """Begin to work: subscribe, publish."""
         # Publishers open first, so that `activate` may publish.
         super().on_activate(state)
         for intake in self._intakes.values():
@@ -223,18 +225,21 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self.active = result is TransitionCallbackReturn.SUCCESS
         return result
 
-    def on_deactivate(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
+    def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
+        """Stop to work; keep the configuration."""
         result = self._transition("deactivate", self.deactivate)
         self.active = self.active and result is not TransitionCallbackReturn.SUCCESS
         super().on_deactivate(state)
         return result
 
-    def on_cleanup(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
+    def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
+        """Forget what `on_configure` made."""
         result = self._transition("clean up", self._clear)
         self._configured = result is not TransitionCallbackReturn.SUCCESS
         return result
 
-    def on_shutdown(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
+    def on_shutdown(self, state: Any) -> TransitionCallbackReturn:
+        """Stop whatever the state is."""
         self.active = False
 
         def stop() -> None:
@@ -243,7 +248,8 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
 
         return self._transition("shut down", stop)
 
-    def on_error(self, state: Any) -> TransitionCallbackReturn:  # noqa: D102
+    def on_error(self, state: Any) -> TransitionCallbackReturn:
+        """Come back from an error; the sentence is in /diagnostics."""
         return TransitionCallbackReturn.FAILURE
 
     def destroy_node(self) -> None:
