@@ -69,7 +69,7 @@ def band_centroid(
         z: Axial position [m].
         slope: dz/dtheta of the cable [m/rad].
         low: Angle around the section where a neighbour cuts the band off on the -z side [rad].
-        high: The same on the +z side.
+        high: The same on the +z side [rad].
     """
     rho, r, half = body[0], body[1], body[2]
     norm = math.hypot(rho, slope)
@@ -137,8 +137,8 @@ def solve_band(
     Args:
         view: See `PinholeCamera.numbers`.
         body: R + r, r, half of the band [m].
-        a: Measured plane coordinate.
-        b: Measured plane coordinate.
+        a: Measured plane coordinate, dimensionless.
+        b: Measured plane coordinate, dimensionless.
         azimuth: Where to start, unwrapped [rad].
         z: Where to start [m].
         slope: dz/dtheta of the cable [m/rad].

@@ -67,7 +67,11 @@ class Board:
         )
 
     def picture(self, dots_per_metre: float) -> ByteArray:
-        """Return the board as it is printed, black on white, shape (height, width)."""
+        """Return the board as it is printed, black on white, shape (height, width).
+
+        Raises:
+            CalibrationError: A square would have fewer than eight dots.
+        """
         side = round(self.square * dots_per_metre)
         if side < 8:
             raise CalibrationError(

@@ -78,7 +78,7 @@ def measure(
         table: See `gate_moments`.
         view: See `PinholeCamera.numbers`.
         config: See `TrackerConfig.numbers`.
-        gate: Where to look.
+        gate: Where to look, see `GATE_SIZE`.
         expected: Pixels that the band should fill times its usual share of them.
         azimuth: Expected [rad].
         z: Expected [m].

@@ -91,7 +91,7 @@ def search(
         marks: See `state`.
         candidates: See `state`.
         path: See `TrackerState.path`.
-        gates: Gates of the known markers that are in sight; one more row is free for work.
+        gates: See `GATE_SIZE`: the known markers in sight; one more row is free for work.
         known: How many of them.
         angle: Cylinder angle [rad].
     """

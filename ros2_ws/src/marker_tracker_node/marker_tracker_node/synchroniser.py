@@ -14,7 +14,14 @@ from cable_winding.readings import AxisReading
 
 @dataclass(frozen=True, kw_only=True)
 class PairedFrame:
-    """A frame with the machine's position when it was exposed; None while the encoder was out."""
+    """A frame with the machine's position when it was exposed; None while the encoder was out.
+
+    Attributes:
+        t: Exposure [s].
+        frame: Blue-green-red, shape (height, width, 3).
+        cylinder_angle: [rad], unwrapped.
+        guide_z: [m].
+    """
 
     t: float
     frame: NDArray[np.uint8]

@@ -35,7 +35,7 @@ def zeroed_pose(
         camera: The camera.
         pose: Nominal.
         numbers: See `TrackerConfig.numbers`.
-        pixel: Column and row of the centroid of P0's band.
+        pixel: Column and row of the centroid of P0's band [pixels].
         angle: Azimuth of P0, the cylinder angle [rad].
     """
     goal = np.array(plane_of_pixel(camera.numbers(pose), *pixel))
