@@ -13,7 +13,13 @@ from winding_rig_node.pid import PidConfig, PidState, step_pid
 
 @dataclass(frozen=True, kw_only=True)
 class AxisConfig:
-    """Motor, encoder and controller gains of one axis."""
+    """Motor, encoder and controller gains of one axis.
+
+    Attributes:
+        motor: Electrical and mechanical constants.
+        encoder: Resolution and noise.
+        pid: Gains.
+    """
 
     motor: MotorConfig
     encoder: EncoderConfig
@@ -22,7 +28,17 @@ class AxisConfig:
 
 @dataclass(kw_only=True)
 class AxisState:
-    """Everything that changes on one axis."""
+    """Everything that changes on one axis.
+
+    Attributes:
+        motor: True position and speed.
+        encoder: What is measured of them.
+        pid: Integrator and last measurement.
+        voltage: At the motor [V].
+        acceleration: Of the setpoint [rad/s^2 or m/s^2].
+        feedforward: Share of the voltage that is not from the controller [V].
+        setpoint: Wanted speed [rad/s or m/s].
+    """
 
     motor: MotorState = field(default_factory=MotorState)
     encoder: EncoderState = field(default_factory=EncoderState)
@@ -39,6 +55,9 @@ def tuned_pid(motor: MotorConfig, bandwidth: float) -> PidConfig:
     Args:
         motor: The axis; its time constant tau and speed per volt K.
         bandwidth: Natural frequency of the closed loop [Hz]; critically damped.
+
+    Raises:
+        ValueError: The loop would be slower than the motor by itself.
     """
     omega = 2.0 * math.pi * bandwidth
     tau, gain = motor.time_constant, motor.speed_per_volt
@@ -72,8 +91,8 @@ def control_axis(
     Args:
         config: The axis.
         state: Its state.
-        setpoint: Wanted speed.
-        acceleration: Its rate.
+        setpoint: Wanted speed [rad/s or m/s].
+        acceleration: Its rate [rad/s^2 or m/s^2].
         dt: Control period [s].
         load: Opposing load that the drive knows of [N m or N]; counts only without the encoder.
         open_loop: Whether the motor's model alone drives the axis, because its encoder lies.

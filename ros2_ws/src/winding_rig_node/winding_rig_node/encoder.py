@@ -30,7 +30,13 @@ CARRIAGE_ENCODER = EncoderConfig(resolution=5.0e-3 / 8192)
 
 @dataclass(kw_only=True)
 class EncoderState:
-    """Last count and the tracking loop's estimate."""
+    """Last count and the tracking loop's estimate.
+
+    Attributes:
+        position: Of the last count [rad or m].
+        tracked: The loop's position [rad or m].
+        speed: The loop's speed [rad/s or m/s].
+    """
 
     position: float = 0.0
     tracked: float = 0.0

@@ -107,7 +107,7 @@ def _parse_one(text: str, targets: Collection[str]) -> Fault:
 
 @dataclass(frozen=True, kw_only=True)
 class Delivery:
-    """What comes out of a signal at one moment: the values, and the time that they claim [s]."""
+    """What comes out of a signal at one moment: `values`, and the time `t` that they claim [s]."""
 
     t: float
     values: Values

@@ -98,6 +98,7 @@ class MachineState:
     """Everything that changes.
 
     Attributes:
+        phase: What the machine does.
         sample: Number of encoder samples since the machine was switched on.
         drive_sample: Samples of the current run, the ramps of stops and starts included.
         fraction: Share of full speed that the setpoints ask for.
@@ -108,6 +109,8 @@ class MachineState:
         stop_began: When the last unplanned stop began, simulated time [s].
         stood_at: When both axes stood after it [s].
         tension: Last load cell sample [N]; None when it said nothing that can be.
+        cylinder: Its axis, in radians.
+        carriage: Its axis, in metres.
     """
 
     phase: Phase = Phase.IDLE
@@ -162,7 +165,11 @@ class Machine:
         return self.state.phase in (Phase.WINDING, Phase.STOPPING)
 
     def start(self) -> None:
-        """Begin or resume winding; a machine that winds goes on."""
+        """Begin or resume winding; a machine that winds goes on.
+
+        Raises:
+            PhaseError: It neither stands at a start, winds nor ramps down.
+        """
         if self.state.phase not in (Phase.IDLE, Phase.STOPPING, Phase.WINDING):
             raise PhaseError(f"cannot start while the machine is in {self.state.phase.value}")
         if self.state.phase is Phase.IDLE:
@@ -174,7 +181,11 @@ class Machine:
         self.state.reason = ""
 
     def stop(self) -> None:
-        """Ramp both axes down together and hold."""
+        """Ramp both axes down together and hold.
+
+        Raises:
+            PhaseError: It does not wind.
+        """
         if self.state.phase is not Phase.WINDING:
             raise PhaseError(f"cannot stop while the machine is in {self.state.phase.value}")
         self.state.phase = Phase.STOPPING
@@ -198,7 +209,11 @@ class Machine:
         self.state.fraction = self.state.fraction_rate = 0.0
 
     def reset(self) -> None:
-        """Go back to the start of a run; simulated time goes on."""
+        """Go back to the start of a run; simulated time goes on.
+
+        Raises:
+            PhaseError: It moves.
+        """
         # Time ends with a finished run, so its last speeds would never come to rest.
         finished = self.state.phase is Phase.FINISHED
         if self.state.phase is Phase.WINDING or (self._turns() and not finished):

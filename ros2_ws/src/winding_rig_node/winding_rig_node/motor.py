@@ -82,7 +82,7 @@ CARRIAGE_MOTOR = MotorConfig(
 
 @dataclass(kw_only=True)
 class MotorState:
-    """Position and speed of the axis."""
+    """True `position` [rad or m] and `speed` [rad/s or m/s] of the axis."""
 
     position: float = 0.0
     speed: float = 0.0

@@ -32,7 +32,7 @@ class PidConfig:
 
 @dataclass(kw_only=True)
 class PidState:
-    """Integrator [V] and last measurement."""
+    """Integrator `integral` [V] and the speed last `measured` [rad/s or m/s]."""
 
     integral: float = 0.0
     measured: float | None = None

@@ -72,12 +72,12 @@ def section(
 
     Args:
         lens: See `lens_numbers`.
-        body: R, r, Theta, landing z, guide z, free length.
+        body: R, r [m], Theta [rad], landing z, guide z, free length [m].
         grid: Path angles [rad].
         height: Path heights [m].
         light: Unit direction (3), ambient, highlight, exponent.
         theta: Wound angle of the section [rad].
-        size: Columns and rows of the sample grid and the room around it for a section.
+        size: Columns and rows of the sample grid and the room around it for a section [samples].
         out: Column, row, inverse depth, shade, gloss of each rim point, shape (FACETS + 1, 5).
     """
     rho, r, turn = body[0] + body[1], body[1], body[2]
@@ -149,7 +149,7 @@ def draw_cable(
 
     Args:
         lens: See `lens_numbers`.
-        body: R, r, Theta, landing z, guide z, free length.
+        body: R, r [m], Theta [rad], landing z, guide z, free length [m].
         grid: Path angles [rad].
         height: Path heights [m].
         markers: Wound angles [rad], nan for none.

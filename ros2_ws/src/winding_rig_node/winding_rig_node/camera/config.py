@@ -20,6 +20,13 @@ class Window:
 
     A binned pixel is the mean of binning x binning sensor pixels, so the centre of column i lies
     at the full-resolution column x_offset + binning (i + 1/2) - 1/2.
+
+    Attributes:
+        x_offset: First column.
+        y_offset: First row.
+        width: Columns, before binning.
+        height: Rows, before binning.
+        binning: Sensor pixels on a side of one pixel of the frame.
     """
 
     x_offset: int = 0

@@ -33,7 +33,7 @@ def fill_triangle(
     """Write label, shade and gloss of a triangle where it lies before what is there.
 
     Args:
-        a: Column, row, inverse depth, shade, gloss of a corner; b and c alike.
+        a: Column, row, inverse depth [1/m], shade, gloss of a corner, shape (5,); b and c alike.
         b: See a.
         c: See a.
         value: Label of the triangle.
@@ -41,7 +41,7 @@ def fill_triangle(
         label: See inverse_depth.
         shade: See inverse_depth.
         gloss: See inverse_depth.
-        touched: Receives one for each block that the triangle may change.
+        touched: Receives one for each block that the triangle may change, shape (rows, blocks).
         samples: Per pixel and direction.
     """
     rows, columns = inverse_depth.shape
@@ -95,13 +95,13 @@ def resolve(
     Args:
         samples: Per pixel and direction.
         background: Radiance without the cable, shape (rows, columns, 3).
-        behind: Inverse depth of the cylinder at each sample.
+        behind: Inverse depth of the cylinder at each sample [1/m].
         palette: Reflectance by label, shape (labels, 3).
         inverse_depth: Buffer, shape (rows * samples, columns * samples).
         label: Same shape; zero for none.
         shade: Same shape.
         gloss: Same shape.
-        touched: Blocks that were drawn into.
+        touched: Blocks that were drawn into, shape (rows, blocks).
         out: Radiance, shape (rows, columns, 3).
     """
     rows, columns = background.shape[:2]

@@ -14,7 +14,10 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Paint:
-    """Colours of the scene, blue-green-red reflectance of 0 to 255 under nominal light."""
+    """Colours of marker, cable, cylinder and backdrop, blue-green-red.
+
+    Reflectance of 0 to 255 under nominal light.
+    """
 
     marker: Colour = (25.0, 185.0, 225.0)
     cable: Colour = (150.0, 150.0, 156.0)

@@ -53,7 +53,7 @@ def expose(
         gain: Exposure factor.
         read: Standard deviation of a dark pixel [grey levels].
         shot: Variance per grey level.
-        table: Standard normal numbers.
+        table: Standard normal numbers, shape (n,).
         offsets: Where each row starts to read the table, shape (rows,); a row needs
             3 * columns numbers after it.
         out: Shape (rows, columns, 3).

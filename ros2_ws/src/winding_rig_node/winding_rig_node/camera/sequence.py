@@ -32,6 +32,9 @@ def write_sequence(
         renderer: Of the camera.
         instants: Time [s] and scene of each frame.
         rng: Source of the sensor's noise.
+
+    Raises:
+        OSError: A picture cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     count = 0

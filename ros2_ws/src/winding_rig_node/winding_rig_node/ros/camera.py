@@ -35,7 +35,15 @@ FrameListener = Callable[[float, NDArray[np.uint8]], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Exposure:
-    """One frame that the camera has to take, and where the axes stand then."""
+    """One frame that the camera has to take, and where the axes stand then.
+
+    Attributes:
+        t: [s].
+        index: Of the frame, from 0.
+        cylinder_angle: [rad].
+        angular_speed: [rad/s].
+        guide_z: [m].
+    """
 
     t: float
     index: int
