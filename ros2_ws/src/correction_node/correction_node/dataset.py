@@ -58,7 +58,7 @@ class LengthCell(MarkerCondition):
 
 @dataclass(frozen=True, kw_only=True)
 class DataSet:
-    """Cells with the name that they were asked for by."""
+    """The measured `cells` with the `name` that they were asked for by."""
 
     name: str
     cells: tuple[LengthCell, ...]
