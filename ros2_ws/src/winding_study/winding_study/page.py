@@ -14,7 +14,13 @@ MISSING = "–"
 
 @dataclass(frozen=True, kw_only=True)
 class Tile:
-    """One number in the head of a report."""
+    """One number in the head of a report.
+
+    Attributes:
+        label: What it is.
+        value: With its unit.
+        remark: Small print under it.
+    """
 
     label: str
     value: str

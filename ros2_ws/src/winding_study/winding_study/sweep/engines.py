@@ -73,7 +73,11 @@ class JoblibEngine:
             raise ValueError(f"processes must be at least 1, got {self.processes}")
 
     def wind(self, runs: Mapping[str, PlannedRun], store: RunStore) -> Iterator[tuple[str, Arrays]]:
-        """Wind runs; see `Engine.wind`."""
+        """Wind runs; see `Engine.wind`.
+
+        Raises:
+            EngineError: Worker processes were killed again and again.
+        """
         left = dict(runs)
         parent = os.getpid() if self.processes > 1 else None
         largest, idle = LARGEST_BATCH, 0
