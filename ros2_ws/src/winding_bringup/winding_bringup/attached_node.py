@@ -47,7 +47,11 @@ class AttachedNode:
 
     @property
     def pid(self) -> int:
-        """Always refused: its process id is of another machine's."""
+        """Always refused: its process id is of another machine's.
+
+        Raises:
+            ProcessLookupError: Always.
+        """
         raise ProcessLookupError(f"{self._name} runs elsewhere")
 
     async def start(self) -> None:

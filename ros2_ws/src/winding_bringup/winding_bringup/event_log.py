@@ -39,6 +39,7 @@ class EventLog:
 
     Attributes:
         file: Where they are appended, or None; a full one is kept once, as `NAME.1`.
+        clock: Wall time, monotonic [s].
         events: All of them, or the latest few thousand.
     """
 

@@ -28,7 +28,7 @@ class SensorWatchConfig:
 
 @dataclass(kw_only=True)
 class SensorWatch:
-    """Compares the newest stamps of topics that come out of one machine."""
+    """Compares the newest stamps of one machine's topics; `config` has the limits."""
 
     config: SensorWatchConfig = field(default_factory=SensorWatchConfig)
     _since: dict[str, tuple[float, float]] = field(default_factory=dict)

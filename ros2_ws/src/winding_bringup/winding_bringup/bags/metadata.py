@@ -16,7 +16,14 @@ _VERSION = 9
 
 @dataclass(kw_only=True)
 class Extent:
-    """What one file holds: messages by channel index, first and last stamp [ns]."""
+    """What one file holds: messages by channel index, first and last stamp [ns].
+
+    Attributes:
+        path: Relative to the folder.
+        counts: Messages by channel index.
+        first_ns: First stamp [ns]; None while there is no message.
+        last_ns: Last stamp [ns].
+    """
 
     path: str
     counts: list[int]

@@ -28,7 +28,11 @@ class Pacing:
         self._anchor = (bag_time, now)
 
     def bag_time(self, now: float) -> float:
-        """Return the bag time [s] that has been reached."""
+        """Return the bag time [s] that has been reached.
+
+        Raises:
+            RuntimeError: Playback has not begun.
+        """
         if self._anchor is None:
             raise RuntimeError("playback has not begun")
         bag_time, since = self._anchor

@@ -33,7 +33,14 @@ ABANDONED = 3600.0
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """The runs of this call: places in the sweep, keys, inputs, and what to wind by key."""
+    """The runs of this call: places in the sweep, keys, inputs, and what to wind by key.
+
+    Attributes:
+        numbers: Place of each run in the whole sweep, from 1.
+        keys: Key of each run in the store.
+        inputs: What was varied, by name.
+        runs: What to wind, by key.
+    """
 
     numbers: list[int]
     keys: list[str]

@@ -19,7 +19,7 @@ def judge_processors(count: int, load: float) -> Finding:
 
     Args:
         count: Processors that this process may use.
-        load: Processes that wanted one, on average over the last minute.
+        load: Count of processes that wanted one, on average over the last minute.
     """
     found = f"{count} with {load:.1f} processes wanting them"
     if count < _PROCESSORS:

@@ -172,7 +172,11 @@ class FaultCell:
         return str(answer.results[0].reason)
 
     async def end_of_run(self, patience: float = _PATIENCE) -> str:
-        """Wait until supervision ends the run; return the sentence that says why."""
+        """Wait until supervision ends the run; return the sentence that says why.
+
+        Raises:
+            CellError: The run goes on for `patience` [s], or supervision itself failed.
+        """
         assert self.supervision is not None
         done, _ = await asyncio.wait({self.supervision}, timeout=patience)
         if not done:
