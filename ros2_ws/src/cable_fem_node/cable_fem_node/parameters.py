@@ -15,7 +15,9 @@ class FemParameters(ConditionParameters):
     """What is wound, and how the rod model discretises it."""
 
     law: str = parameter("linear", "material law", choices=tuple(LAWS))
-    friction: float = parameter(0.1, "Coulomb friction of cable on cylinder", low=0.0, high=2.0)
+    friction: float = parameter(
+        0.1, "Coulomb friction of cable on cylinder, dimensionless", low=0.0, high=2.0
+    )
     segment_length: float = parameter(
         0.005, "undeformed length of a rod element [m]", low=0.0005, high=0.05
     )

@@ -178,7 +178,11 @@ class Orchestrator:
                 await self._while_alive(self._change(process, transition, _START_TIMEOUT))
 
     async def command(self, service: str) -> None:
-        """Call one of the rig's commands, such as rig/start."""
+        """Call one of the rig's commands, such as rig/start.
+
+        Raises:
+            GraphError: It was refused.
+        """
         response = await self._client.call(
             Trigger, f"/{self.config.namespace}/{service}", Trigger.Request(), _START_TIMEOUT
         )

@@ -24,7 +24,14 @@ class Severity(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """What one component of a node says of itself."""
+    """What one component of a node says of itself.
+
+    Attributes:
+        name: Of the component.
+        severity: Its level in /diagnostics.
+        message: One sentence.
+        values: What else it says, by name.
+    """
 
     name: str
     severity: Severity

@@ -105,7 +105,11 @@ class Hands:
         return ""
 
     async def command(self, command: str) -> str:
-        """Give one of the rig's commands; return its answer."""
+        """Give one of the rig's commands; return its answer.
+
+        Raises:
+            CommandError: The rig refused, or did not answer in time.
+        """
         client, request = self._rig[command], Trigger.Request()
         if command == commands.EMERGENCY_STOP:
             response = await self._insist(client, request)
@@ -186,7 +190,11 @@ class Hands:
         return f"nobody serves {topics.RECORD} in {self._namespace}; `winding run --dashboard` does"
 
     async def record(self, on: bool) -> str:
-        """Begin a recording or end it."""
+        """Begin a recording or end it.
+
+        Raises:
+            CommandError: The recorder refused, or did not answer in time.
+        """
         response = await self._call(self._recorder, SetBool.Request(data=on), _CLOSING)
         if not response.success:
             raise CommandError(response.message or f"{topics.RECORD} was refused")
@@ -209,7 +217,11 @@ class Hands:
         return str(response.current_state.label)
 
     async def change(self, node: str, transition: str) -> None:
-        """Ask for a transition and wait for its end."""
+        """Ask for a transition and wait for its end.
+
+        Raises:
+            CommandError: The node refused, or did not answer in time.
+        """
         request = ChangeState.Request(transition=Transition(id=_TRANSITIONS[transition]))
         response = await self._call(self._services[node, "change_state"], request, _TRANSITION)
         if not response.success:
@@ -226,7 +238,11 @@ class Hands:
         return f"refused to {transition}; the list of nodes says why"
 
     async def set_parameters(self, node: str, values: Mapping[str, object]) -> None:
-        """Set parameters all at once."""
+        """Set parameters all at once.
+
+        Raises:
+            CommandError: The node refused, or did not answer in time.
+        """
         request = SetParametersAtomically.Request(
             parameters=[
                 Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
