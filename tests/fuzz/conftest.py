@@ -24,4 +24,4 @@ def _register(name: str, examples: int) -> None:
 
 _register("quick", 60)
 # One example opens files, or measures a picture.
-_register("files", 20)
+_register("files", 10)

@@ -20,8 +20,8 @@ Reading = TypeVar("Reading")
 
 _PICTURES = (topics.IMAGE, topics.PREVIEW)
 # Simulated time of which the tape has every message, and of which it keeps as many before that.
-_WHOLE_S, _SAMPLE_S = 10.0, 30.0
-_FEWEST = 400
+_WHOLE_S, _SAMPLE_S = 10.0, 20.0
+_FEWEST = 200
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,7 +44,7 @@ class TapedMessage:
 class Tape:
     """Messages of a run in memory, by topic name; pictures are left to the bag.
 
-    All of them for 50 s of simulated time. Of a longer run the last 10 s are whole and what was
+    All of them for 40 s of simulated time. Of a longer run the last 10 s are whole and what was
     before them is thinned, so that memory does not grow with the run; the stamps stay complete.
 
     Attributes:

@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from rosbags.highlevel import AnyReader
+
+from winding_bringup.bags.failure import BagError
 from winding_bringup.bags.notes import LOST
-from winding_bringup.bags.reading import opened, read_notes, storage_files
+from winding_bringup.bags.reading import opened, read_notes, reason, storage_files
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,23 +58,31 @@ def contents(path: Path) -> Content:
     notes = read_notes(path) if path.is_dir() else {}
     files = {file.name: file.stat().st_size for file in storage_files(path)}
     with opened(path) as reader:
-        empty = reader.message_count == 0
-        return Content(
-            start=0.0 if empty else reader.start_time * 1e-9,
-            # Readers count the end one nanosecond behind the last message.
-            duration=0.0 if empty else (reader.duration - 1) * 1e-9,
-            files=files,
-            topics=tuple(
-                TopicContent(
-                    name=link.topic,
-                    type_name=link.msgtype,
-                    messages=link.msgcount,
-                    lost=_count(notes.get(f"{LOST}{link.topic}")),
-                )
-                for link in sorted(reader.connections, key=lambda link: link.topic)
-            ),
-            notes=notes,
-        )
+        try:
+            return _content(reader, files, notes)
+        except (TypeError, ValueError, AttributeError, OverflowError) as error:
+            # Only now does the reader use what metadata.yaml says of times and counts.
+            raise BagError(f"cannot read {path}: {reason(error)}") from error
+
+
+def _content(reader: AnyReader, files: Mapping[str, int], notes: Mapping[str, str]) -> Content:
+    empty = reader.message_count == 0
+    return Content(
+        start=0.0 if empty else reader.start_time * 1e-9,
+        # Readers count the end one nanosecond behind the last message.
+        duration=0.0 if empty else (reader.duration - 1) * 1e-9,
+        files=files,
+        topics=tuple(
+            TopicContent(
+                name=link.topic,
+                type_name=link.msgtype,
+                messages=link.msgcount,
+                lost=_count(notes.get(f"{LOST}{link.topic}")),
+            )
+            for link in sorted(reader.connections, key=lambda link: link.topic)
+        ),
+        notes=notes,
+    )
 
 
 def _count(text: str | None) -> int | None:

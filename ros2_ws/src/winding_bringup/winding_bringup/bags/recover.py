@@ -148,21 +148,27 @@ class _SqlitePart:
         self.notes: dict[str, str] = {}
         try:
             self._describe()
-        except sqlite3.Error as error:
+        except Exception as error:  # noqa: BLE001 - damaged bytes raise whatever they hit
             self.salvage.losses.append(f"{path.name}: {reason(error)}")
 
     def rows(self) -> Iterator[_Row]:
         """Yield every message that can be read."""
         connection = sqlite3.connect(self._path)
+        strange = 0
         try:
             for key, stamp, data in connection.execute(
                 "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
             ):
-                yield key, stamp, data, 0
-        except sqlite3.Error as error:
+                if isinstance(stamp, int) and stamp >= 0 and isinstance(data, bytes):
+                    yield key, stamp, data, 0
+                else:
+                    strange += 1
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             self.salvage.losses.append(f"{self._path.name}: {reason(error)}")
         finally:
             connection.close()
+        if strange:
+            self.salvage.losses.append(f"{self._path.name}: {strange} rows hold no message")
 
     def _describe(self) -> None:
         connection = sqlite3.connect(self._path)
@@ -175,12 +181,14 @@ class _SqlitePart:
             for key, name, kind, qos, digest in connection.execute(
                 "SELECT id, name, type, offered_qos_profiles, type_description_hash FROM topics"
             ):
+                if not (isinstance(name, str) and isinstance(kind, str)):
+                    raise ValueError(f"topic {key} has no name or no type")
                 self.channels[key] = Channel(
                     name=name,
                     type_name=kind,
-                    definition=definitions.get(kind, ""),
-                    type_hash=digest,
-                    qos=tuple(parse_qos(qos)),
+                    definition=str(definitions.get(kind) or ""),
+                    type_hash=str(digest or ""),
+                    qos=tuple(parse_qos(str(qos or ""))),
                 )
         finally:
             connection.close()

@@ -1,0 +1,287 @@
+"""Made-up recordings: read, checked, recovered or refused by BagError; never a crash or a hang."""
+
+import shutil
+import sqlite3
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import serialize_message
+
+from cable_winding.readings import AxisReading
+from cable_winding.ros import topics
+from cable_winding.ros.rig_messages import encode_joint_state, encode_tension
+from winding_bringup.bags.bag_file import BagConfig
+from winding_bringup.bags.channel import jazzy_channel
+from winding_bringup.bags.check import check
+from winding_bringup.bags.contents import contents
+from winding_bringup.bags.failure import BagError
+from winding_bringup.bags.metadata import METADATA
+from winding_bringup.bags.reading import read_notes
+from winding_bringup.bags.recover import recover
+from winding_bringup.bags.tables import export
+from winding_bringup.bags.writer import BagWriter
+
+fuzzed = settings.get_profile("files")
+RECORDED = (topics.JOINT_STATES, topics.TENSION)
+RANDOM_BYTES = [b"\x00", b"\xff", b"\x7f\xff\xff\xff", b"\xff" * 8, b"\x00" * 9]
+# A small file must not make a reader take much more than it holds.
+MOST_BYTES = 400_000_000
+
+
+def recorded(folder: Path, **config: Any) -> bytes:
+    """Return the storage file of a recording of 30 ms."""
+    channels = [
+        jazzy_channel(f"/winding/{t.name}", t.type_name, depth=t.depth, latched=t.latched)
+        for t in RECORDED
+    ]
+    writer = BagWriter(folder, channels, BagConfig(chunk_bytes=2000, **config))
+    for k in range(30):
+        reading = AxisReading(
+            cylinder_angle=0.1 * k, angular_speed=1.0, carriage_position=0.0, feed_speed=0.0
+        )
+        data = serialize_message(encode_joint_state(k * 1e-3, reading))
+        writer.write(0, k * 10**6, data, k + 1)
+        if k % 10 == 0:
+            writer.write(1, k * 10**6, serialize_message(encode_tension(k * 1e-3, 2.5)), k + 1)
+    writer.close()
+    (file,) = (path for path in folder.iterdir() if path.suffix in (".mcap", ".db3"))
+    return file.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Storage files by kind."""
+    place = tmp_path_factory.mktemp("whole")
+    return {
+        "plain.mcap": recorded(place / "plain"),
+        "packed.mcap": recorded(place / "packed", compression="zstd"),
+        "base.db3": recorded(place / "base", storage="sqlite3"),
+    }
+
+
+@pytest.fixture
+def bounded() -> Any:
+    """Let the process have so much more memory and no more."""
+    resource = pytest.importorskip("resource")
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (size + MOST_BYTES, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+def try_everything(path: Path, scratch: Path) -> None:
+    """Do with a recording what a person can do with it."""
+    actions: tuple[Callable[[], Any], ...] = (
+        lambda: check(path),
+        lambda: contents(path),
+        lambda: read_notes(path if path.is_dir() else path.parent),
+        lambda: recover(path, scratch / "out"),
+        lambda: export(path, scratch / "tables", "csv"),
+    )
+    for action in actions:
+        said = "nothing"
+        try:
+            action()
+        except BagError as error:
+            said = str(error)
+        finally:
+            for left in ("out", "tables"):
+                shutil.rmtree(scratch / left, ignore_errors=True)
+        assert said
+        assert "\n" not in said
+
+
+KINDS = ["plain.mcap", "packed.mcap", "base.db3"]
+changes = st.lists(
+    st.tuples(
+        st.floats(0.0, 1.0, exclude_max=True),
+        st.one_of(st.sampled_from(RANDOM_BYTES), st.binary(min_size=1, max_size=9)),
+    ),
+    max_size=6,
+)
+
+
+@pytest.mark.usefixtures("bounded")
+@pytest.mark.parametrize("kind", KINDS)
+@fuzzed
+@given(changes=changes, length=st.one_of(st.just(1.0), st.floats(0.0, 1.0)))
+def test_changed_and_cut_storage(
+    whole: dict[str, bytes],
+    tmp_path: Path,
+    kind: str,
+    changes: list[tuple[float, bytes]],
+    length: float,
+) -> None:
+    content = bytearray(whole[kind][: round(len(whole[kind]) * length)])
+    for place, other in changes:
+        start = int(place * len(content))
+        content[start : start + len(other)] = other
+    file = tmp_path / f"bag_0{Path(kind).suffix}"
+    file.write_bytes(content)
+    try_everything(file, tmp_path)
+
+
+@pytest.mark.usefixtures("bounded")
+@pytest.mark.parametrize("suffix", [".mcap", ".db3"])
+@fuzzed
+@given(
+    garbage=st.binary(max_size=300),
+    start=st.sampled_from([b"", b"\x89MCAP0\r\n", b"SQLite format 3\x00"]),
+    end=st.sampled_from([b"", b"\x89MCAP0\r\n"]),
+)
+def test_garbage(tmp_path: Path, suffix: str, garbage: bytes, start: bytes, end: bytes) -> None:
+    file = tmp_path / f"bag_0{suffix}"
+    file.write_bytes(start + garbage + end)
+    try_everything(file, tmp_path)
+
+
+def record(opcode: int, body: bytes, length: int | None = None) -> bytes:
+    return struct.pack("<BQ", opcode, len(body) if length is None else length) + body
+
+
+def chunk(records: bytes, *, claimed: int, packing: bytes, crc: int) -> bytes:
+    return record(
+        6,
+        struct.pack("<QQQI", 0, 1, claimed, crc)
+        + struct.pack("<I", len(packing))
+        + packing
+        + struct.pack("<Q", len(records))
+        + records,
+    )
+
+
+sizes = st.one_of(st.integers(0, 300), st.integers(0, 2**63), st.just(2**64 - 1))
+
+
+@pytest.mark.usefixtures("bounded")
+@fuzzed
+@given(
+    bodies=st.lists(st.tuples(st.integers(0, 20), st.binary(max_size=60), st.none() | sizes)),
+    claimed=sizes,
+    packing=st.sampled_from([b"", b"zstd", b"lz4", b"\xff"]),
+    compressed=st.booleans(),
+    inside=st.binary(max_size=100),
+    right=st.booleans(),
+)
+def test_made_up_records_and_chunks(
+    tmp_path: Path,
+    bodies: list[tuple[int, bytes, int | None]],
+    claimed: int,
+    packing: bytes,
+    compressed: bool,
+    inside: bytes,
+    right: bool,
+) -> None:
+    zstandard = pytest.importorskip("zstandard")
+    stored = zstandard.compress(inside) if compressed else inside
+    content = b"\x89MCAP0\r\n" + b"".join(record(*body) for body in bodies)
+    crc = zlib.crc32(inside) if right else 1
+    content += chunk(stored, claimed=claimed, packing=packing, crc=crc)
+    content += record(2, bytes(20)) + b"\x89MCAP0\r\n"
+    file = tmp_path / "bag_0.mcap"
+    file.write_bytes(content)
+    try_everything(file, tmp_path)
+
+
+values = st.recursive(
+    st.one_of(
+        st.none(),
+        st.booleans(),
+        st.integers(),
+        st.floats(),
+        st.text(max_size=20),
+        st.sampled_from([2**63, -1, "../../x", "/etc/passwd", "sqlite3", "mcap", 10**400]),
+    ),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=6), inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+@pytest.mark.parametrize("kind", ["plain.mcap", "base.db3"])
+@fuzzed
+@given(data=st.data())
+def test_changed_metadata(
+    whole: dict[str, bytes], tmp_path: Path, kind: str, data: st.DataObject
+) -> None:
+    folder = tmp_path / "bag"
+    if not folder.exists():
+        recorded(folder, storage="sqlite3" if kind.endswith("db3") else "mcap")
+        shutil.copyfile(folder / METADATA, tmp_path / "metadata")
+    content = yaml.safe_load((tmp_path / "metadata").read_text("utf-8"))
+    place = content["rosbag2_bagfile_information"]
+    name = data.draw(st.sampled_from(sorted(place)))
+    while isinstance(place[name], dict | list) and place[name] and data.draw(st.booleans()):
+        place = place[name]
+        keys = sorted(place) if isinstance(place, dict) else list(range(len(place)))
+        name = data.draw(st.sampled_from(keys))
+    place[name] = data.draw(values)
+    try:
+        text = yaml.safe_dump(content)
+    except ValueError:
+        return
+    (folder / METADATA).write_text(text, "utf-8")
+    try_everything(folder, tmp_path)
+
+
+@fuzzed
+@given(text=st.one_of(st.text(max_size=100), values.map(repr)))
+def test_any_metadata(whole: dict[str, bytes], tmp_path: Path, text: str) -> None:
+    folder = tmp_path / "bag"
+    folder.mkdir(exist_ok=True)
+    (folder / "bag_0.mcap").write_bytes(whole["plain.mcap"])
+    (folder / METADATA).write_text(text, "utf-8")
+    try_everything(folder, tmp_path)
+
+
+rows = st.one_of(st.none(), st.integers(-(2**63), 2**63 - 1), st.text(max_size=20), st.binary())
+
+
+@fuzzed
+@given(
+    topic=st.tuples(rows, rows, rows, rows, rows, rows),
+    kind=st.tuples(rows, rows, rows, rows, rows),
+    message=st.tuples(rows, rows, rows),
+    dropped=st.sampled_from(
+        ["", "topics", "messages", "message_definitions", "metadata", "schema"]
+    ),
+)
+def test_a_database_that_holds_anything(
+    tmp_path: Path,
+    topic: tuple[Any, ...],
+    kind: tuple[Any, ...],
+    message: tuple[Any, ...],
+    dropped: str,
+) -> None:
+    file = tmp_path / "bag_0.db3"
+    file.unlink(missing_ok=True)
+    connection = sqlite3.connect(file)
+    # Columns without types take anything.
+    connection.executescript(
+        "CREATE TABLE schema(schema_version, ros_distro);"
+        "CREATE TABLE metadata(id, metadata_version, metadata);"
+        "CREATE TABLE topics(id, name, type, serialization_format, offered_qos_profiles,"
+        " type_description_hash);"
+        "CREATE TABLE message_definitions(id, topic_type, encoding, encoded_message_definition,"
+        " type_description_hash);"
+        "CREATE TABLE messages(id, topic_id, timestamp, data);"
+        "INSERT INTO schema VALUES (4, 'jazzy');"
+    )
+    connection.execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)", topic)
+    connection.execute("INSERT INTO message_definitions VALUES (?, ?, ?, ?, ?)", kind)
+    connection.execute("INSERT INTO messages VALUES (1, ?, ?, ?)", message)
+    connection.execute("INSERT INTO messages VALUES (2, ?, 0, ?)", (topic[0], b"\x00\x01\x00\x00"))
+    if dropped:
+        connection.execute(f"DROP TABLE {dropped}")
+    connection.commit()
+    connection.close()
+    try_everything(file, tmp_path)
