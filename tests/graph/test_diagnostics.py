@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rclpy.duration import Duration
 
 from cable_winding.readings import AxisReading
 from cable_winding.ros import topics
 from cable_winding.ros.diagnostic_messages import Status, encode_diagnostics
-from cable_winding.ros.rig_messages import encode_joint_state
+from cable_winding.ros.rig_messages import encode_joint_state, encode_tension
 from winding_bringup.bags.contents import contents
 from winding_bringup.bags.reading import decoded, messages_of, opened
 from winding_bringup.graph import GRAPH
@@ -121,7 +122,7 @@ def test_each_reader_tells_the_queue_of_each_of_its_topics(
     }
     for topic in spec.subscribes:
         queue = numbers(entries, f"queue {topic.name}")
-        # One message that waits is served; a history that was ever full may have lost some.
+        # A node wakes up for one message; a history that was ever full may have lost some.
         assert 1.0 <= max(queue) < topic.depth, topic.name
 
 
@@ -166,3 +167,20 @@ def test_a_stranger_s_clock_does_not_make_the_recording_longer(ros: Any, tmp_pat
     recorder.close()
     whole = contents(tmp_path / "bag")
     assert whole.start + whole.duration == pytest.approx(3.0, abs=1e-6)
+
+
+def test_queue_is_what_waited_when_the_node_woke_up(ros: Any) -> None:
+    publisher = topics.TENSION.advertise(ros.plain("load_cell"))
+    found: list[int] = []
+    # What arrives while the others are served is served too, and was no queue.
+    topics.TENSION.subscribe(
+        ros.plain("reader"),
+        lambda _: publisher.publish(encode_tension(1.0, 1.0)) if not found else None,
+        found=found.append,
+    )
+    ros.spin_until(lambda: publisher.get_subscription_count() == 1)
+    for sample in range(30):
+        publisher.publish(encode_tension(0.01 * sample, 1.0))
+    assert publisher.wait_for_all_acked(Duration(seconds=60))
+    ros.spin_until(lambda: found)
+    assert found[0] == 30

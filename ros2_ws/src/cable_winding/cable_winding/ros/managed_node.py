@@ -403,9 +403,12 @@ def _after_others(
 ) -> Callable[[Any], None]:
     def serve(message: Any) -> None:
         for topic, catch_up, found in others:
-            count = 0
-            for waiting in topic.waiting(subscriptions[topic]):
+            awake, count = time.time_ns(), 0
+            for waiting, arrived in topic.waiting(subscriptions[topic]):
                 catch_up(waiting)
+                # What goes on arriving has its turn later: a slow topic must not starve a fast one.
+                if arrived > awake:
+                    break
                 count += 1
             found(count)
         answer(message)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -75,7 +76,7 @@ class Topic:
     ) -> Subscription:
         """Return a subscription on a node; raw callbacks get the serialised bytes.
 
-        `found` is told how many messages each wake-up served.
+        `found` is told how many messages waited at each wake-up.
 
         One wake-up serves every message that waits. An executor by itself takes one message of
         each topic per round: a reader in arrears would see a 1 kHz topic fall ever further
@@ -83,11 +84,13 @@ class Topic:
         """
 
         def serve(message: Any) -> None:
+            awake = time.time_ns()
             callback(message)
             count = 1
-            for waiting in self.waiting(subscription, raw=raw):
+            for waiting, arrived in self.waiting(subscription, raw=raw):
                 callback(waiting)
-                count += 1
+                # What arrives while others are served did not wait for the node to wake up.
+                count += arrived <= awake
             if found is not None:
                 found(count)
 
@@ -102,14 +105,21 @@ class Topic:
         )
         return subscription
 
-    def waiting(self, subscription: Subscription, *, raw: bool = False) -> Iterator[Any]:
-        """Take the messages that have arrived on a subscription of this topic, `depth` at most."""
+    def waiting(
+        self, subscription: Subscription, *, raw: bool = False
+    ) -> Iterator[tuple[Any, int]]:
+        """Take the messages that have arrived on a subscription of this topic, `depth` at most.
+
+        Yields:
+            The message, and when it arrived by the clock of the system [ns].
+        """
         for _ in range(self.depth):
             with subscription.handle:
                 taken = subscription.handle.take_message(self.type, raw)
             if taken is None:
                 return
-            yield taken[0]
+            message, information = taken
+            yield message, information["received_timestamp"]
 
     def advertise(self, node: Node) -> Publisher:
         """Return a plain publisher on a node that is not managed."""
