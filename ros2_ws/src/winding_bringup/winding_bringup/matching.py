@@ -6,7 +6,7 @@ import asyncio
 import time
 from collections.abc import Collection
 
-from rclpy.qos import QoSCompatibility, qos_check_compatible
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from cable_winding.intake import UNKNOWN_NODE
 from cable_winding.ros import topics
@@ -86,6 +86,15 @@ def outsiders(client: RosClient, topic: Topic, own: Collection[str]) -> int:
     return sum(
         found.node_name != UNKNOWN_NODE
         and (found.node_namespace.rstrip("/") != namespace or found.node_name not in own)
-        and qos_check_compatible(topic.qos, found.qos_profile)[0] is not QoSCompatibility.ERROR
+        and _reaches(topic, found.qos_profile)
         for found in node.get_subscriptions_info_by_topic(node.resolve_topic_name(topic.name))
     )
+
+
+def _reaches(topic: Topic, subscriber: QoSProfile) -> bool:
+    """Return whether a subscriber can match a topic's publisher, which is reliable.
+
+    The graph reports a deadline of eternity as one that the publisher does not keep, so rclpy's
+    own comparison is of no use here.
+    """
+    return topic.latched or subscriber.durability != DurabilityPolicy.TRANSIENT_LOCAL
