@@ -13,7 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["setuptools"],
+    install_requires=["setuptools", "numba"],
     zip_safe=False,
     description="Shared language of the twin: geometry, cases, tables, markers, topics, messages.",
     license="Apache-2.0",

@@ -13,7 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "numba", "rosbags"],
+    install_requires=["setuptools", "rosbags"],
     zip_safe=False,
     description="Finds the cable's yellow markers in camera frames and follows them over turns.",
     license="Apache-2.0",

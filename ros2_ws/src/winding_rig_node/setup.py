@@ -13,7 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "numba"],
+    install_requires=["setuptools"],
     zip_safe=False,
     description="Simulated winding machine: drives, encoders, load cell, cable lay and camera.",
     license="Apache-2.0",

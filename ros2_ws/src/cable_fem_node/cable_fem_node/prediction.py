@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cable_fem_node.energy import EnergyLedger
 from cable_fem_node.failure import EnergyBalanceError
+from cable_fem_node.followed_run import follow, refuse_length
 from cable_fem_node.rod_winding import RodWinding
 from cable_fem_node.winding_config import WindingConfig
 from cable_winding.drive import PAPER_DURATION, DriveProfile
@@ -21,7 +22,7 @@ FloatArray = NDArray[np.float64]
 
 FULL_TURN = 2.0 * math.pi
 
-# The issue's limit on energy that the ledger cannot explain.
+# Energy that the ledger cannot explain, of what went in.
 BALANCE_LIMIT_PCT = 1.0
 
 
@@ -126,27 +127,11 @@ def predict(
         ValueError: Duration or rate is not positive.
     """
     drive = DriveProfile() if drive is None else drive
-    for name, value in (("duration", duration), ("rate", rate)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} must be positive and finite, got {value}")
+    refuse_length(duration, rate)
     refuse_overlap(config, drive)
     model = RodWinding(config)
     model.compile()
-    frames = max(1, math.ceil(duration * rate - 1.0e-9))
-    times = duration * np.arange(frames + 1) / frames
-    history = np.empty((frames + 1, config.case.marker_count + 1), dtype=model.markers().dtype)
-    history[0] = model.markers()
-    started = cpu_clock()
-    for i, t in enumerate(times[1:].tolist(), start=1):
-        angle, guide = drive.positions(t)
-        speed, feed = drive.speeds(t)
-        model.advance_to(
-            t, cylinder_angle=angle, angular_speed=speed, guide_z=guide, feed_speed=feed
-        )
-        history[i] = model.markers()
-        if progress is not None:
-            progress(i / frames)
-    used = cpu_clock() - started
+    run = follow(model, drive, duration, progress, rate=rate, cpu_clock=cpu_clock)
     energy = model.energy
     refuse_open_balance(energy, duration)
     arc, theta, z = model.wound_path()
@@ -156,8 +141,8 @@ def predict(
     return Prediction(
         config=config,
         drive=drive,
-        times=times,
-        history=history,
+        times=run.times,
+        history=run.history,
         arc=arc,
         theta=theta,
         z=z,
@@ -166,7 +151,7 @@ def predict(
         stretch=float(wound.mean()) if wound.size else float(stretch[0]),
         stretch_closed_form=config.wound_stretch(span),
         span_stretch=config.uniaxial.stretch_at(span / config.case.section_area),
-        cpu_seconds=used,
+        cpu_seconds=run.cpu_seconds,
         element_steps=model.element_steps,
     )
 

@@ -161,6 +161,18 @@ def bend_end(
 
     The angle between the clamp and the element is half of the angle between two elements of
     the same circle, over half their length.
+
+    Args:
+        node: Of the clamp.
+        element: Beside it.
+        dx: Unit direction of the clamp; dy and dz alike, dimensionless.
+        dy: See dx.
+        dz: See dx.
+        reference: Reference length of the element [m].
+        bending: EI [N m^2].
+        tangent: Unit tangents, shape (3, elements).
+        cosine: cos(phi) at every node, shape (nodes,).
+        slope: dE/dcos(phi) at every node [J], shape (nodes,).
     """
     c = dx * tangent[0, element] + dy * tangent[1, element] + dz * tangent[2, element]
     cosine[node] = c

@@ -11,21 +11,9 @@ from numpy.typing import NDArray
 
 from cable_winding.drive import DriveProfile
 from cable_winding.readings import AxisReading
+from cable_winding.run_inputs import INPUT_DTYPE
 
-# Time since the start [s], both axes as in AxisReading, span tension [N] (nan: the model's own).
-INPUT_DTYPE = np.dtype(
-    [
-        (name, "<f8")
-        for name in (
-            "t",
-            "cylinder_angle",
-            "angular_speed",
-            "carriage_position",
-            "feed_speed",
-            "tension",
-        )
-    ]
-)
+# Shape (n,) of INPUT_DTYPE; t since the start of the run, a tension of nan is the model's own.
 Inputs = NDArray[np.void]
 
 

@@ -21,7 +21,7 @@ LINEAR, HENCKY, HENCKY_CAUCHY, HYPERELASTIC = range(4)
 
 @kernel
 def cofactor(f: FloatArray, out: FloatArray) -> float:
-    """Fill the cofactor matrix of f; return its determinant."""
+    """Fill the cofactor matrix of f, both of shape (3, 3); return its determinant."""
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         out[i, 0] = f[j, 1] * f[k, 2] - f[j, 2] * f[k, 1]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cable_fem_node.energy import EnergyLedger
 from cable_fem_node.failure import DivergenceError
+from cable_fem_node.followed_run import follow, refuse_length
 from cable_fem_node.points import (
     LEDGER_SIZE,
     LOSS_CONTACT,
@@ -285,26 +286,10 @@ def predict_solid(
         ValueError: Duration [s] or rate [Hz] is not positive and finite.
     """
     drive = DriveProfile() if drive is None else drive
-    for name, value in (("duration", duration), ("rate", rate)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} must be positive and finite, got {value}")
+    refuse_length(duration, rate)
     refuse_overlap(config, drive)
     model = SolidWinding(config, drive.positions(duration)[0])
-    frames = max(1, math.ceil(duration * rate - 1.0e-9))
-    times = duration * np.arange(frames + 1) / frames
-    history = np.empty((frames + 1, config.case.marker_count + 1), dtype=model.markers().dtype)
-    history[0] = model.markers()
-    started = cpu_clock()
-    for i, t in enumerate(times[1:].tolist(), start=1):
-        angle, guide = drive.positions(t)
-        speed, feed = drive.speeds(t)
-        model.advance_to(
-            t, cylinder_angle=angle, angular_speed=speed, guide_z=guide, feed_speed=feed
-        )
-        history[i] = model.markers()
-        if progress is not None:
-            progress(i / frames)
-    used = cpu_clock() - started
+    run = follow(model, drive, duration, progress, rate=rate, cpu_clock=cpu_clock)
     energy = model.energy
     refuse_open_balance(energy, duration)
     arc, theta, z = model.path()
@@ -313,8 +298,8 @@ def predict_solid(
     return Prediction(
         config=config,
         drive=drive,
-        times=times,
-        history=history,
+        times=run.times,
+        history=run.history,
         arc=arc,
         theta=theta,
         z=z,
@@ -323,6 +308,6 @@ def predict_solid(
         stretch=float(cable["strain"][1 : max(2, arc.size)].mean() + 1.0),
         stretch_closed_form=config.wound_stretch(weight),
         span_stretch=config.uniaxial.stretch_at(weight / config.case.section_area),
-        cpu_seconds=used,
+        cpu_seconds=run.cpu_seconds,
         element_steps=model.element_steps,
     )

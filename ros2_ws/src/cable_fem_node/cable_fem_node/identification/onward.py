@@ -8,9 +8,10 @@ from collections.abc import Callable
 import numpy as np
 
 from cable_fem_node.rod_winding import RodWinding
-from cable_fem_node.run_history import INPUT_DTYPE, Inputs, planned_inputs, replay
+from cable_fem_node.run_history import Inputs, planned_inputs, replay
 from cable_winding.drive import DriveProfile
 from cable_winding.markers import Markers
+from cable_winding.run_inputs import INPUT_DTYPE
 
 
 def planned_rest(inputs: Inputs, drive: DriveProfile, duration: float) -> Inputs:

@@ -87,6 +87,10 @@ class Search:
     def run(self, start: FloatArray, scatter: float) -> None:
         """Search from parameters until a step is small against the standard error.
 
+        Args:
+            start: Parameters to begin with, shape (p,).
+            scatter: Relative standard deviation of each marker by itself.
+
         Raises:
             IdentificationError: The markers do not tell the parameters, or the search does not
                 come to rest.
