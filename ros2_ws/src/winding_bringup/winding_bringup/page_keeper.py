@@ -23,7 +23,8 @@ from winding_bringup.ros_client import RosClient
 # First starts import NiceGUI on a busy machine.
 _START_TIMEOUT = 120.0
 _POLL = 0.1
-_STALLS = 2
+# Twelve seconds without a sign of life: a busy machine is late, and nothing depends on the page.
+_STALLS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +75,7 @@ class PageKeeper:
         self._clock = clock
         self._backoff = Backoff()
         self._misses = 0
+        self._heard = False
         self._hung: asyncio.Queue[str] = asyncio.Queue()
         self._process = self._new()
 
@@ -117,7 +119,7 @@ class PageKeeper:
             await asyncio.sleep(wait)
             self._note("restarting", PAGE.policy.value)
             self._process = self._new()
-            self._misses = 0
+            self._misses, self._heard = 0, False
             self._hung = asyncio.Queue()
             await self._process.start()
             self._note("restarted", "it is served again" if await self._comes() else "it ended")
@@ -193,7 +195,10 @@ class PageKeeper:
 
     def _note_sign(self, sign: Sign) -> None:
         if sign is Sign.ALIVE:
-            self._misses = 0
+            self._misses, self._heard = 0, True
+        elif not self._heard:
+            # What is missed is its predecessor's; a page says nothing before it is served.
+            return
         elif sign is Sign.STALLED:
             self._misses += 1
             if self._misses >= _STALLS:

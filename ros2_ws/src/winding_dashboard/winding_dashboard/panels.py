@@ -28,7 +28,7 @@ _LEVELS = {
 
 
 def number(value: float, digits: int, scale: float = 1.0, sign: bool = False) -> str:
-    """Return scale x value with a number of decimals; a dash for nan."""
+    """Return value times a unit's scale with a number of decimals; a dash for nan."""
     if not math.isfinite(value):
         return _DASH
     # Minus zero is noise.

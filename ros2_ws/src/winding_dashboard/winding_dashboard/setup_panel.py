@@ -48,7 +48,7 @@ class SetupPanel:
                     for item in OWN_VALUES
                 }
             self._form.bind_visibility_from(self._case, "value", value=_OWN)
-            self._take_up = ui.checkbox("Go on with the modulus that the markers tell").props(
+            self._take_up = ui.checkbox("Go on with the identified modulus").props(
                 "dense"
             )
             with ui.element("div").classes("row"):

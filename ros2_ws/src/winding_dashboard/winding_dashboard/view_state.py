@@ -132,7 +132,7 @@ class ViewState:
         self._tracked_time, self.tracked = t, markers
 
     def note_cable(self, t: float, cable: NDArray[np.void]) -> None:
-        """Take the predicted cable."""
+        """Take the predicted cable, records of CABLE_DTYPE, of time t [s]."""
         self._cable_time, self.cable = t, cable
 
     def note_votes(self, votes: Mapping[int, float]) -> None:
