@@ -106,6 +106,7 @@ def test_vitals_give_rates_latency_and_lost_frames() -> None:
     vitals.look(0.0, {})
     frames = [k * 5_000_000 for k in range(200) if k not in (50, 51, 120)]
     taped(tape, topics.CAMERA_INFO, [(stamp, stamp) for stamp in frames])
+    taped(tape, topics.JOINT_STATES, [(stamp, stamp) for stamp in frames])
     # Every fourth frame has its corrected length 8 ms later.
     taped(tape, topics.CORRECTED_MARKERS, [(t, t + 8_000_000) for t in frames[::4]])
     level, sentence, values = vitals.look(1.0, {})

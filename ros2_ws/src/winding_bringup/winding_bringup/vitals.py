@@ -61,9 +61,15 @@ class Vitals:
         return messages.newest(messages.taken - self._seen[topic.name] + overlap)
 
     def _latency(self) -> dict[str, str]:
-        """Return median and 99th percentile of the wall time from frame to corrected length."""
-        # A corrected length may follow a frame of before the last look.
-        sent = {frame.stamp_ns: frame.sent_ns for frame in self._fresh(topics.CAMERA_INFO, 200)}
+        """Return median and 99th percentile of the wall time from a frame's instant to its length.
+
+        The instant is that of the encoder sample with the same stamp: a corrected length does not
+        wait for its picture, which may come later.
+        """
+        # A corrected length may follow an instant of before the last look.
+        sent = {
+            sample.stamp_ns: sample.sent_ns for sample in self._fresh(topics.JOINT_STATES, 1000)
+        }
         waits = [
             1.0e-6 * (length.received_ns - sent[length.stamp_ns])
             for length in self._fresh(topics.CORRECTED_MARKERS)
