@@ -164,6 +164,22 @@ def test_every_number_has_a_unit_or_a_shape(path: Path) -> None:
     assert missing == []
 
 
+@pytest.mark.parametrize(
+    "path", [path for path in FILES if path.parent.name != "commands"], ids=identifier
+)
+def test_two_numbers_are_told_apart(path: Path) -> None:
+    """A function of two numbers or more says a unit or a shape; commands have them in names."""
+    missing = [
+        name
+        for name, node in members(ast.parse(path.read_text(encoding="utf-8")).body)
+        if isinstance(node, Function)
+        and not decorated(node, "overload")
+        and len(numbers_of(node)) > 1
+        and not SAYS_UNIT.search(ast.get_docstring(node) or "")
+    ]
+    assert missing == []
+
+
 def commands(command: Any, name: str = "winding") -> Iterator[tuple[str, Any]]:
     """Yield every command of the command line with its full name."""
     if hasattr(command, "commands"):

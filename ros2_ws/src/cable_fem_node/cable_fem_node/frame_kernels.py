@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 def transport(
     ax: float, ay: float, az: float, bx: float, by: float, bz: float, v: FloatArray
 ) -> None:
-    """Parallel transport the vector v, shape (3,), from unit tangent a to unit tangent b, in place."""
+    """Parallel transport v, shape (3,), from unit tangent a to unit tangent b, in place."""
     cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     dot = ax * bx + ay * by + az * bz
     along = (cx * v[0] + cy * v[1] + cz * v[2]) / (1.0 + dot)

@@ -35,7 +35,10 @@ def cofactor(f: FloatArray, out: FloatArray) -> float:
 def hyperelastic(
     f: FloatArray, cof: FloatArray, j: float, c10: float, c01: float, bulk: float, p: FloatArray
 ) -> float:
-    """Fill P of Mooney-Rivlin (Neo-Hookean with C01 = 0); return the energy density."""
+    """Fill P [Pa] of Mooney-Rivlin (Neo-Hookean with C01 = 0); return the energy density [J/m^3].
+
+    f, its cofactor and p have the shape (3, 3), j = det f; c10, c01 and bulk in [Pa].
+    """
     i1 = 0.0
     for a in range(3):
         for b in range(3):
@@ -74,7 +77,9 @@ def hyperelastic(
 def biot(
     f: FloatArray, j: float, shear: float, lame: float, c: FloatArray, u: FloatArray, p: FloatArray
 ) -> float:
-    """Fill P of the linear law on Biot strain; return the energy density.
+    """Fill P [Pa] of the linear law on Biot strain; return the energy density [J/m^3].
+
+    f, p and the scratch c, u have the shape (3, 3), j = det f; shear and lame in [Pa].
 
     The polar rotation comes from the invariants of U = sqrt(F^T F) (Hoger and Carlson 1984).
     """
@@ -126,7 +131,10 @@ def logarithmic(
     vectors: FloatArray,
     p: FloatArray,
 ) -> float:
-    """Fill P of a Hencky law by Jacobi's eigenvalues of F^T F; return the energy density."""
+    """Fill P [Pa] of a Hencky law by Jacobi's eigenvalues of F^T F; return the energy [J/m^3].
+
+    f, p and the scratch c, vectors have the shape (3, 3), j = det f; shear and lame in [Pa].
+    """
     for a in range(3):
         for b in range(3):
             c[a, b] = f[0, a] * f[0, b] + f[1, a] * f[1, b] + f[2, a] * f[2, b]

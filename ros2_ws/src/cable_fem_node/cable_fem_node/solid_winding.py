@@ -136,6 +136,13 @@ class SolidWinding:
     ) -> None:
         """Advance to a time at which the machine stands and moves as given.
 
+        Args:
+            t: [s], not before the last one.
+            cylinder_angle: Theta [rad].
+            angular_speed: [rad/s].
+            guide_z: [m].
+            feed_speed: [m/s].
+
         Raises:
             DivergenceError: An element turned inside out, or the cable has run out.
             ValueError: Time runs backwards or is not finite.

@@ -57,7 +57,7 @@ def curve_length(radius: float, theta: FloatOrArray, z: FloatOrArray) -> FloatOr
 
 
 def like(example: FloatOrArray, values: NDArray[np.float64]) -> FloatOrArray:
-    """Return values as an array for an array example, as a float for a scalar one."""
+    """Return values of any unit as an array for an array example, as a float for a scalar one."""
     if isinstance(example, np.ndarray):
         return values
     return float(values)

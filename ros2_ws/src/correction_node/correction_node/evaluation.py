@@ -63,7 +63,7 @@ def hold_out(cells: Sequence[LengthCell], models: Sequence[Model]) -> Array:
 
 
 def score(cells: Sequence[LengthCell], in_sample: Array, held_out: Array) -> Score:
-    """Return the errors of h by cell: learned from all cells, and with each case left out."""
+    """Return the errors of h (cells,): learned from all cells, and with each case left out."""
     left_out = cell_errors_pct(cells, held_out)
     cases = case_numbers(cells)
     return Score(

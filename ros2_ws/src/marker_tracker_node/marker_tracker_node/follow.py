@@ -49,7 +49,7 @@ def share_between(gates: FloatArray, first: int, second: int) -> bool:  # pragma
 def in_picture(
     view: FloatArray, config: FloatArray, gate: FloatArray, rows: int, columns: int
 ) -> int:  # pragma: no cover
-    """Return OUT_OF_SIGHT, CLIPPED or HIDDEN (nothing found yet) for a gate."""
+    """Return OUT_OF_SIGHT, CLIPPED or HIDDEN (nothing found yet) for a gate; see `GATE_SIZE`."""
     margin = config[ALONG] * view[12] / (abs(view[9]) * view[23]) - 1.0
     partly, wholly = gate_leaves_image(gate, margin, rows, columns)
     if wholly:

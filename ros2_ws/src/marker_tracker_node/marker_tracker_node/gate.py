@@ -21,7 +21,7 @@ GATE_SIZE = 9
 def strip(
     slope: float, offset: float, low: float, high: float
 ) -> tuple[float, float]:  # pragma: no cover
-    """Return between which x a straight line slope x + offset stays within limits."""
+    """Return between which x [pixels] a straight line slope x + offset stays within limits."""
     if abs(slope) < 1.0e-9:
         return (-math.inf, math.inf) if low <= offset <= high else (math.inf, -math.inf)
     first, second = (low - offset) / slope, (high - offset) / slope
@@ -75,7 +75,7 @@ def gate_moments(
 def gate_leaves_image(
     gate: FloatArray, margin: float, rows: int, columns: int
 ) -> tuple[bool, bool]:  # pragma: no cover
-    """Return whether a gate without its margin leaves the image, and whether it does so wholly."""
+    """Return whether a gate without its margin [pixels] leaves the image, and whether wholly."""
     half = max(gate[4] - margin, gate[8] - margin, 0.0)
     span = max(max(-gate[5], gate[6]) - margin, 0.0)
     width = half * abs(gate[2]) + span * abs(gate[3])

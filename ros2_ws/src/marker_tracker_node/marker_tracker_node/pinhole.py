@@ -183,7 +183,7 @@ def plane_of_point(
 
 @compiled
 def pixel_of_plane(view: FloatArray, a: float, b: float) -> tuple[float, float]:  # pragma: no cover
-    """Return column and row in the image of undistorted plane coordinates."""
+    """Return column and row [pixels] in the image of undistorted plane coordinates."""
     k1, k2, p1, p2, k3 = view[16], view[17], view[18], view[19], view[20]
     q = a * a + b * b
     radial = 1.0 + k1 * q + k2 * q * q + k3 * q * q * q

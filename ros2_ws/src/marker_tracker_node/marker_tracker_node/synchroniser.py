@@ -50,7 +50,7 @@ class Synchroniser:
             self._readings.append((t, reading.cylinder_angle, reading.carriage_position))
 
     def add_frame(self, t: float, frame: NDArray[np.uint8]) -> None:
-        """Take a frame."""
+        """Take a frame, shape (height, width, 3), of time t [s]."""
         self._frames.append((t, frame))
         self._newest_frame = max(self._newest_frame, t)
 

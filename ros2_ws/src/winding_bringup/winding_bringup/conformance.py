@@ -180,5 +180,5 @@ def stands(value: tuple[float, ...], running: tuple[float, float]) -> bool:
 
 
 def runs(value: tuple[float, ...], running: tuple[float, float]) -> bool:
-    """Return whether both axes wind at half their running speed or more."""
+    """Return whether both axes wind at half their running speed [rad/s, m/s] or more."""
     return value[1] >= 0.5 * running[0] and value[3] >= 0.5 * running[1]

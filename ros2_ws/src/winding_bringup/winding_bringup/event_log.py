@@ -50,7 +50,7 @@ class EventLog:
     def note(
         self, what: str, node: str, text: str, *, t: float, wall: float | None = None
     ) -> Event:
-        """Add an event; its wall time is now unless it is given."""
+        """Add an event of simulated time t [s]; its wall time [s] is now unless it is given."""
         event = Event(
             wall=self.clock() if wall is None else wall, t=t, what=what, node=node, text=text
         )

@@ -96,7 +96,7 @@ class Plausibility:
         self._since.clear()
 
     def position(self, axis: int, t: float, value: float | None) -> float | None:
-        """Return an encoder's position if it can be, else None."""
+        """Return an encoder's position [rad or m] at time t [s] if it can be, else None."""
         limits = self.config.axes[axis]
         if value is None:
             return None

@@ -81,7 +81,7 @@ def speeds_picture(record: Speeds) -> Picture:
 
 
 def tracking(measured: Signal, target: float, ramp_time: float) -> str:
-    """Return how closely a speed is held after the ramp, in words."""
+    """Return how closely a speed [rad/s or m/s] is held after the ramp [s], in words."""
     held = measured.value[measured.t >= ramp_time]
     if len(held) == 0 or target == 0.0:
         return "an unknown amount"

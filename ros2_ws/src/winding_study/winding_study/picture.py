@@ -119,7 +119,7 @@ def picture(figure: Figure, title: str, caption: str) -> Picture:
 def thinned(
     t: NDArray[np.float64], value: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a signal with the smallest and largest sample of each stretch, no peak lost."""
+    """Return a signal, shape (n,), with the smallest and largest sample of each stretch."""
     if len(t) <= MOST_POINTS:
         return t, value
     parts = np.array_split(np.arange(len(t)), MOST_POINTS // 2)
@@ -136,7 +136,7 @@ def thinned(
 def broken(
     t: NDArray[np.float64], value: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a thinned signal with NaN in its gaps, so that no line is drawn across them."""
+    """Return a thinned signal, shape (n,), with NaN in its gaps, so that no line crosses them."""
     if len(t) < 3:
         return t, value
     intervals = np.diff(t)

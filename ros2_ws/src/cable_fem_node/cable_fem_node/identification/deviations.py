@@ -38,7 +38,7 @@ def axial_covariance(runs: Sequence[TrackedRun], model_z: float) -> FloatArray:
 
 
 def chi_square(left: FloatArray, covariance: FloatArray) -> float:
-    """Return the generalised sum of squares of residuals, shape (m,), with covariance, shape (m, m)."""
+    """Return the generalised sum of squares of residuals (m,) with covariance (m, m)."""
     return float(left @ np.linalg.solve(covariance, left))
 
 

@@ -66,7 +66,7 @@ def stretched_string() -> Values:
 
 
 def elastica(density: float = 1337.0, alphas: tuple[float, ...] = (0.5, 2.0, 5.0)) -> Values:
-    """B07: cantilever with a dead transverse tip load alpha EI / L^2."""
+    """B07: cantilever, density [kg/m^3], with a dead transverse tip load alpha EI / L^2."""
     section = RodSection(diameter=4.0e-3, density=density)
     length = 0.1
     values: Values = {}

@@ -75,7 +75,7 @@ class Outputs:
             self._publish(topics.CAMERA_INFO, message)
 
     def image(self, t: float, frame: NDArray[np.uint8]) -> None:
-        """Publish a frame."""
+        """Publish a frame, shape (height, width, 3), of time t [s]."""
         for stamp, values in self._through(topics.IMAGE, t, lambda: frame):
             said = frame if values is None else np.asarray(values, dtype=np.uint8)
             self._publish(topics.IMAGE, encode_image(stamp, said))
