@@ -1,6 +1,7 @@
 """What made-up inputs have found, each once and plainly."""
 
 import math
+import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,10 @@ from cable_winding.yaml_text import YamlTextError, load_yaml
 from correction_node.dataset import parse_lengths
 from marker_tracker_node.calibration import CalibrationError, read_camera
 from marker_tracker_node.recordings import RecordingError, folder_frames, read_motion
+from winding_bringup.bags.contents import contents
+from winding_bringup.bags.failure import BagError
+from winding_bringup.bags.recover import recover
+from winding_bringup.bags.tables import export
 from winding_bringup.commands.identify_sources import SourceError, read_readings
 from winding_bringup.parameter_files import parameters_for
 from winding_rig_node.parameters import RigParameters
@@ -137,3 +142,31 @@ def test_lengths_of_another_csv_error() -> None:
 def test_a_damaged_file_of_inputs_raised_what_it_liked(tmp_path: Path, content: bytes) -> None:
     with pytest.raises(RunInputsError, match="holds no inputs of a run"):
         RunInputs.read(given(tmp_path, content))
+
+
+@pytest.mark.parametrize("name", [None, 7, "/a\x00b"])
+def test_a_database_named_a_topic_by_anything(tmp_path: Path, name: Any) -> None:
+    file = tmp_path / "bag_0.db3"
+    connection = sqlite3.connect(file)
+    connection.executescript(
+        "CREATE TABLE schema(schema_version, ros_distro);"
+        "CREATE TABLE topics(id, name, type, serialization_format, offered_qos_profiles,"
+        " type_description_hash);"
+        "CREATE TABLE message_definitions(id, topic_type, encoding, encoded_message_definition,"
+        " type_description_hash);"
+        "CREATE TABLE messages(id, topic_id, timestamp, data);"
+        "INSERT INTO schema VALUES (4, 'jazzy');"
+        "INSERT INTO messages VALUES (1, 1, -5, 99999999999);"
+    )
+    connection.execute(
+        "INSERT INTO topics VALUES (1, ?, 'std_msgs/msg/Header', 'cdr', '', '')", (name,)
+    )
+    connection.commit()
+    connection.close()
+    with pytest.raises(BagError):
+        contents(file)
+    with pytest.raises(BagError):
+        export(file, tmp_path / "tables", "csv")
+    if not isinstance(name, str):
+        with pytest.raises(BagError, match="topic 1 has no name or no type"):
+            recover(file, tmp_path / "out")

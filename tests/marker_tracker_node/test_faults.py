@@ -155,3 +155,15 @@ def test_an_impossible_configuration_is_refused(changes):
     fields = {"cylinder_radius": 0.015, "cable_radius": 0.002, "marker_spacing": 0.1}
     with pytest.raises(ValueError, match="must"):
         TrackerConfig(**{**fields, **changes})
+
+
+def test_an_encoder_beyond_any_machine_counts_as_missing(paper_film):
+    """The search goes through every lap up to the present angle, and hung."""
+    film = paper_film(4)
+    tracker = film.tracker()
+    frame = film.frame_at(0.0)
+    tracker.track(frame, 0.0, 0.0)
+    for k, angle in enumerate((1e300, -1e12, 3e9), start=1):
+        markers = tracker.track(frame, 0.005 * k, angle, -1e300)
+        assert np.isfinite(markers["theta"][0])
+        assert tracker.report().encoder_lost

@@ -66,3 +66,12 @@ def test_frame_before_the_first_reading_goes_without() -> None:
     pairing.add_frame(0.5, FRAME)
     (pair,) = pairing.ready()
     assert pair.cylinder_angle is None
+
+
+def test_an_encoder_without_a_camera_fills_no_memory() -> None:
+    pairing = Synchroniser()
+    for sample in range(10_000):
+        pairing.add_reading(sample * 1e-3, reading(0.0))
+    assert len(pairing._readings) < 5000
+    pairing.add_frame(9.9985, FRAME)
+    assert [pair.guide_z for pair in pairing.ready()] == [0.0]

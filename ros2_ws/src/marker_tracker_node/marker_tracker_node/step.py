@@ -78,6 +78,9 @@ SHIFT_SHARE = 0.02
 ENCODER_TRUST = 0.2
 JUMP_THETA = 0.12
 JUMP_HEIGHT = 1.5e-3
+# Bounds of what is expected of a cylinder whose encoder is out [rad/s, s].
+FASTEST = 100.0
+LONGEST_GUESS = 10.0
 LOCK_GAIN = 0.5
 REAIM = 0.4
 
@@ -100,7 +103,7 @@ def cylinder_angle(
         shared[BLIND] = 0.0 if math.isfinite(encoder) else 1.0
         return encoder if math.isfinite(encoder) else 0.0
     passed = t - shared[TIME]
-    expected = shared[ANGLE] + shared[RATE] * passed
+    expected = shared[ANGLE] + shared[RATE] * min(passed, LONGEST_GUESS)
     if not math.isfinite(encoder):
         shared[BLIND] = 1.0
         return float(expected)
@@ -108,7 +111,8 @@ def cylinder_angle(
     shared[WRAPS] += lost
     angle = encoder + shared[WRAPS]
     if shared[BLIND] == 0.0:
-        shared[RATE] += 0.3 * ((angle - shared[ANGLE]) / passed - shared[RATE])
+        rate = shared[RATE] + 0.3 * ((angle - shared[ANGLE]) / passed - shared[RATE])
+        shared[RATE] = min(max(rate, -FASTEST), FASTEST)
     shared[BLIND] = 0.0
     return float(angle)
 

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from cable_winding.readings import AxisReading
 
+# Four seconds of a 1 kHz encoder: without a camera nobody asks for what came before.
+_MOST_READINGS = 4096
+
 
 @dataclass(frozen=True, kw_only=True)
 class PairedFrame:
@@ -40,7 +43,7 @@ class Synchroniser:
     def __init__(self, max_gap: float = 0.02, patience: float = 0.1) -> None:
         self._max_gap = max_gap
         self._patience = patience
-        self._readings: deque[tuple[float, float, float]] = deque()
+        self._readings: deque[tuple[float, float, float]] = deque(maxlen=_MOST_READINGS)
         self._frames: deque[tuple[float, NDArray[np.uint8]]] = deque()
         self._newest_frame = -np.inf
 

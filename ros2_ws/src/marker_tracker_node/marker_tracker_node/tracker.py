@@ -116,13 +116,16 @@ class Tracker:
         if fault is not None:
             self._rejected[fault] += 1
             return self._records(np.empty((0, OUTPUT_SIZE)), 0.0)
-        angle = _number(cylinder_angle)
+        angle = _believed(cylinder_angle, _MOST_ANGLE)
         if self.colour is None:
             self._learn(frame, angle)
         if not self._zeroed:
             self._zero(frame, angle)
         out, _ = self._advance(
-            np.asarray(frame)[None], np.array([t]), np.array([angle]), np.array([_number(guide_z)])
+            np.asarray(frame)[None],
+            np.array([t]),
+            np.array([angle]),
+            np.array([_believed(guide_z, _MOST_GUIDE)]),
         )
         return self._records(out[0], float(self.state.shared[ANGLE]))
 
@@ -320,5 +323,10 @@ class Tracker:
 _NO_COLOUR = np.zeros(32**3, dtype=np.uint8)
 
 
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
+# No machine comes so far [rad, m]; the search looks at every lap up to the present angle.
+_MOST_ANGLE, _MOST_GUIDE = 1.0e5, 100.0
+
+
+def _believed(value: float | None, most: float) -> float:
+    """Return a reading, or nan where there is none that a machine could give."""
+    return float(value) if value is not None and abs(value) <= most else math.nan

@@ -39,6 +39,10 @@ def opened(path: Path) -> Iterator[AnyReader]:
         # The reader has no closed list of what it raises on damaged bytes.
         raise BagError(f"cannot read {path}: {reason(error)}") from error
     try:
+        for link in reader.connections:
+            # A database has a value of any type in any column.
+            if not (isinstance(link.topic, str) and link.topic.isprintable()):
+                raise BagError(f"cannot read {path}: {link.topic!r} is no topic")
         yield reader
     finally:
         reader.close()
@@ -60,6 +64,8 @@ def messages_of(reader: AnyReader, links: Sequence[Any]) -> Iterator[tuple[Any, 
             return
         except Exception as error:
             raise BagError(f"cannot read on: {reason(error)}") from error
+        if not isinstance(data, bytes | bytearray | memoryview):
+            raise BagError(f"cannot read on: a message of {link.topic} is no bytes")
         yield link, stamp, bytes(data)
 
 

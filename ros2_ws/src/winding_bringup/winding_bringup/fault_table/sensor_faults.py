@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cable_winding.ros import topics
@@ -14,6 +15,9 @@ _OWN_WITHIN = 0.4
 # A topic may be late for 2 s, on a busy machine, before it is called silent.
 _SILENCE_WITHIN = 2.8
 _LOSS = 0.2
+_RIG = "winding_rig (plausibility)"
+_FEM, _TRACKER, _READERS = "cable_fem (intake)", "marker_tracker (intake)", "readers (intake)"
+_STAMPS = "orchestrator (stamps)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,93 +27,103 @@ class SensorFault:
     Attributes:
         name: As the table calls it.
         text: For the parameter `inject_fault`.
-        said: What the end of the run has to say.
-        by: Who has to notice.
+        said: What the end of the run has to say, with who notices then; whichever of several
+            is the first.
         within: Bar of the detection [s].
     """
 
     name: str
     text: str
-    said: str
-    by: str = "winding_rig (plausibility)"
+    said: Mapping[str, str]
     within: float = _OWN_WITHIN
+
+    def noticed_by(self, sentence: str) -> str:
+        """Return who noticed, as the end of the run tells; nothing when it says something else."""
+        return next((by for said, by in self.said.items() if said in sentence), "")
 
 
 STOPPING = (
     SensorFault(
-        name="load cell drop-out", text="load_cell:off", said="load cell gives no valid reading"
+        name="load cell drop-out",
+        text="load_cell:off",
+        said={"load cell gives no valid reading": _RIG},
     ),
     SensorFault(
         name="NaN from the load cell",
         text="load_cell:garbage",
-        said="load cell gives no valid reading",
+        said={"load cell gives no valid reading": _RIG},
     ),
     SensorFault(
-        name="stuck load cell", text="load_cell:stuck", said="load cell is stuck", within=0.6
+        name="stuck load cell",
+        text="load_cell:stuck",
+        said={"load cell is stuck": _RIG},
+        within=0.6,
     ),
-    SensorFault(name="tension out of range", text="load_cell:wrong:10", said="tension is outside"),
     SensorFault(
-        name="stuck encoder", text="cylinder_encoder:stuck", said="cylinder encoder is stuck"
+        name="tension out of range",
+        text="load_cell:wrong:10",
+        said={
+            "tension is outside": _RIG,
+            "refused a message on rig/tension: tension must be at most": _FEM,
+        },
+        within=NOTICE_WITHIN,
+    ),
+    SensorFault(
+        name="stuck encoder",
+        text="cylinder_encoder:stuck",
+        said={"cylinder encoder is stuck": _RIG},
     ),
     SensorFault(
         name="reversed encoder",
         text="cylinder_encoder:wrong:-1",
-        said="cylinder encoder gives no valid reading",
+        said={"cylinder encoder gives no valid reading": _RIG},
     ),
     SensorFault(
         name="NaN on rig/tension",
         text="rig/tension:garbage",
-        said="cable_fem refused a message on rig/tension: tension must be finite",
-        by="cable_fem (intake)",
+        said={"cable_fem refused a message on rig/tension: tension must be finite": _FEM},
         within=NOTICE_WITHIN,
     ),
     SensorFault(
         name="rig/tension out of range",
         text="rig/tension:wrong:1e6",
-        said="cable_fem refused a message on rig/tension: tension must be at most",
-        by="cable_fem (intake)",
+        said={"cable_fem refused a message on rig/tension: tension must be at most": _FEM},
         within=NOTICE_WITHIN,
     ),
     SensorFault(
         name="garbage on rig/joint_states",
         text="rig/joint_states:garbage",
-        said="refused a message on rig/joint_states: joint state must be finite",
-        by="readers (intake)",
+        said={"refused a message on rig/joint_states: joint state must be finite": _READERS},
         within=NOTICE_WITHIN,
     ),
     SensorFault(
         name="speed over limit",
         text="rig/joint_states:wrong:10",
-        said="refused a message on rig/joint_states: cylinder must not be faster",
-        by="cable_fem (intake)",
+        said={"refused a message on rig/joint_states: cylinder must not be faster": _FEM},
         within=NOTICE_WITHIN,
     ),
     SensorFault(
         name="garbage on camera/camera_info",
         text="camera/camera_info:garbage",
-        said="refused a message on camera/camera_info",
-        by="marker_tracker (intake)",
+        said={"refused a message on camera/camera_info": _TRACKER},
         within=NOTICE_WITHIN,
     ),
     SensorFault(
         name="silent rig/tension",
         text="rig/tension:off",
-        said="rig/tension is silent",
-        by="orchestrator (stamps)",
+        said={"rig/tension is silent": _STAMPS},
         within=_SILENCE_WITHIN,
     ),
     SensorFault(
         name="silent camera",
         text="camera:off",
-        said="camera/camera_info is silent",
-        by="orchestrator (stamps)",
+        said={"camera/camera_info is silent": _STAMPS},
         within=_SILENCE_WITHIN,
     ),
     SensorFault(
         name="clock jump",
         text="/clock:wrong:2",
-        said="/clock says",
-        by="orchestrator (stamps)",
+        said={"/clock says": _STAMPS},
         within=_SILENCE_WITHIN,
     ),
 )
@@ -124,7 +138,8 @@ async def break_sensor(cell: FaultCell, fault: SensorFault) -> Outcome:
     sentence = refused or await cell.end_of_run()
     await cell.until(lambda: cell.stood(since=t), "standstill")
     began, stood = cell.stop_began(since=t), cell.stood(since=t)
-    if fault.by.startswith("orchestrator"):
+    by = fault.noticed_by(sentence)
+    if by == _STAMPS:
         detected = cell.log.find("detected", since=injected)
         assert detected is not None
         began = detected.wall
@@ -133,12 +148,12 @@ async def break_sensor(cell: FaultCell, fault: SensorFault) -> Outcome:
     return Outcome(
         fault=fault.name,
         injected_at=t,
-        detected_by=fault.by,
+        detected_by=by,
         detected_after=began - injected,
         detect_within=fault.within,
         stood_after=stood - began,
         outcome=f"the run ended: {sentence}",
-        survived=not refused and fault.said in sentence,
+        survived=not refused and bool(by),
         load=machine_load(),
     )
 
