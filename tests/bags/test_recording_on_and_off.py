@@ -124,13 +124,15 @@ def test_recording_again_and_time_that_goes_back_get_bags_of_their_own(
     desk.record(on=False)
     desk.record(on=True)
     desk.wind(1000, 1000)
-    # A machine that is built anew begins at zero.
+    # A machine that is built anew begins at zero; its prediction comes before it moves.
+    desk.predict()
     desk.wind(0, 50)
     desk.ros.spin_until(lambda: len(desk.recorder.bags.folders) == 3)
     desk.recorder.close()
     assert [counts(tmp_path / name)["rig/joint_states"] for name in ("bag", "bag-2", "bag-3")] == [
         1000, 1000, 50,
     ]  # fmt: skip
+    assert counts(tmp_path / "bag-3")["fem/prediction"] == 1
     for name in ("bag", "bag-2", "bag-3"):
         assert check(tmp_path / name).findings == []
 

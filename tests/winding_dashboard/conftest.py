@@ -218,6 +218,14 @@ CLIPPED = """
   }).map(item => item.innerText);
 })
 """
+WIDE = """
+() => [...document.querySelectorAll('body *')]
+  .filter(item => !item.closest('canvas, .scene, .nicegui-error-popup'))
+  .map(item => [item, item.getBoundingClientRect()])
+  .filter(([, box]) => box.width > 0 && box.right > document.documentElement.clientWidth + 1)
+  .map(([item, box]) => `${item.tagName}.${item.className} to ${Math.round(box.right)}`)
+  .slice(0, 8)
+"""
 # Cards and the header's parts may touch, not cover each other.
 OVERLAPPING = """
 () => {
@@ -276,12 +284,21 @@ class Tab:
         self.button(name).click()
         return float(self.page.evaluate("window.clicked")) / 1000.0
 
+    def shoot(self, folder: Path, name: str) -> None:
+        """Take pictures of what is seen first and of the whole page."""
+        # What sticks to the top would stand in the middle of the whole.
+        self.page.evaluate("window.scrollTo(0, 0)")
+        self.page.screenshot(path=folder / f"{name}.png")
+        self.page.screenshot(path=folder / f"{name}-whole.png", full_page=True)
+
     def misfits(self) -> list[str]:
         """Return what sticks out, is clipped or covers something else."""
         wide, room = self.page.evaluate(
             "[document.documentElement.scrollWidth, document.documentElement.clientWidth]"
         )
-        found = [f"the page is {wide} wide in {room}"] if wide > room else []
+        found = []
+        if wide > room:
+            found = [f"the page is {wide} wide in {room}", *self.page.evaluate(WIDE)]
         return found + self.page.evaluate(CLIPPED) + self.page.evaluate(OVERLAPPING)
 
     def strangers(self, url: str) -> list[str]:

@@ -107,8 +107,7 @@ def test_pictures_fit_the_desk_and_the_phone(
     for tab, name in ((desk, "desk"), (phone, "phone")):
         tab.phase("winding")
         tab.wait_for("document.querySelectorAll('.chart canvas').length === 4")
-        tab.page.screenshot(path=pictures / f"{name}.png")
-        tab.page.screenshot(path=pictures / f"{name}-whole.png", full_page=True)
+        tab.shoot(pictures, name)
         assert tab.misfits() == []
     assert phone.complaints == []
     assert phone.strangers(operated.url) == []

@@ -251,7 +251,7 @@ class Recorder:
             return
         self._last_ns = {topic.name: stamp}
         self._stored_ns.clear()
-        self.bags.forget()
+        self.bags.forget(stamp)
         self._answered_ns, self._newest_ns = -_ANSWER_PERIOD_NS, 0
         if self.bags.writer is None:
             return

@@ -48,9 +48,7 @@ class SetupPanel:
                     for item in OWN_VALUES
                 }
             self._form.bind_visibility_from(self._case, "value", value=_OWN)
-            self._take_up = ui.checkbox("Go on with the identified modulus").props(
-                "dense"
-            )
+            self._take_up = ui.checkbox("Go on with the identified modulus").props("dense")
             with ui.element("div").classes("row"):
                 self._button = ui.button("Prepare", on_click=self._ask).props(
                     "outline no-caps color=grey-9"

@@ -1,0 +1,264 @@
+"""`winding run --dashboard`, clicked through in a real browser, with a recording on and off."""
+
+import contextlib
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from winding_bringup.bags.check import check
+from winding_bringup.bags.contents import contents
+from winding_bringup.bags.notes import PARAMETERS
+from winding_bringup.bags.reading import read_notes
+from winding_bringup.event_log import read_events
+
+pytestmark = [
+    pytest.mark.processes,
+    pytest.mark.slow,
+    pytest.mark.timeout(900),
+    pytest.mark.xdist_group("processes"),
+]
+
+PATIENCE = 240.0
+NAMESPACE = "attended"
+# Slow, so that a run outlasts the operator on a busy machine.
+SPEED = 0.25
+FULL_SPEED = 1.74 * 0.97
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """The command in its folder."""
+
+    url: str
+    folder: Path
+    process: "subprocess.Popen[str]"
+
+    def page(self) -> psutil.Process | None:
+        """Return the page's present process."""
+        for child in psutil.Process(self.process.pid).children():
+            # One that was killed a moment ago has no command line any more.
+            with contextlib.suppress(psutil.NoSuchProcess):
+                if "winding_dashboard" in child.cmdline():
+                    return child
+        return None
+
+    def end(self) -> tuple[int, str]:
+        """Return exit code and output once the command has ended."""
+        said, _ = self.process.communicate(timeout=PATIENCE)
+        return self.process.returncode, said
+
+
+def until(reached: Callable[[], Any]) -> Any:
+    end = time.monotonic() + PATIENCE
+    while not (value := reached()):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    return value
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Iterator[Run]:
+    folder = tmp_path_factory.mktemp("operated") / "run"
+    port = serving.free_port()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "winding_bringup.cli", "run", "--case", "4", "--dashboard",
+         "--dashboard-port", str(port), "--namespace", NAMESPACE, "--output", str(folder),
+         "--duration-s", "60", "--speed", str(SPEED)],
+        stdout=subprocess.PIPE, text=True, env=serving.environment(),
+    )  # fmt: skip
+    try:
+        # Kernels may have to be compiled on a busy machine.
+        serving.wait_for_line(process, "operator's page: http://127.0.0.1:", 500.0)
+        yield Run(url=f"http://127.0.0.1:{port}/", folder=folder, process=process)
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            process.wait(PATIENCE)
+
+
+@pytest.fixture(scope="module")
+def motion(motion_of: Any) -> Any:
+    return motion_of(NAMESPACE)
+
+
+@pytest.fixture(scope="module")
+def desk(new_tab: Any, run: Run) -> Any:
+    return new_tab("desk", run.url)
+
+
+def setup(desk: Any) -> Any:
+    return desk.page.get_by_role("region", name="Next run")
+
+
+def recording(desk: Any) -> Any:
+    return desk.page.get_by_role("region", name="Recording")
+
+
+def test_machine_waits_for_its_operator(desk: Any, motion: Any) -> None:
+    desk.phase("idle")
+    desk.wait_for(
+        "[...document.querySelectorAll('header button')]"
+        ".find(b => b.innerText === 'Start').disabled === false"
+    )
+    assert motion.samples[-1][1] == 0.0
+
+
+def test_wrong_condition_is_refused_where_it_was_typed(desk: Any) -> None:
+    setup(desk).get_by_label("Case").click()
+    desk.page.get_by_role("option", name="own condition").click()
+    for label, value in (
+        ("Cylinder diameter, mm", "3000"),
+        ("Cable diameter, mm", "4"),
+        ("Weight, N", "3.5"),
+        ("Marker spacing, mm", "80"),
+    ):
+        setup(desk).get_by_label(label).fill(value)
+    setup(desk).get_by_role("button", name="Prepare").click()
+    setup(desk).get_by_text("cylinder diameter must be 5 to 500 mm, got 3000 mm").wait_for()
+
+
+def test_own_condition_is_prepared(desk: Any, pictures: Path) -> None:
+    setup(desk).get_by_label("Cylinder diameter, mm").fill("30")
+    desk.shoot(pictures, "own-condition")
+    assert desk.misfits() == []
+    setup(desk).get_by_role("button", name="Prepare").click()
+    desk.said("ready to wind a condition of your own")
+
+
+def test_recording_begins_before_the_run(desk: Any, run: Run) -> None:
+    recording(desk).get_by_role("button", name="Record", exact=True).click()
+    desk.said("recording into")
+    desk.page.locator(".recording").wait_for(state="visible")
+    assert (run.folder / "bag").is_dir()
+
+
+def test_start_winds(desk: Any, motion: Any) -> None:
+    desk.button("Start").click()
+    desk.phase("winding")
+    until(lambda: motion.samples[-1][1] > FULL_SPEED)
+    recording(desk).get_by_text(re.compile(r"into bag: [1-9][\d ]+ messages, [\d.]+ MB")).wait_for()
+
+
+def test_dead_page_comes_back_and_stops_nothing(desk: Any, run: Run, motion: Any) -> None:
+    before = until(run.page)
+    before.kill()
+    until(lambda: (page := run.page()) is not None and page.pid != before.pid)
+    until(lambda: read_events(run.folder / "events.jsonl")[-1].what == "restarted")
+    assert [event.what for event in read_events(run.folder / "events.jsonl")] == [
+        "detected", "restarting", "restarted",
+    ]  # fmt: skip
+    assert {event.node for event in read_events(run.folder / "events.jsonl")} == {"dashboard"}
+    # The browser complains of the connection that broke.
+    desk.page.goto(run.url)
+    desk.complaints.clear()
+    desk.phase("winding")
+    assert motion.samples[-1][1] > FULL_SPEED
+
+
+def end_recording(desk: Any) -> None:
+    """End the recording of a machine that winds."""
+    recording(desk).get_by_role("button", name="Stop recording").click()
+    dialog = desk.page.locator(".q-dialog")
+    dialog.get_by_text("Stop recording while the machine winds?").wait_for()
+    dialog.get_by_role("button", name="Stop recording").click()
+    desk.said("messages")
+    recording(desk).get_by_text("nothing is being recorded").wait_for()
+
+
+def test_ending_a_recording_asks_and_leaves_a_whole_bag(desk: Any, run: Run) -> None:
+    end_recording(desk)
+    desk.phase("winding")
+    assert check(run.folder / "bag").findings == []
+
+
+def test_recording_again_goes_into_another_bag(
+    desk: Any, run: Run, new_tab: Any, pictures: Path
+) -> None:
+    recording(desk).get_by_role("button", name="Record", exact=True).click()
+    recording(desk).get_by_text(re.compile("into bag-2: ")).wait_for()
+    phone = new_tab("phone", run.url)
+    for tab, name in ((desk, "desk"), (phone, "phone")):
+        tab.phase("winding")
+        tab.wait_for("document.querySelectorAll('.chart canvas').length === 4")
+        tab.page.locator(".recording").wait_for(state="visible")
+        tab.shoot(pictures, f"operated-{name}")
+        assert tab.misfits() == []
+        assert tab.complaints == []
+    phone.page.close()
+
+
+def test_stop_holds_and_start_resumes(desk: Any, motion: Any) -> None:
+    clicked = desk.click_time("Stop")
+    slowed = until(
+        lambda: [t for t, speed in tuple(motion.samples) if t > clicked and speed < FULL_SPEED]
+    )
+    # At a quarter of its speed the machine's ramp takes 0.1 s of this to leave full speed.
+    print(f"the cylinder slows {slowed[0] - clicked:.3f} s after the click on Stop")
+    desk.phase("idle")
+    desk.button("Start").click()
+    desk.phase("winding")
+    until(lambda: motion.samples[-1][1] > FULL_SPEED)
+
+
+def test_emergency_stop_and_reset_are_no_failures(desk: Any, run: Run, motion: Any) -> None:
+    end_recording(desk)
+    assert check(run.folder / "bag-2").findings == []
+    desk.button("EMERGENCY STOP").click()
+    desk.phase("emergency stop")
+    desk.button("Reset").click()
+    desk.page.locator(".q-dialog").get_by_role("button", name="Reset").click()
+    desk.said("start of a run")
+    desk.phase("idle")
+    desk.button("Start").click()
+    desk.phase("winding")
+    until(lambda: motion.samples[-1][1] > FULL_SPEED)
+    recording(desk).get_by_role("button", name="Record", exact=True).click()
+    recording(desk).get_by_text(re.compile("into bag-3: ")).wait_for()
+    assert {event.node for event in read_events(run.folder / "events.jsonl")} == {"dashboard"}
+
+
+def test_prepared_case_gets_a_bag_of_its_own(desk: Any, run: Run, motion: Any) -> None:
+    desk.button("Stop").click()
+    desk.phase("idle")
+    setup(desk).get_by_label("Case").click()
+    desk.page.get_by_role("option", name=re.compile("^5:")).click()
+    setup(desk).get_by_role("button", name="Prepare").click()
+    desk.page.locator(".q-dialog").get_by_role("button", name="Prepare").click()
+    desk.said("ready to wind case 5")
+    desk.button("Start").click()
+    desk.phase("winding")
+    until(lambda: motion.samples[-1][1] > FULL_SPEED)
+    recording(desk).get_by_text(re.compile("into bag-4: ")).wait_for()
+    assert check(run.folder / "bag-3").findings == []
+    assert desk.complaints == []
+
+
+def test_ctrl_c_ends_the_run_with_a_report_of_what_there_is(run: Run, motion: Any) -> None:
+    run.process.send_signal(signal.SIGINT)
+    code, said = run.end()
+    assert code == 0, said
+    assert "Curve lengths of case 5" in said
+    record = json.loads((run.folder / "run.json").read_text(encoding="utf-8"))
+    assert record["case"] == 5
+    assert (run.folder / "report" / "index.html").is_file()
+    bags = [run.folder / name for name in ("bag", "bag-2", "bag-3", "bag-4")]
+    assert [line for line in said.splitlines() if line.startswith("bag: ")] == [
+        f"bag: {bag}" for bag in bags
+    ]
+    for bag in bags:
+        assert check(bag).findings == []
+        counts = {topic.name: topic.messages for topic in contents(bag).topics}
+        assert counts[f"/{NAMESPACE}/camera/image_raw"] > 0
+        assert counts[f"/{NAMESPACE}/fem/prediction"] > 0
+    cases = [json.loads(read_notes(bag)[f"{PARAMETERS}winding_rig"])["case"] for bag in bags]
+    assert cases == [0, 0, 0, 5]
