@@ -120,9 +120,11 @@ class BagSeries:
         if self._writer is not None:
             self._writer.write(self._index[topic.name], stamp_ns, taken.data, taken.number)
 
-    def forget(self, stamp_ns: int) -> None:
-        """Forget what latched topics told later than a stamp [ns] that time went back to."""
-        self._latched = {name: item for name, item in self._latched.items() if item[1] <= stamp_ns}
+    def forget(self, before_ns: int) -> None:
+        """Forget what latched topics told before a time of arrival, monotonic [ns]."""
+        self._latched = {
+            name: item for name, item in self._latched.items() if item[2].received_ns > before_ns
+        }
 
     def end(self, failure: str = "") -> None:
         """Close the bag, if there is one; a failure says why before the run's end."""

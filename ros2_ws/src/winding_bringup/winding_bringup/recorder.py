@@ -99,7 +99,7 @@ class Recorder:
             queue.SimpleQueue()
         )
         self._requests = RecordRequests(self._node) if further is not None else None
-        self._last_ns: dict[str, int] = {}
+        self._last_ns: dict[str, tuple[int, int]] = {}
         self._progress = topics.RECORDER_PROGRESS.advertise(self._node)
         self._diagnostics = topics.DIAGNOSTICS.advertise(self._node)
         self._stored_ns: dict[str, int] = {}
@@ -207,7 +207,7 @@ class Recorder:
                 continue
             topic, stamp, taken = item
             if self._further is not None:
-                self._follow_time(topic, stamp)
+                self._follow_time(topic, stamp, taken.received_ns)
             if topic.publisher == topics.EVERY_NODE:
                 # Strangers publish there too, and their clocks are their own.
                 stamp = min(stamp, self._newest_ns)
@@ -242,16 +242,18 @@ class Recorder:
             self.bags.begin(free_folder(self._further))
         return self.bags.folders[-1]
 
-    def _follow_time(self, topic: Topic, stamp: int) -> None:
+    def _follow_time(self, topic: Topic, stamp: int, received: int) -> None:
         """Begin another bag when time has gone back: each has one course of time."""
         if topic.name not in self.bags.losses:
             return
-        last, self._last_ns[topic.name] = self._last_ns.get(topic.name, stamp), stamp
+        last, before = self._last_ns.get(topic.name, (stamp, received))
+        self._last_ns[topic.name] = (stamp, received)
         if stamp >= last - _WENT_BACK_NS:
             return
-        self._last_ns = {topic.name: stamp}
+        self._last_ns = {topic.name: (stamp, received)}
         self._stored_ns.clear()
-        self.bags.forget(stamp)
+        # What a new run was told beforehand holds in its bag, too.
+        self.bags.forget(before)
         self._answered_ns, self._newest_ns = -_ANSWER_PERIOD_NS, 0
         if self.bags.writer is None:
             return
