@@ -137,6 +137,17 @@ def test_recording_again_and_time_that_goes_back_get_bags_of_their_own(
         assert check(tmp_path / name).findings == []
 
 
+def test_notes_of_a_new_run_are_not_those_of_the_last_one(desk: Desk, tmp_path: Path) -> None:
+    desk.recorder.bags.note({"case": "4"})
+    desk.record(on=True)
+    desk.wind(0, 100)
+    desk.recorder.bags.note({"case": "5"})
+    desk.wind(0, 50)
+    desk.ros.spin_until(lambda: len(desk.recorder.bags.folders) == 2)
+    desk.recorder.close()
+    assert [read_notes(tmp_path / name)["case"] for name in ("bag", "bag-2")] == ["4", "5"]
+
+
 def test_recorder_says_what_it_records(desk: Desk) -> None:
     desk.ros.spin_until(lambda: desk.statuses.get("recorder") is not None)
     assert "bag" not in desk.statuses["recorder"].values

@@ -132,5 +132,5 @@ def test_what_cannot_be_replayed_is_said(in_order: Path, node: str, sentence: st
 
 
 def test_a_recording_without_the_topic_is_refused(made: Path) -> None:
-    with pytest.raises(BagError, match="must hold fem/markers once, it holds 0 of it"):
+    with pytest.raises(BagError, match="must hold tracker/markers once, it holds 0 of it"):
         replay(made, "correction", parameters={"case": 4})

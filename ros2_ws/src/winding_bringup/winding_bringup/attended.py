@@ -168,7 +168,7 @@ class Attended:
             if before is not None:
                 await before
             stated = await self._orchestrator.adopt_parameters()
-            self._recorder.bags.notes |= parameter_notes(stated)
+            self._recorder.bags.note(parameter_notes(stated))
             if wound:
                 self.wound = dict(stated.get(topics.RIG, {}))
 

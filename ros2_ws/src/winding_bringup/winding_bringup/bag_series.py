@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -46,7 +47,6 @@ class BagSeries:
         notes: What a bag says of the run, by name.
 
     Attributes:
-        notes: For the present bag and those to come.
         folders: Of all bags.
         losses: What never arrived, of the topics that one node publishes, since a bag was begun.
         error: What ended a bag before the run, if anything did.
@@ -59,7 +59,7 @@ class BagSeries:
         config: BagConfig,
         notes: Mapping[str, str],
     ) -> None:
-        self.notes = dict(notes)
+        self._notes: list[tuple[int, Mapping[str, str]]] = [(0, dict(notes))]
         self.folders: list[Path] = []
         self.losses = {
             topic.name: LossCount() for topic in recorded if topic.publisher != topics.EVERY_NODE
@@ -72,6 +72,10 @@ class BagSeries:
         self._latched: dict[str, tuple[Topic, int, Taken]] = {}
         self._writer: BagWriter | None = None
         self._closings: list[threading.Thread] = []
+
+    def note(self, notes: Mapping[str, str]) -> None:
+        """Say more of the run, in the present bag and in those to come."""
+        self._notes.append((time.monotonic_ns(), {**self._notes[-1][1], **notes}))
 
     @property
     def writer(self) -> BagWriter | None:
@@ -94,7 +98,7 @@ class BagSeries:
             for topic in self._recorded
         ]
         try:
-            self._writer = BagWriter(folder, channels, self._config, self.notes)
+            self._writer = BagWriter(folder, channels, self._config, self._notes[-1][1])
             self.folders.append(folder)
             for topic, stamp, taken in self._latched.values():
                 self._writer.write(self._index[topic.name], stamp, taken.data, taken.number)
@@ -132,13 +136,19 @@ class BagSeries:
         if writer is not None:
             self._close(writer, self._last_notes(failure))
 
-    def leave(self, answer: Answer) -> None:
-        """Close the bag in a thread of its own: a slow disk must not hold the machine up."""
+    def leave(self, answer: Answer, last_ns: int | None = None) -> None:
+        """Close the bag in a thread of its own: a slow disk must not hold the machine up.
+
+        Args:
+            answer: Called when it is closed: whether all is well, and a sentence.
+            last_ns: Arrival of its last message, monotonic [ns]; now by default. What was noted
+                later is of another run.
+        """
         writer, self._writer = self._writer, None
         if writer is None:
             answer(True, "nothing is being recorded")
             return
-        notes = self._last_notes("")
+        notes = self._last_notes("", last_ns)
 
         def close() -> None:
             failure = self._close(writer, notes)
@@ -154,12 +164,13 @@ class BagSeries:
         for closing in self._closings:
             closing.join()
 
-    def _last_notes(self, failure: str) -> dict[str, str]:
+    def _last_notes(self, failure: str, last_ns: int | None = None) -> dict[str, str]:
+        noted = [notes for noted_ns, notes in self._notes if last_ns is None or noted_ns <= last_ns]
         lost = {
             f"{LOST}{self._full_names[name]}": str(count.lost)
             for name, count in self.losses.items()
         }
-        return self.notes | {COMPLETE: failure or YES} | lost
+        return {**noted[-1], COMPLETE: failure or YES, **lost}
 
     def _close(self, writer: BagWriter, notes: Mapping[str, str]) -> Exception | None:
         try:

@@ -257,7 +257,7 @@ class Recorder:
         self._answered_ns, self._newest_ns = -_ANSWER_PERIOD_NS, 0
         if self.bags.writer is None:
             return
-        self.bags.leave(lambda _done, _sentence: None)
+        self.bags.leave(lambda _done, _sentence: None, before)
         try:
             self._begin()
         except RecorderError as error:

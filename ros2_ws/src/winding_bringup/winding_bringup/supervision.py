@@ -178,6 +178,10 @@ class Supervisor:
             self._misses[name] += 1
             if self._misses[name] >= _STALLS:
                 self._find(name, sign.value)
+        elif sign is Sign.REPLACED:
+            # Of a process of its own the orchestrator knows; somebody else's has forgotten the run.
+            if not process.started:
+                self._find(name, sign.value)
         elif process.stopped:
             self._find(name, sign.value)
 

@@ -39,7 +39,7 @@ class FemExchange:
             run begins with this node.
     """
 
-    inputs: ClassVar[tuple[Topic, ...]] = (topics.JOINT_STATES, topics.TENSION)
+    inputs: ClassVar[tuple[Topic, ...]] = (topics.TENSION, topics.JOINT_STATES)
     outputs: ClassVar[tuple[Topic, ...]] = (
         topics.FEM_MARKERS,
         topics.FEM_CABLE,

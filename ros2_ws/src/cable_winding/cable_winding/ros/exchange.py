@@ -25,7 +25,9 @@ class Exchange(Protocol):
     """The work of one node from activation on.
 
     Attributes:
-        inputs: Topics it takes. Where messages have the same stamp, this is their order.
+        inputs: Topics it takes, those first that the others are read with. A message waits for
+            what has arrived on the inputs before its own, and comes after one of theirs with the
+            same stamp.
         outputs: Topics it answers on.
     """
 

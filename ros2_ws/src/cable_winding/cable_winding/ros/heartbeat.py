@@ -30,6 +30,7 @@ class Sign(Enum):
 
     ALIVE = "lives"
     STOPPED = "has stopped"
+    REPLACED = "was started again"
     STALLED = "no longer finishes its work"
 
 
@@ -83,12 +84,13 @@ def watch_heartbeat(
         node: Who watches.
         name: Name of the watched node.
         told: Called by the executor of `node` with ALIVE at each sign of life, with STOPPED once
-            and with STALLED again each STALL when they end.
+            and with STALLED again each STALL when they end, with REPLACED when one process has
+            ended and another of that name lives.
     """
 
     def on_liveliness(event: Any) -> None:
-        if event.alive_count == 0 and event.alive_count_change < 0:
-            told(Sign.STOPPED)
+        if event.alive_count_change < 0:
+            told(Sign.STOPPED if event.alive_count == 0 else Sign.REPLACED)
 
     return node.create_subscription(
         Header,

@@ -166,7 +166,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     ) -> None:
         """Advertise an exchange's outputs, and publish its answers to each of its inputs.
 
-        A message is dealt with after everything that has arrived on the other inputs. An
+        A message is dealt with after everything that has arrived on the inputs before its own. An
         executor serves one topic after the other: a node in arrears would see frames of a
         quarter of a second before the encoder samples of the first of them.
 
@@ -177,19 +177,18 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         for topic in exchange.outputs:
             self.advertise(topic)
         subscriptions: dict[Topic, Subscription] = {}
-        for topic in exchange.inputs:
+        for rank, topic in enumerate(exchange.inputs):
             answer = self._answering(exchange, topic, busy or nullcontext())
-            others = [
+            earlier = [
                 (
                     other,
                     self._guarded(other, self._answering(exchange, other, busy or nullcontext())),
                     self._intake(other).found,
                 )
-                for other in exchange.inputs
-                if other is not topic
+                for other in exchange.inputs[:rank]
             ]
             subscriptions[topic] = self.subscribe(
-                topic, _after_others(answer, others, subscriptions)
+                topic, _after_others(answer, earlier, subscriptions)
             )
 
     def publish(self, answers: Iterable[Answer]) -> None:

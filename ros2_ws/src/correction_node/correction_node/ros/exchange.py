@@ -27,7 +27,7 @@ class CorrectionExchange:
         run: What is measured of this run, and what it says of the rest.
     """
 
-    inputs: ClassVar[tuple[Topic, ...]] = (topics.FEM_MARKERS, topics.TRACKED_MARKERS)
+    inputs: ClassVar[tuple[Topic, ...]] = (topics.TRACKED_MARKERS, topics.FEM_MARKERS)
     outputs: ClassVar[tuple[Topic, ...]] = (topics.CORRECTED_MARKERS, topics.CORRECTION_CASE)
 
     def __init__(self, wanted: CorrectionParameters) -> None:
