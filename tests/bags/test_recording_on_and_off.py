@@ -140,7 +140,7 @@ def test_recording_again_and_time_that_goes_back_get_bags_of_their_own(
 def test_notes_of_a_new_run_are_not_those_of_the_last_one(desk: Desk, tmp_path: Path) -> None:
     desk.recorder.bags.note({"case": "4"})
     desk.record(on=True)
-    desk.wind(0, 100)
+    desk.wind(0, 1000)
     desk.recorder.bags.note({"case": "5"})
     desk.wind(0, 50)
     desk.ros.spin_until(lambda: len(desk.recorder.bags.folders) == 2)
