@@ -25,9 +25,8 @@ class Exchange(Protocol):
     """The work of one node from activation on.
 
     Attributes:
-        inputs: Topics it takes, those first that the others are read with. A message waits for
-            what has arrived on the inputs before its own, and comes after one of theirs with the
-            same stamp.
+        inputs: Topics it takes, those first that the others are read with: of what has arrived
+            together, and of messages with the same stamp, this is the order.
         outputs: Topics it answers on.
     """
 

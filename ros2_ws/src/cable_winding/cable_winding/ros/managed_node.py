@@ -166,9 +166,10 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     ) -> None:
         """Advertise an exchange's outputs, and publish its answers to each of its inputs.
 
-        A message is dealt with after everything that has arrived on the inputs before its own. An
-        executor serves one topic after the other: a node in arrears would see frames of a
-        quarter of a second before the encoder samples of the first of them.
+        A node that wakes up deals with everything that has arrived, input by input in the order
+        of the exchange. An executor serves one topic after the other as they come: a node in
+        arrears would see frames of a quarter of a second before the encoder samples of the first
+        of them.
 
         Args:
             exchange: The node's work.
@@ -177,18 +178,17 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         for topic in exchange.outputs:
             self.advertise(topic)
         subscriptions: dict[Topic, Subscription] = {}
-        for rank, topic in enumerate(exchange.inputs):
-            answer = self._answering(exchange, topic, busy or nullcontext())
-            earlier = [
-                (
-                    other,
-                    self._guarded(other, self._answering(exchange, other, busy or nullcontext())),
-                    self._intake(other).found,
-                )
-                for other in exchange.inputs[:rank]
-            ]
+        answers = {
+            topic: self._answering(exchange, topic, busy or nullcontext())
+            for topic in exchange.inputs
+        }
+        queues = [
+            (topic, self._guarded(topic, answer), self._intake(topic).found)
+            for topic, answer in answers.items()
+        ]
+        for topic, answer in answers.items():
             subscriptions[topic] = self.subscribe(
-                topic, _after_others(answer, earlier, subscriptions)
+                topic, _in_order(topic, answer, queues, subscriptions)
             )
 
     def publish(self, answers: Iterable[Answer]) -> None:
@@ -395,22 +395,26 @@ def _stamp(message: Any, *, raw: bool) -> float:
     return serialised_stamp_ns(message) * 1e-9 if raw else decode_stamp(message.header.stamp)
 
 
-def _after_others(
+def _in_order(
+    own: Topic,
     answer: Callable[[Any], None],
-    others: Sequence[tuple[Topic, Callable[[Any], None], Callable[[int], None]]],
+    queues: Sequence[tuple[Topic, Callable[[Any], None], Callable[[int], None]]],
     subscriptions: Mapping[Topic, Subscription],
 ) -> Callable[[Any], None]:
     def serve(message: Any) -> None:
-        for topic, catch_up, found in others:
-            awake, count = time.time_ns(), 0
+        awake = time.time_ns()
+        for topic, take, found in queues:
+            count = 0
+            if topic is own:
+                answer(message)
+                count = 1
             for waiting, arrived in topic.waiting(subscriptions[topic]):
-                catch_up(waiting)
+                take(waiting)
                 # What goes on arriving has its turn later: a slow topic must not starve a fast one.
                 if arrived > awake:
                     break
                 count += 1
             found(count)
-        answer(message)
 
     return serve
 
