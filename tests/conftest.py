@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -163,3 +164,20 @@ def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
 def command() -> Callable[..., subprocess.CompletedProcess[str]]:
     """The `winding` command."""
     return winding
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 1 MB."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = shutil.which("mount")
+    done = mount and subprocess.run(
+        [mount, "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)],
+        check=False,
+        capture_output=True,
+    )
+    if not done or done.returncode != 0:
+        pytest.skip("only root may mount a file system of 1 MB")
+    yield disk
+    subprocess.run(["umount", str(disk)], check=True)

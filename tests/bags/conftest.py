@@ -1,10 +1,7 @@
 """Recordings made without ROS running: joint states, tension, pictures of noise."""
 
 import hashlib
-import shutil
-import subprocess
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -117,20 +114,3 @@ def bags() -> Bags:
 def made(bags: Bags, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A whole recording of 0.6 s; tests copy it before they harm it."""
     return bags.whole(tmp_path_factory.mktemp("made") / "bag")
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 1 MB."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount = shutil.which("mount")
-    done = mount and subprocess.run(
-        [mount, "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)],
-        check=False,
-        capture_output=True,
-    )
-    if not done or done.returncode != 0:
-        pytest.skip("only root may mount a file system of 1 MB")
-    yield disk
-    subprocess.run(["umount", str(disk)], check=True)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winding_bringup.commands.refusal import FAILED, INTERRUPTED, refuse
+from winding_bringup.commands.termination import terminate_as_interrupt
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -113,7 +111,7 @@ def _wind(
         _say("compiling the solver's kernels: once after installation, a minute at most")
     shares: dict[int, float] = {}
     try:
-        with _terminate_as_interrupt(), _progress() as progress:
+        with terminate_as_interrupt(), _progress() as progress:
             folder.mkdir(parents=True, exist_ok=True)
             store.remove_unfinished(before=time.time() - ABANDONED)
             task = progress.add_task("winding", total=float(len(cases)))
@@ -158,7 +156,7 @@ def _learn(data: DataSet, seeds: tuple[int, ...], steps: int | None) -> dict[str
     from correction_node.training import TrainingConfig
 
     try:
-        with _terminate_as_interrupt(), _progress() as progress:
+        with terminate_as_interrupt(), _progress() as progress:
             task = progress.add_task("learning", total=None)
             return compare_models(
                 data,
@@ -200,15 +198,3 @@ def _progress() -> Progress:
         transient=True,
         disable=not console.is_terminal,
     )
-
-
-@contextmanager
-def _terminate_as_interrupt() -> Iterator[None]:
-    def interrupt(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

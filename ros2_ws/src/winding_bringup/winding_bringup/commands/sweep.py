@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import signal
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +12,7 @@ import typer
 
 from winding_bringup.commands.predict_options import PredictOptions, option_types
 from winding_bringup.commands.refusal import FAILED, INTERRUPTED, refuse
+from winding_bringup.commands.termination import terminate_as_interrupt
 
 if TYPE_CHECKING:
     from winding_study.planned_run import PlannedRun
@@ -199,7 +197,7 @@ def _wind(
     finished, console = len(done), Console(stderr=True)
     try:
         with (
-            _terminate_as_interrupt(),
+            terminate_as_interrupt(),
             Progress(
                 TextColumn("{task.description}"),
                 BarColumn(),
@@ -234,18 +232,6 @@ def _wind(
 def _kept(plan: Plan, store: RunStore) -> str:
     count = sum(store.path(key).exists() for key in plan.runs)
     return f"{count} of {len(plan.runs)} runs are in {store.folder}"
-
-
-@contextmanager
-def _terminate_as_interrupt() -> Iterator[None]:
-    def interrupt(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _deliver(
