@@ -131,12 +131,15 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             self._guarded(topic, callback, raw=raw),
             raw=raw,
             found=self._intake(topic).found,
-            events=SubscriptionEventCallbacks(
-                incompatible_qos=lambda event: self._note_mismatch(topic, "a publisher", event)
-            ),
+            events=self._events(topic),
         )
         self._topic_subscriptions.append(subscription)
         return subscription
+
+    def _events(self, topic: Topic) -> SubscriptionEventCallbacks:
+        return SubscriptionEventCallbacks(
+            incompatible_qos=lambda event: self._note_mismatch(topic, "a publisher", event)
+        )
 
     def _intake(self, topic: Topic) -> Intake:
         return self._intakes.setdefault(topic.name, Intake(topic.name))
@@ -178,18 +181,18 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         for topic in exchange.outputs:
             self.advertise(topic)
         subscriptions: dict[Topic, Subscription] = {}
-        answers = {
-            topic: self._answering(exchange, topic, busy or nullcontext())
-            for topic in exchange.inputs
-        }
         queues = [
-            (topic, self._guarded(topic, answer), self._intake(topic).found)
-            for topic, answer in answers.items()
-        ]
-        for topic, answer in answers.items():
-            subscriptions[topic] = self.subscribe(
-                topic, _in_order(topic, answer, queues, subscriptions)
+            (
+                topic,
+                self._guarded(topic, self._answering(exchange, topic, busy or nullcontext())),
+                self._intake(topic).found,
             )
+            for topic in exchange.inputs
+        ]
+        for topic in exchange.inputs:
+            woken = _in_order(topic, queues, subscriptions)
+            subscriptions[topic] = topic.listen(self, woken, events=self._events(topic))
+        self._topic_subscriptions += subscriptions.values()
 
     def publish(self, answers: Iterable[Answer]) -> None:
         """Publish answers as they come."""
@@ -397,7 +400,6 @@ def _stamp(message: Any, *, raw: bool) -> float:
 
 def _in_order(
     own: Topic,
-    answer: Callable[[Any], None],
     queues: Sequence[tuple[Topic, Callable[[Any], None], Callable[[int], None]]],
     subscriptions: Mapping[Topic, Subscription],
 ) -> Callable[[Any], None]:
@@ -406,7 +408,7 @@ def _in_order(
         for topic, take, found in queues:
             count = 0
             if topic is own:
-                answer(message)
+                take(message)
                 count = 1
             for waiting, arrived in topic.waiting(subscriptions[topic]):
                 take(waiting)

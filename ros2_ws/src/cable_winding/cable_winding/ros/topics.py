@@ -94,10 +94,22 @@ class Topic:
             if found is not None:
                 found(count)
 
+        subscription = self.listen(node, serve, raw=raw, events=events)
+        return subscription
+
+    def listen(
+        self,
+        node: Node,
+        woken: Callable[[Any], None],
+        *,
+        raw: bool = False,
+        events: SubscriptionEventCallbacks | None = None,
+    ) -> Subscription:
+        """Return a subscription whose callback gets one message and takes those that wait."""
         subscription: Subscription = node.create_subscription(
             self.type,
             self.name,
-            serve,
+            woken,
             self.qos,
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             raw=raw,
