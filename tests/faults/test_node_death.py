@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from rosbags.highlevel import AnyReader
 
+from cable_winding.ros.process import SUPERVISED
+
 pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
 
 PATIENCE = 120.0
@@ -104,3 +106,16 @@ def test_interrupted_run_stops_its_nodes_and_keeps_the_recording(
     assert "interrupted; the nodes are stopped" in winding_run.said()
     assert winding_run.nodes_left() == 0
     assert messages_in(winding_run.bag) > 2000
+
+
+def test_node_ends_when_its_supervisor_died_while_it_started(tmp_path: Path) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    node = subprocess.run(
+        [sys.executable, "-m", "correction_node", "--ros-args", "-r", "__ns:=/orphan"],
+        cwd=tmp_path,
+        env={**os.environ, SUPERVISED: str(gone.pid)},
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert node.returncode == 0

@@ -35,7 +35,7 @@ def child_environment(*, camera: bool) -> dict[str, str]:
         camera: Whether the node publishes frames and needs a large shared-memory segment.
     """
     environment = dict(os.environ)
-    environment[SUPERVISED] = "1"
+    environment[SUPERVISED] = str(os.getpid())
     # One node, one core: the graph has more processes than the machine has processors.
     for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         environment.setdefault(name, "1")

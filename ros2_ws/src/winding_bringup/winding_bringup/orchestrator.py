@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Collection, Coroutine, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +30,8 @@ from winding_bringup.ros_client import RosClient
 # First starts import torch and compile kernels on a busy machine.
 _START_TIMEOUT = 120.0
 _CONFIGURE_TIMEOUT = 300.0
+# A successor may hang as its predecessor did; one that replays a long run only takes long.
+_RESTART_PATIENCE = (20.0, 60.0, _CONFIGURE_TIMEOUT)
 _POLL = 0.02
 _FORGETTING = 0.5
 # A transition without an answer for so long is looked after.
@@ -119,16 +121,34 @@ class Orchestrator:
             if process.started and process.return_code is None
         }
 
-    async def restart(self, name: str, extra: Mapping[str, object]) -> None:
+    async def restart(
+        self, name: str, extra: Mapping[str, object], late: Callable[[str], object]
+    ) -> None:
         """Kill what is left of a node, start it anew and bring it to active.
+
+        A successor that hangs is killed and followed by another, which is given more time.
 
         Args:
             name: The node.
             extra: Parameters beside those that it was started with.
+            late: Told when a successor is given up, to follow the node's name.
 
         Raises:
             GraphError, TimeoutError: It does not come up again.
         """
+        for attempt, patience in enumerate(_RESTART_PATIENCE, start=1):
+            sentence = f"was not active again {patience:g} s after it was started"
+            try:
+                async with _deadline(patience, f"{name} {sentence}"):
+                    await self._replace(name, extra)
+            except TimeoutError:
+                if attempt == len(_RESTART_PATIENCE):
+                    raise
+                late(sentence)
+            else:
+                return
+
+    async def _replace(self, name: str, extra: Mapping[str, object]) -> None:
         old = self.process(name)
         self._active.discard(name)
         await old.kill()
@@ -303,13 +323,15 @@ class Orchestrator:
     ) -> None:
         task = asyncio.create_task(work)
         death = asyncio.create_task(self.first_death(among))
-        done, _ = await asyncio.wait({task, death}, return_when=asyncio.FIRST_COMPLETED)
-        if task in done:
+        try:
+            await asyncio.wait({task, death}, return_when=asyncio.FIRST_COMPLETED)
+            if task.done():
+                task.result()
+                return
+            dead = death.result()
+        finally:
+            task.cancel()
             death.cancel()
-            task.result()
-            return
-        task.cancel()
-        dead = death.result()
         # Its output may still be on its way through the pipe.
         await dead.stop()
         raise self.obituary(dead)

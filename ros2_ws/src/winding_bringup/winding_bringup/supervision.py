@@ -300,7 +300,7 @@ class Supervisor:
         await asyncio.sleep(wait)
         extra = self._replay[name]() if policy is Policy.REPLAY else {}
         self._note("restarting", name, policy.value)
-        await self._orchestrator.restart(name, extra)
+        await self._orchestrator.restart(name, extra, partial(self._note, "restarting", name))
         self._note("restarted", name, "active again")
         await self._orchestrator.rematch([name])
         # An operator may have pressed Stop while the machine stood; Start is theirs.

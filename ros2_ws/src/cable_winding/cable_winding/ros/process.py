@@ -19,7 +19,7 @@ from cable_winding.parameters import ParameterError
 from cable_winding.ros.managed_node import ManagedNode
 
 EXIT_REFUSED = 2
-# Set by the orchestrator: a supervised node ends with its supervisor.
+# Set by the orchestrator to its process id: a supervised node ends with its supervisor.
 SUPERVISED = "WINDING_SUPERVISED"
 _PR_SET_PDEATHSIG = 1
 # EventsExecutor.spin() of rclpy 7.1 never returns to the interpreter; spin_once does. A signal
@@ -29,8 +29,12 @@ _SPIN_PERIOD = 0.05
 
 def end_with_supervisor() -> None:
     """Let the kernel end this process with the one that supervises it; without one, nothing."""
-    if os.environ.get(SUPERVISED) and sys.platform == "linux":
+    supervisor = os.environ.get(SUPERVISED)
+    if supervisor and sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        # It may have ended while this process imported what it needs.
+        if os.getppid() != int(supervisor):
+            os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _settle() -> None:

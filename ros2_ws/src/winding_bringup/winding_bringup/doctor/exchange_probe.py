@@ -107,7 +107,7 @@ def _ask(key: str, patience: float) -> dict[str, object]:
 
 def _main(domain: str, logs: str, key: str, patience: str, role: str) -> None:
     set_process_environment(int(domain), Path(logs))
-    os.environ[SUPERVISED] = "1"
+    os.environ[SUPERVISED] = str(os.getppid())
     if role == "answer":
         _answer(key, float(patience))
     else:

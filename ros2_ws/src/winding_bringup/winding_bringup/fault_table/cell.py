@@ -7,6 +7,7 @@ import contextlib
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -267,7 +268,8 @@ class FaultCell:
             if self.orchestrator.process(spec.name).return_code is not None
         ]
         for name in dead:
-            await self.orchestrator.restart(name, {})
+            late = partial(self.log.note, "restarting", name, t=self.t)
+            await self.orchestrator.restart(name, {}, late)
         if dead:
             await self.orchestrator.rematch(dead)
         if topics.RIG not in dead:

@@ -6,6 +6,7 @@ import os
 import signal
 import time
 
+from winding_bringup.event_log import Event
 from winding_bringup.fault_table.cell import FaultCell
 from winding_bringup.fault_table.outcome import (
     CRASH_WITHIN,
@@ -26,9 +27,9 @@ async def lose_node(cell: FaultCell, name: str, number: signal.Signals) -> Outco
     t = cell.t
     injected = time.monotonic()
     os.kill(cell.orchestrator.process(name).pid, number)
-    await cell.until(lambda: cell.log.find("detected", name, since=injected), "detection")
-    detected = cell.log.find("detected", name, since=injected)
-    assert detected is not None
+    detected = await cell.until(
+        lambda: cell.log.find("detected", name, since=injected), "detection"
+    )
     if spec.policy is Policy.END:
         sentence = await cell.end_of_run()
         ended = cell.log.find("ended", since=injected)
@@ -37,11 +38,9 @@ async def lose_node(cell: FaultCell, name: str, number: signal.Signals) -> Outco
         stood, outcome = ended.wall, f"the run ended: {sentence}"
         survived = name in sentence and cell.orchestrator.process(name).return_code is not None
     else:
-        await cell.until(lambda: cell.log.find("resumed", since=injected), "the run resumes")
+        resumed = await _resumed(cell, injected)
         standing = cell.log.find("standing", since=injected)
-        resumed = cell.log.find("resumed", since=injected)
         assert standing is not None
-        assert resumed is not None
         stood = cell.stood(since=t) or standing.wall
         answer = spec.answer
         assert answer is not None
@@ -65,3 +64,46 @@ async def lose_node(cell: FaultCell, name: str, number: signal.Signals) -> Outco
         survived=survived,
         load=machine_load(),
     )
+
+
+async def lose_successor(cell: FaultCell, name: str) -> Outcome:
+    """Kill a node and hold its successor while it starts; another one has to take over."""
+    await cell.winding()
+    t = cell.t
+    injected = time.monotonic()
+    lost = cell.orchestrator.process(name).pid
+    os.kill(lost, signal.SIGKILL)
+    successor = await cell.until(lambda: _successor(cell, name, lost), "a successor")
+    os.kill(successor, signal.SIGSTOP)
+    given_up = await cell.until(
+        lambda: next(
+            (
+                event
+                for event in cell.log.events
+                if event.wall >= injected and event.text.startswith("was not active again")
+            ),
+            None,
+        ),
+        "the successor is given up",
+    )
+    await _resumed(cell, injected)
+    await cell.until(cell.at_full_speed, "full speed again")
+    return Outcome(
+        fault=f"kill -9 {name}, its successor hangs",
+        injected_at=t,
+        outcome=f"the successor {given_up.text}; another one resumes the run",
+        survived=cell.goes_on() and cell.orchestrator.process(name).pid not in (lost, successor),
+        load=machine_load(),
+    )
+
+
+async def _resumed(cell: FaultCell, since: float) -> Event:
+    found: Event = await cell.until(
+        lambda: cell.log.find("resumed", since=since), "the run resumes"
+    )
+    return found
+
+
+def _successor(cell: FaultCell, name: str, lost: int) -> int | None:
+    process = cell.orchestrator.process(name)
+    return process.pid if process.started and process.pid != lost else None

@@ -10,6 +10,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from cable_winding.ros import topics
+from winding_bringup.environment import child_environment
 from winding_bringup.fault_table.cell import FaultCell
 from winding_bringup.fault_table.outcome import NOTICE_WITHIN, Outcome, machine_load
 
@@ -26,6 +27,7 @@ async def _stranger(cell: FaultCell, role: str) -> AsyncIterator[asyncio.subproc
         str(Path(__file__).with_name("stranger.py")),
         role,
         cell.namespace,
+        env=child_environment(camera=False),
         stdout=asyncio.subprocess.PIPE,
         stdin=asyncio.subprocess.DEVNULL,
     )

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from cable_winding.ros import topics
 from winding_bringup.fault_table.cell import FaultCell
-from winding_bringup.fault_table.node_faults import lose_node
+from winding_bringup.fault_table.node_faults import lose_node, lose_successor
 from winding_bringup.fault_table.orchestrator_faults import lose_orchestrator, second_graph
 from winding_bringup.fault_table.outcome import Outcome
 from winding_bringup.fault_table.sensor_faults import (
@@ -83,6 +84,10 @@ ROWS = (
     *map(_sensor_row, STOPPING),
     *(_node_row("kill -9", signal.SIGKILL, spec.name) for spec in GRAPH),
     *(_node_row("SIGSTOP", signal.SIGSTOP, spec.name) for spec in GRAPH),
+    Row(
+        name="a successor that hangs",
+        try_it=_alone(partial(lose_successor, name=topics.TRACKER)),
+    ),
 )
 LONE_ROWS = (
     LoneRow(name="kill -9 orchestrator", try_it=partial(lose_orchestrator, number=signal.SIGKILL)),
