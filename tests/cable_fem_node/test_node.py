@@ -1,5 +1,6 @@
 """The solver's node: follows the machine's messages, publishes what its core says."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,14 @@ def follows(ros: Any) -> tuple[Any, Heard]:
         joints.publish(encode_joint_state(sample * 1e-3, reading_at(sample * 1e-3)))
     ros.spin_until(lambda: len(heard.markers) == 26 and len(heard.cable) == 11)
     return node, heard
+
+
+def test_long_prediction_ends_when_the_process_is_told_to_end(ros: Any) -> None:
+    node = ros.add(CableFemNode, parameter_overrides=overrides(case=4, duration=500.0))
+    asked = itertools.count(1)
+    node.told_to_end = lambda: next(asked) > 2
+    assert node.trigger_configure() is TransitionCallbackReturn.FAILURE
+    assert next(asked) == 4
 
 
 def test_markers_come_at_fifty_hertz_with_the_machine_s_stamps(follows: Any) -> None:

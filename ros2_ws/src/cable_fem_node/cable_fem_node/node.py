@@ -47,7 +47,7 @@ class CableFemNode(ManagedNode[FemParameters]):
 
     def configure(self) -> None:
         """Build the model; advertise and subscribe."""
-        self._exchange = FemExchange(self.configuration)
+        self._exchange = FemExchange(self.configuration, self.go_on)
         self.connect(self._exchange)
         self._material_out = self.advertise(topics.FEM_MATERIAL)
         self.subscribe(topics.TRACKED_MARKERS, self._on_tracked)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -30,6 +30,10 @@ class FemExchange:
 
     Making it predicts the whole run; `begin` says the prediction.
 
+    Args:
+        wanted: What to wind.
+        go_on: Called now and then while a whole run is predicted or replayed; raises to end that.
+
     Attributes:
         config: The model that every run begins with.
         model: The rod of this run; None before `begin`.
@@ -47,7 +51,7 @@ class FemExchange:
         topics.FEM_PREDICTION,
     )
 
-    def __init__(self, wanted: FemParameters) -> None:
+    def __init__(self, wanted: FemParameters, go_on: Callable[[], None] = lambda: None) -> None:
         self.config = wanted.winding_config()
         self._follow_tension = wanted.follow_tension
         self._pairing = self._new_pairing()
@@ -58,7 +62,10 @@ class FemExchange:
             feed_speed=drive.feed_speed,
         )
         self._before: tuple[float, AxisReading] | None = None
-        self._prediction = predict(self.config, drive, wanted.duration)
+        self._go_on = go_on
+        self._prediction = predict(
+            self.config, drive, wanted.duration, progress=lambda _share: go_on()
+        )
         self._replay = Path(wanted.replay) if wanted.replay else None
         self.replayed: float | None = None
         self.model: RodWinding | None = None
@@ -154,6 +161,7 @@ class FemExchange:
     def _catch_up(self, model: RodWinding, inputs: RunInputs) -> None:
         """Wind what the machine has wound before this node was there; nothing is published."""
         for t, reading, tension in inputs:
+            self._go_on()
             if self._limits.against_motion(t, reading, self._before):
                 continue
             self._before = (t, reading)

@@ -38,6 +38,10 @@ _REPEAT_PERIOD = 1.0
 MATCHED = "matched "
 
 
+class EndingError(RuntimeError):
+    """The process was told to end while the node was at long work."""
+
+
 class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     """Lifecycle node whose subclasses say what to do in four hooks.
 
@@ -48,6 +52,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     Attributes:
         configuration: The node's parameters.
         active: Whether the node works.
+        told_to_end: Says whether the process was told to end.
     """
 
     def __init__(self, name: str, configuration: type[Configuration], **kwargs: Any) -> None:
@@ -56,6 +61,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._declared = configuration
         self._configured = False
         self.active = False
+        self.told_to_end: Callable[[], bool] = lambda: False
         refuse_invalid(self, configuration, lambda: self._configured)
         self._topic_publishers: dict[str, Publisher] = {}
         self._topic_subscriptions: list[Subscription] = []
@@ -95,6 +101,15 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     def status(self) -> Status:
         """Return the state of the node's own work."""
         return Status(name=self.get_name())
+
+    def go_on(self) -> None:
+        """Ask now and then in the long work of a hook whether to go on.
+
+        Raises:
+            EndingError: The process was told to end.
+        """
+        if self.told_to_end():
+            raise EndingError("the process was told to end")
 
     def fail(self, error: Exception) -> None:
         """End the process with an error that happened in a thread of the node's own."""
@@ -279,7 +294,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         try:
             for hook in hooks:
                 hook()
-        except (ParameterError, ValueError, FileNotFoundError) as error:
+        except (ParameterError, ValueError, FileNotFoundError, EndingError) as error:
             self._failure = f"cannot {name}: {error}"
             self.get_logger().error(self._failure)
             return TransitionCallbackReturn.FAILURE

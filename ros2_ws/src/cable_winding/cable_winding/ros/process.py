@@ -60,6 +60,7 @@ def run_node(factory: Callable[[], ManagedNode[Any]]) -> int:
         print(f"error: {error}", file=sys.stderr, flush=True)
         rclpy.try_shutdown()
         return EXIT_REFUSED
+    node.told_to_end = end.is_set
     executor = EventsExecutor()
     executor.add_node(node)
     try:
