@@ -117,18 +117,21 @@ class RosClient:
             TimeoutError: No response within timeout [s].
         """
         client = self._client(service, name)
+        asked: set[asyncio.Future[Any]] = set()
         try:
             async with asyncio.timeout(timeout):
                 while not client.service_is_ready():
                     await asyncio.sleep(0.02)
                 while True:
-                    answer = self._awaitable(client.call_async(request))
-                    if not retry:
-                        return await answer
-                    try:
-                        return await asyncio.wait_for(answer, _RETRY_PERIOD)
-                    except TimeoutError:
-                        continue
+                    asked.add(self._awaitable(client.call_async(request)))
+                    # A busy server may answer the first request after the second was sent.
+                    answered, _ = await asyncio.wait(
+                        asked,
+                        timeout=_RETRY_PERIOD if retry else None,
+                        return_when=asyncio.FIRST_COMPLETED,
+                    )
+                    if answered:
+                        return answered.pop().result()
         except TimeoutError:
             raise TimeoutError(f"no answer from {name} in {timeout:g} s") from None
 

@@ -33,8 +33,7 @@ from winding_bringup.vitals import Vitals
 _LOOK_PERIOD = 0.05
 _BEAT_PERIOD = 0.1
 _VITALS_PERIOD = 1.0
-_STOP_TIMEOUT = 0.5
-_STOP_ATTEMPTS = 4
+_STOP_TIMEOUT = 2.0
 _STAND_TIMEOUT = 3.0
 # Slower than this an axis stands, as its encoder sees it [rad/s, m/s].
 _STANDING = (0.02, 6.0e-5)
@@ -263,13 +262,14 @@ class Supervisor:
 
     async def _stop_machine(self) -> None:
         service = f"/{self._orchestrator.config.namespace}/rig/quick_stop"
-        for _ in range(_STOP_ATTEMPTS):
-            answer = await self._client.try_call(Trigger, service, Trigger.Request(), _STOP_TIMEOUT)
-            if answer is not None and answer.success:
-                break
-        else:
+        try:
+            answer = await self._client.call(Trigger, service, Trigger.Request(), _STOP_TIMEOUT)
+            failure = "" if answer.success else f"refused rig/quick_stop ({answer.message})"
+        except TimeoutError:
+            failure = "did not answer to rig/quick_stop"
+        if failure:
             await self._orchestrator.process(topics.RIG).kill()
-            self._end(topics.RIG, f"{topics.RIG} did not answer to rig/quick_stop and was killed")
+            self._end(topics.RIG, f"{topics.RIG} {failure} and was killed")
         self._note("stopped", topics.RIG, "rig/quick_stop")
         end = time.monotonic() + _STAND_TIMEOUT
         while not self._stands():
