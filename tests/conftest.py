@@ -15,8 +15,11 @@ from typing import Any
 import pytest
 from domain_coordinator import domain_id
 
+import winding_bringup
+
 # A test waits ten times as long as the thing usually takes, on two busy cores.
 PATIENCE = 60.0
+PROFILE = Path(winding_bringup.__file__).parent / "profiles" / "loopback.xml"
 _DOMAIN = contextlib.ExitStack()
 
 
@@ -30,7 +33,9 @@ def pytest_configure(config: pytest.Config) -> None:
     # rcl reads these when a context is made, so they are set before any test imports rclpy.
     # The coordinator gives no domain to two test processes of this machine.
     os.environ["ROS_DOMAIN_ID"] = str(_DOMAIN.enter_context(domain_id()))
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    # As the graph's own processes find and hear each other.
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
+    os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(PROFILE)
     os.environ["ROS_LOG_DIR"] = tempfile.mkdtemp(prefix="winding-test-log-")
     # Generated message classes check types and ranges only when they are asked to.
     os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"

@@ -43,8 +43,7 @@ def record_load(ros: Any, bag: Path, seconds: float) -> tuple[dict[str, float], 
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
-        # The profile with room for frames, as the rig has it.
-        env=child_environment(camera=True),
+        env=child_environment(),
     )
     assert publisher.stdin is not None
     assert publisher.stdout is not None

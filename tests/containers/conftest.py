@@ -9,10 +9,7 @@ from pathlib import Path
 
 import pytest
 
-import winding_bringup
 from winding_bringup.graph import GRAPH
-
-PROFILE = Path(winding_bringup.__file__).parent / "profiles" / "camera.xml"
 
 
 class KeptNodes:
@@ -39,8 +36,6 @@ class KeptNodes:
         self._environment = {
             **os.environ,
             "OMP_NUM_THREADS": "1",
-            # As compose sets one: killed processes are forgotten after 3 s.
-            "FASTRTPS_DEFAULT_PROFILES_FILE": str(PROFILE),
             **(environment or {}),
         }
         for number, spec in enumerate(GRAPH):

@@ -32,7 +32,6 @@ def test_no_container_has_more_rights_than_it_needs(name: str) -> None:
     assert service["cap_drop"] == ["ALL"]
     assert "network_mode" not in service
     assert "privileged" not in service
-    assert "shm_size" in service
     for port in service.get("ports", []):
         assert port.startswith("127.0.0.1:")
 

@@ -30,8 +30,6 @@ CHECKS = [
     "ROS_STATIC_PEERS",
     "ROS_DISCOVERY_SERVER",
     "FASTRTPS_DEFAULT_PROFILES_FILE",
-    "shared memory",
-    "left-over shared memory",
     "domain",
     "participant ports",
     "graphs in the domain",

@@ -63,9 +63,7 @@ class Bench:
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("faults")
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "RCUTILS_CONSOLE_OUTPUT_FORMAT"):
-            patch.setenv(name, "")
-            patch.delenv(name)
+        patch.setenv("RCUTILS_CONSOLE_OUTPUT_FORMAT", "")
         patch.setenv("ROS_LOG_DIR", os.environ["ROS_LOG_DIR"])
         set_process_environment(int(os.environ["ROS_DOMAIN_ID"]), folder / "log")
         table = Bench(folder)
@@ -88,6 +86,13 @@ def check(outcome: Outcome) -> None:
 )
 def test_fault_is_survived(bench: Bench, row: object, tmp_path: Path) -> None:
     check(bench.outcome(row.try_it(bench.cell, tmp_path)))
+
+
+def test_no_process_shares_memory_whose_lock_a_killed_one_could_hold(bench: Bench) -> None:
+    nodes = bench.cell.orchestrator.pids()
+    assert nodes
+    for pid in (os.getpid(), *nodes.values()):
+        assert "/dev/shm/fastrtps" not in Path(f"/proc/{pid}/maps").read_text()
 
 
 @pytest.mark.parametrize(

@@ -1,49 +1,44 @@
-"""What surrounds the graph's processes: discovery, logs, shared memory, name remapping."""
+"""What surrounds the graph's processes: discovery, transport, logs, name remapping."""
 
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 from cable_winding.ros.process import SUPERVISED
 from winding_bringup.graph import DEFAULT_NAMESPACE
 
 LOG_FORMAT = "[{severity}] [{name}]: {message}"
+_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILES_FILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
-_CAMERA_PROFILE = Path(__file__).parent / "profiles" / "camera.xml"
-_NODE_PROFILE = Path(__file__).parent / "profiles" / "node.xml"
+_THIS_HOST = "LOCALHOST"
+_LOOPBACK = Path(__file__).parent / "profiles" / "loopback.xml"
 
 
 def set_process_environment(domain: int, log_directory: Path) -> None:
     """Set what rcl reads when a process joins the graph; children inherit it."""
     log_directory.mkdir(parents=True, exist_ok=True)
     os.environ["ROS_DOMAIN_ID"] = str(domain)
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    if os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST":
-        # A profile of the user's own stays.
-        os.environ.setdefault(_PROFILES_FILE, str(_NODE_PROFILE))
+    _keep_to_this_host()
     os.environ["ROS_LOG_DIR"] = str(log_directory)
     os.environ["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = LOG_FORMAT
 
 
-def child_environment(*, camera: bool) -> dict[str, str]:
-    """Return the environment of a node's process.
+def _keep_to_this_host() -> None:
+    """Leave discovery to the graph's own profile, unless the user has set a range or a profile."""
+    if os.environ.setdefault(_RANGE, _THIS_HOST) == _THIS_HOST and _PROFILES_FILE not in os.environ:
+        # With LOCALHOST rmw_fastrtps adds shared memory to the transports of any profile.
+        os.environ[_RANGE] = "SYSTEM_DEFAULT"
+        os.environ[_PROFILES_FILE] = str(_LOOPBACK)
 
-    Args:
-        camera: Whether the node publishes frames and needs a large shared-memory segment.
-    """
+
+def child_environment() -> dict[str, str]:
+    """Return the environment of a node's process."""
     environment = dict(os.environ)
     environment[SUPERVISED] = str(os.getpid())
     # One node, one core: the graph has more processes than the machine has processors.
     for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         environment.setdefault(name, "1")
-    if environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST":
-        present = environment.get(_PROFILES_FILE, str(_NODE_PROFILE))
-        own = present != str(_NODE_PROFILE)
-        profile = present if own else str(_CAMERA_PROFILE if camera else _NODE_PROFILE)
-        environment[_PROFILES_FILE] = profile
     return environment
 
 
@@ -71,10 +66,3 @@ def enclave_arguments(namespace: str, node: str) -> list[str]:
 def enclave(namespace: str, node: str) -> str:
     """Return the enclave of a node's process: its keys and permissions in the keystore."""
     return f"/{namespace}/{node}"
-
-
-def clean_shared_memory() -> None:
-    """Remove shared-memory files that killed processes left behind; live ones stay."""
-    tool = Path(sys.prefix) / "bin" / "fastdds"
-    if tool.exists():
-        subprocess.run([str(tool), "shm", "clean"], capture_output=True, check=False, timeout=60)

@@ -261,7 +261,7 @@ class Orchestrator:
         return NodeProcess(
             spec,
             arguments,
-            child_environment(camera=topics.IMAGE in spec.publishes),
+            child_environment(),
             directory / f"{spec.name}.log",
         )
 

@@ -143,7 +143,7 @@ class PageKeeper:
         return NodeProcess(
             PAGE,
             arguments,
-            child_environment(camera=False),
+            child_environment(),
             config.log_directory / f"{PAGE.name}.log",
         )
 

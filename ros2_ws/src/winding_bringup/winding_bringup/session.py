@@ -15,7 +15,7 @@ from cable_winding.parameters import build
 from cable_winding.ros import topics
 from winding_bringup.attended import Attended, parameter_notes
 from winding_bringup.bags.bag_file import BagConfig
-from winding_bringup.environment import clean_shared_memory, set_process_environment
+from winding_bringup.environment import set_process_environment
 from winding_bringup.event_log import Event, EventLog
 from winding_bringup.graph import DEFAULT_NAMESPACE, GRAPH, PAGE, pace_topics, parameters_of
 from winding_bringup.orchestrator import GraphConfig, GraphError, Orchestrator
@@ -124,7 +124,6 @@ def run_session(config: SessionConfig, view: View, tell: Tell = print) -> Sessio
     domain = chosen_domain(config.domain)
     with owned(domain, config.namespace):
         set_process_environment(domain, config.directory / "log")
-        clean_shared_memory()
         return asyncio.run(_run(config, view, tell))
 
 

@@ -29,7 +29,7 @@ def doctor(
         int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
     ] = None,
 ) -> None:
-    """Check Python, wheels, shared memory, discovery, domain, clocks, disk; exit 1 on a FAIL."""
+    """Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL."""
     from winding_bringup.doctor.domain import source_of
     from winding_bringup.doctor.examination import Patient, examine
     from winding_bringup.ownership import DomainError, chosen_domain, lock_folder

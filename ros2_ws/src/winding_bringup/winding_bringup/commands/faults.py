@@ -32,7 +32,7 @@ def faults(
     ] = None,
 ) -> None:
     """Kill, hold and mislead a running graph in every way of the table; exit 1 if it fails one."""
-    from winding_bringup.environment import clean_shared_memory, set_process_environment
+    from winding_bringup.environment import set_process_environment
     from winding_bringup.fault_table.table import LONE_ROWS, ROWS
     from winding_bringup.ownership import DomainError, chosen_domain, owned
 
@@ -48,7 +48,6 @@ def faults(
             tempfile.TemporaryDirectory(prefix="winding-faults-") as folder,
         ):
             set_process_environment(chosen, Path(folder) / "log")
-            clean_shared_memory()
             outcomes = asyncio.run(_try_all(set(names), Path(folder)))
     except DomainError as error:
         refuse(error)

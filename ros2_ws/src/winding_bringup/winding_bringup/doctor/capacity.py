@@ -10,7 +10,8 @@ _MEMORY = 2.0e9
 _GIGABYTE = 1.0e9
 # The orchestrator holds 43 files during a run, a node 26.
 _FILES_HELD, _FILES_NEEDED, _FILES_EASY = 43, 64, 256
-# Kernel's default; frames do not pass through sockets while shared memory has room.
+# Kernel's default. Nothing is lost with it; with the 4 MB that the graph asks for a reader may be
+# late for longer before something has to be sent again.
 _RECEIVE_BUFFER = 212_992
 
 

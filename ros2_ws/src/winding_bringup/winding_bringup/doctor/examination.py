@@ -12,7 +12,7 @@ from pathlib import Path
 
 import psutil  # type: ignore[import-untyped]
 
-from winding_bringup.doctor import capacity, clock, disk, domain, loopback, shared_memory
+from winding_bringup.doctor import capacity, clock, disk, domain, loopback
 from winding_bringup.doctor.exchange import exchange, judge_exchange
 from winding_bringup.doctor.finding import Finding, fail, warn
 from winding_bringup.doctor.import_probe import import_all
@@ -38,7 +38,6 @@ class Patient:
         folder: Where recordings would go.
         logs: Folder for what ROS writes meanwhile.
         locks: Folder of the locks of running graphs.
-        shared_memory: Folder of shared memory.
     """
 
     environment: Mapping[str, str]
@@ -49,7 +48,6 @@ class Patient:
     logs: Path
     locks: Path
     domain_refusal: str = ""
-    shared_memory: Path = Path("/dev/shm")
 
 
 def examine(patient: Patient) -> Iterator[Finding]:
@@ -59,8 +57,7 @@ def examine(patient: Patient) -> Iterator[Finding]:
     clean = {k: v for k, v in patient.environment.items() if k != "RMW_IMPLEMENTATION"}
     yield from judge_wheels(import_all(WHEELS, clean))
     yield from judge_variables(patient.environment, os.path.isfile)
-    # Before the doctor's own processes take places in the domain and segments of memory.
-    yield from _looked("shared memory", lambda: _shared_memory(patient.shared_memory))
+    # Before the doctor's own processes take places in the domain.
     yield _domain(patient)
     yield from _looked(
         "participant ports", lambda: [domain.judge_ports(patient.domain, udp_ports())]
@@ -94,10 +91,6 @@ def _looked(check: str, look: Callable[[], list[Finding]]) -> list[Finding]:
         return look()
     except (OSError, psutil.Error) as error:
         return [warn(check, f"cannot tell: {error}", "look at it by hand")]
-
-
-def _shared_memory(folder: Path) -> list[Finding]:
-    return shared_memory.judge_shared_memory(folder, shared_memory.look(folder))
 
 
 def _domain(patient: Patient) -> Finding:

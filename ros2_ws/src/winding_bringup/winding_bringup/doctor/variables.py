@@ -42,7 +42,7 @@ def _middleware(value: str | None) -> Finding:
 
 def _discovery_range(value: str | None) -> Finding:
     if not value:
-        return ok(_RANGE, "not set; the command sets LOCALHOST")
+        return ok(_RANGE, "not set; the command keeps to this host")
     if value == "LOCALHOST":
         return ok(_RANGE, value)
     if value in _WIDER:
@@ -68,11 +68,11 @@ def _profiles(value: str | None, is_file: Callable[[str], bool]) -> Finding:
     if not value or not is_file(value):
         return warn(
             _PROFILES,
-            f"{value!r} is no file; Fast DDS complains and keeps its small segments",
+            f"{value!r} is no file; Fast DDS complains and keeps to its defaults",
             f"unset {_PROFILES}",
         )
     return warn(
         _PROFILES,
-        f"{value} takes the place of the graph's own: no room for frames but what it gives",
+        f"{value} takes the place of the graph's own, with its transports and leases",
         f"unset {_PROFILES} unless you need it",
     )

@@ -27,7 +27,7 @@ async def _stranger(cell: FaultCell, role: str) -> AsyncIterator[asyncio.subproc
         str(Path(__file__).with_name("stranger.py")),
         role,
         cell.namespace,
-        env=child_environment(camera=False),
+        env=child_environment(),
         stdout=asyncio.subprocess.PIPE,
         stdin=asyncio.subprocess.DEVNULL,
     )
