@@ -18,8 +18,8 @@ from cable_winding.ros.rig_messages import encode_joint_state
 from winding_bringup.attended import RunStart
 from winding_bringup.environment import set_process_environment
 from winding_bringup.event_log import EventLog
+from winding_bringup.graph_error import GraphError
 from winding_bringup.matching import outsiders
-from winding_bringup.orchestrator import GraphError
 from winding_bringup.page_keeper import PageConfig, PageKeeper
 from winding_bringup.ros_client import RosClient
 from winding_bringup.tape import Tape, TapedMessage

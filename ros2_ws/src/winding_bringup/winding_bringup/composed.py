@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 from cable_winding.ros import topics
 from winding_bringup.environment import ros_arguments
 from winding_bringup.graph import GRAPH
-from winding_bringup.orchestrator import GraphError
+from winding_bringup.graph_error import GraphError
 
 
 class ComposedGraph:

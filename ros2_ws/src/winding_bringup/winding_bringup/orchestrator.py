@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Mapping, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
-from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState, GetState
+from lifecycle_msgs.msg import Transition
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 from std_srvs.srv import Trigger
@@ -20,36 +18,26 @@ from std_srvs.srv import Trigger
 from cable_winding.parameters import declarations
 from cable_winding.ros import topics
 from winding_bringup.attached_node import AttachedNode
+from winding_bringup.deadline import deadline
 from winding_bringup.environment import child_environment, enclave_arguments, ros_arguments
 from winding_bringup.graph import GRAPH, NodeSpec, parameters_of
+from winding_bringup.graph_error import GraphError
 from winding_bringup.matching import PATIENCE, Matching
 from winding_bringup.node_process import NodeProcess
 from winding_bringup.parameter_files import parameters_for
 from winding_bringup.ros_client import RosClient
+from winding_bringup.transitions import (
+    ANSWER_PATIENCE,
+    CONFIGURE_TIMEOUT,
+    START_TIMEOUT,
+    Member,
+    Transitions,
+)
 
-# First starts import torch and compile kernels on a busy machine.
-_START_TIMEOUT = 120.0
-_CONFIGURE_TIMEOUT = 300.0
 # A successor may hang as its predecessor did; one that replays a long run only takes long.
-_RESTART_PATIENCE = (20.0, 60.0, _CONFIGURE_TIMEOUT)
+_RESTART_PATIENCE = (20.0, 60.0, CONFIGURE_TIMEOUT)
 _POLL = 0.02
 _FORGETTING = 0.5
-# A transition without an answer for so long is looked after.
-_ANSWER_PATIENCE = 5.0
-_GOALS = {
-    Transition.TRANSITION_CONFIGURE: State.PRIMARY_STATE_INACTIVE,
-    Transition.TRANSITION_ACTIVATE: State.PRIMARY_STATE_ACTIVE,
-    Transition.TRANSITION_DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
-}
-# The answer to a transition may overtake the sentence on the node's own output.
-_REFUSAL_PATIENCE = 5.0
-
-
-Member = NodeProcess | AttachedNode
-
-
-class GraphError(RuntimeError):
-    """The graph could not be brought up or kept up; the message names the culprit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,22 +61,13 @@ class GraphConfig:
     attach: bool = False
 
 
-@asynccontextmanager
-async def _deadline(timeout: float, sentence: str) -> AsyncIterator[None]:
-    """Raise TimeoutError with a sentence when the body takes longer than timeout [s]."""
-    try:
-        async with asyncio.timeout(timeout):
-            yield
-    except TimeoutError:
-        raise TimeoutError(sentence) from None
-
-
 class Orchestrator:
     """Runs one graph; every wait is for a state, none for a time."""
 
     def __init__(self, config: GraphConfig, client: RosClient) -> None:
         self.config = config
         self._client = client
+        self._transitions = Transitions(client, config.namespace)
         self.processes: list[Member] = [self._process(spec) for spec in GRAPH]
         self._active: set[str] = set()
         self._matching = Matching(client, config.recorded)
@@ -104,7 +83,7 @@ class Orchestrator:
         await self._while_alive(self._configure_all())
         for process in self.processes:
             await self._while_alive(
-                self._change(process, Transition.TRANSITION_ACTIVATE, _START_TIMEOUT)
+                self._transitions.change(process, Transition.TRANSITION_ACTIVATE, START_TIMEOUT)
             )
             self._active.add(process.spec.name)
         await self._while_alive(self._matched())
@@ -139,7 +118,7 @@ class Orchestrator:
         for attempt, patience in enumerate(_RESTART_PATIENCE, start=1):
             sentence = f"was not active again {patience:g} s after it was started"
             try:
-                async with _deadline(patience, f"{name} {sentence}"):
+                async with deadline(patience, f"{name} {sentence}"):
                     await self._replace(name, extra)
             except TimeoutError:
                 if attempt == len(_RESTART_PATIENCE):
@@ -155,15 +134,15 @@ class Orchestrator:
         new = self._process(old.spec, {**self._adopted.get(name, {}), **extra})
         self.processes[self.processes.index(old)] = new
         await new.start()
-        await self._while_alive(self._configure(new), [new])
+        await self._while_alive(self._transitions.configure(new), [new])
         await self._while_alive(
-            self._change(new, Transition.TRANSITION_ACTIVATE, _CONFIGURE_TIMEOUT), [new]
+            self._transitions.change(new, Transition.TRANSITION_ACTIVATE, CONFIGURE_TIMEOUT), [new]
         )
         self._active.add(name)
 
     async def rematch(self, names: Collection[str]) -> None:
         """Wait until the graph has forgotten killed processes and matches their successors."""
-        async with _deadline(PATIENCE, f"the graph does not forget a killed {names}"):
+        async with deadline(PATIENCE, f"the graph does not forget a killed {names}"):
             while any(self._client.present(name) != 1 for name in names):
                 await asyncio.sleep(_POLL)
         # Each process forgets for itself, a little earlier or later than this one.
@@ -180,9 +159,9 @@ class Orchestrator:
             stated = [item.name for item in declarations(parameters_of(process.spec))]
             answer = await self._client.try_call(
                 GetParameters,
-                self._service(process, "get_parameters"),
+                self._transitions.service(process, "get_parameters"),
                 GetParameters.Request(names=stated),
-                _ANSWER_PATIENCE,
+                ANSWER_PATIENCE,
             )
             if answer is not None and len(answer.values) == len(stated):
                 values = map(parameter_value_to_python, answer.values)
@@ -195,7 +174,9 @@ class Orchestrator:
             if process.spec.name == topics.RIG:
                 continue
             for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
-                await self._while_alive(self._change(process, transition, _START_TIMEOUT))
+                await self._while_alive(
+                    self._transitions.change(process, transition, START_TIMEOUT)
+                )
 
     async def command(self, service: str) -> None:
         """Call one of the rig's commands, such as rig/start.
@@ -204,7 +185,7 @@ class Orchestrator:
             GraphError: It was refused.
         """
         response = await self._client.call(
-            Trigger, f"/{self.config.namespace}/{service}", Trigger.Request(), _START_TIMEOUT
+            Trigger, f"/{self.config.namespace}/{service}", Trigger.Request(), START_TIMEOUT
         )
         if not response.success:
             raise GraphError(f"{service} was refused: {response.message}")
@@ -225,12 +206,7 @@ class Orchestrator:
         codes = {}
         for process in reversed(self.processes):
             if process.return_code is None and process.spec.name in self._active:
-                await self._client.try_call(
-                    ChangeState,
-                    self._service(process, "change_state"),
-                    ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE)),
-                    2.0,
-                )
+                await self._transitions.ask_to_deactivate(process)
             if process.started:
                 codes[process.spec.name] = await process.stop()
             elif isinstance(process, AttachedNode) and process.spec.name in self._active:
@@ -265,52 +241,8 @@ class Orchestrator:
             directory / f"{spec.name}.log",
         )
 
-    def _service(self, process: Member, name: str) -> str:
-        return f"/{self.config.namespace}/{process.spec.name}/{name}"
-
     async def _configure_all(self) -> None:
-        await asyncio.gather(*(self._configure(process) for process in self.processes))
-
-    async def _configure(self, process: Member) -> None:
-        state = await self._state(process, _START_TIMEOUT)
-        if isinstance(process, AttachedNode):
-            refusal = await process.take_parameters()
-            if refusal:
-                raise GraphError(f"{process.spec.name}: {refusal}")
-        elif state != State.PRIMARY_STATE_UNCONFIGURED:
-            raise GraphError(
-                f"{process.spec.name} is in state {state} before it was configured: "
-                "another graph uses its name"
-            )
-        await self._change(process, Transition.TRANSITION_CONFIGURE, _CONFIGURE_TIMEOUT)
-
-    async def _change(self, process: Member, transition: int, timeout: float) -> None:
-        """Ask for a transition until the node is where it leads.
-
-        An answer can be lost while client and server find each other. Then the node's state
-        tells what became of the request; it answers when the transition is over.
-        """
-        request = ChangeState.Request(transition=Transition(id=transition))
-        late = f"{process.spec.name} did not finish transition {transition} in {timeout:g} s"
-        async with _deadline(timeout, late):
-            while True:
-                response = await self._client.try_call(
-                    ChangeState, self._service(process, "change_state"), request, _ANSWER_PATIENCE
-                )
-                if response is None:
-                    if await self._state(process, timeout) == _GOALS[transition]:
-                        return
-                elif response.success:
-                    return
-                else:
-                    reason = await process.refusal(_REFUSAL_PATIENCE)
-                    raise GraphError(f"{process.spec.name}: {reason}")
-
-    async def _state(self, process: Member, timeout: float) -> int:
-        response = await self._client.call(
-            GetState, self._service(process, "get_state"), GetState.Request(), timeout
-        )
-        return int(response.current_state.id)
+        await asyncio.gather(*(self._transitions.configure(process) for process in self.processes))
 
     async def _matched(self) -> None:
         try:

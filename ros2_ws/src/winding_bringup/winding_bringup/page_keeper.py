@@ -16,8 +16,8 @@ from winding_bringup.backoff import Backoff
 from winding_bringup.environment import child_environment, enclave_arguments, ros_arguments
 from winding_bringup.event_log import EventLog
 from winding_bringup.graph import PAGE
+from winding_bringup.graph_error import GraphError
 from winding_bringup.node_process import NodeProcess
-from winding_bringup.orchestrator import GraphError
 from winding_bringup.ros_client import RosClient
 
 # First starts import NiceGUI on a busy machine.

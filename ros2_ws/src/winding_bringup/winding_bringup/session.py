@@ -18,7 +18,8 @@ from winding_bringup.bags.bag_file import BagConfig
 from winding_bringup.environment import set_process_environment
 from winding_bringup.event_log import Event, EventLog
 from winding_bringup.graph import DEFAULT_NAMESPACE, GRAPH, PAGE, pace_topics, parameters_of
-from winding_bringup.orchestrator import GraphConfig, GraphError, Orchestrator
+from winding_bringup.graph_error import GraphError
+from winding_bringup.orchestrator import GraphConfig, Orchestrator
 from winding_bringup.ownership import chosen_domain, owned
 from winding_bringup.page_keeper import PageConfig, PageKeeper
 from winding_bringup.parameter_files import parameters_for

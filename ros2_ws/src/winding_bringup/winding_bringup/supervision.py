@@ -23,7 +23,8 @@ from cable_winding.ros.rig_messages import MessageError, decode_joint_state
 from winding_bringup.backoff import Backoff
 from winding_bringup.event_log import EventLog
 from winding_bringup.graph import GRAPH, Policy
-from winding_bringup.orchestrator import GraphError, Orchestrator
+from winding_bringup.graph_error import GraphError
+from winding_bringup.orchestrator import Orchestrator
 from winding_bringup.recorder import Tape
 from winding_bringup.ros_client import NAME, RosClient
 from winding_bringup.sensor_watch import SensorWatch

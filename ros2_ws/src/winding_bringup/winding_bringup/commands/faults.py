@@ -63,7 +63,7 @@ async def _try_all(names: set[str], folder: Path) -> list[Outcome]:
     from winding_bringup.fault_table.cell import CellError, FaultCell
     from winding_bringup.fault_table.outcome import Outcome
     from winding_bringup.fault_table.table import LONE_ROWS, ROWS
-    from winding_bringup.orchestrator import GraphError
+    from winding_bringup.graph_error import GraphError
 
     outcomes: list[Outcome] = []
 

@@ -227,8 +227,8 @@ def _session(config: SessionConfig, condition: object) -> SessionResult:
     from rich.text import Text
 
     from cable_winding.condition import ConditionParameters
+    from winding_bringup.graph_error import GraphError
     from winding_bringup.live import LiveView
-    from winding_bringup.orchestrator import GraphError
     from winding_bringup.ownership import DomainError
     from winding_bringup.recorder import RecorderError
     from winding_bringup.session import run_session

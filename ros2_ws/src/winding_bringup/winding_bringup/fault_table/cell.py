@@ -20,7 +20,8 @@ from cable_winding.ros.diagnostic_messages import Status
 from cable_winding.ros.rig_messages import MessageError, decode_joint_state
 from winding_bringup.event_log import EventLog
 from winding_bringup.graph import GRAPH, pace_topics
-from winding_bringup.orchestrator import GraphConfig, GraphError, Orchestrator
+from winding_bringup.graph_error import GraphError
+from winding_bringup.orchestrator import GraphConfig, Orchestrator
 from winding_bringup.recorder import Recorder
 from winding_bringup.ros_client import RosClient
 from winding_bringup.supervision import Supervisor, replay_parameters
