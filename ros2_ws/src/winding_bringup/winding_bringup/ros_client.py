@@ -20,7 +20,7 @@ from cable_winding.ros.diagnostic_messages import (
     encode_diagnostics,
 )
 from cable_winding.ros.heartbeat import Heartbeat, Sign, heartbeat_topic, watch_heartbeat
-from cable_winding.ros.managed_node import MATCHED
+from cable_winding.ros.topic_status import subscribers_of
 from winding_bringup.environment import enclave_arguments, ros_arguments
 
 _SPIN_PERIOD = 0.1
@@ -106,7 +106,7 @@ class RosClient:
     def matched(self, node: str, topic: str) -> int:
         """Return how many subscriptions a node's publisher says it has."""
         status = self._statuses.get(f"{node}: topics")
-        return int(status.values.get(f"{MATCHED}{topic}", 0)) if status else 0
+        return subscribers_of(status.values).get(topic, 0) if status else 0
 
     async def call(
         self, service: type, name: str, request: Any, timeout: float, *, retry: bool = True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Generic, TypeVar
 
@@ -28,14 +28,15 @@ from cable_winding.ros.parameters import (
 from cable_winding.ros.rig_messages import MessageError
 from cable_winding.ros.stamps import decode_stamp, serialised_stamp_ns
 from cable_winding.ros.stop_request import StopRequest
+from cable_winding.ros.topic_status import news, topic_status
 from cable_winding.ros.topics import DIAGNOSTICS, Topic
+from cable_winding.ros.wake_up import Queue, in_order
 
 Configuration = TypeVar("Configuration")
 
 # Changes are noticed this often [s]; an unchanged state is repeated at 1 Hz (REP-107).
 _WATCH_PERIOD = 0.1
 _REPEAT_PERIOD = 1.0
-MATCHED = "matched "
 
 
 class EndingError(RuntimeError):
@@ -197,15 +198,15 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             self.advertise(topic)
         subscriptions: dict[Topic, Subscription] = {}
         queues = [
-            (
-                topic,
-                self._guarded(topic, self._answering(exchange, topic, busy or nullcontext())),
-                self._intake(topic).found,
+            Queue(
+                topic=topic,
+                take=self._guarded(topic, self._answering(exchange, topic, busy or nullcontext())),
+                found=self._intake(topic).found,
             )
             for topic in exchange.inputs
         ]
         for topic in exchange.inputs:
-            woken = _in_order(topic, queues, subscriptions)
+            woken = in_order(topic, queues, subscriptions)
             subscriptions[topic] = topic.listen(self, woken, events=self._events(topic))
         self._topic_subscriptions += subscriptions.values()
 
@@ -324,9 +325,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._look_for_rivals()
         statuses = self._statuses()
         self._silent_periods += 1
-        changed = [(s.name, s.level, s.message) for s in statuses] != [
-            (s.name, s.level, s.message) for s in self._last_told
-        ] or _matches(statuses) != _matches(self._last_told)
+        changed = news(statuses) != news(self._last_told)
         if changed or self._silent_periods * _WATCH_PERIOD >= _REPEAT_PERIOD:
             self._diagnostics.publish(
                 encode_diagnostics(
@@ -374,22 +373,10 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         own = self.status()
         if self._failure:
             own = Status(name=own.name, level=Level.ERROR, message=self._failure, values=own.values)
-        values = {f"{MATCHED}{name}": str(self.matched(name)) for name in self._topic_publishers}
-        refusing = [intake for intake in self._intakes.values() if intake.refused]
-        values |= {f"heard {name}": str(item.accepted) for name, item in self._intakes.items()}
-        values |= {f"queue {name}": str(item.queue) for name, item in self._intakes.items()}
-        values |= {f"refused {item.topic}": str(item.refused) for item in refusing}
-        errors = self.rivals()
-        errors += [_refusal(intake) for intake in refusing if intake.persistent]
-        warnings = [_refusal(intake) for intake in refusing if not intake.persistent]
+        subscribers = {name: self.matched(name) for name in self._topic_publishers}
         return [
             own,
-            Status(
-                name=f"{self.get_name()}: topics",
-                level=Level.ERROR if errors else Level.WARN if warnings else Level.OK,
-                message="; ".join([*errors, *warnings]),
-                values=values,
-            ),
+            topic_status(self.get_name(), subscribers, self._intakes, self.rivals()),
             *self._mismatches(),
         ]
 
@@ -405,38 +392,5 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         ]
 
 
-def _refusal(intake: Intake) -> str:
-    return f"refused a message on {intake.topic}: {intake.reason}"
-
-
 def _stamp(message: Any, *, raw: bool) -> float:
     return serialised_stamp_ns(message) * 1e-9 if raw else decode_stamp(message.header.stamp)
-
-
-def _in_order(
-    own: Topic,
-    queues: Sequence[tuple[Topic, Callable[[Any], None], Callable[[int], None]]],
-    subscriptions: Mapping[Topic, Subscription],
-) -> Callable[[Any], None]:
-    def serve(message: Any) -> None:
-        awake = time.time_ns()
-        for topic, take, found in queues:
-            count = 0
-            if topic is own:
-                take(message)
-                count = 1
-            for waiting, arrived in topic.waiting(subscriptions[topic]):
-                take(waiting)
-                # What goes on arriving has its turn later: a slow topic must not starve a fast one.
-                if arrived > awake:
-                    break
-                count += 1
-            found(count)
-
-    return serve
-
-
-def _matches(statuses: Sequence[Status]) -> list[tuple[str, str]]:
-    return [
-        item for status in statuses for item in status.values.items() if item[0].startswith(MATCHED)
-    ]

@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import SetBool, Trigger
 
 from cable_winding.ros import topics
+from cable_winding.ros.topic_status import subscribers_of
 from winding_dashboard import commands
 from winding_dashboard.commands import Choice, CommandError
 from winding_dashboard.health import Health
@@ -42,16 +43,13 @@ _MATCHING = 10.0
 _LOOK = 0.1
 # A large bag on a slow disk.
 _CLOSING = 120.0
-_MATCHED = "matched "
 
 
 def readers(health: Health, nodes: Sequence[str]) -> dict[str, int]:
     """Return how many subscribers the nodes' publishers say they have, by topic."""
-    found = {}
+    found: dict[str, int] = {}
     for node in nodes:
-        for key, value in health.values(f"{node}: topics").items():
-            if key.startswith(_MATCHED) and value.isdigit():
-                found[key.removeprefix(_MATCHED)] = int(value)
+        found |= subscribers_of(health.values(f"{node}: topics"))
     return found
 
 
