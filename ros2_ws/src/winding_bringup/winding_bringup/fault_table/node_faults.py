@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from functools import partial
 
 from winding_bringup.event_log import Event
 from winding_bringup.fault_table.cell import FaultCell
@@ -16,6 +17,8 @@ from winding_bringup.fault_table.outcome import (
 )
 from winding_bringup.graph import GRAPH, Policy
 
+# Beyond these a run does not come back, unless the machine is so slow that a minute has passed.
+_KILLS = 8
 _WORDS = {signal.SIGKILL: ("kill -9", CRASH_WITHIN), signal.SIGSTOP: ("SIGSTOP", HANG_WITHIN)}
 
 
@@ -97,11 +100,35 @@ async def lose_successor(cell: FaultCell, name: str) -> Outcome:
     )
 
 
+async def lose_again_and_again(cell: FaultCell, name: str) -> Outcome:
+    """Kill a node whenever it is there again; the run has to end rather than go on like that."""
+    await cell.winding()
+    t, kills = cell.t, 0
+    while cell.goes_on() and kills < _KILLS:
+        killed = time.monotonic()
+        os.kill(cell.orchestrator.process(name).pid, signal.SIGKILL)
+        kills += 1
+        await cell.until(partial(_resumed_or_over, cell, killed), "the run resumes or ends")
+    sentence = await cell.end_of_run()
+    return Outcome(
+        fault=f"kill -9 {name} again and again",
+        injected_at=t,
+        outcome=f"the run ended: {sentence}",
+        # Kills of the rows before may count too.
+        survived=name in sentence and "for the fourth time within a minute" in sentence,
+        load=machine_load(),
+    )
+
+
 async def _resumed(cell: FaultCell, since: float) -> Event:
     found: Event = await cell.until(
         lambda: cell.log.find("resumed", since=since), "the run resumes"
     )
     return found
+
+
+def _resumed_or_over(cell: FaultCell, since: float) -> bool:
+    return cell.log.find("resumed", since=since) is not None or not cell.goes_on()
 
 
 def _successor(cell: FaultCell, name: str, lost: int) -> int | None:

@@ -10,7 +10,11 @@ from pathlib import Path
 
 from cable_winding.ros import topics
 from winding_bringup.fault_table.cell import FaultCell
-from winding_bringup.fault_table.node_faults import lose_node, lose_successor
+from winding_bringup.fault_table.node_faults import (
+    lose_again_and_again,
+    lose_node,
+    lose_successor,
+)
 from winding_bringup.fault_table.orchestrator_faults import lose_orchestrator, second_graph
 from winding_bringup.fault_table.outcome import Outcome
 from winding_bringup.fault_table.sensor_faults import (
@@ -87,6 +91,10 @@ ROWS = (
     Row(
         name="a successor that hangs",
         try_it=_alone(partial(lose_successor, name=topics.TRACKER)),
+    ),
+    Row(
+        name="a node that dies again and again",
+        try_it=_alone(partial(lose_again_and_again, name=topics.TRACKER)),
     ),
 )
 LONE_ROWS = (
