@@ -26,6 +26,13 @@ sys.stdout.write("\\n[ERROR] [node]: the last word")
 """
 
 
+KILLED = """
+import os
+print("[ERROR] [node]: long ago", flush=True)
+os.kill(os.getpid(), 9)
+"""
+
+
 def run(folder: Path, source: str) -> tuple[int, str, int]:
     """Return (exit code, last complaint, bytes left on the disk) of a process that says much."""
     (folder / "shouting.py").write_text(source)
@@ -80,3 +87,7 @@ def test_a_run_writes_no_log_but_those_with_a_bound(recorded_run: Any) -> None:
     left = {file.name for file in (run_folder / "log").iterdir()}
     bounded = {f"{spec.name}.{suffix}" for spec in GRAPH for suffix in ("log", "yaml")}
     assert left <= bounded
+
+
+def test_what_a_killed_process_said_is_not_why_it_ended(tmp_path: Path) -> None:
+    assert run(tmp_path, KILLED)[:2] == (-9, "")

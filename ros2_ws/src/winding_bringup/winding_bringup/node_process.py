@@ -126,7 +126,10 @@ class NodeProcess:
         return self.complaint()
 
     def complaint(self) -> str:
-        """Return the last line that says what went wrong, or an empty text."""
+        """Return the last line that says what went wrong; nothing of one that was killed."""
+        if self.return_code == -signal.SIGKILL:
+            # Whatever it said was about something else.
+            return ""
         errors = [line for line in self._complaints if line.startswith(_ERROR_MARKS)]
         if errors:
             return errors[-1].removeprefix("error: ").split("]: ", 1)[-1]
