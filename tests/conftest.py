@@ -3,6 +3,7 @@
 import contextlib
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -30,6 +31,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "soak: runs for minutes, only with --run-soak")
+    # A suite in the background of a shell is told to ignore Ctrl-C, and so is what it starts.
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     # rcl reads these when a context is made, so they are set before any test imports rclpy.
     # The coordinator gives no domain to two test processes of this machine.
     os.environ["ROS_DOMAIN_ID"] = str(_DOMAIN.enter_context(domain_id()))
