@@ -85,7 +85,7 @@ def exchange(
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """Let a process give its shared memory back; end it if it does not."""
+    """Let a process leave the domain; end it if it does not."""
     process.terminate()
     try:
         process.wait(_END_PATIENCE)
