@@ -16,11 +16,11 @@ from typing import Any
 import pytest
 from domain_coordinator import domain_id
 
-import winding_bringup
+import winding_ros
 
 # A test waits ten times as long as the thing usually takes, on two busy cores.
 PATIENCE = 60.0
-PROFILE = Path(winding_bringup.__file__).parent / "profiles" / "loopback.xml"
+PROFILE = Path(winding_ros.__file__).parent / "profiles" / "loopback.xml"
 _DOMAIN = contextlib.ExitStack()
 
 
@@ -135,7 +135,7 @@ def winding(
 ) -> subprocess.CompletedProcess[str]:
     """Run the `winding` command in a folder, as a person would."""
     return subprocess.run(
-        [sys.executable, "-m", "winding_bringup.cli", *map(str, arguments)],
+        [sys.executable, "-m", "winding_cli.cli", *map(str, arguments)],
         cwd=cwd,
         capture_output=True,
         text=True,

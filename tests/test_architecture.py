@@ -8,7 +8,7 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "ros2_ws" / "src"
 NODE_PACKAGES = {"cable_fem_node", "marker_tracker_node", "winding_rig_node", "correction_node"}
 PACKAGES = NODE_PACKAGES | {
-    "cable_winding",
+    "winding_core",
     "winding_study",
     "winding_dashboard",
     "winding_bringup",
@@ -28,11 +28,11 @@ ROS = {
 }
 # Which packages of the project each may import, itself aside.
 ALLOWED = {
-    "cable_winding": set(),
-    **{package: {"cable_winding"} for package in NODE_PACKAGES},
-    "winding_study": {"cable_winding", "cable_fem_node", "correction_node"},
-    "winding_dashboard": {"cable_winding"},
-    "winding_bringup": {"cable_winding", "winding_study"},
+    "winding_core": set(),
+    **{package: {"winding_core"} for package in NODE_PACKAGES},
+    "winding_study": {"winding_core", "cable_fem_node", "correction_node"},
+    "winding_dashboard": {"winding_core"},
+    "winding_bringup": {"winding_core", "winding_study"},
 }
 MEANINGLESS = {"utils", "util", "common", "helpers", "helper", "manager", "base", "misc"}
 FILES = sorted(path for package in PACKAGES for path in (SOURCE / package / package).rglob("*.py"))
@@ -78,9 +78,7 @@ def test_rooms_import_only_downwards(path: Path) -> None:
 @pytest.mark.parametrize("path", FILES, ids=identifier)
 def test_only_adapters_import_ros(path: Path) -> None:
     roots = {name.split(".")[0] for name in imports(path)}
-    touches_ros = bool(roots & ROS) or any(
-        name.startswith("cable_winding.ros") for name in imports(path)
-    )
+    touches_ros = bool(roots & ROS) or any(name.startswith("winding_ros") for name in imports(path))
     adapter = (
         path.name in ("node.py", "__main__.py")
         or "ros" in path.relative_to(SOURCE).parts

@@ -59,7 +59,7 @@ def test_the_installed_command_runs_from_its_own_files(workspace: Path) -> None:
     install = workspace / "install"
     (site,) = install.glob("lib/python3*/site-packages")
     done = subprocess.run(
-        [str(install / "lib/winding_bringup/winding"), "predict", "--case", "4", "--duration-s=1"],
+        [str(install / "lib/winding_cli/winding"), "predict", "--case", "4", "--duration-s=1"],
         env=environment(PYTHONPATH=str(site)),
         cwd=workspace,
         capture_output=True,
@@ -80,7 +80,7 @@ def test_the_launch_file_is_installed(workspace: Path) -> None:
 
 @pytest.mark.xdist_group("colcon")
 def test_colcon_test_runs_the_tests_of_a_room(workspace: Path) -> None:
-    colcon("test", workspace, "--packages-select", "cable_winding", "--return-code-on-test-failure")
-    report = (workspace / "build/cable_winding/pytest.xml").read_text(encoding="utf-8")
+    colcon("test", workspace, "--packages-select", "winding_core", "--return-code-on-test-failure")
+    report = (workspace / "build/winding_core/pytest.xml").read_text(encoding="utf-8")
     (count,) = re.findall(r'tests="(\d+)"', report)
     assert int(count) > 100

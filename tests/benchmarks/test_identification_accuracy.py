@@ -21,13 +21,13 @@ from cable_fem_node.identification import (
     identify_modulus,
     with_young,
 )
-from cable_fem_node.prediction import OverlapError, Prediction, predict
-from cable_fem_node.run_history import planned_inputs
-from cable_fem_node.winding_config import WindingConfig
-from cable_winding.cases import paper_case
-from cable_winding.drive import PAPER_DURATION, DriveProfile
-from cable_winding.markers import Markers, is_wound
-from cable_winding.published import published_markers
+from cable_fem_node.winding.prediction import OverlapError, Prediction, predict
+from cable_fem_node.winding.run_history import planned_inputs
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cases import paper_case
+from winding_core.drive import PAPER_DURATION, DriveProfile
+from winding_core.markers import Markers, is_wound
+from winding_core.published import published_markers
 
 DRIVE = DriveProfile()
 CASES = range(1, 13)

@@ -5,28 +5,28 @@ from typing import Any
 
 import numpy as np
 
-from cable_winding.ros import topics
-from winding_bringup.session import SessionConfig, run_session
+from winding_ros import topics
+from winding_supervisor.run import RunConfig, run_graph
 
 DURATION = 10.0
-# A frame's camera_info is sent just before it; the tape keeps no pictures.
+# A frame's camera_info is sent just before it; the buffer keeps no pictures.
 FRAMES, MARKERS = topics.CAMERA_INFO.name, topics.TRACKED_MARKERS.name
 
 
 def test_windowed_frames_at_200_hz(bench: Any, tmp_path: Path) -> None:
     condition = {"case": 4, "duration": DURATION}
-    result = run_session(
-        SessionConfig(
+    result = run_graph(
+        RunConfig(
             directory=tmp_path / "run",
             condition=condition,
             own={topics.RIG: {"speed": 1.0}},
             duration=DURATION,
             namespace="benchmark",
         ),
-        lambda tape, wall: None,
+        lambda buffer, wall: None,
     )
-    sent = {message.stamp_ns: message.sent_ns for message in result.tape.messages[FRAMES]}
-    came = {message.stamp_ns: message.received_ns for message in result.tape.messages[MARKERS]}
+    sent = {message.stamp_ns: message.sent_ns for message in result.buffer.messages[FRAMES]}
+    came = {message.stamp_ns: message.received_ns for message in result.buffer.messages[MARKERS]}
     assert set(came) == set(sent)
     latency = np.array([came[stamp] - sent[stamp] for stamp in sent]) * 1e-6
     bench.row("live_frames_lost", int(DURATION * 200) + 1 - len(came), "frames", bar=0)

@@ -10,11 +10,13 @@ import time
 
 import pytest
 
-from cable_fem_node.solid_winding import SolidWinding
-from cable_fem_node.winding import RodWinding, WindingConfig, predict
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from winding_study.study import StudyConfig, wind_cases
+from cable_fem_node.winding.prediction import predict
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.solid_winding import SolidWinding
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_study.paper.study import StudyConfig, wind_cases
 
 REPEATS = 3
 DRIVE = DriveProfile()

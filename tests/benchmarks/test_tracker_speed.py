@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 import pytest
 
-from cable_winding.cases import paper_case
+from winding_core.cases import paper_case
 from winding_rig_node.camera import CameraConfig
-from winding_rig_node.lay import published_lay
+from winding_rig_node.machine.lay import published_lay
 
 UNSEEN = 48
 

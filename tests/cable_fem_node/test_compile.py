@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from cable_fem_node.compile import drop_stale_code
+from cable_fem_node.dynamics.compile import drop_stale_code
 
 
 def test_only_code_older_than_a_source_is_dropped(tmp_path):

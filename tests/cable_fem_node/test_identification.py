@@ -19,14 +19,14 @@ from cable_fem_node.identification import (
     identify_modulus,
     with_young,
 )
-from cable_fem_node.prediction import predict
-from cable_fem_node.run_history import planned_inputs
-from cable_fem_node.winding_config import WindingConfig
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.lay_on import LayOn
-from cable_winding.markers import is_wound
-from cable_winding.tension import DeadWeight
+from cable_fem_node.winding.prediction import predict
+from cable_fem_node.winding.run_history import planned_inputs
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_core.markers import is_wound
+from winding_core.quasi_static import QuasiStaticLay
+from winding_core.tension import DeadWeight
 
 DRIVE = DriveProfile()
 # P1 and P2 have landed by then, on either cylinder.
@@ -96,7 +96,7 @@ def test_stated_error_is_not_a_shrug() -> None:
 def test_a_cable_that_hardly_stretches_tells_less() -> None:
     errors = []
     for case in (4, 5):
-        theta = LayOn(paper_case(case), "linear").theta(DeadWeight())[:2]
+        theta = QuasiStaticLay(paper_case(case), "linear").theta(DeadWeight())[:2]
         estimate = identify_modulus([measured(case, theta, np.array([4e-3, 15e-3]), seed=None)])
         errors.append(estimate.half_width_90 / estimate.young)
     # Strains 0.12 and 0.027: the same noise counts four times as much.
@@ -107,7 +107,7 @@ def test_a_cable_that_hardly_stretches_tells_less() -> None:
 def test_quasi_static_lay_gives_its_modulus_back(case: int) -> None:
     young = 3.4e6
     hidden = with_young(config(case), young).case
-    lay = LayOn(hidden, "linear")
+    lay = QuasiStaticLay(hidden, "linear")
     theta = lay.theta(DeadWeight())[:2]
     z = np.interp(theta, lay._theta, lay._path.z(lay._theta))
     estimate = identify_modulus([measured(case, theta, z, seed=None)])
@@ -165,7 +165,7 @@ def test_both_constants_are_found_where_tensions_tell_them_apart() -> None:
 def test_small_strains_cannot_tell_the_constants_apart() -> None:
     runs = []
     for case in (5, 6):
-        lay = LayOn(paper_case(case), "mooney_rivlin")
+        lay = QuasiStaticLay(paper_case(case), "mooney_rivlin")
         theta = lay.theta(DeadWeight())[:2]
         z = np.interp(theta, lay._theta, lay._path.z(lay._theta))
         runs.append(measured(case, theta, z, seed=case, law="mooney_rivlin"))

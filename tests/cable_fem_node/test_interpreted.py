@@ -13,12 +13,13 @@ import pytest
 SCRIPT = """
 import json
 import numpy as np
-from cable_fem_node.rod import Rod, RodSection
-from cable_fem_node.solid import Solid
-from cable_fem_node.solid_law import SolidLaw
-from cable_fem_node.solid_mesh import block
-from cable_fem_node.winding import RodWinding, WindingConfig
-from cable_winding.cases import paper_case
+from cable_fem_node.rod.rod import Rod, RodSection
+from cable_fem_node.solid.solid import Solid
+from cable_fem_node.solid.solid_law import SolidLaw
+from cable_fem_node.solid.solid_mesh import block
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cases import paper_case
 
 line = np.column_stack([np.linspace(0.0, 0.02, 5), np.zeros(5), np.zeros(5)])
 rod = Rod(line, RodSection(diameter=4e-3, law="neo_hookean"), twist=True)

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, logm, polar
 
-from cable_fem_node.rod_kernels import law_energy, law_value
-from cable_fem_node.solid_law import SolidLaw
-from cable_winding.uniaxial import (
+from cable_fem_node.rod.rod_kernels import law_energy, law_value
+from cable_fem_node.solid.solid_law import SolidLaw
+from winding_core.material_law import (
     LAWS,
     TABLE_HIGH,
     TABLE_INTERVALS,
     TABLE_LOW,
+    MaterialLaw,
     NoEquilibriumError,
-    UniaxialLaw,
 )
 
 ELASTIC = ("linear", "hencky", "neo_hookean", "mooney_rivlin")
@@ -74,7 +74,7 @@ def test_uniaxial_response_has_free_sides(law):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_table_is_the_law(law):
-    rule = UniaxialLaw(law=law)
+    rule = MaterialLaw(law=law)
     table = rule.table()
     per_spacing = TABLE_INTERVALS / (TABLE_HIGH - TABLE_LOW)
     for stretch in np.random.default_rng(4).uniform(0.4, 3.0, 50):
@@ -87,7 +87,7 @@ def test_table_is_the_law(law):
 
 def test_dead_load_beyond_the_limit_says_so():
     with pytest.raises(NoEquilibriumError, match=r"at most 0\.9565 MPa"):
-        UniaxialLaw(law="hencky").stretch_at(1.249e6)
+        MaterialLaw(law="hencky").stretch_at(1.249e6)
 
 
 def test_inverted_gradient_is_refused():
@@ -106,4 +106,4 @@ def test_inverted_gradient_is_refused():
 )
 def test_invalid_laws_are_refused(change, words):
     with pytest.raises(ValueError, match=words):
-        UniaxialLaw(**change)
+        MaterialLaw(**change)

@@ -8,15 +8,15 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
 from cable_fem_node.node import CableFemNode
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.markers import MARKER_DTYPE, MarkerFlag, Markers, wound_markers
-from cable_winding.readings import AxisReading
-from cable_winding.ros import topics
-from cable_winding.ros.cloud_messages import decode_cloud, encode_cloud
-from cable_winding.ros.diagnostic_messages import Level
-from cable_winding.ros.material_messages import MaterialReport, decode_material
-from cable_winding.ros.rig_messages import encode_joint_state
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_core.markers import MARKER_DTYPE, MarkerFlag, Markers, wound_markers
+from winding_core.readings import AxisReading
+from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud, encode_cloud
+from winding_ros.diagnostic_messages import Level
+from winding_ros.material_messages import MaterialReport, decode_material
+from winding_ros.rig_messages import encode_joint_state
 
 DRIVE = DriveProfile()
 # P1 of case 4 as it lies with the paper's measured run; with 2.6 MPa it would be 6.58 rad.
@@ -66,7 +66,7 @@ class Bench:
             )
             self._joints.publish(encode_joint_state(t, reading))
         self._sample = last + 1
-        self._ros.spin_until(lambda: self.node._exchange.history.latest >= until - 1e-6)
+        self._ros.spin_until(lambda: self.node._handler.history.latest >= until - 1e-6)
 
     def track(self, theta: float, flags: int = 0) -> None:
         """Let the tracker see P1 in thirty frames."""

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from cable_fem_node.failure import DivergenceError
-from cable_fem_node.model import CylinderContact
-from cable_fem_node.rod import Rod, RodSection
-from cable_fem_node.solid import Solid
-from cable_fem_node.solid_law import SolidLaw
-from cable_fem_node.solid_mesh import block, round_bar
-from cable_fem_node.statics import equilibrium
+from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.dynamics.model import CylinderContact
+from cable_fem_node.rod.rod import Rod, RodSection
+from cable_fem_node.rod.statics import equilibrium
+from cable_fem_node.solid.solid import Solid
+from cable_fem_node.solid.solid_law import SolidLaw
+from cable_fem_node.solid.solid_mesh import block, round_bar
 from cable_fem_node.verification.rod_statics import line
 
 SECTION = RodSection(diameter=4.0e-3, law="neo_hookean")

@@ -9,15 +9,15 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
 from cable_fem_node.node import CableFemNode
-from cable_fem_node.rod_winding import RodWinding
-from cable_fem_node.winding_config import WindingConfig
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
-from cable_winding.readings import AxisReading
-from cable_winding.ros import topics
-from cable_winding.ros.cloud_messages import decode_cloud
-from cable_winding.ros.rig_messages import encode_joint_state, encode_tension
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
+from winding_core.readings import AxisReading
+from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud
+from winding_ros.rig_messages import encode_joint_state, encode_tension
 
 DURATION = 0.5
 

@@ -5,16 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from cable_fem_node.parameters import FemParameters
-from cable_fem_node.ros.exchange import FemExchange
-from cable_winding.drive import DriveProfile
-from cable_winding.markers import MARKER_DTYPE
-from cable_winding.readings import AxisReading
-from cable_winding.ros import topics
-from cable_winding.ros.cloud_messages import decode_cloud
-from cable_winding.ros.rig_messages import encode_joint_state, encode_tension
-from cable_winding.ros.stamps import decode_stamp, encode_stamp
-from cable_winding.run_inputs import INPUT_DTYPE, RunInputs
+from cable_fem_node.ros.message_handler import FemHandler
+from cable_fem_node.ros.parameters import FemParameters
+from winding_core.drive import DriveProfile
+from winding_core.markers import MARKER_DTYPE
+from winding_core.readings import AxisReading
+from winding_core.run_inputs import INPUT_DTYPE, RunInputs
+from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud
+from winding_ros.rig_messages import encode_joint_state, encode_tension
+from winding_ros.stamps import decode_stamp, encode_stamp
 
 DURATION = 0.6
 CUT = 400
@@ -34,14 +34,14 @@ def message_pairs() -> list[tuple[float, AxisReading, float | None]]:
     return rows
 
 
-def feed(exchange: FemExchange, rows: Any) -> list[tuple[float, Any]]:
-    """Give an exchange the machine's messages; return (t, markers) of its answers."""
+def feed(handler: FemHandler, rows: Any) -> list[tuple[float, Any]]:
+    """Give an handler the machine's messages; return (t, markers) of its answers."""
     answers = []
     for t, reading, tension in rows:
         taken = []
         if tension is not None:
-            taken += exchange.take(topics.TENSION, encode_tension(t, tension))
-        taken += exchange.take(topics.JOINT_STATES, encode_joint_state(t, reading))
+            taken += handler.take(topics.TENSION, encode_tension(t, tension))
+        taken += handler.take(topics.JOINT_STATES, encode_joint_state(t, reading))
         answers += [
             decode_cloud(answer.message, MARKER_DTYPE)
             for answer in taken
@@ -50,10 +50,10 @@ def feed(exchange: FemExchange, rows: Any) -> list[tuple[float, Any]]:
     return answers
 
 
-def begun(**parameters: Any) -> FemExchange:
-    exchange = FemExchange(FemParameters(duration=DURATION, **parameters))
-    list(exchange.begin(0.0))
-    return exchange
+def begun(**parameters: Any) -> FemHandler:
+    handler = FemHandler(FemParameters(duration=DURATION, **parameters))
+    list(handler.begin(0.0))
+    return handler
 
 
 def written(file: Path) -> Path:

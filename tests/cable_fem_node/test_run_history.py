@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from cable_fem_node.rod_winding import RodWinding
-from cable_fem_node.run_history import (
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.run_history import (
     AbandonedError,
     RunHistory,
     continued_inputs,
     planned_inputs,
     replay,
 )
-from cable_fem_node.winding_config import WindingConfig
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.readings import AxisReading
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_core.readings import AxisReading
 
 DRIVE = DriveProfile()
 # Coarse, so that the tests are quick: both sides of a comparison wind the same rod.

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_fem_node.solid_winding import SolidWinding, predict_solid
-from cable_fem_node.winding import DivergenceError, WindingConfig, predict
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
+from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.winding.prediction import predict
+from cable_fem_node.winding.solid_winding import SolidWinding, predict_solid
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
 
 
 def wind(model, duration):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
-from cable_winding.markers import MarkerFlag, Markers, wound_markers
+from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 
 def frame(theta: float = 6.5, *, flags: int = 0, sigma: float = 2e-3, marker: int = 1) -> Markers:

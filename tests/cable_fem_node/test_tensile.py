@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cable_fem_node.identification import IdentificationError, TensileTest, fit_laws, judgement
-from cable_winding.uniaxial import LAWS, UniaxialLaw
+from winding_core.material_law import LAWS, MaterialLaw
 
 POISSON = 0.47
 NOISE = 2.0e3
@@ -14,7 +14,7 @@ def curve(law: str, young: float = 2.6e6, ratio: float = 0.25, seed: int = 0) ->
     """Return forty points up to 100 % strain with a noise of 2 kPa, shuffled."""
     rng = np.random.default_rng(seed)
     strain = rng.permutation(np.linspace(0.0, 1.0, 40))
-    bar = UniaxialLaw(law=law, young=young, poisson=POISSON, mooney_ratio=ratio)
+    bar = MaterialLaw(law=law, young=young, poisson=POISSON, mooney_ratio=ratio)
     stress = bar.nominal_stress(1.0 + strain) + NOISE * rng.standard_normal(strain.size)
     return TensileTest(strain=strain, stress=np.maximum(stress, 0.0))
 

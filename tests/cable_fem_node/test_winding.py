@@ -8,18 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cable_fem_node.winding import (
-    DivergenceError,
-    OverlapError,
-    RigTension,
-    RodWinding,
-    WindingConfig,
-    predict,
-)
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.fleet import FleetAngleLaw
-from cable_winding.markers import MarkerFlag, is_wound
+from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.winding.prediction import OverlapError, predict
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_core.fleet_angle import FleetAngleLaw
+from winding_core.markers import MarkerFlag, is_wound
+from winding_core.tension import RigTension
 
 DRIVE = DriveProfile()
 

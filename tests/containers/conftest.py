@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from winding_bringup.graph import GRAPH
+from winding_ros.graph import GRAPH
 
 
 class KeptNodes:

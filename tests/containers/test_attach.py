@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from winding_bringup.event_log import read_events
+from winding_supervisor.event_log import read_events
 
 pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("containers")]
 
@@ -41,7 +41,7 @@ def test_two_runs_of_one_set_of_nodes(
 def test_a_node_that_its_keeper_starts_again_winds_on(containers: Any, tmp_path: Path) -> None:
     run = subprocess.Popen(
         [
-            *(sys.executable, "-m", "winding_bringup.cli", "run", "--attach", "--case", "4"),
+            *(sys.executable, "-m", "winding_cli.cli", "run", "--attach", "--case", "4"),
             *("--namespace", containers.namespace, "--duration-s", "8", "--output", "run"),
         ],
         cwd=tmp_path,

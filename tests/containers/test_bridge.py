@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from winding_bringup.bags.check import check
-from winding_bringup.bags.contents import contents
-from winding_bringup.graph import GRAPH
+from winding_recorder.bags.check import check
+from winding_recorder.bags.contents import contents
+from winding_ros.graph import GRAPH
 
 pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("containers")]
 
@@ -68,7 +68,7 @@ def test_nothing_is_lost_between_containers(keep_nodes: Callable[..., Any], tmp_
     done = subprocess.run(
         [
             *inside(len(GRAPH)),
-            *(sys.executable, "-m", "winding_bringup.cli", "run", "--attach", "--case", "4"),
+            *(sys.executable, "-m", "winding_cli.cli", "run", "--attach", "--case", "4"),
             *("--namespace", nodes.namespace, "--duration-s", "3", "--bag", "bag"),
         ],
         cwd=tmp_path,

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import yaml
 
-from winding_bringup.graph import GRAPH
+from winding_ros.graph import GRAPH
 
 DOCKER = Path(__file__).parents[2] / "docker"
 COMPOSE = yaml.safe_load((DOCKER / "compose.yaml").read_text(encoding="utf-8"))

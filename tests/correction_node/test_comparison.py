@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_winding.published import published_markers, published_weights
-from correction_node.comparison import (
+from correction_node.models.dataset import LengthCell, load_data_set
+from correction_node.models.evaluation import cell_errors_pct
+from correction_node.training.comparison import (
     BASELINE,
     GAUSSIAN_PROCESS,
     LEARNED,
@@ -16,9 +17,8 @@ from correction_node.comparison import (
     ModelScore,
     compare_models,
 )
-from correction_node.dataset import LengthCell, load_data_set
-from correction_node.evaluation import cell_errors_pct
-from correction_node.learners import MARKER_NETWORK, NETWORK, RIG, RIG_NETWORK
+from correction_node.training.learners import MARKER_NETWORK, NETWORK, RIG, RIG_NETWORK
+from winding_core.published import published_markers, published_weights
 
 ROD = load_data_set("rod")
 

@@ -6,10 +6,10 @@ import time
 import numpy as np
 import pytest
 
-from cable_winding.cases import paper_case
-from cable_winding.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
-from correction_node.corrector import Corrector
-from correction_node.weights import SHIPPED, load_weight, weights_directory
+from correction_node.live.corrector import Corrector
+from correction_node.models.weights import SHIPPED, load_weight, weights_directory
+from winding_core.cases import paper_case
+from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
 
 CORRECTOR = Corrector(load_weight(weights_directory("paper")))
 CASE = paper_case(7)

@@ -4,13 +4,13 @@ import math
 
 import pytest
 
-from cable_winding.published import published_markers
-from correction_node.dataset import (
+from correction_node.models.dataset import (
     format_lengths,
     lengths,
     load_data_set,
     parse_lengths,
 )
+from winding_core.published import published_markers
 
 HEADER = "case,marker,s_fem_m\n"
 

@@ -5,15 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from cable_winding.published import published_markers, published_weights
-from correction_node.baselines import BASELINES, constant_factor, ridge
-from correction_node.dataset import case_numbers, lengths, load_data_set
-from correction_node.evaluation import (
+from correction_node.models.dataset import case_numbers, lengths, load_data_set
+from correction_node.models.evaluation import (
     cell_errors_pct,
     hold_out,
     score_fit,
     without_each_case,
 )
+from correction_node.training.baselines import BASELINES, constant_factor, ridge
+from winding_core.published import published_markers, published_weights
 
 CELLS = load_data_set("paper").cells
 

@@ -5,9 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from cable_winding.cases import paper_case, paper_cases
-from correction_node.dataset import load_data_set
-from correction_node.inputs import INPUTS, condition_inputs, conditions_of, dimensionless_inputs
+from correction_node.models.dataset import load_data_set
+from correction_node.models.inputs import (
+    INPUTS,
+    condition_inputs,
+    conditions_of,
+    dimensionless_inputs,
+)
+from winding_core.cases import paper_case, paper_cases
 
 CELLS = load_data_set("rod").cells
 

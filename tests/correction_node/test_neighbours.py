@@ -3,13 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from correction_node.neighbours import (
+from correction_node.live.neighbours import (
     REPETITIONS,
     Neighbours,
     published_lengths,
     simulated_repetitions,
 )
-from correction_node.repeatability import (
+from correction_node.training.repeatability import (
     LABEL,
     Noise,
     NoiseAccuracy,

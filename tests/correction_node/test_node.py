@@ -7,15 +7,15 @@ import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from cable_winding.cases import paper_case
-from cable_winding.markers import CORRECTED_DTYPE, MarkerFlag, wound_markers
-from cable_winding.published import published_markers
-from cable_winding.ros import topics
-from cable_winding.ros.cloud_messages import decode_cloud, encode_cloud
-from cable_winding.ros.diagnostic_messages import Level, decode_case_votes
-from correction_node.dataset import load_data_set
-from correction_node.measured_run import SETTLED_FRAMES as FRAMES
+from correction_node.live.measured_run import SETTLED_FRAMES as FRAMES
+from correction_node.models.dataset import load_data_set
 from correction_node.node import CorrectionNode
+from winding_core.cases import paper_case
+from winding_core.markers import CORRECTED_DTYPE, MarkerFlag, wound_markers
+from winding_core.published import published_markers
+from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud, encode_cloud
+from winding_ros.diagnostic_messages import Level, decode_case_votes
 
 
 def overrides(**values: object) -> list[Parameter]:

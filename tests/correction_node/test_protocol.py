@@ -8,13 +8,13 @@ import sys
 import numpy as np
 import pytest
 
-from cable_winding.cases import paper_case
-from correction_node.baselines import BASELINES
-from correction_node.dataset import load_data_set
-from correction_node.learners import LEARNERS, RIG, RIG_NETWORK
-from correction_node.protocol import learn, verdict
-from correction_node.training import TrainingConfig
-from correction_node.weights import load_weight, save_weight
+from correction_node.models.dataset import load_data_set
+from correction_node.models.weights import load_weight, save_weight
+from correction_node.training.baselines import BASELINES
+from correction_node.training.learners import LEARNERS, RIG, RIG_NETWORK
+from correction_node.training.protocol import learn, verdict
+from correction_node.training.training import TrainingConfig
+from winding_core.cases import paper_case
 
 DATA = load_data_set("rod")
 
@@ -91,9 +91,9 @@ def test_a_model_that_does_not_exist_is_refused() -> None:
 
 def test_correcting_needs_no_torch() -> None:
     asked = (
-        "import sys; from cable_winding.cases import paper_case; "
-        "from correction_node.corrector import Corrector; "
-        "from correction_node.weights import SHIPPED, load_weight, weights_directory; "
+        "import sys; from winding_core.cases import paper_case; "
+        "from correction_node.live.corrector import Corrector; "
+        "from correction_node.models.weights import SHIPPED, load_weight, weights_directory; "
         "[Corrector(load_weight(weights_directory(n))).factor(paper_case(1)) for n in SHIPPED]; "
         "sys.exit('torch' in sys.modules)"
     )

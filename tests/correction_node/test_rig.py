@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from cable_winding.cases import paper_case
-from cable_winding.tension import DeadWeight, RigTension
-from correction_node.dataset import load_data_set
-from correction_node.rig import RIG_LAW, LayOns, case_of, fit_rig, reference_law
+from correction_node.models.dataset import load_data_set
+from correction_node.models.rig import RIG_LAW, LayOns, case_of, fit_rig, reference_law
+from winding_core.cases import paper_case
+from winding_core.tension import DeadWeight, RigTension
 
 CELLS = load_data_set("rod").cells
 HIDDEN = RigTension(

@@ -7,14 +7,14 @@ import time
 import numpy as np
 import pytest
 
-from cable_winding.cases import Case, paper_case
-from cable_winding.markers import MarkerFlag, Markers, wound_markers
-from correction_node.corrector import Corrector
-from correction_node.dataset import load_data_set
-from correction_node.measured_run import SETTLED_FRAMES
-from correction_node.run_corrector import ARRIVAL, RunCorrector
-from correction_node.weights import load_weight, weights_directory
-from correction_node.within_run import published_within_run
+from correction_node.live.corrector import Corrector
+from correction_node.live.measured_run import SETTLED_FRAMES
+from correction_node.live.run_corrector import ARRIVAL, RunCorrector
+from correction_node.live.within_run import published_within_run
+from correction_node.models.dataset import load_data_set
+from correction_node.models.weights import load_weight, weights_directory
+from winding_core.cases import Case, paper_case
+from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 CORRECTOR = Corrector(load_weight(weights_directory("rod")))
 LAW = published_within_run()

@@ -5,12 +5,12 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from cable_winding.cases import paper_cases
-from correction_node.baselines import BASELINES
-from correction_node.comparison import ONE_H_PER_CASE
-from correction_node.learners import LEARNERS
-from correction_node.weights import SHIPPED, load_weight, weights_directory
-from winding_bringup.commands.train import train
+from correction_node.models.weights import SHIPPED, load_weight, weights_directory
+from correction_node.training.baselines import BASELINES
+from correction_node.training.comparison import ONE_H_PER_CASE
+from correction_node.training.learners import LEARNERS
+from winding_cli.commands.train import train
+from winding_core.cases import paper_cases
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def test_what_cannot_be_trained_is_refused(command, arguments, sentence) -> None
 
 
 def test_data_of_ones_own_needs_a_folder_of_ones_own(command, tmp_path) -> None:
-    from correction_node.dataset import format_lengths, load_data_set
+    from correction_node.models.dataset import format_lengths, load_data_set
 
     path = tmp_path / "own.csv"
     path.write_text(format_lengths((c.case, c.marker, c.s_fem) for c in load_data_set("rod").cells))

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from correction_node.dataset import lengths, load_data_set
-from correction_node.evaluation import cell_errors_pct
-from correction_node.inputs import condition_inputs
-from correction_node.learners import learn_network
-from correction_node.network import WeightNetworks
-from correction_node.perceptron import Perceptron
-from correction_node.training import Problem, TrainingConfig, train
+from correction_node.models.dataset import lengths, load_data_set
+from correction_node.models.evaluation import cell_errors_pct
+from correction_node.models.inputs import condition_inputs
+from correction_node.models.perceptron import Perceptron
+from correction_node.training.learners import learn_network
+from correction_node.training.network import WeightNetworks
+from correction_node.training.training import Problem, TrainingConfig, train
 
 CELLS = load_data_set("paper").cells
 SHORT = TrainingConfig(steps=40)

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from cable_winding.cases import Case, paper_case, paper_cases
-from correction_node.dataset import lengths, load_data_set
-from correction_node.uncertainty import TrainingBox, conformal_bound
+from correction_node.models.dataset import lengths, load_data_set
+from correction_node.models.uncertainty import TrainingBox, conformal_bound
+from winding_core.cases import Case, paper_case, paper_cases
 
 CELLS = load_data_set("paper").cells
 BOX = TrainingBox.around(CELLS)

@@ -6,16 +6,12 @@ import json
 import numpy as np
 import pytest
 
-from cable_winding.cases import paper_case, paper_cases
-from correction_node.dataset import load_data_set
-from correction_node.evaluation import cell_errors_pct
-from correction_node.inputs import conditions_of
-from correction_node.learners import LEARNERS
-from correction_node.parameters import CorrectionParameters
-from correction_node.perceptron import Perceptron
-from correction_node.training import TrainingConfig
-from correction_node.weight_models import NetworkModel
-from correction_node.weights import (
+from correction_node.models.dataset import load_data_set
+from correction_node.models.evaluation import cell_errors_pct
+from correction_node.models.inputs import conditions_of
+from correction_node.models.perceptron import Perceptron
+from correction_node.models.weight_models import NetworkModel
+from correction_node.models.weights import (
     CARD_FILE,
     SHIPPED,
     WEIGHTS_FILE,
@@ -23,6 +19,10 @@ from correction_node.weights import (
     save_weight,
     weights_directory,
 )
+from correction_node.ros.parameters import CorrectionParameters
+from correction_node.training.learners import LEARNERS
+from correction_node.training.training import TrainingConfig
+from winding_core.cases import paper_case, paper_cases
 
 PAPER = weights_directory("paper")
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from correction_node.dataset import load_data_set
-from correction_node.within_run import (
+from correction_node.live.within_run import (
     WithinRun,
     conformal_quantile,
     expected_lengths,
@@ -16,7 +15,8 @@ from correction_node.within_run import (
     published_within_run,
     run_table,
 )
-from correction_node.within_run_score import WithinRunScore, score_within_run
+from correction_node.models.dataset import load_data_set
+from correction_node.training.within_run_score import WithinRunScore, score_within_run
 
 CELLS = load_data_set("rod").cells
 SPACING = 0.1

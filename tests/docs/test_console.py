@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from rich.table import Table
 
-from winding_bringup.commands.console import result_console
+from winding_cli.commands.console import result_console
 
-COMMANDS = Path(__file__).parents[2] / "ros2_ws/src/winding_bringup/winding_bringup/commands"
+COMMANDS = Path(__file__).parents[2] / "ros2_ws/src/winding_cli/winding_cli/commands"
 WIDE = "a column of seventy characters " * 2 + "12345678"
 
 

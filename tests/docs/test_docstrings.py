@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 import typer
 
-from cable_winding.parameters import declarations
-from cable_winding.ros import topics
-from winding_bringup.cli import app
-from winding_bringup.graph import GRAPH, parameters_of
+from winding_cli.cli import app
+from winding_core.parameters import declarations
+from winding_ros import topics
+from winding_ros.graph import GRAPH, parameters_of
 
 SOURCE = Path(__file__).parents[2] / "ros2_ws" / "src"
 FILES = sorted(path for path in SOURCE.glob("*/*/**/*.py") if "launch" not in path.parts)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import typer
 
-from winding_bringup.cli import app
+from winding_cli.cli import app
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(

@@ -13,13 +13,13 @@ from typing import Any
 import pytest
 import typer
 
-from winding_bringup.cli import app
+from winding_cli.cli import app
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "paper.md").read_text("utf-8")
 PACKAGES = "|".join(
     (
-        "cable_winding",
+        "winding_core",
         "cable_fem_node",
         "marker_tracker_node",
         "winding_rig_node",

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from cable_winding.ros import topics
-from cable_winding.ros.rig_messages import BASE_FRAME
-from winding_bringup.graph import DEFAULT_NAMESPACE
+from winding_ros import topics
+from winding_ros.graph import DEFAULT_NAMESPACE
+from winding_ros.rig_messages import BASE_FRAME
 
 FOLDER = Path(__file__).parents[2] / "viewers"
 NAMES = {

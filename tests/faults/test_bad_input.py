@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from winding_bringup.ownership import owned
+from winding_supervisor.domain_lock import domain_lock
 
 pytestmark = pytest.mark.processes
 
@@ -81,7 +81,7 @@ def test_existing_bag_is_never_overwritten(command: Any, tmp_path: Path) -> None
 
 def test_domain_and_namespace_in_use_are_refused(command: Any, tmp_path: Path) -> None:
     domain = int(os.environ["ROS_DOMAIN_ID"])
-    with owned(domain, "taken"):
+    with domain_lock(domain, "taken"):
         refused = command("run", "--case", 4, "--namespace", "taken", cwd=tmp_path)
     assert refused.returncode == 2
     assert f"DDS domain {domain} already runs a graph in namespace /taken" in refused.stderr

@@ -9,12 +9,12 @@ from collections.abc import Awaitable, Iterator
 from pathlib import Path
 
 import pytest
+from fault_table.cell import FaultCell
+from fault_table.outcome import Outcome
+from fault_table.table import LONE_ROWS, ROWS
 
-from winding_bringup.environment import set_process_environment
-from winding_bringup.fault_table.cell import FaultCell
-from winding_bringup.fault_table.outcome import Outcome
-from winding_bringup.fault_table.table import LONE_ROWS, ROWS
-from winding_bringup.ownership import owned
+from winding_ros.environment import set_process_environment
+from winding_supervisor.domain_lock import domain_lock
 
 pytestmark = [
     pytest.mark.processes,
@@ -67,7 +67,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
         patch.setenv("ROS_LOG_DIR", os.environ["ROS_LOG_DIR"])
         set_process_environment(int(os.environ["ROS_DOMAIN_ID"]), folder / "log")
         table = Bench(folder)
-        with owned(int(os.environ["ROS_DOMAIN_ID"]), "faults"):
+        with domain_lock(int(os.environ["ROS_DOMAIN_ID"]), "faults"):
             try:
                 table.enter()
                 yield table

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rosbags.highlevel import AnyReader
 
-from cable_winding.ros.process import SUPERVISED
+from winding_ros.process import SUPERVISED
 
 pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
 
@@ -28,7 +28,7 @@ class Winding:
         with self._stderr.open("w") as stderr:
             self.process = subprocess.Popen(
                 [
-                    sys.executable, "-m", "winding_bringup.cli", "run", "--case", "4",
+                    sys.executable, "-m", "winding_cli.cli", "run", "--case", "4",
                     "--output", folder / "run", "--bag", self.bag,
                 ],
                 cwd=folder,

@@ -16,17 +16,17 @@ from pathlib import Path
 
 import atheris
 
-with atheris.instrument_imports(include=["winding_bringup", "mcap", "rosbags"]):
+with atheris.instrument_imports(include=["winding_recorder", "mcap", "rosbags"]):
     import numpy as np
     from mcap.writer import Writer
 
-    from cable_winding.cases import paper_case
-    from cable_winding.markers import MarkerFlag
     from marker_tracker_node import PinholeCamera, Tracker, TrackerConfig
-    from winding_bringup.bags.check import check
-    from winding_bringup.bags.contents import contents
-    from winding_bringup.bags.failure import BagError
-    from winding_bringup.bags.recover import recover
+    from winding_core.cases import paper_case
+    from winding_core.markers import MarkerFlag
+    from winding_recorder.bags.check import check
+    from winding_recorder.bags.contents import contents
+    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.recover import recover
 
 ROWS, COLUMNS = 32, 48
 CASE = paper_case(4)

@@ -14,19 +14,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 
-from cable_winding.readings import AxisReading
-from cable_winding.ros import topics
-from cable_winding.ros.rig_messages import encode_joint_state, encode_tension
-from winding_bringup.bags.bag_file import BagConfig
-from winding_bringup.bags.channel import jazzy_channel
-from winding_bringup.bags.check import check
-from winding_bringup.bags.contents import contents
-from winding_bringup.bags.failure import BagError
-from winding_bringup.bags.metadata import METADATA
-from winding_bringup.bags.reading import read_notes
-from winding_bringup.bags.recover import recover
-from winding_bringup.bags.tables import export
-from winding_bringup.bags.writer import BagWriter
+from winding_core.readings import AxisReading
+from winding_recorder.bags.bag_file import BagConfig
+from winding_recorder.bags.channel import jazzy_channel
+from winding_recorder.bags.check import check
+from winding_recorder.bags.contents import contents
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.metadata import METADATA
+from winding_recorder.bags.reading import read_notes
+from winding_recorder.bags.recover import recover
+from winding_recorder.bags.tables import export
+from winding_recorder.bags.writer import BagWriter
+from winding_ros import topics
+from winding_ros.rig_messages import encode_joint_state, encode_tension
 
 fuzzed = settings.get_profile("files")
 RECORDED = (topics.JOINT_STATES, topics.TENSION)

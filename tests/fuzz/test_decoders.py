@@ -14,11 +14,10 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState, PointCloud2, PointField
 from visualization_msgs.msg import Marker
 
-from cable_winding.intake import StampError
-from cable_winding.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
-from cable_winding.readings import AxisReading, ImageWindow
-from cable_winding.ros import topics
-from cable_winding.ros.camera_messages import (
+from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
+from winding_core.readings import AxisReading, ImageWindow
+from winding_ros import topics
+from winding_ros.camera_messages import (
     CameraReading,
     decode_camera_info,
     decode_image,
@@ -27,13 +26,13 @@ from cable_winding.ros.camera_messages import (
     encode_image,
     encode_preview,
 )
-from cable_winding.ros.cloud_messages import (
+from winding_ros.cloud_messages import (
     decode_cloud,
     decode_line_strip,
     encode_cloud,
     encode_line_strip,
 )
-from cable_winding.ros.diagnostic_messages import (
+from winding_ros.diagnostic_messages import (
     Level,
     Status,
     decode_case_votes,
@@ -41,21 +40,22 @@ from cable_winding.ros.diagnostic_messages import (
     encode_case_votes,
     encode_diagnostics,
 )
-from cable_winding.ros.material_messages import (
+from winding_ros.material_messages import (
     NAME,
     MaterialReport,
     decode_material,
     encode_material,
 )
-from cable_winding.ros.rig_messages import (
+from winding_ros.message_guard import StampError
+from winding_ros.rig_messages import (
     MessageError,
     decode_joint_state,
     decode_tension,
     encode_joint_state,
     encode_tension,
 )
-from cable_winding.ros.serialised import deserialised
-from cable_winding.ros.stamps import decode_stamp, encode_stamp, serialised_stamp_ns
+from winding_ros.serialised import deserialised
+from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp_ns
 
 fuzzed = settings.get_profile("quick")
 any_float = st.floats(allow_nan=True, allow_infinity=True)

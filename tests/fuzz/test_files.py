@@ -13,19 +13,19 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from cable_fem_node.identification.failure import IdentificationError
-from cable_winding.parameters import ParameterError, build
-from cable_winding.run_inputs import RunInputs, RunInputsError
-from cable_winding.yaml_text import YamlTextError, load_yaml
-from correction_node.dataset import parse_lengths
-from marker_tracker_node.calibration import CalibrationError, read_camera
-from marker_tracker_node.recordings import RecordingError, folder_frames, read_motion
-from winding_bringup.commands.identify_sources import (
+from correction_node.models.dataset import parse_lengths
+from marker_tracker_node.camera.calibration import CalibrationError, read_camera
+from marker_tracker_node.camera.recordings import RecordingError, folder_frames, read_motion
+from winding_cli.commands.identify_sources import (
     SourceError,
     read_readings,
     read_tensile_test,
 )
-from winding_bringup.parameter_files import parameters_for
-from winding_rig_node.parameters import RigParameters
+from winding_core.parameters import ParameterError, build
+from winding_core.run_inputs import RunInputs, RunInputsError
+from winding_core.yaml_text import YamlTextError, load_yaml
+from winding_rig_node.ros.parameters import RigParameters
+from winding_ros.parameter_files import parameters_for
 from winding_study.sweep.axes import SpecError
 from winding_study.sweep.spec import parse_spec
 

@@ -8,22 +8,22 @@ from typing import Any
 import pytest
 from sensor_msgs.msg import CameraInfo
 
-from cable_winding.parameters import ParameterError, build
-from cable_winding.ros.camera_messages import decode_camera_info
-from cable_winding.ros.diagnostic_messages import decode_case_votes, encode_case_votes
-from cable_winding.ros.rig_messages import MessageError
-from cable_winding.run_inputs import RunInputs, RunInputsError
-from cable_winding.yaml_text import YamlTextError, load_yaml
-from correction_node.dataset import parse_lengths
-from marker_tracker_node.calibration import CalibrationError, read_camera
-from marker_tracker_node.recordings import RecordingError, folder_frames, read_motion
-from winding_bringup.bags.contents import contents
-from winding_bringup.bags.failure import BagError
-from winding_bringup.bags.recover import recover
-from winding_bringup.bags.tables import export
-from winding_bringup.commands.identify_sources import SourceError, read_readings
-from winding_bringup.parameter_files import parameters_for
-from winding_rig_node.parameters import RigParameters
+from correction_node.models.dataset import parse_lengths
+from marker_tracker_node.camera.calibration import CalibrationError, read_camera
+from marker_tracker_node.camera.recordings import RecordingError, folder_frames, read_motion
+from winding_cli.commands.identify_sources import SourceError, read_readings
+from winding_core.parameters import ParameterError, build
+from winding_core.run_inputs import RunInputs, RunInputsError
+from winding_core.yaml_text import YamlTextError, load_yaml
+from winding_recorder.bags.contents import contents
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.recover import recover
+from winding_recorder.bags.tables import export
+from winding_rig_node.ros.parameters import RigParameters
+from winding_ros.camera_messages import decode_camera_info
+from winding_ros.diagnostic_messages import decode_case_votes, encode_case_votes
+from winding_ros.parameter_files import parameters_for
+from winding_ros.rig_messages import MessageError
 from winding_study.sweep.axes import SpecError
 from winding_study.sweep.spec import parse_spec
 

@@ -9,19 +9,19 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sensor_msgs.msg import CameraInfo, Image, RegionOfInterest
 
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.markers import MARKER_DTYPE, MarkerFlag, Markers
-from cable_winding.readings import AxisReading
-from cable_winding.ros import topics
-from cable_winding.ros.camera_messages import encode_image
-from cable_winding.ros.cloud_messages import decode_cloud
-from cable_winding.ros.rig_messages import MessageError, encode_joint_state
 from marker_tracker_node import CameraPose, PinholeCamera, Tracker, TrackerConfig
-from marker_tracker_node.parameters import TrackerParameters
-from marker_tracker_node.ros.exchange import TrackerExchange
+from marker_tracker_node.ros.message_handler import TrackerHandler
+from marker_tracker_node.ros.parameters import TrackerParameters
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_core.markers import MARKER_DTYPE, MarkerFlag, Markers
+from winding_core.readings import AxisReading
 from winding_rig_node.camera import CameraConfig, Renderer, Scene
-from winding_rig_node.lay import published_lay
+from winding_rig_node.machine.lay import published_lay
+from winding_ros import topics
+from winding_ros.camera_messages import encode_image
+from winding_ros.cloud_messages import decode_cloud
+from winding_ros.rig_messages import MessageError, encode_joint_state
 
 fuzzed = settings.get_profile("files")
 FREE_LENGTH = 0.198
@@ -274,12 +274,12 @@ SMALL_CAMERA = CameraInfo(
     ]
 )  # fmt: skip
 def test_any_messages(said: list[tuple[topics.Topic, Any]]) -> None:
-    exchange = TrackerExchange(TrackerParameters(case=4))
-    list(exchange.begin(0.0))
+    handler = TrackerHandler(TrackerParameters(case=4))
+    list(handler.begin(0.0))
     for k, (topic, content) in enumerate(said):
         t = 0.005 * k
         try:
-            answers = list(exchange.take(topic, message(t, topic, content)))
+            answers = list(handler.take(topic, message(t, topic, content)))
         except MessageError:
             continue
         for answer in answers:

@@ -5,22 +5,22 @@ import pytest
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
-from cable_winding.drive import DriveProfile
-from cable_winding.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
-from cable_winding.published import published_markers
-from cable_winding.ros import topics
-from cable_winding.ros.cloud_messages import decode_cloud
-from cable_winding.ros.rig_messages import decode_joint_state
-from winding_bringup.composed import ComposedGraph
-from winding_bringup.graph import expected_subscribers, pace_topics
-from winding_bringup.recorder import Recorder, Tape
+from winding_core.drive import DriveProfile
+from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
+from winding_core.published import published_markers
+from winding_recorder.live.recorder import Recorder, RunBuffer
+from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud
+from winding_ros.graph import expected_subscribers, pace_topics
+from winding_ros.rig_messages import decode_joint_state
+from winding_supervisor.composed import ComposedGraph
 
 # Long enough for P1 of case 4, wound at 6.28 rad, 4.1 s.
 DURATION = 5.0
 
 
 @pytest.fixture(scope="module")
-def tape(request: pytest.FixtureRequest) -> Tape:
+def buffer(request: pytest.FixtureRequest) -> RunBuffer:
     ros = request.getfixturevalue("module_ros")
     listener = ros.plain("recorder_host")
     recorded = [topic for topic in topics.TOPICS if topic.recorded]
@@ -46,7 +46,7 @@ def tape(request: pytest.FixtureRequest) -> Tape:
         assert ros.call(listener, Trigger, "rig/start", Trigger.Request()).success
         ros.spin_until(
             lambda: all(
-                recorder.tape.last_stamp(topic) > DURATION - 1.0 / topic.rate
+                recorder.buffer.last_stamp(topic) > DURATION - 1.0 / topic.rate
                 for topic in (
                     topics.JOINT_STATES,
                     topics.TRACKED_MARKERS,
@@ -61,26 +61,26 @@ def tape(request: pytest.FixtureRequest) -> Tape:
         if graph is not None:
             graph.close()
         recorder.close()
-    return recorder.tape
+    return recorder.buffer
 
 
-def decoded(tape: Tape, topic: topics.Topic, dtype: np.dtype = MARKER_DTYPE) -> list:
+def decoded(buffer: RunBuffer, topic: topics.Topic, dtype: np.dtype = MARKER_DTYPE) -> list:
     return [
         decode_cloud(deserialize_message(message.data, topic.type), dtype)
-        for message in tape.messages[topic.name]
+        for message in buffer.messages[topic.name]
     ]
 
 
-def test_every_encoder_sample_and_frame_is_answered(tape: Tape) -> None:
-    joints = [message.stamp_ns for message in tape.messages["rig/joint_states"]]
+def test_every_encoder_sample_and_frame_is_answered(buffer: RunBuffer) -> None:
+    joints = [message.stamp_ns for message in buffer.messages["rig/joint_states"]]
     assert joints == [sample * 1_000_000 for sample in range(int(DURATION * 1000) + 1)]
-    frames = [message.stamp_ns for message in tape.messages["camera/camera_info"]]
+    frames = [message.stamp_ns for message in buffer.messages["camera/camera_info"]]
     assert frames == [frame * 5_000_000 for frame in range(int(DURATION * 200) + 1)]
-    assert [message.stamp_ns for message in tape.messages["tracker/markers"]] == frames
+    assert [message.stamp_ns for message in buffer.messages["tracker/markers"]] == frames
 
 
-def test_machine_follows_the_drive_profile(tape: Tape) -> None:
-    message = tape.last(topics.JOINT_STATES)
+def test_machine_follows_the_drive_profile(buffer: RunBuffer) -> None:
+    message = buffer.last(topics.JOINT_STATES)
     assert message is not None
     t, reading = decode_joint_state(deserialize_message(message.data, topics.JOINT_STATES.type))
     angle, guide = DriveProfile().positions(t)
@@ -89,23 +89,23 @@ def test_machine_follows_the_drive_profile(tape: Tape) -> None:
     assert reading.carriage_position == pytest.approx(guide, abs=1e-4)
 
 
-def test_first_marker_is_measured_where_the_paper_measured_it(tape: Tape) -> None:
+def test_first_marker_is_measured_where_the_paper_measured_it(buffer: RunBuffer) -> None:
     published = published_markers(4)[0].experiment
     assert published is not None
-    _, markers = decoded(tape, topics.TRACKED_MARKERS)[-1]
+    _, markers = decoded(buffer, topics.TRACKED_MARKERS)[-1]
     first = markers[markers["id"] == 1]
     assert is_wound(first).all()
     assert first["s"][0] == pytest.approx(published.s, rel=0.01)
 
 
-def test_later_markers_are_not_invented(tape: Tape) -> None:
-    for _, markers in decoded(tape, topics.TRACKED_MARKERS):
+def test_later_markers_are_not_invented(buffer: RunBuffer) -> None:
+    for _, markers in decoded(buffer, topics.TRACKED_MARKERS):
         assert not is_wound(markers[markers["id"] >= 2]).any()
 
 
-def test_correction_is_the_weight_times_the_prediction(tape: Tape) -> None:
-    fem = dict(decoded(tape, topics.FEM_MARKERS))
-    corrected = decoded(tape, topics.CORRECTED_MARKERS, CORRECTED_DTYPE)
+def test_correction_is_the_weight_times_the_prediction(buffer: RunBuffer) -> None:
+    fem = dict(decoded(buffer, topics.FEM_MARKERS))
+    corrected = decoded(buffer, topics.CORRECTED_MARKERS, CORRECTED_DTYPE)
     assert len(corrected) == len(fem)
     for t, markers in corrected:
         wound = fem[t][is_wound(fem[t])]
@@ -115,8 +115,8 @@ def test_correction_is_the_weight_times_the_prediction(tape: Tape) -> None:
         assert (markers["s"] <= markers["s_high"]).all()
 
 
-def test_whole_run_is_predicted_at_activation(tape: Tape) -> None:
-    ((t, markers),) = decoded(tape, topics.FEM_PREDICTION)
+def test_whole_run_is_predicted_at_activation(buffer: RunBuffer) -> None:
+    ((t, markers),) = decoded(buffer, topics.FEM_PREDICTION)
     assert t == 0.0
     # In 5 s the cylinder turns 7.83 rad: P1 is wound, the others are not.
     np.testing.assert_array_equal(is_wound(markers), [True, True, False, False, False])

@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 from rclpy.duration import Duration
 
-from cable_winding.readings import AxisReading
-from cable_winding.ros import topics
-from cable_winding.ros.diagnostic_messages import Status, encode_diagnostics
-from cable_winding.ros.rig_messages import encode_joint_state, encode_tension
-from winding_bringup.bags.contents import contents
-from winding_bringup.bags.reading import decoded, messages_of, opened
-from winding_bringup.graph import GRAPH
-from winding_bringup.recorder import Recorder
+from winding_core.readings import AxisReading
+from winding_recorder.bags.contents import contents
+from winding_recorder.bags.reading import decoded, messages_of, opened
+from winding_recorder.live.recorder import Recorder
+from winding_ros import topics
+from winding_ros.diagnostic_messages import Status, encode_diagnostics
+from winding_ros.graph import GRAPH
+from winding_ros.rig_messages import encode_joint_state, encode_tension
 
 pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
 
@@ -162,9 +162,9 @@ def test_a_stranger_s_clock_does_not_make_the_recording_longer(ros: Any, tmp_pat
     states.publish(encode_diagnostics(1.8e9, [Status(name="stranger")]))
     for sample in range(1, 4):
         samples.publish(encode_joint_state(float(sample), still))
-    ros.spin_until(lambda: recorder.tape.last_stamp(topics.JOINT_STATES) == 3.0)
+    ros.spin_until(lambda: recorder.buffer.last_stamp(topics.JOINT_STATES) == 3.0)
     states.publish(encode_diagnostics(1.8e9 + 1.0, [Status(name="stranger")]))
-    ros.spin_until(lambda: recorder.tape.last_stamp(topics.DIAGNOSTICS) == 1.8e9 + 1.0)
+    ros.spin_until(lambda: recorder.buffer.last_stamp(topics.DIAGNOSTICS) == 1.8e9 + 1.0)
     recorder.close()
     whole = contents(tmp_path / "bag")
     assert whole.start + whole.duration == pytest.approx(3.0, abs=1e-6)

@@ -4,10 +4,10 @@ from typing import Any
 
 from std_srvs.srv import Trigger
 
-from cable_winding.ros import topics
-from winding_bringup.composed import ComposedGraph
-from winding_bringup.graph import GRAPH, expected_subscribers
-from winding_bringup.recorder import Recorder
+from winding_recorder.live.recorder import Recorder
+from winding_ros import topics
+from winding_ros.graph import GRAPH, expected_subscribers
+from winding_supervisor.composed import ComposedGraph
 
 
 def test_frames_handed_over_in_process_are_all_tracked(ros: Any) -> None:
@@ -35,11 +35,11 @@ def test_frames_handed_over_in_process_are_all_tracked(ros: Any) -> None:
         wanted = expected_subscribers(recorded)[topics.TRACKER]["tracker/markers"]
         ros.spin_until(lambda: graph.nodes[topics.TRACKER].matched("tracker/markers") == wanted)
         assert ros.call(listener, Trigger, "rig/start", Trigger.Request()).success
-        ros.spin_until(lambda: recorder.tape.last_stamp(topics.TRACKED_MARKERS) >= 1.0)
+        ros.spin_until(lambda: recorder.buffer.last_stamp(topics.TRACKED_MARKERS) >= 1.0)
     finally:
         if graph is not None:
             graph.close()
         recorder.close()
-    stamps = [message.stamp_ns for message in recorder.tape.messages["tracker/markers"]]
+    stamps = [message.stamp_ns for message in recorder.buffer.messages["tracker/markers"]]
     assert stamps == [frame * 5_000_000 for frame in range(201)]
     assert images == []

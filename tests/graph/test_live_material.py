@@ -8,13 +8,13 @@ from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
 from cable_fem_node.identification.steady import SteadyMarkers
-from cable_winding.markers import MARKER_DTYPE, Markers, is_wound
-from cable_winding.ros import topics
-from cable_winding.ros.cloud_messages import decode_cloud
-from cable_winding.ros.material_messages import MaterialReport, decode_material
-from winding_bringup.composed import ComposedGraph
-from winding_bringup.graph import expected_subscribers, pace_topics
-from winding_bringup.recorder import Recorder, Tape
+from winding_core.markers import MARKER_DTYPE, Markers, is_wound
+from winding_recorder.live.recorder import Recorder, RunBuffer
+from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud
+from winding_ros.graph import expected_subscribers, pace_topics
+from winding_ros.material_messages import MaterialReport, decode_material
+from winding_supervisor.composed import ComposedGraph
 
 # Quicker than the paper's runs, so that four markers land in seven seconds of winding.
 CONDITION: dict[str, Any] = {
@@ -30,7 +30,7 @@ CONDITION: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def tape(request: pytest.FixtureRequest) -> Tape:
+def buffer(request: pytest.FixtureRequest) -> RunBuffer:
     ros = request.getfixturevalue("module_ros")
     listener = ros.plain("recorder_host")
     recorded = [topics.JOINT_STATES, topics.TRACKED_MARKERS, topics.FEM_MARKERS,
@@ -52,7 +52,7 @@ def tape(request: pytest.FixtureRequest) -> Tape:
     }
 
     def stored() -> list[MaterialReport]:
-        found = [report for _, report in material(recorder.tape)]
+        found = [report for _, report in material(recorder.buffer)]
         return [report for report in found if report is not None]
 
     def call(service: str) -> None:
@@ -82,53 +82,53 @@ def tape(request: pytest.FixtureRequest) -> Tape:
             ros.spin_until(
                 lambda used=used: used in [report.markers for report in stored()], patience=120.0
             )
-        told = recorder.tape.last_stamp(topics.FEM_MATERIAL)
+        told = recorder.buffer.last_stamp(topics.FEM_MATERIAL)
         call("rig/start")
-        ros.spin_until(lambda: recorder.tape.last_stamp(topics.FEM_MARKERS) > told + 0.1)
+        ros.spin_until(lambda: recorder.buffer.last_stamp(topics.FEM_MARKERS) > told + 0.1)
     finally:
         if graph is not None:
             graph.close()
         recorder.close()
-    return recorder.tape
+    return recorder.buffer
 
 
-def clouds(tape: Tape, topic: topics.Topic) -> list[tuple[float, Markers]]:
+def clouds(buffer: RunBuffer, topic: topics.Topic) -> list[tuple[float, Markers]]:
     return [
         decode_cloud(deserialize_message(message.data, topic.type), MARKER_DTYPE)
-        for message in tape.messages[topic.name]
+        for message in buffer.messages[topic.name]
     ]
 
 
-def material(tape: Tape) -> list[tuple[float, MaterialReport | None]]:
+def material(buffer: RunBuffer) -> list[tuple[float, MaterialReport | None]]:
     return [
         decode_material(deserialize_message(message.data, topics.FEM_MATERIAL.type))
-        for message in tape.messages.get(topics.FEM_MATERIAL.name, ())
+        for message in buffer.messages.get(topics.FEM_MATERIAL.name, ())
     ]
 
 
-def tracked(tape: Tape) -> Markers:
+def tracked(buffer: RunBuffer) -> Markers:
     """Return where the camera sees P1 to P4 at the end: mean over the frames that show them."""
-    rows = np.concatenate([markers for _, markers in clouds(tape, topics.TRACKED_MARKERS)])
+    rows = np.concatenate([markers for _, markers in clouds(buffer, topics.TRACKED_MARKERS)])
     seen = rows[is_wound(rows) & (rows["flags"] == 0)]
-    last = clouds(tape, topics.TRACKED_MARKERS)[-1][1].copy()
+    last = clouds(buffer, topics.TRACKED_MARKERS)[-1][1].copy()
     for row in last:
         row["theta"] = seen["theta"][seen["id"] == row["id"]].mean()
     return last
 
 
-def misses(tape: Tape, predicted: Markers) -> np.ndarray:
+def misses(buffer: RunBuffer, predicted: Markers) -> np.ndarray:
     """Return how far P3 and P4 were predicted wrong, relative to their angle."""
-    truth = tracked(tape)["theta"][3:5]
+    truth = tracked(buffer)["theta"][3:5]
     return np.abs(predicted["theta"][3:5] / truth - 1.0)
 
 
-def test_nothing_is_claimed_before_a_marker_is_measured(tape: Tape) -> None:
-    t, report = material(tape)[0]
+def test_nothing_is_claimed_before_a_marker_is_measured(buffer: RunBuffer) -> None:
+    t, report = material(buffer)[0]
     assert (t, report) == (0.0, None)
 
 
-def test_every_marker_that_lands_adds_to_the_estimate(tape: Tape) -> None:
-    reports = [report for _, report in material(tape) if report is not None]
+def test_every_marker_that_lands_adds_to_the_estimate(buffer: RunBuffer) -> None:
+    reports = [report for _, report in material(buffer) if report is not None]
     used = [report.markers for report in reports]
     # Two that land while an identification is at work share the next one.
     assert used == sorted(used, key=len)
@@ -137,13 +137,13 @@ def test_every_marker_that_lands_adds_to_the_estimate(tape: Tape) -> None:
     assert all(report.taken_up and not report.refusal for report in reports)
 
 
-def test_first_markers_tell_where_the_others_will_lie(tape: Tape) -> None:
-    ahead = clouds(tape, topics.FEM_PREDICTION)
-    reports = [(t, report) for t, report in material(tape) if report is not None]
+def test_first_markers_tell_where_the_others_will_lie(buffer: RunBuffer) -> None:
+    ahead = clouds(buffer, topics.FEM_PREDICTION)
+    reports = [(t, report) for t, report in material(buffer) if report is not None]
     early = [t for t, report in reports if max(report.markers) <= 2]
     assert early, "P1 or P2 came to nothing before P3 had landed"
-    before = misses(tape, ahead[0][1])
-    after = misses(tape, next(markers for t, markers in ahead if t == early[-1]))
+    before = misses(buffer, ahead[0][1])
+    after = misses(buffer, next(markers for t, markers in ahead if t == early[-1]))
     # The hidden rig carries 50 to 90 % of the weight, which no node knows; the prediction at
     # activation is wrong by the stretch that is missing.
     assert (before > 0.02).all()
@@ -151,10 +151,10 @@ def test_first_markers_tell_where_the_others_will_lie(tape: Tape) -> None:
     assert (after < 0.2 * before).all()
 
 
-def test_live_model_goes_on_with_the_identified_modulus(tape: Tape) -> None:
-    _, last = clouds(tape, topics.FEM_MARKERS)[-1]
+def test_live_model_goes_on_with_the_identified_modulus(buffer: RunBuffer) -> None:
+    _, last = clouds(buffer, topics.FEM_MARKERS)[-1]
     wound = last[is_wound(last)][1:]
-    truth = tracked(tape)["theta"][wound["id"]]
+    truth = tracked(buffer)["theta"][wound["id"]]
     assert wound["id"].tolist() == [1, 2, 3, 4]
     # 0.4 %: what one modulus leaves of a neo-Hookean cable whose P0 the tracker sees to 3 mrad.
     np.testing.assert_allclose(wound["theta"], truth, rtol=4e-3)

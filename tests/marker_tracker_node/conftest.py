@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from cable_winding.cases import Case, paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.fleet import FleetAngleLaw
 from marker_tracker_node import CameraPose, PinholeCamera, Tracker, TrackerConfig
+from winding_core.cases import Case, paper_case
+from winding_core.drive import DriveProfile
+from winding_core.fleet_angle import FleetAngleLaw
 from winding_rig_node.camera import CameraConfig, Paint, Renderer, Scene, Surroundings
-from winding_rig_node.lay import CableLay, published_lay
+from winding_rig_node.machine.lay import CableLay, published_lay
 
 FREE_LENGTH = 0.198
 COUNTS = 8192

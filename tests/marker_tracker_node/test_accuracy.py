@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cable_winding.markers import MarkerFlag
+from winding_core.markers import MarkerFlag
 from winding_rig_node.camera import CameraConfig, Window
 
 # The part of the full 1920x1080 sensor, pixel by pixel, that the cable can reach.

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from marker_tracker_node import CameraPose
-from marker_tracker_node.band import band_centroid, centre_point, solve_band
-from marker_tracker_node.pinhole import pixel_of_plane, plane_of_point
+from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_point
+from marker_tracker_node.detection.band import band_centroid, centre_point, solve_band
 from winding_rig_node.camera import CameraConfig, Window
 
 # Every sensor pixel around the middle of the cylinder's first turn.

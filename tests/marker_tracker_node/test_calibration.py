@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from marker_tracker_node import PinholeCamera
-from marker_tracker_node.calibration import (
+from marker_tracker_node.camera.calibration import (
     Board,
     CalibrationError,
     calibrate,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from marker_tracker_node import ColourModel, ColourRefusedError
-from marker_tracker_node.colour import hsv
+from marker_tracker_node.detection.colour import hsv
 
 RNG = np.random.default_rng(7)
 

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from cable_winding.markers import MARKER_DTYPE, MarkerFlag
 from marker_tracker_node import FrameFault, TrackerConfig
+from winding_core.markers import MARKER_DTYPE, MarkerFlag
 
 UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 

@@ -8,16 +8,16 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo
 
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.markers import MARKER_DTYPE, MarkerFlag
-from cable_winding.readings import AxisReading, ImageWindow
-from cable_winding.ros import topics
-from cable_winding.ros.camera_messages import CameraReading, encode_camera_info, encode_image
-from cable_winding.ros.cloud_messages import decode_cloud
-from cable_winding.ros.rig_messages import encode_joint_state
 from marker_tracker_node.node import MarkerTrackerNode
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_core.markers import MARKER_DTYPE, MarkerFlag
+from winding_core.readings import AxisReading, ImageWindow
 from winding_rig_node.camera import CameraConfig, Renderer, Scene
+from winding_ros import topics
+from winding_ros.camera_messages import CameraReading, encode_camera_info, encode_image
+from winding_ros.cloud_messages import decode_cloud
+from winding_ros.rig_messages import encode_joint_state
 
 FRAMES = 40
 PERIOD = 0.005

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cable_winding.markers import MarkerFlag
+from winding_core.markers import MarkerFlag
 
 UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 

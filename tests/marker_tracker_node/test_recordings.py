@@ -8,7 +8,7 @@ import pytest
 from typer import Typer
 from typer.testing import CliRunner
 
-from marker_tracker_node.recordings import (
+from marker_tracker_node.camera.recordings import (
     Motion,
     RecordingError,
     bag_frames,
@@ -17,8 +17,8 @@ from marker_tracker_node.recordings import (
     read_motion,
     video_frames,
 )
-from winding_bringup.commands.render import render
-from winding_bringup.commands.track import track
+from winding_cli.commands.render import render
+from winding_cli.commands.track import track
 
 
 def command(function):
@@ -120,7 +120,7 @@ def test_track_measures_a_bag_of_any_topics(sequence, tmp_path):
         stamp = kinds["builtin_interfaces/msg/Time"](sec=int(t), nanosec=round((t % 1) * 1e9))
         return kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="any")
 
-    from marker_tracker_node.calibration import read_camera
+    from marker_tracker_node.camera.calibration import read_camera
 
     camera = read_camera(sequence / "camera.yaml")
     roi = kinds["sensor_msgs/msg/RegionOfInterest"](

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cable_winding.markers import MarkerFlag
+from winding_core.markers import MarkerFlag
 from winding_rig_node.camera import CameraConfig, Light, Paint, Patch, SensorNoise, Surroundings
 
 UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cable_winding.readings import AxisReading
-from marker_tracker_node.synchroniser import Synchroniser
+from marker_tracker_node.tracking.synchroniser import Synchroniser
+from winding_core.readings import AxisReading
 
 FRAME = np.zeros((2, 2, 3), dtype=np.uint8)
 

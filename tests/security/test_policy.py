@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from cable_winding.ros import topics
-from winding_bringup.graph import GRAPH, PAGE
-from winding_bringup.security import SecurityError, check_security, sros2_policy
+from winding_ros import topics
+from winding_ros.graph import GRAPH, PAGE
+from winding_ros.security import SecurityError, check_security, sros2_policy
 
 SHIPPED = Path(__file__).parents[2] / "security" / "sros2_policy.xml"
 SECURE = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}

@@ -10,9 +10,10 @@ import sys
 import time
 from pathlib import Path
 
-from winding_bringup.environment import set_process_environment
-from winding_bringup.fault_table.cell import FaultCell
-from winding_bringup.ownership import owned
+from fault_table.cell import FaultCell
+
+from winding_ros.environment import set_process_environment
+from winding_supervisor.domain_lock import domain_lock
 
 NAMESPACE = "soak"
 # Simulated time after which the cell begins a new run by itself [s].
@@ -41,5 +42,5 @@ if __name__ == "__main__":
     place = Path(sys.argv[1])
     domain = int(os.environ["ROS_DOMAIN_ID"])
     set_process_environment(domain, place / "log")
-    with owned(domain, NAMESPACE):
+    with domain_lock(domain, NAMESPACE):
         asyncio.run(wind(place, float(sys.argv[2])))

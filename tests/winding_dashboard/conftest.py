@@ -20,8 +20,8 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from cable_winding.ros import topics
-from cable_winding.ros.rig_messages import decode_joint_state
+from winding_ros import topics
+from winding_ros.rig_messages import decode_joint_state
 
 CHROMIUM = Path("/usr/bin/chromium")
 # First starts compile kernels on a busy machine.
@@ -166,7 +166,7 @@ def operated(tmp_path_factory: pytest.TempPathFactory, duration: float) -> Itera
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment,
     )  # fmt: skip
     page = subprocess.Popen(
-        [sys.executable, "-m", "winding_bringup.cli", "dashboard", "--namespace", NAMESPACE,
+        [sys.executable, "-m", "winding_cli.cli", "dashboard", "--namespace", NAMESPACE,
          "--port", str(port)],
         env=environment,
     )  # fmt: skip

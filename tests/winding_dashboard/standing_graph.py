@@ -8,14 +8,14 @@ import asyncio
 import sys
 from pathlib import Path
 
-from cable_winding.ros import topics
-from winding_bringup.graph import GRAPH, pace_topics
-from winding_bringup.orchestrator import GraphConfig, Orchestrator
-from winding_bringup.ros_client import RosClient
+from winding_ros import topics
+from winding_ros.async_client import AsyncClient
+from winding_ros.graph import GRAPH, pace_topics
+from winding_supervisor.orchestrator import GraphConfig, Orchestrator
 
 
 async def stand(namespace: str, case: int, duration: float, directory: Path) -> None:
-    client = RosClient(namespace)
+    client = AsyncClient(namespace)
     client.start()
     parameters: dict[str, dict[str, object]] = {
         spec.name: {"case": case, "duration": duration} for spec in GRAPH

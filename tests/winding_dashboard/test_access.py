@@ -6,9 +6,9 @@ from typing import Any
 import httpx
 import pytest
 
-from cable_winding.parameters import ParameterError
-from winding_dashboard.access import COOKIE, Gate
-from winding_dashboard.parameters import DashboardParameters
+from winding_core.parameters import ParameterError
+from winding_dashboard.ros.parameters import DashboardParameters
+from winding_dashboard.views.access import COOKIE, Gate
 
 TOKEN = "correct-horse-battery"
 

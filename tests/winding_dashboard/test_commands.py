@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 import pytest
 
-from winding_dashboard import commands
-from winding_dashboard.commands import ACTIVE, INACTIVE, UNCONFIGURED, CommandError
+from winding_dashboard.views import commands
+from winding_dashboard.views.commands import ACTIVE, INACTIVE, UNCONFIGURED, CommandError
 
 NODES = ("correction", "fem", "rig")
 LEADS_TO = {

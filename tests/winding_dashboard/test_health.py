@@ -2,7 +2,7 @@
 
 import pytest
 
-from winding_dashboard.health import Health, Report, Severity, node_of
+from winding_dashboard.views.health import Health, Report, Severity, node_of
 
 
 def report(name: str, severity: Severity = Severity.OK, message: str = "") -> Report:

@@ -10,15 +10,15 @@ import pytest
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from cable_winding.markers import wound_markers
-from cable_winding.parameters import ParameterError
-from cable_winding.readings import AxisReading
-from cable_winding.ros import topics
-from cable_winding.ros.cloud_messages import encode_cloud
-from cable_winding.ros.diagnostic_messages import Status, encode_case_votes, encode_diagnostics
-from cable_winding.ros.rig_messages import encode_joint_state, encode_tension
-from winding_dashboard.commands import CommandError
+from winding_core.markers import wound_markers
+from winding_core.parameters import ParameterError
+from winding_core.readings import AxisReading
 from winding_dashboard.node import DashboardNode
+from winding_dashboard.views.commands import CommandError
+from winding_ros import topics
+from winding_ros.cloud_messages import encode_cloud
+from winding_ros.diagnostic_messages import Status, encode_case_votes, encode_diagnostics
+from winding_ros.rig_messages import encode_joint_state, encode_tension
 
 
 @pytest.fixture

@@ -15,11 +15,11 @@ from typing import Any
 import psutil
 import pytest
 
-from winding_bringup.bags.check import check
-from winding_bringup.bags.contents import contents
-from winding_bringup.bags.notes import PARAMETERS
-from winding_bringup.bags.reading import read_notes
-from winding_bringup.event_log import read_events
+from winding_recorder.bags.check import check
+from winding_recorder.bags.contents import contents
+from winding_recorder.bags.notes import PARAMETERS
+from winding_recorder.bags.reading import read_notes
+from winding_supervisor.event_log import read_events
 
 pytestmark = [
     pytest.mark.processes,
@@ -71,7 +71,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Iterator[Run]
     folder = tmp_path_factory.mktemp("operated") / "run"
     port = serving.free_port()
     process = subprocess.Popen(
-        [sys.executable, "-m", "winding_bringup.cli", "run", "--case", "4", "--dashboard",
+        [sys.executable, "-m", "winding_cli.cli", "run", "--case", "4", "--dashboard",
          "--dashboard-port", str(port), "--namespace", NAMESPACE, "--output", str(folder),
          "--duration-s", "60", "--speed", str(SPEED)],
         stdout=subprocess.PIPE, text=True, env=serving.environment(),

@@ -10,14 +10,14 @@ import pytest
 from nicegui import ui
 from nicegui.testing import User, UserInteraction, user_simulation
 
-from cable_winding.markers import CORRECTED_DTYPE, wound_markers
-from cable_winding.readings import AxisReading
-from winding_dashboard import commands
-from winding_dashboard.commands import Choice, CommandError
-from winding_dashboard.health import Report, Severity
-from winding_dashboard.material_view import MaterialView
-from winding_dashboard.page import Page
-from winding_dashboard.view_state import ViewState
+from winding_core.markers import CORRECTED_DTYPE, wound_markers
+from winding_core.readings import AxisReading
+from winding_dashboard.views import commands
+from winding_dashboard.views.commands import Choice, CommandError
+from winding_dashboard.views.health import Report, Severity
+from winding_dashboard.views.material_view import MaterialView
+from winding_dashboard.views.page import Page
+from winding_dashboard.views.view_state import ViewState
 
 pytestmark = pytest.mark.asyncio
 NODES = ("winding_rig", "cable_fem")

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from cable_winding.markers import CABLE_DTYPE, CORRECTED_DTYPE, MarkerFlag, wound_markers
-from cable_winding.readings import AxisReading
-from winding_dashboard.health import SILENCE, Report, Severity
-from winding_dashboard.shape import SCALE, cable_shape, scene_points
-from winding_dashboard.view_state import SAMPLES, ViewState
+from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MarkerFlag, wound_markers
+from winding_core.readings import AxisReading
+from winding_dashboard.views.health import SILENCE, Report, Severity
+from winding_dashboard.views.shape import SCALE, cable_shape, scene_points
+from winding_dashboard.views.view_state import SAMPLES, ViewState
 
 NODES = ("winding_rig", "marker_tracker", "cable_fem", "correction")
 RADIUS = 0.017

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cable_winding.fleet import FleetAngleLaw
+from winding_core.fleet_angle import FleetAngleLaw
 from winding_rig_node.camera import (
     CameraConfig,
     Light,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from winding_rig_node.faults import (
+from winding_rig_node.machine.faults import (
     Fault,
     FaultError,
     FaultKind,

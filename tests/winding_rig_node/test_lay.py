@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 
-from cable_winding.cases import Case, paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.fleet import PAPER_FREE_LENGTH, FleetAngleLaw
-from cable_winding.helix import curve_length
-from cable_winding.published import published_markers
-from winding_rig_node.lay import HiddenCable, neo_hookean_stretch, published_lay, simulated_lay
+from winding_core.cases import Case, paper_case
+from winding_core.drive import DriveProfile
+from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
+from winding_core.helix import curve_length
+from winding_core.published import published_markers
+from winding_rig_node.machine.lay import (
+    HiddenCable,
+    neo_hookean_stretch,
+    published_lay,
+    simulated_lay,
+)
 
 END = 33.93
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from winding_rig_node.machine import Machine, MachineConfig, Phase, PhaseError
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_rig_node.machine.machine import Machine, MachineConfig, Phase, PhaseError
 
 
 def machine(case: int = 4, duration: float = 20.0, seed: int = 1) -> Machine:

@@ -11,12 +11,12 @@ from sensor_msgs.msg import CameraInfo
 from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import Trigger
 
-from cable_winding.markers import MARKER_DTYPE
-from cable_winding.ros import topics
-from cable_winding.ros.camera_messages import decode_camera_info, encode_camera_info
-from cable_winding.ros.cloud_messages import encode_cloud
-from cable_winding.ros.stamps import decode_stamp, serialised_stamp_ns
+from winding_core.markers import MARKER_DTYPE
 from winding_rig_node.node import RigNode
+from winding_ros import topics
+from winding_ros.camera_messages import decode_camera_info, encode_camera_info
+from winding_ros.cloud_messages import encode_cloud
+from winding_ros.stamps import decode_stamp, serialised_stamp_ns
 
 MEANT = {"speed": 0.0, "duration": 0.3}
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from winding_rig_node.pace import Pace
+from winding_rig_node.machine.pace import Pace
 
 
 def test_without_consumers_time_is_free() -> None:

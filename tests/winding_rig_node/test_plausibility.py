@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from winding_rig_node.faults import Faults, parse_faults
-from winding_rig_node.machine import SENSORS, Machine, MachineConfig, Phase, PhaseError
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_rig_node.machine.faults import Faults, parse_faults
+from winding_rig_node.machine.machine import SENSORS, Machine, MachineConfig, Phase, PhaseError
 
 FULL_SPEED = DriveProfile().angular_speed
 # A stop takes 0.3 s from full speed; the bar of the fault table is 0.5 s.

@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from cable_winding.cases import Case, paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.fleet import PAPER_FREE_LENGTH, FleetAngleLaw
-from cable_winding.helix import curve_length
-from cable_winding.published import published_markers
-from winding_study.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
+from winding_core.cases import Case, paper_case
+from winding_core.drive import DriveProfile
+from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
+from winding_core.helix import curve_length
+from winding_core.published import published_markers
+from winding_study.runs.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 
 
 def _series(case, drive, marks, *, rate, rng, noise=0.0, in_view_only=False) -> MarkerSeries:

@@ -5,12 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from cable_fem_node.winding import RigTension, WindingConfig, predict
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.fleet import PAPER_FREE_LENGTH, FleetAngleLaw
-from cable_winding.lay_on import LayOn
-from winding_study.calibration import Calibration, calibrate
+from cable_fem_node.winding.prediction import predict
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
+from winding_core.quasi_static import QuasiStaticLay
+from winding_core.tension import RigTension
+from winding_study.paper.calibration import Calibration, calibrate
 
 RIG = RigTension(
     offset=2.0, weight_share=0.4, diameter_gain=1.0, start_share=0.3, build_up_length=0.3
@@ -26,7 +28,7 @@ def test_without_pull_the_cable_lies_at_its_own_length() -> None:
     case = paper_case(1)
     # The 2 mm cable bends at the cost of 0.6 per mille; with no tension nothing else acts.
     none = RigTension(offset=0.0, weight_share=0.0)
-    theta = LayOn(case, "linear").theta(none)
+    theta = QuasiStaticLay(case, "linear").theta(none)
     law = FleetAngleLaw(
         advance_per_radian=DriveProfile().advance_per_radian,
         free_length=PAPER_FREE_LENGTH,
@@ -39,7 +41,7 @@ def test_without_pull_the_cable_lies_at_its_own_length() -> None:
 
 
 def test_more_pull_winds_every_marker_further() -> None:
-    model = LayOn(paper_case(9), "neo_hookean")
+    model = QuasiStaticLay(paper_case(9), "neo_hookean")
     little, more = (model.theta(RigTension(weight_share=share)) for share in (0.5, 1.0))
     assert (more > little).all()
 
@@ -48,7 +50,7 @@ def test_the_quasi_static_angles_are_the_rods() -> None:
     case = paper_case(6)
     rod = predict(WindingConfig(case=case, tension_law=RIG)).markers["theta"][1:]
     # The rod adds the stiff cable's lift-off at the landing point, some 0.2 % here.
-    np.testing.assert_allclose(LayOn(case, "linear").theta(RIG), rod, rtol=4e-3)
+    np.testing.assert_allclose(QuasiStaticLay(case, "linear").theta(RIG), rod, rtol=4e-3)
 
 
 def test_the_fit_meets_its_bars(fitted: Calibration) -> None:

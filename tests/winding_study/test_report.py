@@ -9,11 +9,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from cable_winding.cases import Case, paper_case
-from winding_study.machine_pictures import _mean_over, tracking
-from winding_study.picture import MOST_POINTS, broken, thinned
-from winding_study.report import render_report, write_report
-from winding_study.run_record import MarkerRow, MarkerSeries, Signal
+from winding_core.cases import Case, paper_case
+from winding_study.documents.picture import MOST_POINTS, broken, thinned
+from winding_study.reports.machine_pictures import _mean_over, tracking
+from winding_study.reports.report import render_report, write_report
+from winding_study.runs.run_record import MarkerRow, MarkerSeries, Signal
 
 
 class _Page(HTMLParser):

@@ -16,16 +16,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cable_fem_node.winding import WindingConfig
-from cable_winding.cases import paper_case
-from winding_study.run_store import RunStore, run_key
-from winding_study.solver_version import solver_sources, solver_version
-from winding_study.whole_file import write_whole
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cases import paper_case
+from winding_study.runs.run_store import RunStore, run_key
+from winding_study.runs.solver_version import solver_sources, solver_version
+from winding_study.runs.whole_file import write_whole
 
 # Prints the project's modules that the solver brings into a fresh process.
 LOADED = """
-import sys, cable_fem_node.prediction, cable_fem_node.solid_winding
-print(*(name for name in sys.modules if name.startswith(("cable_fem_node", "cable_winding"))))
+import sys, cable_fem_node.winding.prediction, cable_fem_node.winding.solid_winding
+print(*(name for name in sys.modules if name.startswith(("cable_fem_node", "winding_core"))))
 """
 
 KEY = run_key({"case": 4}, "v1")
@@ -86,8 +86,8 @@ def test_the_version_covers_what_a_prediction_loads_and_no_adapter() -> None:
     loaded = subprocess.run(
         [sys.executable, "-c", LOADED], capture_output=True, text=True, check=True
     )
-    assert set(loaded.stdout.split()) - {"cable_fem_node", "cable_winding"} <= names
-    assert {"cable_fem_node.winding_kernels", "cable_winding.cases"} <= names
+    assert set(loaded.stdout.split()) - {"cable_fem_node", "winding_core"} <= names
+    assert {"cable_fem_node.winding.winding_kernels", "winding_core.cases"} <= names
     assert not any(".ros" in name or name.endswith(".node") for name in names)
     assert len(solver_version()) == 16
 

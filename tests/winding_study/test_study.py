@@ -5,20 +5,20 @@ import json
 import numpy as np
 import pytest
 
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.published import published_markers
-from correction_node.dataset import load_data_set, parse_lengths
-from winding_study.case_result import CaseResult, from_arrays, to_arrays
-from winding_study.comparison import compare, compare_paper
-from winding_study.run_store import RunStore
-from winding_study.study import (
+from correction_node.models.dataset import load_data_set, parse_lengths
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_core.published import published_markers
+from winding_study.paper.comparison import compare, compare_paper
+from winding_study.paper.study import (
     CaseFailedError,
     StudyConfig,
     predicted_lengths,
     wind_case,
     wind_cases,
 )
+from winding_study.runs.case_result import CaseResult, from_arrays, to_arrays
+from winding_study.runs.run_store import RunStore
 
 
 def _perfect() -> list[CaseResult]:
@@ -131,7 +131,7 @@ def test_cases_come_back_in_order_with_progress() -> None:
 
 
 def test_predicted_lengths_are_what_training_reads(case_four: CaseResult) -> None:
-    from correction_node.dataset import format_lengths
+    from correction_node.models.dataset import format_lengths
 
     rows = predicted_lengths([case_four])
     read = parse_lengths(format_lengths(rows), source="test")

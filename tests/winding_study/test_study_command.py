@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from winding_bringup.cli import app
-from winding_bringup.commands.refusal import FAILED, INTERRUPTED, REFUSED
+from winding_cli.cli import app
+from winding_cli.commands.refusal import FAILED, INTERRUPTED, REFUSED
 
 # Ten times what a loaded machine needs for imports and a first case.
 PATIENCE = 120.0
@@ -27,7 +27,7 @@ def _study(*arguments: str, folder: Path):
 
 
 def _start(*arguments: str, folder: Path) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "winding_bringup.cli", "study", *arguments]
+    command = [sys.executable, "-m", "winding_cli.cli", "study", *arguments]
     return subprocess.Popen(
         command,
         cwd=folder,

@@ -11,20 +11,26 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from cable_winding.cases import paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.published import Lay, published_markers
-from correction_node.comparison import BASELINE, LEARNED, ONE_H_PER_CASE, ORACLE, ModelScore
-from correction_node.dataset import join_experiment
-from correction_node.evaluation import cell_errors_pct
-from correction_node.learners import RIG
-from correction_node.repeatability import Noise, NoiseAccuracy
-from winding_study.case_result import CaseResult
-from winding_study.comparison import compare, compare_paper
-from winding_study.study import StudyConfig, predicted_lengths
-from winding_study.study_record import StudyRecord
-from winding_study.study_report import render_study, write_study
-from winding_study.study_tables import noise_table
+from correction_node.models.dataset import join_experiment
+from correction_node.models.evaluation import cell_errors_pct
+from correction_node.training.comparison import (
+    BASELINE,
+    LEARNED,
+    ONE_H_PER_CASE,
+    ORACLE,
+    ModelScore,
+)
+from correction_node.training.learners import RIG
+from correction_node.training.repeatability import Noise, NoiseAccuracy
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_core.published import Lay, published_markers
+from winding_study.paper.comparison import compare, compare_paper
+from winding_study.paper.study import StudyConfig, predicted_lengths
+from winding_study.paper.study_record import StudyRecord
+from winding_study.paper.study_tables import noise_table
+from winding_study.reports.study_report import render_study, write_study
+from winding_study.runs.case_result import CaseResult
 
 TEN_PCT = 1.1
 

@@ -17,12 +17,12 @@ import psutil
 import pytest
 from typer.testing import CliRunner
 
-from winding_bringup.cli import app
-from winding_bringup.commands.predict import predict
-from winding_bringup.commands.predict_options import PredictOptions, option_types
-from winding_study.run_store import Arrays
+from winding_cli.cli import app
+from winding_cli.commands.predict import predict
+from winding_cli.commands.predict_options import PredictOptions, option_types
+from winding_study.runs.run_store import Arrays
 
-COMMAND = [sys.executable, "-m", "winding_bringup.cli", "sweep"]
+COMMAND = [sys.executable, "-m", "winding_cli.cli", "sweep"]
 
 # P1 to P3 come to lie within the second.
 SHORT = """

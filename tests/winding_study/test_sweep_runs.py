@@ -13,11 +13,12 @@ import psutil
 import pyarrow.parquet as pq
 import pytest
 
-from cable_fem_node.winding import OverlapError, WindingConfig
-from cable_winding.cases import Case, paper_case
-from cable_winding.drive import DriveProfile
-from winding_study.planned_run import PlannedRun
-from winding_study.run_store import Arrays, RunStore
+from cable_fem_node.winding.prediction import OverlapError
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cases import Case, paper_case
+from winding_core.drive import DriveProfile
+from winding_study.runs.planned_run import PlannedRun
+from winding_study.runs.run_store import Arrays, RunStore
 from winding_study.sweep.campaign import Shard, stored_results, wind_missing
 from winding_study.sweep.cluster import Certificates, DaskEngine, refuse_open_scheduler
 from winding_study.sweep.engines import Engine, EngineError, JoblibEngine, batches
@@ -100,7 +101,7 @@ def test_a_worker_with_another_solver_is_refused() -> None:
 
 
 def test_a_worker_takes_what_a_killed_one_has_stored(tmp_path: Path) -> None:
-    from winding_study.solver_version import solver_version
+    from winding_study.runs.solver_version import solver_version
 
     store = RunStore(tmp_path)
     store.save(run().key, {"status": OK, "s": [7.0]})

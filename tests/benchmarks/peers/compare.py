@@ -32,7 +32,9 @@ PEER_PACKAGES = ("elastica", "mujoco")
 
 
 def _rod(problem: WindingProblem) -> Outcome:
-    from cable_fem_node.winding import RodWinding, WindingConfig, predict
+    from cable_fem_node.winding.prediction import predict
+    from cable_fem_node.winding.rod_winding import RodWinding
+    from cable_fem_node.winding.winding_config import WindingConfig
 
     config = WindingConfig(
         case=problem.case,

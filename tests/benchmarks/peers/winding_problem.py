@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_winding.cases import Case, paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.fleet import PAPER_FREE_LENGTH, FleetAngleLaw
-from cable_winding.helix import curve_length
+from winding_core.cases import Case, paper_case
+from winding_core.drive import DriveProfile
+from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
+from winding_core.helix import curve_length
 
 FloatArray = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 import sys
 
 from cable_fem_node.node import CableFemNode
-from cable_winding.ros.process import run_node
+from winding_ros.process import run_node
 
 
 def main() -> int:

@@ -10,16 +10,16 @@ from rclpy.clock import Clock, ClockType
 from rclpy.timer import Timer
 from sensor_msgs.msg import PointCloud2
 
-from cable_fem_node.live_material import LiveMaterial, MaterialUpdate, work_out
-from cable_fem_node.parameters import FemParameters
+from cable_fem_node.identification.live_material import LiveMaterial, MaterialUpdate, work_out
 from cable_fem_node.ros.background import BackgroundTask
-from cable_fem_node.ros.exchange import FemExchange
-from cable_winding.markers import MARKER_DTYPE
-from cable_winding.ros import topics
-from cable_winding.ros.cloud_messages import decode_cloud
-from cable_winding.ros.diagnostic_messages import Level, Status
-from cable_winding.ros.managed_node import ManagedNode
-from cable_winding.ros.material_messages import (
+from cable_fem_node.ros.message_handler import FemHandler
+from cable_fem_node.ros.parameters import FemParameters
+from winding_core.markers import MARKER_DTYPE
+from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud
+from winding_ros.diagnostic_messages import Level, Status
+from winding_ros.managed_node import ManagedNode
+from winding_ros.material_messages import (
     MaterialReport,
     encode_material,
     refused_material,
@@ -47,8 +47,8 @@ class CableFemNode(ManagedNode[FemParameters]):
 
     def configure(self) -> None:
         """Build the model; advertise and subscribe."""
-        self._exchange = FemExchange(self.configuration, self.go_on)
-        self.connect(self._exchange)
+        self._handler = FemHandler(self.configuration, self.go_on)
+        self.connect(self._handler)
         self._material_out = self.advertise(topics.FEM_MATERIAL)
         self.subscribe(topics.TRACKED_MARKERS, self._on_tracked)
         # Wall time: an identification may end when the machine has stopped.
@@ -61,9 +61,9 @@ class CableFemNode(ManagedNode[FemParameters]):
         wanted, now = self.configuration, self.get_clock().now().nanoseconds * 1e-9
         self._abandon()
         self._report = None
-        self.publish(self._exchange.begin(now))
+        self.publish(self._handler.begin(now))
         self._live = LiveMaterial(
-            self._exchange.config,
+            self._handler.config,
             wanted.drive(),
             wanted.duration,
             take_up=wanted.take_up_material,
@@ -84,12 +84,12 @@ class CableFemNode(ManagedNode[FemParameters]):
 
     def status(self) -> Status:
         """Return the model's time, its energy balance and the identified material."""
-        exchange: FemExchange | None = getattr(self, "_exchange", None)
-        if exchange is None or exchange.model is None:
+        handler: FemHandler | None = getattr(self, "_handler", None)
+        if handler is None or handler.model is None:
             return Status(name=topics.FEM, message="not active")
-        balance = exchange.model.energy.balance_pct
-        message = "following the machine" if exchange.following else "waiting"
-        values = {"time": f"{exchange.model.time:.3f}", "energy_balance_pct": f"{balance:.3f}"}
+        balance = handler.model.energy.balance_pct
+        message = "following the machine" if handler.following else "waiting"
+        values = {"time": f"{handler.model.time:.3f}", "energy_balance_pct": f"{balance:.3f}"}
         refused = False
         if self._report is not None:
             t, report = self._report
@@ -116,7 +116,7 @@ class CableFemNode(ManagedNode[FemParameters]):
         if live is None:
             return
         if task is None:
-            due = live.due(self._exchange.history)
+            due = live.due(self._handler.history)
             if due is not None:
                 self._markers_used = tuple(due.readings.ids.tolist())
                 self._task = BackgroundTask(functools.partial(work_out, due))
@@ -132,9 +132,9 @@ class CableFemNode(ManagedNode[FemParameters]):
             update = MaterialUpdate(estimate=None, refusal=f"{type(error).__name__}: {error}")
         live.learn(update)
         if update.model is not None and update.ahead is not None:
-            self._exchange.go_on_with(update.model)
-            self.publish([self._exchange.predicted(t, update.ahead)])
-        report = _reported(update, self._exchange.config.law, self._markers_used)
+            self._handler.go_on_with(update.model)
+            self.publish([self._handler.predicted(t, update.ahead)])
+        report = _reported(update, self._handler.config.law, self._markers_used)
         self._report = (t, report)
         self._material_out.publish(encode_material(t, report))
         if report.refusal:

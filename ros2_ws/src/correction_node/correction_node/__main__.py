@@ -2,8 +2,8 @@
 
 import sys
 
-from cable_winding.ros.process import run_node
 from correction_node.node import CorrectionNode
+from winding_ros.process import run_node
 
 
 def main() -> int:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from cable_winding.ros import topics
-from cable_winding.ros.diagnostic_messages import Level, Status
-from cable_winding.ros.managed_node import ManagedNode
-from correction_node.parameters import CorrectionParameters
-from correction_node.ros.exchange import CorrectionExchange
-from correction_node.run_corrector import RunCorrector
+from correction_node.live.run_corrector import RunCorrector
+from correction_node.ros.message_handler import CorrectionHandler
+from correction_node.ros.parameters import CorrectionParameters
+from winding_ros import topics
+from winding_ros.diagnostic_messages import Level, Status
+from winding_ros.managed_node import ManagedNode
 
 
 class CorrectionNode(ManagedNode[CorrectionParameters]):
@@ -29,23 +29,23 @@ class CorrectionNode(ManagedNode[CorrectionParameters]):
     @property
     def run(self) -> RunCorrector:
         """What is measured of this run; from `configure` on."""
-        return self._exchange.run
+        return self._handler.run
 
     def configure(self) -> None:
         """Load the weight; advertise and subscribe."""
-        self._exchange = CorrectionExchange(self.configuration)
-        self.connect(self._exchange)
+        self._handler = CorrectionHandler(self.configuration)
+        self.connect(self._handler)
 
     def activate(self) -> None:
         """Begin a new run: nothing has been measured yet."""
-        self.publish(self._exchange.begin(self.get_clock().now().nanoseconds * 1e-9))
+        self.publish(self._handler.begin(self.get_clock().now().nanoseconds * 1e-9))
 
     def status(self) -> Status:
         """Return the weight in use and what speaks against it."""
-        exchange: CorrectionExchange | None = getattr(self, "_exchange", None)
-        if exchange is None:
+        handler: CorrectionHandler | None = getattr(self, "_handler", None)
+        if handler is None:
             return Status(name=topics.CORRECTION, message="not configured")
-        factor, run = exchange.factor, exchange.run
+        factor, run = handler.factor, handler.run
         refused = run.measured.refused
         against = [
             *([run.outside] if run.outside else []),
@@ -69,7 +69,7 @@ class CorrectionNode(ManagedNode[CorrectionParameters]):
                 "relative_bound": f"{factor.relative_bound:.6f}",
                 "refused_measurements": str(refused),
                 "weights": self.configuration.weights,
-                "in_sample_pct": f"{exchange.errors['in_sample_pct']:.2f}",
-                "leave_one_case_out_pct": f"{exchange.errors['leave_one_case_out_pct']:.2f}",
+                "in_sample_pct": f"{handler.errors['in_sample_pct']:.2f}",
+                "leave_one_case_out_pct": f"{handler.errors['leave_one_case_out_pct']:.2f}",
             },
         )

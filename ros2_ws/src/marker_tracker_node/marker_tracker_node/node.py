@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_winding.ros import topics
-from cable_winding.ros.diagnostic_messages import Level, Status
-from cable_winding.ros.managed_node import ManagedNode
-from marker_tracker_node.parameters import TrackerParameters
-from marker_tracker_node.ros.exchange import TrackerExchange
-from marker_tracker_node.tracker import Tracker
-from marker_tracker_node.warm_up import warm_up
+from marker_tracker_node.ros.message_handler import TrackerHandler
+from marker_tracker_node.ros.parameters import TrackerParameters
+from marker_tracker_node.tracking.tracker import Tracker
+from marker_tracker_node.tracking.warm_up import warm_up
+from winding_ros import topics
+from winding_ros.diagnostic_messages import Level, Status
+from winding_ros.managed_node import ManagedNode
 
 
 class MarkerTrackerNode(ManagedNode[TrackerParameters]):
@@ -26,25 +26,25 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(topics.TRACKER, TrackerParameters, **kwargs)
-        self._exchange: TrackerExchange | None = None
+        self._handler: TrackerHandler | None = None
         self._busy = threading.Lock()
 
     @property
     def tracker(self) -> Tracker | None:
         """The tracker of this run; None before the first calibration."""
-        return self._exchange.tracker if self._exchange is not None else None
+        return self._handler.tracker if self._handler is not None else None
 
     def configure(self) -> None:
         """Read the machine's description; advertise and subscribe."""
-        self._exchange = TrackerExchange(self.configuration)
+        self._handler = TrackerHandler(self.configuration)
         # The first frame compiles the kernels: before time runs, not within it.
-        warm_up(self._exchange.config)
-        self.connect(self._exchange, busy=self._busy)
+        warm_up(self._handler.config)
+        self.connect(self._handler, busy=self._busy)
 
     def activate(self) -> None:
         """Begin a new run."""
-        assert self._exchange is not None
-        self.publish(self._exchange.begin(self.get_clock().now().nanoseconds * 1e-9))
+        assert self._handler is not None
+        self.publish(self._handler.begin(self.get_clock().now().nanoseconds * 1e-9))
 
     def status(self) -> Status:
         """Return what the tracker says of itself."""
@@ -73,6 +73,6 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
 
     def take_frame(self, t: float, frame: NDArray[np.uint8]) -> None:
         """Take a frame of time t [s] from a camera in this process, from any thread."""
-        assert self._exchange is not None
+        assert self._handler is not None
         with self._busy:
-            self.publish(self._exchange.take_frame(t, frame))
+            self.publish(self._handler.take_frame(t, frame))

@@ -13,8 +13,8 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 from launch_ros.parameter_descriptions import ParameterValue
 
-from cable_winding.ros import topics
-from winding_bringup.graph import DEFAULT_NAMESPACE, GRAPH
+from winding_ros import topics
+from winding_ros.graph import DEFAULT_NAMESPACE, GRAPH
 
 ARGUMENTS = {
     "namespace": (DEFAULT_NAMESPACE, "namespace of every node"),

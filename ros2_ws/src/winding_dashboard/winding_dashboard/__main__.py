@@ -11,11 +11,11 @@ from nicegui import app, ui
 from rclpy.context import Context
 from rclpy.parameter import Parameter
 
-from cable_winding.parameters import ParameterError
-from cable_winding.ros.process import EXIT_REFUSED, end_with_supervisor
-from winding_dashboard.access import Gate
+from winding_core.parameters import ParameterError
 from winding_dashboard.node import DashboardNode
-from winding_dashboard.page import PERIOD, Page
+from winding_dashboard.views.access import Gate
+from winding_dashboard.views.page import PERIOD, Page
+from winding_ros.process import EXIT_REFUSED, end_with_supervisor
 
 _LIFECYCLE_PERIOD = 1.0
 _RECONNECT = 15.0

@@ -11,14 +11,14 @@ from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
-from cable_winding.ros import topics
-from cable_winding.ros.heartbeat import Heartbeat
-from cable_winding.ros.parameters import declare_parameters, refuse_invalid
-from cable_winding.ros.process import SUPERVISED
-from winding_dashboard.parameters import DashboardParameters
-from winding_dashboard.ros.eyes import Eyes
-from winding_dashboard.ros.hands import NODES, Hands
-from winding_dashboard.view_state import ViewState
+from winding_dashboard.ros.parameters import DashboardParameters
+from winding_dashboard.ros.service_client import NODES, ServiceClient
+from winding_dashboard.ros.topic_reader import TopicReader
+from winding_dashboard.views.view_state import ViewState
+from winding_ros import topics
+from winding_ros.heartbeat import Heartbeat
+from winding_ros.node_parameters import declare_parameters, refuse_invalid
+from winding_ros.process import SUPERVISED
 
 NAME = topics.DASHBOARD
 # EventsExecutor.spin() of rclpy 7.1 never returns to the interpreter; spin_once does.
@@ -54,10 +54,10 @@ class DashboardNode(Node):  # type: ignore[misc]
             enable_rosout=False,
             cli_args=kwargs.get("cli_args"),
         )
-        self.eyes = Eyes(self._watcher, self.parameters, self.state)
+        self.eyes = TopicReader(self._watcher, self.parameters, self.state)
         self._executor = EventsExecutor(context=context)
         self._executor.add_node(self)
-        self.hands = Hands(self, self._executor.wake, self.state.health, time.monotonic)
+        self.hands = ServiceClient(self, self._executor.wake, self.state.health, time.monotonic)
         # Two pages of one graph may not vouch for each other.
         supervised = bool(os.environ.get(SUPERVISED))
         self._heartbeat = Heartbeat(self, NAME) if supervised else None

@@ -2,8 +2,8 @@
 
 import sys
 
-from cable_winding.ros.process import run_node
 from winding_rig_node.node import RigNode
+from winding_ros.process import run_node
 
 
 def main() -> int:

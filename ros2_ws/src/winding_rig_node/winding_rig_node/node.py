@@ -12,21 +12,21 @@ import numpy as np
 from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import Trigger
 
-from cable_winding.parameters import refuse_unknown
-from cable_winding.ros import topics
-from cable_winding.ros.diagnostic_messages import Level, Status
-from cable_winding.ros.heartbeat import Sign, watch_heartbeat
-from cable_winding.ros.managed_node import ManagedNode
-from cable_winding.ros.rig_messages import MessageError
-from cable_winding.ros.stamps import serialised_stamp_ns
-from winding_rig_node.faults import Faults
-from winding_rig_node.lay import CableLay, HiddenCable, published_lay, simulated_lay
-from winding_rig_node.machine import SAMPLE_RATE, Machine, MachineConfig, Phase, PhaseError
-from winding_rig_node.pace import Pace
-from winding_rig_node.parameters import RigParameters
+from winding_core.parameters import refuse_unknown
+from winding_rig_node.machine.faults import Faults
+from winding_rig_node.machine.lay import CableLay, HiddenCable, published_lay, simulated_lay
+from winding_rig_node.machine.machine import SAMPLE_RATE, Machine, MachineConfig, Phase, PhaseError
+from winding_rig_node.machine.pace import Pace
 from winding_rig_node.ros.camera import Camera, FrameListener
 from winding_rig_node.ros.fault_parameters import follow_fault_parameters, stated_faults
 from winding_rig_node.ros.outputs import Outputs, due
+from winding_rig_node.ros.parameters import RigParameters
+from winding_ros import topics
+from winding_ros.diagnostic_messages import Level, Status
+from winding_ros.heartbeat import Sign, watch_heartbeat
+from winding_ros.managed_node import ManagedNode
+from winding_ros.rig_messages import MessageError
+from winding_ros.stamps import serialised_stamp_ns
 
 _POLL = 0.1
 _STEP_POLL = 0.01

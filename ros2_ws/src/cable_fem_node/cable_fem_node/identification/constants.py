@@ -14,7 +14,7 @@ from cable_fem_node.identification.modulus import PLAUSIBLE_YOUNG
 from cable_fem_node.identification.quasi_static import softest_young
 from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import FloatArray, TrackedRun
-from cable_winding.uniaxial import UniaxialLaw
+from winding_core.material_law import MaterialLaw
 
 # C01 may be this share of C10 + C01 at most; beyond 1 the law softens in compression.
 _SHARES = (0.0, 0.95)
@@ -100,9 +100,9 @@ def identify_constants(
     two = law == "mooney_rivlin"
     poisson = runs[0].config.case.material.poisson
 
-    def family(p: FloatArray) -> UniaxialLaw:
+    def family(p: FloatArray) -> MaterialLaw:
         share = float(p[1]) if two else 0.0
-        return UniaxialLaw(
+        return MaterialLaw(
             law=law,
             young=4.0 * (1.0 + poisson) * math.exp(float(p[0])),
             poisson=poisson,

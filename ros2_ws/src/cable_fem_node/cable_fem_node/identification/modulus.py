@@ -15,8 +15,8 @@ from cable_fem_node.identification.quasi_static import softest_young
 from cable_fem_node.identification.rod_run import with_law
 from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import FloatArray, TrackedRun
-from cable_fem_node.winding_config import WindingConfig
-from cable_winding.uniaxial import UniaxialLaw
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.material_law import MaterialLaw
 
 # Softer than any gel and stiffer than any rubber: outside this nobody winds a cable that stretches.
 PLAUSIBLE_YOUNG = (0.05e6, 500.0e6)
@@ -103,7 +103,7 @@ def identify_modulus(
     if any(run.config.law != first.law for run in runs):
         raise IdentificationError("all runs of one cable must be fitted with one law")
 
-    def family(p: FloatArray) -> UniaxialLaw:
+    def family(p: FloatArray) -> MaterialLaw:
         return dataclasses.replace(first.uniaxial, young=math.exp(float(p[0])))
 
     softest = max(softest_young(run, run.config.law) for run in runs)

@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cable_fem_node.rod_winding import RodWinding
-from cable_fem_node.run_history import Inputs, planned_inputs, replay
-from cable_winding.drive import DriveProfile
-from cable_winding.markers import Markers
-from cable_winding.run_inputs import INPUT_DTYPE
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.run_history import Inputs, planned_inputs, replay
+from winding_core.drive import DriveProfile
+from winding_core.markers import Markers
+from winding_core.run_inputs import INPUT_DTYPE
 
 
 def planned_rest(inputs: Inputs, drive: DriveProfile, duration: float) -> Inputs:

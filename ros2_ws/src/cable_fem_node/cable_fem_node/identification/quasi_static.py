@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.tracked_run import TrackedRun
-from cable_fem_node.run_history import Inputs, continued_inputs
-from cable_fem_node.winding_config import WindingConfig
-from cable_winding.uniaxial import TABLE_HIGH, UniaxialLaw
+from cable_fem_node.winding.run_history import Inputs, continued_inputs
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.material_law import TABLE_HIGH, MaterialLaw
 
 FloatArray = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ _LOWEST_STRETCH = 0.7
 _TABLE_SHARE = 0.98
 
 
-def lay(run: TrackedRun, law: UniaxialLaw) -> tuple[FloatArray, FloatArray]:
+def lay(run: TrackedRun, law: MaterialLaw) -> tuple[FloatArray, FloatArray]:
     """Return (theta [rad], z [m]) of the run's markers by the closed form, shape (m,) each.
 
     Cable lands with the stretch of the span's tension F less EI l / (2 rho^2) for bending,
@@ -64,7 +64,7 @@ def lay(run: TrackedRun, law: UniaxialLaw) -> tuple[FloatArray, FloatArray]:
     return marker_theta, np.interp(marker_theta, theta, z)
 
 
-def strain(run: TrackedRun, law: UniaxialLaw) -> float:
+def strain(run: TrackedRun, law: MaterialLaw) -> float:
     """Return the strain of the span under the run's mean tension."""
     stress = run.tensions(run.inputs).mean() / run.config.case.section_area
     return float(_stretch_at(law, np.array([stress]))[0]) - 1.0
@@ -77,12 +77,12 @@ def softest_young(run: TrackedRun, law: str) -> float:
     return run.highest_tension / config.case.section_area / (_TABLE_SHARE * float(stress[-1]))
 
 
-def _stretch_at(law: UniaxialLaw, stress: FloatArray) -> FloatArray:
+def _stretch_at(law: MaterialLaw, stress: FloatArray) -> FloatArray:
     stretch, unit_stress, _ = _unit_law(law.law, law.poisson, law.mooney_ratio)
     return np.interp(stress / law.young, unit_stress, stretch)
 
 
-def _radius(config: WindingConfig, law: UniaxialLaw, stretch: FloatArray) -> FloatArray:
+def _radius(config: WindingConfig, law: MaterialLaw, stretch: FloatArray) -> FloatArray:
     case = config.case
     # As WindingConfig.thins, for the law that is tried.
     thins = law.law != "linear" if config.thinning is None else config.thinning
@@ -97,7 +97,7 @@ def _unit_law(
     law: str, poisson: float, mooney_ratio: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return (stretch, nominal stress over E, lateral stretch) up to the law's limit."""
-    bar = UniaxialLaw(law=law, young=1.0, poisson=poisson, mooney_ratio=mooney_ratio)
+    bar = MaterialLaw(law=law, young=1.0, poisson=poisson, mooney_ratio=mooney_ratio)
     stretch = np.linspace(_LOWEST_STRETCH, min(bar.limit()[1], TABLE_HIGH), _STRETCHES)
     return stretch, bar.nominal_stress(stretch), bar.lateral_stretch(stretch)
 

@@ -6,16 +6,16 @@ import dataclasses
 import math
 from collections.abc import Callable
 
-from cable_fem_node.failure import DivergenceError, EnergyBalanceError
+from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.quasi_static import strain
 from cable_fem_node.identification.tracked_run import FloatArray, TrackedRun
-from cable_fem_node.prediction import refuse_open_balance
-from cable_fem_node.rod_winding import RodWinding
-from cable_fem_node.run_history import continued_inputs, replay
-from cable_fem_node.winding_config import WindingConfig
-from cable_winding.markers import is_wound
-from cable_winding.uniaxial import UniaxialLaw
+from cable_fem_node.winding.prediction import refuse_open_balance
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.run_history import continued_inputs, replay
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.markers import is_wound
+from winding_core.material_law import MaterialLaw
 
 # A marker is read once the cylinder has turned this much further [rad]: its landing has calmed.
 _SETTLED = 0.25
@@ -26,7 +26,7 @@ _LATEST = 1.05
 _LONGEST = 1.15
 
 
-def with_law(config: WindingConfig, law: UniaxialLaw) -> WindingConfig:
+def with_law(config: WindingConfig, law: MaterialLaw) -> WindingConfig:
     """Return a configuration with another material; density and friction stay.
 
     Raises:
@@ -43,7 +43,7 @@ def with_law(config: WindingConfig, law: UniaxialLaw) -> WindingConfig:
 
 def wind(
     run: TrackedRun,
-    law: UniaxialLaw,
+    law: MaterialLaw,
     expected: FloatArray,
     going: Callable[[], bool] = lambda: True,
 ) -> tuple[FloatArray, FloatArray]:

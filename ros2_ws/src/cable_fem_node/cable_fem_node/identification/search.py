@@ -21,9 +21,9 @@ from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.quasi_static import lay
 from cable_fem_node.identification.rod_run import wind
 from cable_fem_node.identification.tracked_run import FloatArray, TrackedRun
-from cable_winding.uniaxial import UniaxialLaw
+from winding_core.material_law import MaterialLaw
 
-Family = Callable[[FloatArray], UniaxialLaw]
+Family = Callable[[FloatArray], MaterialLaw]
 
 # The first parameter is the logarithm of a modulus. Where its standard error is greater, the
 # search would wander among cables so stiff that they do not bend around the cylinder.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_fem_node.identification.tracked_run import Readings
-from cable_winding.markers import MarkerFlag, Markers
+from winding_core.markers import MarkerFlag, Markers
 
 # A frame with one of these did not measure the marker. TOUCHING did, with a greater deviation.
 _UNSEEN = int(

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.tracked_run import FloatArray
-from cable_winding.uniaxial import LAWS, UniaxialLaw
+from winding_core.material_law import LAWS, MaterialLaw
 
 LEAST_POINTS = 3
 # C01 over C10 + C01.
@@ -77,9 +77,9 @@ class LawFit:
     rms: float
     aicc: float
 
-    def material(self, poisson: float) -> UniaxialLaw:
+    def material(self, poisson: float) -> MaterialLaw:
         """Return the fitted law."""
-        return UniaxialLaw(
+        return MaterialLaw(
             law=self.law,
             young=self.young,
             poisson=poisson,
@@ -119,7 +119,7 @@ def _fitted(test: TensileTest, law: str, poisson: float) -> LawFit:
     two = law == "mooney_rivlin"
 
     def unit(share: float) -> FloatArray:
-        bar = UniaxialLaw(law=law, young=1.0, poisson=poisson, mooney_ratio=share / (1.0 - share))
+        bar = MaterialLaw(law=law, young=1.0, poisson=poisson, mooney_ratio=share / (1.0 - share))
         return bar.nominal_stress(stretch)
 
     # In units of the greatest stress, E follows linearly from any share.

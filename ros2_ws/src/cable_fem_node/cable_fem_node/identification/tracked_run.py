@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.identification.failure import IdentificationError
-from cable_fem_node.run_history import Inputs
-from cable_fem_node.winding_config import WindingConfig
+from cable_fem_node.winding.run_history import Inputs
+from cable_fem_node.winding.winding_config import WindingConfig
 
 FloatArray = NDArray[np.float64]
 

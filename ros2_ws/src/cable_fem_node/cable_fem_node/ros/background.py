@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from cable_fem_node.run_history import AbandonedError
+from cable_fem_node.winding.run_history import AbandonedError
 
 Result = TypeVar("Result")
 

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from cable_fem_node.solid_law import SolidLaw
+from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.verification.rod_statics import Values
-from cable_winding.uniaxial import UniaxialLaw
+from winding_core.material_law import MaterialLaw
 
 MEGAPASCAL = 1.0e6
 HYPERELASTIC = ("neo_hookean", "mooney_rivlin")
@@ -37,7 +37,7 @@ def uniaxial() -> Values:
     """M01: stretch and lateral stretch under dead nominal stress, every law."""
     values: Values = {}
     for law in ("hencky_cauchy", "hencky", "mooney_rivlin", "neo_hookean"):
-        rule = UniaxialLaw(law=law)
+        rule = MaterialLaw(law=law)
         for stress in (0.1561, 0.3122, 0.6245):
             stretch = rule.stretch_at(stress * MEGAPASCAL)
             values[f"stretch_{law}_{stress:g}"] = stretch
@@ -50,9 +50,9 @@ def incompressible() -> Values:
     values: Values = {}
     for stress in (0.06939, 0.1388, 0.1561, 0.3122, 0.6245, 1.249):
         for law in HYPERELASTIC:
-            rule = UniaxialLaw(law=law, incompressible=True)
+            rule = MaterialLaw(law=law, incompressible=True)
             values[f"{law}_{stress:g}"] = rule.stretch_at(stress * MEGAPASCAL)
-        third = UniaxialLaw(law="neo_hookean", poisson=0.5, incompressible=True)
+        third = MaterialLaw(law="neo_hookean", poisson=0.5, incompressible=True)
         values[f"neo_hookean_third_{stress:g}"] = third.stretch_at(stress * MEGAPASCAL)
     return values
 
@@ -61,7 +61,7 @@ def limit_load() -> Values:
     """M03: the greatest dead stress of Hooke's law on logarithmic strain."""
     values: Values = {}
     for law in ("hencky", "hencky_cauchy"):
-        rule = UniaxialLaw(law=law)
+        rule = MaterialLaw(law=law)
         stress, stretch = rule.limit()
         values[f"stress_{law}"], values[f"stretch_{law}"] = stress, stretch
         values[f"stress_at_2_{law}"] = float(rule.nominal_stress(2.0))
@@ -70,7 +70,7 @@ def limit_load() -> Values:
 
 def follower_pressure() -> Values:
     """M04: stretch under Cauchy stress on the present area: exp(sigma / E)."""
-    rule = UniaxialLaw(law="hencky_cauchy")
+    rule = MaterialLaw(law="hencky_cauchy")
     values: Values = {}
     for stress in (0.06939, 0.1388, 0.1561, 0.3122, 0.6245, 1.249):
         low, high = 1.0, 3.0

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from cable_fem_node.rod import Rod, RodSection
-from cable_fem_node.statics import frequencies
+from cable_fem_node.rod.rod import Rod, RodSection
+from cable_fem_node.rod.statics import frequencies
 from cable_fem_node.verification.rod_statics import GRAVITY, Values, line
 
 

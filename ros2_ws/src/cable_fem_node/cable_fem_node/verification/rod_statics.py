@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.rod import Rod, RodSection
-from cable_fem_node.statics import equilibrium, frequencies, lowest_stiffness
+from cable_fem_node.rod.rod import Rod, RodSection
+from cable_fem_node.rod.statics import equilibrium, frequencies, lowest_stiffness
 
 Values = dict[str, float | list[float]]
 FloatArray = NDArray[np.float64]

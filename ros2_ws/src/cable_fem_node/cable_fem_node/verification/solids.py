@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.hex_geometry import HOURGLASS, hex_geometry
-from cable_fem_node.solid import Solid
-from cable_fem_node.solid_law import SolidLaw
-from cable_fem_node.solid_mesh import BarMesh, block, round_bar, section_mesh
-from cable_fem_node.solid_statics import solid_equilibrium, solid_frequencies
+from cable_fem_node.solid.hex_geometry import HOURGLASS, hex_geometry
+from cable_fem_node.solid.solid import Solid
+from cable_fem_node.solid.solid_law import SolidLaw
+from cable_fem_node.solid.solid_mesh import BarMesh, block, round_bar, section_mesh
+from cable_fem_node.solid.solid_statics import solid_equilibrium, solid_frequencies
 from cable_fem_node.verification.rod_statics import Values
 
 FloatArray = NDArray[np.float64]

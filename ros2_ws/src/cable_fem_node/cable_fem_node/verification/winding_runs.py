@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from cable_fem_node.prediction import Prediction, predict
 from cable_fem_node.verification.rod_statics import Values
-from cable_fem_node.winding_config import WindingConfig
-from cable_winding.cases import Case, paper_case
-from cable_winding.drive import DriveProfile
-from cable_winding.fleet import PAPER_FREE_LENGTH, FleetAngleLaw
-from cable_winding.helix import curve_length
+from cable_fem_node.winding.prediction import Prediction, predict
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cases import Case, paper_case
+from winding_core.drive import DriveProfile
+from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
+from winding_core.helix import curve_length
 
 MILLIMETRE = 1.0e-3
 

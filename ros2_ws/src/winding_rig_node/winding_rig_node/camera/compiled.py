@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cable_winding.compiling import compiler
+from winding_core.compiling import compiler
 
 compiled = compiler(Path(__file__).parent)

@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_winding.cases import Case
-from cable_winding.readings import ImageWindow
-from cable_winding.ros import topics
-from cable_winding.ros.camera_messages import CameraReading, decode_camera_info
-from cable_winding.ros.rig_messages import MessageError
+from winding_core.cases import Case
+from winding_core.readings import ImageWindow
 from winding_rig_node.camera.config import CameraCalibration, CameraConfig, SensorNoise
 from winding_rig_node.camera.preview import encode_jpeg
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Scene
-from winding_rig_node.faults import Faults
-from winding_rig_node.lay import CableLay
-from winding_rig_node.machine import SAMPLE_RATE, Machine
-from winding_rig_node.parameters import RigParameters
+from winding_rig_node.machine.faults import Faults
+from winding_rig_node.machine.lay import CableLay
+from winding_rig_node.machine.machine import SAMPLE_RATE, Machine
 from winding_rig_node.ros.outputs import Outputs, due
+from winding_rig_node.ros.parameters import RigParameters
+from winding_ros import topics
+from winding_ros.camera_messages import CameraReading, decode_camera_info
+from winding_ros.rig_messages import MessageError
 
 CAMERA_SIGNAL = "camera"
 # A camera that falls behind by this many frames holds the machine's time.

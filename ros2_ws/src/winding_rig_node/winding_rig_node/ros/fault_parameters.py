@@ -9,8 +9,8 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from winding_rig_node.faults import FaultError, Faults, parse_faults
-from winding_rig_node.machine import SENSORS
+from winding_rig_node.machine.faults import FaultError, Faults, parse_faults
+from winding_rig_node.machine.machine import SENSORS
 from winding_rig_node.ros.camera import CAMERA_SIGNAL
 from winding_rig_node.ros.outputs import PUBLISHED
 

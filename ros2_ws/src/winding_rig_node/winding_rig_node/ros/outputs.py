@@ -9,20 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 from rosgraph_msgs.msg import Clock
 
-from cable_winding.readings import AxisReading
-from cable_winding.ros import topics
-from cable_winding.ros.camera_messages import (
+from winding_core.readings import AxisReading
+from winding_rig_node.machine.faults import Faults, Values
+from winding_rig_node.machine.machine import SAMPLE_RATE
+from winding_ros import topics
+from winding_ros.camera_messages import (
     CameraReading,
     encode_camera_info,
     encode_image,
     encode_preview,
 )
-from cable_winding.ros.managed_node import ManagedNode
-from cable_winding.ros.rig_messages import encode_joint_state, encode_tension
-from cable_winding.ros.stamps import encode_stamp
-from cable_winding.ros.topics import Topic
-from winding_rig_node.faults import Faults, Values
-from winding_rig_node.machine import SAMPLE_RATE
+from winding_ros.managed_node import ManagedNode
+from winding_ros.rig_messages import encode_joint_state, encode_tension
+from winding_ros.stamps import encode_stamp
+from winding_ros.topics import Topic
 
 PUBLISHED = (
     topics.CLOCK,

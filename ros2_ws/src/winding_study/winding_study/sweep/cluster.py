@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from winding_study.planned_run import PlannedRun
-from winding_study.run_store import Arrays, RunStore
-from winding_study.solver_version import solver_version
+from winding_study.runs.planned_run import PlannedRun
+from winding_study.runs.run_store import Arrays, RunStore
+from winding_study.runs.solver_version import solver_version
 from winding_study.sweep.engines import EngineError, batches
 from winding_study.sweep.outcome import wind_batch
 

@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cable_fem_node.failure import DivergenceError, EnergyBalanceError
-from cable_winding.markers import is_wound
-from winding_study.planned_run import PlannedRun
-from winding_study.run_store import Arrays, RunStore, canonical
-from winding_study.solver_version import solver_version
+from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
+from winding_core.markers import is_wound
+from winding_study.runs.planned_run import PlannedRun
+from winding_study.runs.run_store import Arrays, RunStore, canonical
+from winding_study.runs.solver_version import solver_version
 
 OK = "ok"
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from cable_winding.yaml_text import PlainLoader, YamlTextError, load_yaml
+from winding_core.yaml_text import PlainLoader, YamlTextError, load_yaml
 from winding_study.sweep.axes import LIMIT, SpecError, Value, axis_values
 
 GRID, ZIP = "grid", "zip"

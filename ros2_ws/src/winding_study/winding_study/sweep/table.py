@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_study.run_store import Arrays
+from winding_study.runs.run_store import Arrays
+from winding_study.runs.whole_file import write_whole
 from winding_study.sweep.axes import Value
-from winding_study.whole_file import write_whole
 
 SUFFIXES = (".parquet", ".npz")
 

@@ -1,0 +1,1 @@
+"""Explicit dynamics of nodes: time step, contact, loads, energy ledger, compilation."""

@@ -1,0 +1,125 @@
+"""Contact with a turning rigid cylinder about the z axis: penalty, Coulomb, stick with memory."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.points import (
+    LOSS_CONTACT,
+    LOSS_FRICTION,
+    WORK_SURFACE,
+    ContactLaw,
+    Points,
+)
+
+FloatArray = NDArray[np.float64]
+
+
+@kernel
+def touch_cylinder(
+    begin: int,
+    end: int,
+    dt: float,
+    turned: float,
+    turning: float,
+    landing: float,
+    points: Points,
+    net: FloatArray,
+    couple: FloatArray,
+    k: ContactLaw,
+    ledger: FloatArray,
+    rolling: bool,
+) -> None:
+    """Add the cylinder's push and friction to the net forces of nodes.
+
+    Normal penalty with dashpot; a stick spring per node that remembers how far the node has
+    moved over the turning surface, cut back to Coulomb's limit (return mapping).
+
+    Args:
+        begin: First node that may touch.
+        end: One past the last.
+        dt: Step [s].
+        turned: Rotation of the cylinder in the step before [rad].
+        turning: Rotation in the step that follows [rad].
+        landing: Radius at which a free node touches [m].
+        points: State; stick springs and contact flags are changed.
+        net: Net forces (3, nodes) [N], added to.
+        couple: Friction's torque about the cable's axis (nodes,) [N m], set.
+        k: Constants of the contact.
+        ledger: Energies [J], added to.
+        rolling: Whether the cable may roll about its axis.
+    """
+    x, v, slip, roll = points.position, points.velocity, points.slip, points.roll
+    touching, contact_radius = points.touching, points.contact_radius
+    stick = k.stick_stiffness
+    per_stick = 1.0 / stick
+    dashpot = k.stick_damping / dt
+    lever = k.cable_radius if rolling else 0.0
+    work = 0.0
+    sliding = 0.0
+    bouncing = 0.0
+    square_landing = landing * landing
+    for i in range(begin, end):
+        px, py = x[0, i], x[1, i]
+        square = px * px + py * py
+        held = touching[i] == 1
+        if not held:
+            if square >= square_landing:
+                continue
+            touching[i] = 1
+            contact_radius[i] = landing
+        radius = math.sqrt(square)
+        depth = contact_radius[i] - radius
+        slip_t, slip_z = slip[0, i], slip[1, i]
+        if depth <= 0.0:
+            # A node that lifts off leaves its spring's energy behind as heat.
+            sliding += 0.5 * stick * (slip_t * slip_t + slip_z * slip_z)
+            touching[i] = 0
+            slip[0, i] = 0.0
+            slip[1, i] = 0.0
+            couple[i] = 0.0
+            continue
+        vx, vy = v[0, i], v[1, i]
+        inverse = 1.0 / radius
+        nx, ny = px * inverse, py * inverse
+        inward = -(vx * nx + vy * ny)
+        elastic = k.normal_stiffness * depth
+        normal = elastic + k.normal_damping * inward
+        normal = max(normal, 0.0)
+        moved, aside = 0.0, 0.0
+        if held:
+            moved = (vy * nx - vx * ny) * dt - turned * radius
+            aside = (v[2, i] - lever * roll[1, i]) * dt
+        slip_t += moved
+        slip_z += aside
+        ft, fz = -stick * slip_t, -stick * slip_z
+        size = ft * ft + fz * fz
+        most = k.friction * normal
+        way = moved * moved + aside * aside
+        if size > most * most:
+            # What moved against the spring and is not stored in it any more has become heat.
+            sliding += 0.5 * ((size - most * most) * per_stick - stick * way)
+            scale = most / math.sqrt(size)
+            ft *= scale
+            fz *= scale
+            slip_t *= scale
+            slip_z *= scale
+        else:
+            sliding += dashpot * way
+            ft -= dashpot * moved
+            fz -= dashpot * aside
+        slip[0, i] = slip_t
+        slip[1, i] = slip_z
+        bouncing += (normal - elastic) * inward
+        work += ft * radius
+        net[0, i] += normal * nx - ft * ny
+        net[1, i] += normal * ny + ft * nx
+        net[2, i] += fz
+        couple[i] = -fz * lever
+    ledger[WORK_SURFACE] += work * turning
+    ledger[LOSS_FRICTION] += sliding
+    ledger[LOSS_CONTACT] += bouncing * dt

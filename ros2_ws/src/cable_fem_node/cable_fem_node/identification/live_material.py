@@ -1,0 +1,151 @@
+"""The material of the run that is being wound: when to identify it, and what follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.identification.modulus import (
+    ModulusEstimate,
+    identify_modulus,
+    with_young,
+)
+from cable_fem_node.identification.onward import final_markers, planned_rest
+from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
+from cable_fem_node.identification.tracked_run import Readings, TrackedRun
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.run_history import Inputs, RunHistory, replay
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.drive import DriveProfile
+from winding_core.markers import Markers
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaterialTask:
+    """An identification that is due.
+
+    Attributes:
+        config: The model; its modulus is where the search begins.
+        inputs: Of the run so far.
+        readings: Markers that have landed.
+        drive: The plan of the run.
+        duration: Planned time of the run [s].
+        wanted_ahead: Whether the rest of the run is to be wound with the estimate.
+    """
+
+    config: WindingConfig
+    inputs: Inputs
+    readings: Readings
+    drive: DriveProfile
+    duration: float
+    wanted_ahead: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaterialUpdate:
+    """What an identification found.
+
+    Attributes:
+        estimate: None where there is none.
+        refusal: Why the estimate is not used; empty where it may be.
+        config: The model with the estimate; None with a refusal.
+        model: The rod with the estimate, wound up to the last of the task's inputs; None unless
+            it was wanted.
+        ahead: Markers at the end of the run with the estimate; None unless they were wanted.
+    """
+
+    estimate: ModulusEstimate | None
+    refusal: str
+    config: WindingConfig | None = None
+    model: RodWinding | None = None
+    ahead: Markers | None = None
+
+
+class LiveMaterial:
+    """Watches a run's tracked markers and says when an identification is due.
+
+    It is due whenever a further marker has landed and stands still.
+
+    Args:
+        config: The model that the run began with.
+        drive: The plan of the run.
+        duration: Planned time [s].
+        take_up: Whether the run is to go on with what is found.
+        steady: When a marker counts as measured.
+    """
+
+    def __init__(
+        self,
+        config: WindingConfig,
+        drive: DriveProfile,
+        duration: float,
+        *,
+        take_up: bool,
+        steady: SteadyConfig | None = None,
+    ) -> None:
+        self._config = config
+        self._drive = drive
+        self._duration = duration
+        self._take_up = take_up
+        self._markers = SteadyMarkers(steady)
+        self._used: tuple[int, ...] = ()
+
+    def see(self, markers: Markers) -> None:
+        """Take one frame's tracked markers."""
+        self._markers.add(markers)
+
+    def due(self, history: RunHistory) -> MaterialTask | None:
+        """Return the identification that is due with the run so far; None if there is none."""
+        steady = self._markers.steady()
+        if len(history) < 2 or not set(steady) - set(self._used):
+            return None
+        readings = self._markers.readings()
+        if readings is None:
+            return None
+        self._used = steady
+        return MaterialTask(
+            config=self._config,
+            inputs=history.inputs,
+            readings=readings,
+            drive=self._drive,
+            duration=self._duration,
+            wanted_ahead=self._take_up,
+        )
+
+    def learn(self, update: MaterialUpdate) -> None:
+        """Begin the next search where the last one ended."""
+        if update.config is not None:
+            self._config = update.config
+
+
+def work_out(task: MaterialTask, going: Callable[[], bool] = lambda: True) -> MaterialUpdate:
+    """Identify the modulus and, where wanted, wind the run again with it.
+
+    Takes a processor second or two; nothing that it touches is shared.
+
+    Raises:
+        AbandonedError: `going` said no.
+    """
+    try:
+        run = TrackedRun(config=task.config, inputs=task.inputs, readings=task.readings)
+        estimate = identify_modulus([run], going=going)
+    except IdentificationError as error:
+        return MaterialUpdate(estimate=None, refusal=str(error))
+    refusal = estimate.refusal()
+    if refusal:
+        return MaterialUpdate(estimate=estimate, refusal=refusal)
+    try:
+        config = with_young(task.config, estimate.young)
+        if not task.wanted_ahead:
+            return MaterialUpdate(estimate=estimate, refusal="", config=config)
+        model = RodWinding(config)
+        replay(task.inputs, model, going)
+        rest = planned_rest(task.inputs, task.drive, task.duration)
+        ahead = final_markers(model, rest, going)
+    except (ValueError, DivergenceError) as error:
+        return MaterialUpdate(
+            estimate=estimate, refusal=f"the run cannot be wound with it: {error}"
+        )
+    return MaterialUpdate(estimate=estimate, refusal="", config=config, model=model, ahead=ahead)

@@ -1,0 +1,1 @@
+"""The general rod: an open chain of extensible, bending, twisting elements."""

@@ -1,0 +1,414 @@
+"""General rod model: an open chain of extensible, bending (and twisting) elements."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.dynamics.model import ExplicitModel
+from cable_fem_node.rod.frame_kernels import frame_forces
+from cable_fem_node.rod.rod_kernels import stored_energy, turning_angle_squared
+from cable_fem_node.rod.rod_step_kernels import (
+    RodEnds,
+    RodMesh,
+    RodScratch,
+    advance_rod,
+    rod_forces,
+)
+from winding_core.material_law import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, MaterialLaw
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RodSection:
+    """Round section and material of a rod.
+
+    Attributes:
+        diameter: Undeformed [m].
+        law: Axial law; bending and torsion are linear in E and G.
+        young: E [Pa].
+        poisson: nu.
+        density: [kg/m^3]
+        bending_factor: Factor on EI, e.g. 1e-3 for a cable that shall only pull.
+        incompressible: See `MaterialLaw`.
+    """
+
+    diameter: float
+    law: str = "linear"
+    young: float = 2.6e6
+    poisson: float = 0.47
+    density: float = 1337.0
+    bending_factor: float = 1.0
+    incompressible: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("diameter", "young", "density"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+
+    @property
+    def uniaxial(self) -> MaterialLaw:
+        """The axial law."""
+        return MaterialLaw(
+            law=self.law,
+            young=self.young,
+            poisson=self.poisson,
+            incompressible=self.incompressible,
+        )
+
+    @property
+    def area(self) -> float:
+        """[m^2]."""
+        return 0.25 * math.pi * self.diameter**2
+
+    @property
+    def bending(self) -> float:
+        """EI [N m^2], with the factor."""
+        return self.bending_factor * self.young * math.pi * self.diameter**4 / 64.0
+
+    @property
+    def torsion(self) -> float:
+        """GJ [N m^2]."""
+        return self.uniaxial.shear_modulus * math.pi * self.diameter**4 / 32.0
+
+
+class Rod(ExplicitModel):
+    """A rod through nodes in order.
+
+    Args:
+        nodes: (n, 3) [m], in order along the rod.
+        section: Section and material.
+        reference: Unstressed lengths of the elements (n - 1,) [m]; None takes the nodes' spacing.
+        twist: Give every element a twist angle and material frames. Needed for torsion, for
+            rods that are curved when unstressed, and for bending coupled with torsion.
+        curved: With `twist`: the nodes' shape is the unstressed one; else a straight rod is.
+        viscosity: Axial viscosity over Young's modulus [s].
+    """
+
+    def __init__(
+        self,
+        nodes: ArrayLike,
+        section: RodSection,
+        *,
+        reference: ArrayLike | None = None,
+        twist: bool = False,
+        curved: bool = False,
+        viscosity: float = 0.0,
+    ) -> None:
+        place = np.asarray(nodes, dtype=float)
+        if place.ndim != 2 or place.shape[0] < 3:
+            raise ValueError(f"a rod needs at least three nodes, got shape {place.shape}")
+        edges = np.diff(place, axis=0)
+        lengths = np.linalg.norm(edges, axis=1)
+        own = lengths if reference is None else np.asarray(reference, dtype=float)
+        if own.shape != lengths.shape or not np.all(own > 0.0):
+            raise ValueError(f"reference lengths must be positive, {lengths.size} of them")
+        if not np.all(lengths > 0.0):
+            raise ValueError(f"element {int(np.argmin(lengths))} has no length")
+        if curved and not twist:
+            raise ValueError("a curved rod needs twist=True")
+        self.section = section
+        share = np.zeros(place.shape[0])
+        share[:-1] += 0.5 * own
+        share[1:] += 0.5 * own
+        super().__init__(place, section.density * section.area * share)
+        count = own.size
+        law = section.uniaxial
+        self._law = law
+        spin = 0.125 * section.density * section.area * section.diameter**2 * own
+        self._mesh = RodMesh(
+            reference=own.copy(),
+            voronoi=share,
+            natural=np.zeros((3, count + 1)),
+            table=law.table(),
+            table_low=TABLE_LOW,
+            table_per_spacing=TABLE_INTERVALS / (TABLE_HIGH - TABLE_LOW),
+            area=section.area,
+            bending=section.bending,
+            torsion=section.torsion,
+            viscosity=viscosity * section.young * section.area,
+            spin_inertia=np.concatenate([spin[:1], spin, spin[-1:]]),
+            framed=twist,
+        )
+        tangents = (edges / lengths[:, None]).T
+        walled = np.concatenate([tangents[:, :1], tangents, tangents[:, -1:]], axis=1)
+        self._ends = RodEnds(
+            clamped=np.zeros(2),
+            first=tangents[:, 0].copy(),
+            last=tangents[:, -1].copy(),
+            moment=np.zeros((3, 2)),
+            spin_free=np.concatenate([[0.0], np.ones(count), [0.0]]),
+            spin_rate=np.zeros(count + 2),
+        )
+        self._scratch = _scratch(count, walled)
+        self._curved = curved
+        if curved:
+            self._take_shape()
+
+    def clamp(self, end: str, direction: ArrayLike | None = None) -> None:
+        """Clamp the "start" or "end": node fixed, direction (3,) held (the present one by default).
+
+        With `twist` the clamp also holds the rod's rotation about its axis.
+        """
+        side, node = _side(end, self.mass.size)
+        self.fix(node)
+        own = self._ends.first if side == 0 else self._ends.last
+        if direction is not None:
+            given = np.asarray(direction, dtype=float)
+            own[:] = given / np.linalg.norm(given)
+        self._ends.clamped[side] = 1.0
+        column = 0 if side == 0 else -1
+        self._scratch.carried[:, column] = own
+        self._scratch.director[:, column] = _perpendicular(
+            own, self._scratch.director[:, 1 if side == 0 else -2]
+        )
+        if self._curved:
+            self._take_shape()
+
+    def turn_clamp(self, end: str, rate: float) -> None:
+        """Twist a clamped end about its axis with a rate [rad/s] times the drive's amplitude."""
+        side, _ = _side(end, self.mass.size)
+        self._ends.spin_rate[0 if side == 0 else -1] = rate
+
+    def point_clamp(self, end: str, direction: ArrayLike) -> None:
+        """Point an end's clamp in another direction (3,)."""
+        side, _ = _side(end, self.mass.size)
+        given = np.asarray(direction, dtype=float)
+        (self._ends.first if side == 0 else self._ends.last)[:] = given / np.linalg.norm(given)
+
+    def apply_moment(self, end: str, moment: ArrayLike) -> None:
+        """Load an end with a moment vector (3,) [N m] at amplitude one."""
+        side, _ = _side(end, self.mass.size)
+        self._ends.moment[:, side] = moment
+
+    def lengths(self) -> FloatArray:
+        """Return the present lengths of the elements (n - 1,) [m]."""
+        return np.asarray(np.linalg.norm(np.diff(self.points.position, axis=1), axis=0))
+
+    def stretch(self) -> FloatArray:
+        """Return the stretch of the elements (n - 1,)."""
+        return np.asarray(self.lengths() / self._mesh.reference)
+
+    def tension(self) -> FloatArray:
+        """Return the tension of the elements (n - 1,) [N]."""
+        return self.section.area * self._law.nominal_stress(self.stretch())
+
+    def twist_moment(self) -> FloatArray:
+        """Return the twisting moment at the nodes (n,) [N m]; zero at free ends."""
+        self.internal_forces()
+        turn = self._scratch.curvature[2] - self._mesh.natural[2]
+        inside = np.ones(turn.size)
+        inside[0], inside[-1] = self._ends.clamped
+        return np.asarray(inside * self._mesh.torsion * turn / self._mesh.voronoi)
+
+    def internal_forces(self, nodes: ArrayLike | None = None) -> FloatArray:
+        """Return the elements' forces on the nodes, shape (n, 3) [N], end moments included."""
+        place = self.points.position
+        if nodes is not None:
+            place = np.ascontiguousarray(np.asarray(nodes, dtype=float).T)
+        factor = float(np.interp(self.time, *self._load_curve))
+        rod_forces(
+            self.mass.size,
+            place,
+            np.zeros_like(place),
+            self._mesh,
+            self._ends,
+            self._scratch,
+            factor,
+        )
+        return self._scratch.net.T.copy()
+
+    def spin_torques(self) -> FloatArray:
+        """Return the torque on every element's twist angle (n - 1,) [N m]."""
+        self.internal_forces()
+        return self._scratch.torque[1:-1].copy()
+
+    @property
+    def spin_angles(self) -> FloatArray:
+        """Twist angle of every element (n - 1,) [rad] (a view)."""
+        return self._scratch.angle[1:-1]
+
+    @property
+    def spin_inertia(self) -> FloatArray:
+        """Inertia of every element's twist angle (n - 1,) [kg m^2]."""
+        return self._mesh.spin_inertia[1:-1]
+
+    @property
+    def framed(self) -> bool:
+        """Whether the rod has twist angles."""
+        return self._mesh.framed
+
+    def force_scale(self) -> float:
+        """Return the greatest force that an element passes on, or that loads the rod [N]."""
+        outside = super().force_scale()
+        return max(outside, float(np.abs(self._scratch.force).max()))
+
+    def internal_energy(self) -> float:
+        """Return stretching, bending and twisting energy [J]."""
+        self.internal_forces()
+        mesh, ends, s = self._mesh, self._ends, self._scratch
+        count = mesh.reference.size
+        stretching = stored_energy(
+            count,
+            self.points.position,
+            mesh.reference,
+            mesh.table,
+            mesh.table_low,
+            mesh.table_per_spacing,
+            mesh.area,
+        )
+        if mesh.framed:
+            first, last = (int(c) for c in ends.clamped)
+            bent = frame_forces(
+                1 - first,
+                count + last,
+                s.walled,
+                s.walled_inverse,
+                s.director,
+                s.angle,
+                s.own_twist,
+                mesh.voronoi,
+                mesh.natural,
+                mesh.bending,
+                mesh.torsion,
+                s.walled_force.copy(),
+                s.torque.copy(),
+                s.curvature,
+            )
+            return float(stretching + bent)
+        inner = range(1 - int(ends.clamped[0]), count + int(ends.clamped[1]))
+        bent = sum(
+            0.5 * mesh.bending * turning_angle_squared(1.0 - s.cosine[i]) / mesh.voronoi[i]
+            for i in inner
+        )
+        return float(stretching + bent)
+
+    def critical_step(self) -> float:
+        """Return a safe stable step [s] from axial, bending, torsion and contact stiffness."""
+        mesh = self._mesh
+        shortest = float(mesh.reference.min())
+        stretches = self.stretch()
+        tangent = max(self._law.tangent(1.0), *map(self._law.tangent, _extremes(stretches)))
+        lightest = float(self.mass[1:-1].min())
+        touch = self._touch_constants() if self._contact is not None else None
+        tension = max(float(np.abs(self.tension()).max()), 0.0)
+        along = 4.0 * tangent * mesh.area / shortest
+        across = 16.0 * mesh.bending / shortest**3 + 4.0 * tension / shortest
+        if self._ends.clamped.any():
+            across *= 1.25
+        ends = max(0.5 * along, 0.25 * across)
+        if touch is not None:
+            along += touch.stick_stiffness
+            across += touch.normal_stiffness
+            ends += touch.normal_stiffness
+        step = 2.0 * math.sqrt(lightest / max(along, across))
+        step = min(step, 2.0 * math.sqrt(float(self.mass.min()) / max(ends, 1.0e-30)))
+        if touch is not None:
+            # The dashpot acts on the velocity half a step ago.
+            ratio = (
+                0.5
+                * touch.normal_damping
+                / math.sqrt(touch.normal_stiffness * float(self.mass.min()))
+            )
+            step *= math.sqrt(1.0 + ratio**2) - ratio
+        if mesh.viscosity > 0.0:
+            ratio = 2.0 * mesh.viscosity / (shortest * math.sqrt(along * lightest))
+            step *= math.sqrt(1.0 + ratio**2) - ratio
+        if mesh.framed:
+            twisting = 8.0 * mesh.torsion / shortest
+            step = min(step, 2.0 * math.sqrt(float(mesh.spin_inertia.min()) / twisting))
+        return step
+
+    def contact_stiffness(self) -> float:
+        """Return the normal penalty: six times the stiffness of the shortest element [N/m]."""
+        return 6.0 * self.section.young * self.section.area / float(self._mesh.reference.min())
+
+    def _own_state(self) -> dict[str, FloatArray]:
+        s = self._scratch
+        return {
+            "director": s.director,
+            "carried": s.carried,
+            "angle": s.angle,
+            "spin": s.spin,
+            "own_twist": s.own_twist,
+        }
+
+    def _take_shape(self) -> None:
+        self._mesh.natural[:] = 0.0
+        self.internal_forces()
+        self._mesh.natural[:] = self._scratch.curvature
+
+    def _march(self, steps: int, dt: float, calming: bool) -> None:
+        at, self._turned, self._kinetic = advance_rod(
+            self.mass.size,
+            steps,
+            dt,
+            self.time,
+            self._turned,
+            self.points,
+            self._mesh,
+            self._ends,
+            self._scratch,
+            self._surroundings(calming),
+            self._touch_constants(),
+            self._ledger,
+        )
+        if at >= 0:
+            raise DivergenceError(
+                f"the rod diverged before t = {self.time + steps * dt:.6g} s at element {at} of "
+                f"{self.mass.size - 1}: its stretch left {TABLE_LOW:g} to {TABLE_HIGH:g} "
+                f"(step {dt:.3g} s)"
+            )
+
+
+def _extremes(values: FloatArray) -> tuple[float, float]:
+    low, high = float(values.min()), float(values.max())
+    return max(low, TABLE_LOW + 1.0e-3), min(high, TABLE_HIGH - 1.0e-3)
+
+
+def _side(end: str, nodes: int) -> tuple[int, int]:
+    if end not in ("start", "end"):
+        raise ValueError(f"end must be 'start' or 'end', got {end!r}")
+    return (0, 0) if end == "start" else (1, nodes - 1)
+
+
+def _perpendicular(tangent: FloatArray, hint: FloatArray) -> FloatArray:
+    part = hint - (hint @ tangent) * tangent
+    return np.asarray(part / np.linalg.norm(part))
+
+
+def _scratch(count: int, walled: FloatArray) -> RodScratch:
+    director = np.zeros((3, count + 2))
+    axis = np.eye(3)[int(np.argmin(np.abs(walled[:, 0])))]
+    director[:, 0] = _perpendicular(walled[:, 0], axis)
+    for i in range(1, count + 2):
+        # Space-parallel transport, so that the frames start without a twist of their own.
+        a, b, v = walled[:, i - 1], walled[:, i], director[:, i - 1]
+        turn = np.cross(a, b)
+        moved = v * (a @ b) + np.cross(turn, v) + turn * (turn @ v) / (1.0 + a @ b)
+        director[:, i] = _perpendicular(b, moved)
+    return RodScratch(
+        director=director,
+        carried=walled.copy(),
+        angle=np.zeros(count + 2),
+        spin=np.zeros(count + 2),
+        own_twist=np.zeros(count + 1),
+        curvature=np.zeros((3, count + 1)),
+        tangent=np.zeros((3, count)),
+        inverse=np.zeros(count),
+        tension=np.zeros(count),
+        cosine=np.zeros(count + 1),
+        slope=np.zeros(count + 1),
+        force=np.zeros((3, count)),
+        walled=walled.copy(),
+        walled_inverse=np.zeros(count + 2),
+        walled_force=np.zeros((3, count + 2)),
+        torque=np.zeros(count + 2),
+        net=np.zeros((3, count + 1)),
+        couple=np.zeros(count + 1),
+    )

@@ -1,0 +1,245 @@
+"""Internal forces of an extensible, bending rod of isotropic round section (no twist needed).
+
+A straight round rod bends with the energy EI phi^2 / (2 l) at every inner node, phi the turning
+angle between neighbouring elements and l the mean of their reference lengths (discrete elastic
+rods, Bergou et al. 2008); a circle carries exactly M = EI phi / l. Positions alone suffice:
+no frames, no rotations.
+
+Arrays: positions and forces (3, nodes); per element: reference length, tangent (3, elements),
+inverse length, tension.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.dynamics.compile import kernel
+
+FloatArray = NDArray[np.float64]
+
+# Below this value of 1 - cos(phi) (28 degrees) the series replaces acos: relative error 2e-12.
+SERIES_LIMIT = 0.12
+
+
+@kernel
+def turning_series(u: float) -> float:
+    """Return phi / sin(phi) for small u = 1 - cos(phi): the arcsine series n! / (2n + 1)!! u^n."""
+    high = 0.0024864024864024864 + u * (0.0011700717524915897 + u * 0.00055424452486443733)
+    middle = 0.025396825396825397 + u * (
+        0.011544011544011544 + u * (0.0053280053280053280 + u * high)
+    )
+    low = 0.13333333333333333 + u * (0.057142857142857143 + u * middle)
+    return 1.0 + u * (0.33333333333333333 + u * low)
+
+
+@kernel
+def turning_factor(u: float) -> float:
+    """Return phi / sin(phi) for u = 1 - cos(phi); beyond a right angle it stays at pi / 2.
+
+    A hairpin between two elements is beyond the mesh; its true stiffness has no bound and no
+    stable step.
+    """
+    if u < SERIES_LIMIT:
+        return turning_series(u)
+    if u >= 1.0:
+        return 0.5 * math.pi
+    c = 1.0 - u
+    return math.acos(c) / math.sqrt(1.0 - c * c)
+
+
+@kernel
+def turning_angle_squared(u: float) -> float:
+    """Return phi^2 for u = 1 - cos(phi), twice the integral of `turning_factor`."""
+    if u < 1.0e-6:
+        return u * (2.0 + u / 3.0)
+    if u >= 1.0:
+        return math.pi * (0.25 * math.pi + u - 1.0)
+    phi = math.acos(1.0 - u)
+    return phi * phi
+
+
+@kernel
+def law_value(stretch: float, table: FloatArray, low: float, per_spacing: float) -> float:
+    """Return the tabulated nominal stress [Pa]; beyond the table its end values stay."""
+    place = min(max((stretch - low) * per_spacing, 0.0), table.shape[0] - 1.0e-9)
+    i = int(place)
+    u = place - i
+    value: float = table[i, 0] + u * (table[i, 1] + u * (table[i, 2] + u * table[i, 3]))
+    return value
+
+
+@kernel
+def law_energy(stretch: float, table: FloatArray, low: float, per_spacing: float) -> float:
+    """Return the tabulated energy density [J/m^3], the integral of `law_value`."""
+    place = min(max((stretch - low) * per_spacing, 0.0), table.shape[0] - 1.0e-9)
+    i = int(place)
+    u = place - i
+    rise = table[i, 0] + u * (table[i, 1] / 2.0 + u * (table[i, 2] / 3.0 + u * table[i, 3] / 4.0))
+    energy: float = table[i, 4] + u * rise / per_spacing
+    return energy
+
+
+@kernel
+def stretch_elements(
+    elements: int,
+    position: FloatArray,
+    reference: FloatArray,
+    table: FloatArray,
+    low: float,
+    per_spacing: float,
+    area: float,
+    tangent: FloatArray,
+    inverse: FloatArray,
+    tension: FloatArray,
+) -> None:
+    """Fill tangent, inverse length and tension [N] of every element."""
+    lowest = 0.0
+    most = table.shape[0] - 1.0e-9
+    for i in range(elements):
+        ex = position[0, i + 1] - position[0, i]
+        ey = position[1, i + 1] - position[1, i]
+        ez = position[2, i + 1] - position[2, i]
+        length = math.sqrt(ex * ex + ey * ey + ez * ez)
+        inv = 1.0 / length
+        tangent[0, i] = ex * inv
+        tangent[1, i] = ey * inv
+        tangent[2, i] = ez * inv
+        inverse[i] = inv
+        tension[i] = length / reference[i]
+    for i in range(elements):
+        place = min(max((tension[i] - low) * per_spacing, lowest), most)
+        j = int(place)
+        u = place - j
+        tension[i] = area * (table[j, 0] + u * (table[j, 1] + u * (table[j, 2] + u * table[j, 3])))
+
+
+@kernel
+def bend_nodes(
+    elements: int,
+    reference: FloatArray,
+    bending: float,
+    tangent: FloatArray,
+    cosine: FloatArray,
+    slope: FloatArray,
+) -> None:
+    """Fill cos(phi) and dE/dcos(phi) [J] of the inner nodes 1..elements-1."""
+    sharpest = 0.0
+    for i in range(1, elements):
+        c = (
+            tangent[0, i - 1] * tangent[0, i]
+            + tangent[1, i - 1] * tangent[1, i]
+            + tangent[2, i - 1] * tangent[2, i]
+        )
+        u = 1.0 - c
+        sharpest = max(sharpest, u)
+        cosine[i] = c
+        slope[i] = -2.0 * bending * turning_series(u) / (reference[i - 1] + reference[i])
+    if sharpest >= SERIES_LIMIT:
+        for i in range(1, elements):
+            u = 1.0 - cosine[i]
+            if u >= SERIES_LIMIT:
+                slope[i] = -2.0 * bending * turning_factor(u) / (reference[i - 1] + reference[i])
+
+
+@kernel
+def bend_end(
+    node: int,
+    element: int,
+    dx: float,
+    dy: float,
+    dz: float,
+    reference: float,
+    bending: float,
+    tangent: FloatArray,
+    cosine: FloatArray,
+    slope: FloatArray,
+) -> None:
+    """Fill cos(phi) and dE/dcos(phi) of a clamped end: its direction against one element.
+
+    The angle between the clamp and the element is half of the angle between two elements of
+    the same circle, over half their length.
+
+    Args:
+        node: Of the clamp.
+        element: Beside it.
+        dx: Unit direction of the clamp; dy and dz alike, dimensionless.
+        dy: See dx.
+        dz: See dx.
+        reference: Reference length of the element [m].
+        bending: EI [N m^2].
+        tangent: Unit tangents, shape (3, elements).
+        cosine: cos(phi) at every node, shape (nodes,).
+        slope: dE/dcos(phi) at every node [J], shape (nodes,).
+    """
+    c = dx * tangent[0, element] + dy * tangent[1, element] + dz * tangent[2, element]
+    cosine[node] = c
+    slope[node] = -2.0 * bending * turning_factor(1.0 - c) / reference
+
+
+@kernel
+def element_force(
+    elements: int,
+    first: FloatArray,
+    last: FloatArray,
+    tangent: FloatArray,
+    inverse: FloatArray,
+    tension: FloatArray,
+    cosine: FloatArray,
+    slope: FloatArray,
+    force: FloatArray,
+) -> None:
+    """Fill the force that each element passes on (3, elements), dE/d(edge vector) [N].
+
+    `first` and `last` are the clamp directions (3,); their slope is zero where an end is free.
+    The net force on node i is force[i] - force[i - 1].
+    """
+    end = elements - 1
+    for i in range(elements):
+        a = slope[i] * inverse[i]
+        b = slope[i + 1] * inverse[i]
+        along = tension[i] - a * cosine[i] - b * cosine[i + 1]
+        for c in range(3):
+            force[c, i] = along * tangent[c, i]
+    for c in range(3):
+        force[c, 0] += slope[0] * inverse[0] * first[c]
+        force[c, end] += slope[elements] * inverse[end] * last[c]
+        for i in range(1, elements):
+            force[c, i] += slope[i] * inverse[i] * tangent[c, i - 1]
+        for i in range(end):
+            force[c, i] += slope[i + 1] * inverse[i] * tangent[c, i + 1]
+
+
+@kernel
+def stored_energy(
+    elements: int,
+    position: FloatArray,
+    reference: FloatArray,
+    table: FloatArray,
+    low: float,
+    per_spacing: float,
+    area: float,
+) -> float:
+    """Return the stretching energy [J]."""
+    total = 0.0
+    for i in range(elements):
+        ex = position[0, i + 1] - position[0, i]
+        ey = position[1, i + 1] - position[1, i]
+        ez = position[2, i + 1] - position[2, i]
+        stretch = math.sqrt(ex * ex + ey * ey + ez * ez) / reference[i]
+        total += area * reference[i] * law_energy(stretch, table, low, per_spacing)
+    return total
+
+
+@kernel
+def bending_energy(
+    elements: int, reference: FloatArray, bending: float, cosine: FloatArray
+) -> float:
+    """Return the bending energy [J] of the inner nodes."""
+    total = 0.0
+    for i in range(1, elements):
+        mean = 0.5 * (reference[i - 1] + reference[i])
+        total += 0.5 * bending * turning_angle_squared(1.0 - cosine[i]) / mean
+    return total

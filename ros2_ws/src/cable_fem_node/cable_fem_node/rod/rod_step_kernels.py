@@ -1,0 +1,250 @@
+"""Forces and explicit steps of the general rod model."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.contact_kernels import touch_cylinder
+from cable_fem_node.dynamics.motion_kernels import amplitude_at, move
+from cable_fem_node.dynamics.points import LOSS_DAMPING, WORK_SPAN, WORK_TIE, Points
+from cable_fem_node.dynamics.surroundings import Surroundings, Touch
+from cable_fem_node.rod.frame_kernels import carry_frames, frame_forces, reference_twist
+from cable_fem_node.rod.rod_kernels import bend_end, bend_nodes, element_force, stretch_elements
+from winding_core.material_law import TABLE_HIGH, TABLE_LOW
+
+FloatArray = NDArray[np.float64]
+
+
+class RodMesh(NamedTuple):
+    """What a rod is made of."""
+
+    reference: FloatArray  # (elements,) [m]
+    voronoi: FloatArray  # (nodes,) [m]
+    natural: FloatArray  # (3, nodes) integrated natural curvatures and twist
+    table: FloatArray
+    table_low: float
+    table_per_spacing: float
+    area: float
+    bending: float
+    torsion: float
+    viscosity: float  # axial damping force per stretch rate [N s]
+    spin_inertia: FloatArray  # (elements,) [kg m^2]
+    framed: bool
+
+
+class RodEnds(NamedTuple):
+    """Clamps, end moments and given rotations of a rod."""
+
+    clamped: FloatArray  # (2,)
+    first: FloatArray  # (3,) direction of the start's clamp
+    last: FloatArray  # (3,) direction of the end's clamp
+    moment: FloatArray  # (3, 2) at the start, at the end [N m] at amplitude one
+    spin_free: FloatArray  # (elements + 2,) 1 where theta is free
+    spin_rate: FloatArray  # (elements + 2,) given rates of theta [rad/s] at amplitude one
+
+
+class RodScratch(NamedTuple):
+    """Frames (state) and scratch; element columns of frames are shifted by one."""
+
+    director: FloatArray  # (3, elements + 2)
+    carried: FloatArray  # (3, elements + 2) tangents the directors belong to
+    angle: FloatArray  # (elements + 2,) theta
+    spin: FloatArray  # (elements + 2,) its rate
+    own_twist: FloatArray  # (nodes,)
+    curvature: FloatArray  # (3, nodes)
+    tangent: FloatArray
+    inverse: FloatArray
+    tension: FloatArray
+    cosine: FloatArray
+    slope: FloatArray
+    force: FloatArray
+    walled: FloatArray  # (3, elements + 2)
+    walled_inverse: FloatArray
+    walled_force: FloatArray
+    torque: FloatArray
+    net: FloatArray  # (3, nodes)
+    couple: FloatArray
+
+
+@kernel
+def rod_forces(
+    nodes: int,
+    position: FloatArray,
+    velocity: FloatArray,
+    mesh: RodMesh,
+    ends: RodEnds,
+    s: RodScratch,
+    load_factor: float,
+) -> float:
+    """Fill the net internal force on every node (and end moments); return the viscous power [W].
+
+    Frames are carried to the present tangents.
+    """
+    elements = nodes - 1
+    stretch_elements(
+        elements, position, mesh.reference, mesh.table, mesh.table_low, mesh.table_per_spacing,
+        mesh.area, s.tangent, s.inverse, s.tension,
+    )  # fmt: skip
+    lost = 0.0
+    if mesh.viscosity > 0.0:
+        for i in range(elements):
+            rate = 0.0
+            for c in range(3):
+                rate += (velocity[c, i + 1] - velocity[c, i]) * s.tangent[c, i]
+            drag = mesh.viscosity * rate / mesh.reference[i]
+            s.tension[i] += drag
+            lost += drag * rate
+    for i in range(nodes):
+        s.cosine[i] = 0.0
+        s.slope[i] = 0.0
+    if mesh.framed:
+        element_force(
+            elements, ends.first, ends.last, s.tangent, s.inverse, s.tension, s.cosine, s.slope,
+            s.force,
+        )  # fmt: skip
+        for c in range(3):
+            s.walled[c, 0] = ends.first[c]
+            s.walled[c, elements + 1] = ends.last[c]
+            for i in range(elements):
+                s.walled[c, i + 1] = s.tangent[c, i]
+            for i in range(elements + 2):
+                s.walled_force[c, i] = 0.0
+        for i in range(elements):
+            s.walled_inverse[i + 1] = s.inverse[i]
+        s.walled_inverse[0] = 0.0
+        s.walled_inverse[elements + 1] = 0.0
+        for i in range(elements + 2):
+            s.torque[i] = 0.0
+        carry_frames(elements + 2, s.walled, s.carried, s.director)
+        reference_twist(elements, s.walled, s.director, s.own_twist)
+        frame_forces(
+            0 if ends.clamped[0] > 0.0 else 1, nodes if ends.clamped[1] > 0.0 else elements,
+            s.walled, s.walled_inverse, s.director, s.angle, s.own_twist, mesh.voronoi,
+            mesh.natural, mesh.bending, mesh.torsion, s.walled_force, s.torque, s.curvature,
+        )  # fmt: skip
+        for c in range(3):
+            for i in range(elements):
+                s.force[c, i] += s.walled_force[c, i + 1]
+    else:
+        bend_nodes(elements, mesh.reference, mesh.bending, s.tangent, s.cosine, s.slope)
+        if ends.clamped[0] > 0.0:
+            bend_end(
+                0, 0, ends.first[0], ends.first[1], ends.first[2], mesh.reference[0],
+                mesh.bending, s.tangent, s.cosine, s.slope,
+            )  # fmt: skip
+        if ends.clamped[1] > 0.0:
+            end = elements - 1
+            bend_end(
+                elements, end, ends.last[0], ends.last[1], ends.last[2], mesh.reference[end],
+                mesh.bending, s.tangent, s.cosine, s.slope,
+            )  # fmt: skip
+        element_force(
+            elements, ends.first, ends.last, s.tangent, s.inverse, s.tension, s.cosine, s.slope,
+            s.force,
+        )  # fmt: skip
+    # An end moment is a couple of forces on its element: m x t / length on the outer node.
+    for side in range(2):
+        e = 0 if side == 0 else elements - 1
+        mx, my, mz = ends.moment[0, side], ends.moment[1, side], ends.moment[2, side]
+        tx, ty, tz = s.tangent[0, e], s.tangent[1, e], s.tangent[2, e]
+        inv = s.inverse[e] * load_factor
+        s.force[0, e] -= inv * (my * tz - mz * ty)
+        s.force[1, e] -= inv * (mz * tx - mx * tz)
+        s.force[2, e] -= inv * (mx * ty - my * tx)
+        if mesh.framed:
+            s.torque[e + 1] += load_factor * (mx * tx + my * ty + mz * tz)
+    for c in range(3):
+        s.net[c, 0] = s.force[c, 0]
+        s.net[c, elements] = -s.force[c, elements - 1]
+        for i in range(1, elements):
+            s.net[c, i] = s.force[c, i] - s.force[c, i - 1]
+    return lost
+
+
+@kernel
+def advance_rod(
+    nodes: int,
+    steps: int,
+    dt: float,
+    start: float,
+    turned: float,
+    points: Points,
+    mesh: RodMesh,
+    ends: RodEnds,
+    scratch: RodScratch,
+    around: Surroundings,
+    touch: Touch,
+    ledger: FloatArray,
+) -> tuple[int, float, float]:
+    """Advance a rod by equal steps.
+
+    Returns:
+        the element at fault or -1, the last step's rotation, the kinetic energy [J].
+    """
+    peak = 0.0
+    kinetic = 0.0
+    kick = 0.5 if around.calming else 1.0
+    elements = nodes - 1
+    for step in range(steps):
+        t = start + step * dt
+        factor = amplitude_at(t, around.load_times, around.load_values)
+        lost = rod_forces(nodes, points.position, points.velocity, mesh, ends, scratch, factor)
+        ledger[LOSS_DAMPING] += dt * lost
+        turning = around.angular_speed * dt
+        if around.reach > 0.0:
+            touch_cylinder(
+                0, nodes, dt, turned, turning, around.reach, points, scratch.net, scratch.couple,
+                touch, ledger, False,
+            )  # fmt: skip
+        turned = turning
+        drive = amplitude_at(t + 0.5 * dt, around.drive_times, around.drive_values)
+        kinetic = move(
+            nodes, dt, kick, points.position, points.velocity, scratch.net, around.load, factor,
+            around.gravity, around.mass, around.free, around.driven, drive, around.damping_rate,
+            ledger,
+        )  # fmt: skip
+        for side in range(2):
+            e = 0 if side == 0 else elements - 1
+            mx, my, mz = ends.moment[0, side], ends.moment[1, side], ends.moment[2, side]
+            tx, ty, tz = scratch.tangent[0, e], scratch.tangent[1, e], scratch.tangent[2, e]
+            inv = factor * scratch.inverse[e] * dt
+            v = points.velocity
+            ledger[WORK_SPAN] += inv * (
+                (my * tz - mz * ty) * (v[0, e + 1] - v[0, e])
+                + (mz * tx - mx * tz) * (v[1, e + 1] - v[1, e])
+                + (mx * ty - my * tx) * (v[2, e + 1] - v[2, e])
+            )
+        if mesh.framed:
+            half = 0.5 * around.damping_rate * dt
+            for i in range(elements + 2):
+                spun = (
+                    scratch.spin[i] * (1.0 - half)
+                    + kick * dt * scratch.torque[i] / mesh.spin_inertia[i]
+                ) / (1.0 + half)
+                given = drive * ends.spin_rate[i]
+                scratch.spin[i] = ends.spin_free[i] * spun + (1.0 - ends.spin_free[i]) * given
+                scratch.angle[i] += dt * scratch.spin[i]
+                held = (1.0 - ends.spin_free[i]) * scratch.torque[i]
+                ledger[WORK_TIE] -= dt * held * scratch.spin[i]
+                kinetic += 0.5 * ends.spin_free[i] * mesh.spin_inertia[i] * scratch.spin[i] ** 2
+        kick = 1.0
+        if around.calming:
+            if kinetic < peak:
+                kick = 0.5
+                points.velocity[:, :nodes] *= 1.0 - around.free
+                scratch.spin[:] *= 1.0 - ends.spin_free
+                peak = 0.0
+            else:
+                peak = kinetic
+    for i in range(elements):
+        stretch = 1.0 / (scratch.inverse[i] * mesh.reference[i])
+        if not TABLE_LOW < stretch < TABLE_HIGH:
+            return i, turned, kinetic
+    if not math.isfinite(kinetic):
+        return 0, turned, kinetic
+    return -1, turned, kinetic

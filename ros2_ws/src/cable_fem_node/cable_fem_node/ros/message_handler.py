@@ -1,0 +1,199 @@
+"""Joint states and tension in; markers, cable and the prediction of the run out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.ros.parameters import FemParameters
+from cable_fem_node.winding.prediction import predict
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.run_history import RunHistory
+from cable_fem_node.winding.tension_pairing import LoadedReading, TensionPairing
+from winding_core.markers import CABLE_DTYPE, Markers
+from winding_core.reading_limits import ReadingLimits
+from winding_core.readings import AxisReading
+from winding_core.run_inputs import RunInputs
+from winding_ros import topics
+from winding_ros.cloud_messages import encode_cloud, encode_line_strip
+from winding_ros.message_handler import Answer
+from winding_ros.rig_messages import MessageError, decode_joint_state, decode_tension
+from winding_ros.topics import Topic
+
+
+class FemHandler:
+    """Shadows the machine with the explicit rod.
+
+    Making it predicts the whole run; `begin` says the prediction.
+
+    Args:
+        wanted: What to wind.
+        go_on: Called now and then while a whole run is predicted or replayed; raises to end that.
+
+    Attributes:
+        config: The model that every run begins with.
+        model: The rod of this run; None before `begin`.
+        history: The inputs of this run so far.
+        following: Whether the machine has been heard.
+        replayed: How much of a run that was already going has been replayed [s]; None if the
+            run begins with this node.
+    """
+
+    inputs: ClassVar[tuple[Topic, ...]] = (topics.TENSION, topics.JOINT_STATES)
+    outputs: ClassVar[tuple[Topic, ...]] = (
+        topics.FEM_MARKERS,
+        topics.FEM_CABLE,
+        topics.FEM_CABLE_LINE,
+        topics.FEM_PREDICTION,
+    )
+
+    def __init__(self, wanted: FemParameters, go_on: Callable[[], None] = lambda: None) -> None:
+        self.config = wanted.winding_config()
+        self._follow_tension = wanted.follow_tension
+        self._pairing = self._new_pairing()
+        drive = wanted.drive()
+        self._limits = ReadingLimits(
+            weight=self.config.case.weight,
+            angular_speed=drive.angular_speed,
+            feed_speed=drive.feed_speed,
+        )
+        self._before: tuple[float, AxisReading] | None = None
+        self._go_on = go_on
+        self._prediction = predict(
+            self.config, drive, wanted.duration, progress=lambda _share: go_on()
+        )
+        self._replay = Path(wanted.replay) if wanted.replay else None
+        self.replayed: float | None = None
+        self.model: RodWinding | None = None
+        self.history = RunHistory()
+        self._start: float | None = None
+
+    @property
+    def following(self) -> bool:
+        """Whether the machine has been heard."""
+        return self._start is not None
+
+    def begin(self, t: float) -> Iterator[Answer]:
+        """Begin a new run at a time [s]; yield its prediction."""
+        self.model = RodWinding(self.config)
+        self.history = RunHistory()
+        self._start = None
+        self._pairing = self._new_pairing()
+        self._before = None
+        self._markers_due = self._cable_due = 0.0
+        if self._replay is not None:
+            self._catch_up(self.model, RunInputs.read(self._replay))
+            # The run after this one begins with its own start.
+            self._replay = None
+        yield self.predicted(t, self._prediction.markers)
+
+    def take(self, topic: Topic, message: Any) -> Iterator[Answer]:
+        """Take a joint state or a tension; yield what is due.
+
+        Raises:
+            MessageError: The message cannot be used.
+        """
+        if self.model is None:
+            # Configured and not yet active: a machine that turns already is not followed.
+            return
+        if topic is topics.TENSION:
+            t, force = decode_tension(message)
+            _refuse(self._limits.against_tension(force))
+            self._pairing.add_tension(t, max(force, 0.0))
+        else:
+            t, reading = decode_joint_state(message)
+            _refuse(self._limits.against_motion(t, reading, self._before))
+            self._before = (t, reading)
+            self._pairing.add_reading(t, reading)
+        for loaded in self._pairing.ready():
+            yield from self._follow(self.model, loaded)
+
+    def predicted(self, t: float, markers: Markers) -> Answer:
+        """Return a prediction of the run's final markers, made at a time [s]."""
+        return Answer(topic=topics.FEM_PREDICTION, message=encode_cloud(t, markers))
+
+    def go_on_with(self, model: RodWinding) -> None:
+        """Let another model of the same run take over; what it has missed is replayed.
+
+        Args:
+            model: Wound along some of this run's history.
+        """
+        self.history.replay(model)
+        self.model = model
+
+    def _new_pairing(self) -> TensionPairing:
+        return TensionPairing(_period(topics.TENSION), listened=self._follow_tension)
+
+    def _follow(self, model: RodWinding, loaded: LoadedReading) -> Iterator[Answer]:
+        self._advance(model, loaded)
+        t = loaded.t
+        if t >= self._markers_due:
+            self._markers_due += _due_period(topics.FEM_MARKERS)
+            yield Answer(topic=topics.FEM_MARKERS, message=encode_cloud(t, model.markers()))
+        if t >= self._cable_due:
+            self._cable_due += _due_period(topics.FEM_CABLE)
+            cable = _published(model.cable())
+            yield Answer(topic=topics.FEM_CABLE, message=encode_cloud(t, cable))
+            points = np.stack([cable["x"], cable["y"], cable["z"]], axis=1).astype(float)
+            width = self.config.case.cable_diameter
+            yield Answer(topic=topics.FEM_CABLE_LINE, message=encode_line_strip(t, points, width))
+
+    def _advance(self, model: RodWinding, loaded: LoadedReading) -> None:
+        t, reading = loaded.t, loaded.reading
+        if self._start is None:
+            self._start = t
+            self._markers_due = self._cable_due = t
+        if t - self._start > self.history.latest:
+            self.history.record(t - self._start, reading, loaded.tension)
+        model.advance_to(
+            t - self._start,
+            cylinder_angle=reading.cylinder_angle,
+            angular_speed=reading.angular_speed,
+            guide_z=reading.carriage_position,
+            feed_speed=reading.feed_speed,
+            tension=loaded.tension,
+        )
+
+    def _catch_up(self, model: RodWinding, inputs: RunInputs) -> None:
+        """Wind what the machine has wound before this node was there; nothing is published."""
+        for t, reading, tension in inputs:
+            self._go_on()
+            if self._limits.against_motion(t, reading, self._before):
+                continue
+            self._before = (t, reading)
+            usable = tension is not None and not self._limits.against_tension(tension)
+            followed = max(tension or 0.0, 0.0) if self._follow_tension and usable else None
+            self._advance(model, LoadedReading(t=t, reading=reading, tension=followed))
+            while t >= self._markers_due:
+                self._markers_due += _due_period(topics.FEM_MARKERS)
+            while t >= self._cable_due:
+                self._cable_due += _due_period(topics.FEM_CABLE)
+            if followed is not None:
+                self._pairing.add_tension(t, followed)
+        self.replayed = model.time
+
+
+def _refuse(reason: str) -> None:
+    if reason:
+        raise MessageError(reason)
+
+
+def _period(topic: Topic) -> float:
+    assert topic.rate is not None
+    return 1.0 / topic.rate
+
+
+def _due_period(topic: Topic) -> float:
+    # A little early, so that rounding never makes an instant late.
+    return _period(topic) - 1.0e-9
+
+
+def _published(cable: NDArray[np.void]) -> NDArray[np.void]:
+    records = np.zeros(cable.shape, dtype=CABLE_DTYPE)
+    for name in CABLE_DTYPE.names or ():
+        records[name] = cable[name]
+    return records

@@ -1,0 +1,1 @@
+"""The winding model: configuration, live rod, solid, prediction of a whole run."""

@@ -1,0 +1,189 @@
+"""Winding a whole run ahead of time: where every marker ends up and how much cable is used."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cable_fem_node.dynamics.energy import EnergyLedger
+from cable_fem_node.dynamics.failure import EnergyBalanceError
+from cable_fem_node.winding.followed_run import follow, refuse_length
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.drive import PAPER_DURATION, DriveProfile
+from winding_core.markers import Markers
+
+FloatArray = NDArray[np.float64]
+
+FULL_TURN = 2.0 * math.pi
+
+# Energy that the ledger cannot explain, of what went in.
+BALANCE_LIMIT_PCT = 1.0
+
+
+class OverlapError(ValueError):
+    """The cable would be wound over itself, which the contact model does not cover."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """Outcome of a run wound ahead.
+
+    Attributes:
+        config: What was wound.
+        drive: How the machine moved.
+        times: Times of the history [s], shape (m,).
+        history: Marker records over time, shape (m, markers + 1).
+        arc: Reference length from P0 along the wound cable [m], shape (k,).
+        theta: Wound angle there [rad], shape (k,).
+        z: Axial position there [m], shape (k,).
+        cable: Nodes at the end: x y z s tension strain, shape (nodes,).
+        energy: Ledger at the end.
+        stretch: Mean stretch of the wound cable.
+        stretch_closed_form: The law's stretch at the wound tension F - EI l / (2 rho^2).
+        span_stretch: The law's stretch at the span tension F.
+        cpu_seconds: Processor time of the run [s].
+        element_steps: Elements times steps.
+    """
+
+    config: WindingConfig
+    drive: DriveProfile
+    times: FloatArray
+    history: NDArray[np.void]
+    arc: FloatArray
+    theta: FloatArray
+    z: FloatArray
+    cable: NDArray[np.void]
+    energy: EnergyLedger
+    stretch: float
+    stretch_closed_form: float
+    span_stretch: float
+    cpu_seconds: float
+    element_steps: int
+
+    @property
+    def markers(self) -> Markers:
+        """Records of P0..Pn at the end of the run."""
+        last: Markers = self.history[-1]
+        return last
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        return float(self.times[-1])
+
+    @property
+    def cpu_s_per_sim_s(self) -> float:
+        """Processor seconds per simulated second."""
+        return self.cpu_seconds / self.duration
+
+    @property
+    def turns(self) -> int:
+        """Complete turns of cable on the cylinder."""
+        return int(self.theta[-1] / FULL_TURN)
+
+    def cable_per_turn(self) -> FloatArray:
+        """Return the reference length of cable in each complete turn [m], shape (turns,)."""
+        bounds = FULL_TURN * np.arange(self.turns + 1)
+        return np.diff(np.interp(bounds, self.theta, self.arc))
+
+    def pitch_per_turn(self) -> FloatArray:
+        """Return the axial advance of each complete turn [m], shape (turns,)."""
+        return np.diff(self.z_at(FULL_TURN * np.arange(self.turns + 1)))
+
+    def z_at(self, theta: ArrayLike) -> FloatArray:
+        """Return z [m] of the laid cable at wound angles [rad] within the wound range."""
+        return np.asarray(np.interp(np.asarray(theta, dtype=float), self.theta, self.z))
+
+
+def predict(
+    config: WindingConfig,
+    drive: DriveProfile | None = None,
+    duration: float = PAPER_DURATION,
+    progress: Callable[[float], None] | None = None,
+    *,
+    rate: float = 50.0,
+    cpu_clock: Callable[[], float] = time.process_time,
+) -> Prediction:
+    """Wind a whole run ahead with the rod.
+
+    Args:
+        config: The model.
+        drive: The machine's motion; the paper's by default.
+        duration: Time to wind [s].
+        progress: Called with the share done, 0..1.
+        rate: Marker records per second.
+        cpu_clock: Processor time [s], for the speed that is reported.
+
+    Raises:
+        OverlapError: The feed would lay the cable over itself.
+        DivergenceError: The integration failed.
+        EnergyBalanceError: The energy balance does not close within 1 %.
+        ValueError: Duration or rate is not positive.
+    """
+    drive = DriveProfile() if drive is None else drive
+    refuse_length(duration, rate)
+    refuse_overlap(config, drive)
+    model = RodWinding(config)
+    model.compile()
+    run = follow(model, drive, duration, progress, rate=rate, cpu_clock=cpu_clock)
+    energy = model.energy
+    refuse_open_balance(energy, duration)
+    arc, theta, z = model.wound_path()
+    stretch = model.stretch()
+    wound = stretch[: arc.size - 1]
+    span = model.span_tension
+    return Prediction(
+        config=config,
+        drive=drive,
+        times=run.times,
+        history=run.history,
+        arc=arc,
+        theta=theta,
+        z=z,
+        cable=model.cable(),
+        energy=energy,
+        stretch=float(wound.mean()) if wound.size else float(stretch[0]),
+        stretch_closed_form=config.wound_stretch(span),
+        span_stretch=config.uniaxial.stretch_at(span / config.case.section_area),
+        cpu_seconds=run.cpu_seconds,
+        element_steps=model.element_steps,
+    )
+
+
+def refuse_open_balance(energy: EnergyLedger, t: float) -> None:
+    """Refuse results whose energy balance does not close.
+
+    Raises:
+        EnergyBalanceError: More than 1 % of the energy is not accounted for.
+    """
+    if energy.balance_pct > BALANCE_LIMIT_PCT:
+        raise EnergyBalanceError(
+            f"energy balance open by {energy.balance_pct:.3g} % at t = {t:g} s "
+            f"(limit {BALANCE_LIMIT_PCT:g} %)"
+        )
+
+
+def refuse_overlap(config: WindingConfig, drive: DriveProfile) -> None:
+    """Refuse a feed whose steady pitch is below the cable's diameter.
+
+    The first turns lie closer than the steady pitch because the cable lags behind the guide;
+    there neighbours may touch, as they do on the paper's stiffest cable, without riding up.
+
+    Raises:
+        OverlapError: The pitch is below the diameter of the stretched cable.
+    """
+    stretch = config.uniaxial.stretch_at(config.weight_tension / config.case.section_area)
+    lateral = float(config.uniaxial.lateral_stretch(stretch))
+    width = config.case.cable_diameter * lateral
+    if drive.pitch < width:
+        raise OverlapError(
+            f"the guide advances {drive.pitch * 1e3:.3g} mm per turn, less than the cable's "
+            f"{width * 1e3:.3g} mm: layers would overlap, "
+            "and cable-on-cable contact is not modelled"
+        )

@@ -1,0 +1,308 @@
+"""The winding machine's own kernel: a rod between a turning cylinder and a guide that feeds it.
+
+One call advances many central-difference steps. Node 0 is P0, tied to the surface and clamped
+along its tangent; the last node is the guide's eye. The last element stands for the cable that
+slides through the eye: it pulls with the span tension whatever its length, and elements are cut
+from it (or given back to it) as the cable is drawn in.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.contact_kernels import touch_cylinder
+from cable_fem_node.dynamics.points import (
+    LOSS_DAMPING,
+    WORK_INFLOW,
+    WORK_SPAN,
+    WORK_TIE,
+    Points,
+)
+from cable_fem_node.rod.rod_kernels import (
+    bend_end,
+    bend_nodes,
+    element_force,
+    law_energy,
+    stretch_elements,
+)
+from cable_fem_node.winding.winding_state import (
+    ANGLE,
+    CUT_AT,
+    DIVERGED,
+    EMPTY,
+    FEED,
+    FULL,
+    GUIDE,
+    LANDING,
+    MERGE_AT,
+    RUNNING,
+    SPEED,
+    STRETCH,
+    TENSION,
+    Constants,
+    Work,
+)
+from winding_core.material_law import TABLE_HIGH, TABLE_LOW
+
+FloatArray = NDArray[np.float64]
+
+
+@kernel
+def hermite(a: float, b: float, da: float, db: float, u: float) -> float:
+    """Return the cubic through two values with slopes per unit of u."""
+    step = b - a
+    return a + u * (da + u * (3.0 * step - 2.0 * da - db + u * (da + db - 2.0 * step)))
+
+
+@kernel
+def move_nodes(
+    elements: int,
+    dt: float,
+    rate: float,
+    guide_speed: float,
+    cable: Points,
+    net: FloatArray,
+    k: Constants,
+) -> float:
+    """Take one central-difference step of the inner nodes; return the damping loss [J].
+
+    Mass-proportional damping acts on the velocity relative to the motion that is meant: with
+    the surface where the cable lies on it, with the feed in the span. Damping towards the lab
+    frame would add false tension.
+    """
+    x, v = cable.position, cable.velocity
+    half = 0.5 * k.damping_rate * dt
+    decay = (1.0 - half) / (1.0 + half)
+    push = dt / (k.mass * (1.0 + half))
+    feed = k.contact_line * rate
+    follow = -guide_speed / k.free_length
+    loss = 0.0
+    for i in range(1, elements):
+        px, py = x[0, i], x[1, i]
+        wound = cable.touching[i] == 1 or py > 0.0
+        rx = -rate * py if wound else 0.0
+        ry = rate * px if wound else feed
+        rz = 0.0 if wound else follow * py
+        wx, wy, wz = v[0, i] - rx, v[1, i] - ry, v[2, i] - rz
+        ux = wx * decay + push * net[0, i]
+        uy = wy * decay + push * net[1, i]
+        uz = wz * decay + push * net[2, i]
+        mx, my, mz = 0.5 * (ux + wx), 0.5 * (uy + wy), 0.5 * (uz + wz)
+        loss += mx * (mx + rx) + my * (my + ry) + mz * (mz + rz)
+        v[0, i] = ux + rx
+        v[1, i] = uy + ry
+        v[2, i] = uz + rz
+        x[0, i] = px + dt * v[0, i]
+        x[1, i] = py + dt * v[1, i]
+        x[2, i] += dt * v[2, i]
+    return k.mass * k.damping_rate * dt * loss
+
+
+@kernel
+def roll_nodes(elements: int, dt: float, cable: Points, work: Work, k: Constants) -> None:
+    """Take one step of the cable's rotation about its own axis.
+
+    The roll angle counts from the surface normal, so a wound helix twists by its geodesic
+    torsion even where the cable does not roll. P0 is held, the guide lets the cable spin.
+    """
+    roll, touching, tangent = cable.roll, cable.touching, work.tangent
+    decay = 1.0 - k.damping_rate * dt
+    before = 0.0
+    for i in range(1, elements):
+        torque = work.couple[i]
+        before_here = before
+        if i == 1:
+            before_here = k.torsion * (roll[0, 1] - roll[0, 0]) / k.segment
+        after = 0.0
+        if i < elements - 1:
+            twist = (roll[0, i + 1] - roll[0, i]) / k.segment
+            if touching[i] == 1 and touching[i + 1] == 1:
+                level = math.sqrt(tangent[0, i] ** 2 + tangent[1, i] ** 2)
+                twist -= tangent[2, i] * level / k.contact_line
+            after = k.torsion * twist
+        before = after
+        torque += after - before_here
+        roll[1, i] = decay * roll[1, i] + dt * torque / k.roll_inertia
+    for i in range(1, elements):
+        roll[0, i] += dt * roll[1, i]
+
+
+@kernel
+def advance_winding(
+    nodes: int,
+    steps: int,
+    dt: float,
+    surface_step: float,
+    drive: FloatArray,
+    cable: Points,
+    reference: FloatArray,
+    work: Work,
+    k: Constants,
+    table: FloatArray,
+    ledger: FloatArray,
+    rolling: bool,
+) -> tuple[int, int, float, int, int]:
+    """Advance the cable by equal steps while the drive runs from its first to its second column.
+
+    Args:
+        nodes: Number of nodes in use.
+        steps: Number of steps to take.
+        dt: Step [s].
+        surface_step: Rotation of the cylinder during the step before the first [rad].
+        drive: Shape (7, 2), rows ANGLE .. LANDING.
+        cable: State, changed in place.
+        reference: Reference length of the elements (capacity,) [m], changed in place.
+        work: Scratch.
+        k: Constants.
+        table: See `MaterialLaw.table`.
+        ledger: Energies [J], added to in place.
+        rolling: Let the cable roll on the surface about its own axis.
+
+    Returns:
+        nodes, steps taken, the last step's rotation, status, element at fault.
+    """
+    x, v = cable.position, cable.velocity
+    tangent, inverse, tension = work.tangent, work.inverse, work.tension
+    cosine, slope, force, net = work.cosine, work.slope, work.force, work.net
+    capacity = reference.shape[0]
+    span = steps * dt
+    first = np.zeros(3)
+    free = np.zeros(3)
+    angle = drive[ANGLE, 0]
+
+    for step in range(steps):
+        u = step / steps
+        pull = drive[TENSION, 0] + u * (drive[TENSION, 1] - drive[TENSION, 0])
+        pulled = drive[STRETCH, 0] + u * (drive[STRETCH, 1] - drive[STRETCH, 0])
+        landing = drive[LANDING, 0] + u * (drive[LANDING, 1] - drive[LANDING, 0])
+        share = (step + 1.0) / steps
+        next_angle = hermite(
+            drive[ANGLE, 0], drive[ANGLE, 1], drive[SPEED, 0] * span, drive[SPEED, 1] * span, share
+        )
+        next_guide = hermite(
+            drive[GUIDE, 0], drive[GUIDE, 1], drive[FEED, 0] * span, drive[FEED, 1] * span, share
+        )
+        rotation = next_angle - angle
+        rate = rotation / dt
+        elements = nodes - 1
+        end = elements - 1
+
+        stretch_elements(
+            elements,
+            x,
+            reference,
+            table,
+            k.table_low,
+            k.table_per_spacing,
+            k.area,
+            tangent,
+            inverse,
+            tension,
+        )
+        tension[end] = pull
+        bend_nodes(elements, reference, k.bending, tangent, cosine, slope)
+        first[0], first[1] = math.sin(angle), -math.cos(angle)
+        bend_end(0, 0, first[0], first[1], 0.0, reference[0], k.bending, tangent, cosine, slope)
+        cosine[elements] = 0.0
+        slope[elements] = 0.0
+        element_force(elements, first, free, tangent, inverse, tension, cosine, slope, force)
+
+        for c in range(3):
+            for i in range(1, elements):
+                net[c, i] = force[c, i] - force[c, i - 1]
+        touch_cylinder(
+            1,
+            elements,
+            dt,
+            surface_step,
+            rotation,
+            landing,
+            cable,
+            net,
+            work.couple,
+            k,
+            ledger,
+            rolling,
+        )
+        if rolling:
+            roll_nodes(elements, dt, cable, work, k)
+        guide_speed = (next_guide - x[2, elements]) / dt
+        ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, net, k)
+        ledger[WORK_SPAN] += dt * (
+            force[0, end] * v[0, end] + force[1, end] * v[1, end] + force[2, end] * v[2, end]
+        )
+
+        # Prescribed ends: P0 turns with the surface (its clamp too), the guide follows the feed.
+        angle = next_angle
+        tie_x, tie_y = k.start_radius * math.cos(angle), k.start_radius * math.sin(angle)
+        moment = slope[0] * (first[0] * tangent[1, 0] - first[1] * tangent[0, 0])
+        ledger[WORK_TIE] += -force[0, 0] * (tie_x - x[0, 0]) - force[1, 0] * (tie_y - x[1, 0])
+        ledger[WORK_TIE] += moment * rotation
+        x[0, 0], x[1, 0], x[2, 0] = tie_x, tie_y, 0.0
+        v[0, 0], v[1, 0], v[2, 0] = -rate * tie_y, rate * tie_x, 0.0
+        x[2, elements] = next_guide
+        v[2, elements] = guide_speed
+        surface_step = rotation
+
+        ex = x[0, elements] - x[0, end]
+        ey = x[1, elements] - x[1, end]
+        ez = x[2, elements] - x[2, end]
+        length = math.sqrt(ex * ex + ey * ey + ez * ez)
+        last = length / pulled
+        if not 0.0 < last < 1.0e3 * k.segment:
+            return nodes, step + 1, surface_step, DIVERGED, end
+        if last > CUT_AT * k.segment:
+            if nodes == capacity:
+                return nodes, step + 1, surface_step, FULL, end
+            part = k.segment / last
+            for c in range(3):
+                x[c, nodes] = x[c, elements]
+                v[c, nodes] = v[c, elements]
+                x[c, elements] = x[c, end] + part * (x[c, nodes] - x[c, end])
+                v[c, elements] = v[c, end]
+            cable.roll[0, elements] = cable.roll[0, end]
+            cable.roll[1, elements] = cable.roll[1, end]
+            work.couple[elements] = 0.0
+            cable.touching[elements] = 0
+            cable.slip[0, elements] = 0.0
+            cable.slip[1, elements] = 0.0
+            cable.contact_radius[elements] = 0.0
+            cable.touching[nodes] = 0
+            reference[end] = k.segment
+            reference[elements] = last - k.segment
+            ledger[WORK_INFLOW] += inflow(x, v, end, elements, k, table)
+            nodes += 1
+        elif last < MERGE_AT * k.segment:
+            if nodes < 4:
+                return nodes, step + 1, surface_step, EMPTY, end
+            ledger[WORK_INFLOW] -= inflow(x, v, end - 1, end, k, table)
+            for c in range(3):
+                x[c, end] = x[c, elements]
+                v[c, end] = v[c, elements]
+            reference[end - 1] = k.segment + last
+            cable.touching[end] = 0
+            nodes -= 1
+        else:
+            reference[end] = last
+    for i in range(nodes - 2):
+        stretch = 1.0 / (inverse[i] * reference[i])
+        if not TABLE_LOW < stretch < TABLE_HIGH:
+            return nodes, steps, surface_step, DIVERGED, i
+    return nodes, steps, surface_step, RUNNING, 0
+
+
+@kernel
+def inflow(x: FloatArray, v: FloatArray, a: int, b: int, k: Constants, table: FloatArray) -> float:
+    """Return the energy [J] of one segment between nodes a and b: strain, and motion of b or a."""
+    ex = x[0, b] - x[0, a]
+    ey = x[1, b] - x[1, a]
+    ez = x[2, b] - x[2, a]
+    stretch = math.sqrt(ex * ex + ey * ey + ez * ez) / k.segment
+    motion = v[0, b] ** 2 + v[1, b] ** 2 + v[2, b] ** 2
+    strain = law_energy(stretch, table, k.table_low, k.table_per_spacing)
+    energy: float = k.area * k.segment * strain + 0.5 * k.mass * motion
+    return energy

@@ -1,0 +1,1 @@
+"""Correction of a running machine, and what its own measured markers add."""

@@ -1,0 +1,84 @@
+"""Turns predicted markers into corrected ones: S_corrected = h S_FEM."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from correction_node.live.neighbours import Neighbours, Resemblance
+from correction_node.live.plausibility import implausible
+from correction_node.models.weights import Factor, TrainedWeight
+from winding_core.cases import Case
+from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, Markers, is_wound
+
+
+class Corrector:
+    """Applies one trained weight.
+
+    Args:
+        weight: The trained weight.
+        neighbours: The known conditions.
+    """
+
+    def __init__(self, weight: TrainedWeight, neighbours: Neighbours | None = None) -> None:
+        self._weight = weight
+        self._neighbours = neighbours or Neighbours()
+        self._factors: dict[Case, Factor] = {}
+
+    def factor(self, condition: Case) -> Factor:
+        """Return h, its bound, and whether the condition lies outside the trained ones.
+
+        The first call for a condition works it out; ask before the run.
+        """
+        if condition not in self._factors:
+            self._factors[condition] = self._weight.factor(condition)
+        return self._factors[condition]
+
+    def correct(self, fem_markers: Markers, condition: Case) -> Markers:
+        """Return corrected records of the markers that lie on the cylinder.
+
+        s = h S_FEM within s_low and s_high; everything else stays the prediction's. A marker
+        that `refusals` names is left out.
+
+        Args:
+            fem_markers: MARKER_DTYPE records of the prediction, shape (n,).
+            condition: What is being wound.
+
+        Returns:
+            CORRECTED_DTYPE records, shape (m,), m <= n.
+        """
+        wound = fem_markers[is_wound(fem_markers)]
+        refused = implausible(wound, condition)
+        usable = wound[[index not in refused for index in range(len(wound))]]
+        factor = self.factor(condition)
+        # P0 has no length to correct; it carries the h of the cable that begins there.
+        h = np.array([factor.by_marker[0], *factor.by_marker])[usable["id"]]
+        corrected = np.zeros(usable.shape, dtype=CORRECTED_DTYPE)
+        for name in cast("tuple[str, ...]", MARKER_DTYPE.names):
+            corrected[name] = usable[name]
+        corrected["s_fem"] = usable["s"]
+        corrected["h"] = h
+        corrected["s"] = h * usable["s"]
+        corrected["s_low"] = corrected["s"] * max(0.0, 1.0 - factor.relative_bound)
+        corrected["s_high"] = corrected["s"] * (1.0 + factor.relative_bound)
+        return corrected
+
+    def refusals(self, fem_markers: Markers, condition: Case) -> tuple[str, ...]:
+        """Return one sentence for each marker that should be corrected and is not."""
+        wound = fem_markers[is_wound(fem_markers)]
+        # A marker number from outside may be anything: no range is made of it.
+        last = min(int(wound["id"].max(initial=0)), condition.marker_count + 1)
+        missing = set(range(1, last)) - set(wound["id"].tolist())
+        return (
+            *implausible(wound, condition).values(),
+            *(
+                f"marker {marker} is missing, though a later one is wound"
+                for marker in sorted(missing)
+            ),
+        )
+
+    def classify(self, lengths: ArrayLike) -> Resemblance:
+        """Return the known condition that measured lengths S_1..S_4 [m] resemble; NaN: missing."""
+        return self._neighbours.classify(lengths)

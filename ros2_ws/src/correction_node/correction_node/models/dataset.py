@@ -1,0 +1,172 @@
+"""The cells that the weight is learned from: predicted and measured length of each marker."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_core.cases import paper_case
+from winding_core.published import published_markers
+
+Array = NDArray[np.float64]
+
+COLUMNS = ("case", "marker", "s_fem_m")
+ROD_LENGTHS = "rod_lengths.csv"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkerCondition:
+    """Everything that h of one marker may depend on.
+
+    Attributes:
+        case: Row of Table 1, or 0.
+        marker: n of Pn.
+        cylinder_diameter: [m]
+        cable_diameter: Undeformed [m].
+        tension: Nominal stress, weight over undeformed section [Pa].
+        original_length: n marker spacings [m].
+        s_fem: Predicted curve length S_n [m].
+    """
+
+    case: int
+    marker: int
+    cylinder_diameter: float
+    cable_diameter: float
+    tension: float
+    original_length: float
+    s_fem: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class LengthCell(MarkerCondition):
+    """One measured cell of Tables 5 and 6, with a solver's prediction beside it.
+
+    Attributes:
+        s_exp: Measured curve length S_n [m].
+    """
+
+    s_exp: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class DataSet:
+    """The measured `cells` with the `name` that they were asked for by."""
+
+    name: str
+    cells: tuple[LengthCell, ...]
+
+    @property
+    def sha256(self) -> str:
+        """Digest of every number of every cell, to nine digits."""
+        rows = (",".join(f"{value:.9g}" for value in astuple(cell)) for cell in self.cells)
+        return hashlib.sha256("\n".join(rows).encode()).hexdigest()
+
+
+def load_data_set(name: str) -> DataSet:
+    """Return the measured cells with the predictions of a solver.
+
+    Args:
+        name: ``paper`` for the paper's own simulation column, ``rod`` for this project's rod
+            solver as shipped, or the path of a CSV file with the columns case, marker, s_fem_m.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        ValueError: The file says something that no length table can say.
+    """
+    if name == "paper":
+        predicted = {(m.case, m.marker): m.simulation.s for m in published_markers()}
+    elif name == "rod":
+        shipped = files("correction_node").joinpath("data", ROD_LENGTHS)
+        predicted = parse_lengths(shipped.read_text(encoding="utf-8"), source=ROD_LENGTHS)
+    else:
+        path = Path(name)
+        if not path.is_file():
+            raise FileNotFoundError(f"no data set {name}: give paper, rod or a CSV file")
+        predicted = parse_lengths(path.read_text(encoding="utf-8"), source=path.name)
+    return DataSet(name=name, cells=join_experiment(predicted, source=name))
+
+
+def parse_lengths(text: str, *, source: str) -> dict[tuple[int, int], float]:
+    """Return predicted lengths [m] by (case, marker) from CSV text.
+
+    Raises:
+        ValueError: A column or a number is missing, doubled, not finite or not positive.
+    """
+    reader = csv.DictReader(text.splitlines())
+    try:
+        rows = list(reader)
+    except csv.Error as error:
+        raise ValueError(f"{source} is no CSV text: {error}") from error
+    missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
+    if missing:
+        raise ValueError(f"{source} has no column {missing[0]}; it needs {', '.join(COLUMNS)}")
+    predicted: dict[tuple[int, int], float] = {}
+    for line, row in enumerate(rows, start=2):
+        try:
+            key = (int(row["case"]), int(row["marker"]))
+            length = float(row["s_fem_m"])
+        except (TypeError, ValueError) as error:
+            raise ValueError(
+                f"{source} line {line} is not a case, a marker and a length"
+            ) from error
+        if not (math.isfinite(length) and length > 0.0):
+            raise ValueError(f"{source} line {line}: s_fem_m must be positive, got {length} m")
+        if key in predicted:
+            raise ValueError(f"{source} line {line}: case {key[0]} marker {key[1]} stands twice")
+        predicted[key] = length
+    return predicted
+
+
+def format_lengths(predicted: Iterable[tuple[int, int, float]]) -> str:
+    """Return (case, marker, length [m]) rows as the CSV text that `parse_lengths` reads."""
+    rows = [f"{case},{marker},{length:.9f}" for case, marker, length in predicted]
+    return "\n".join([",".join(COLUMNS), *rows, ""])
+
+
+def join_experiment(
+    predicted: dict[tuple[int, int], float], *, source: str
+) -> tuple[LengthCell, ...]:
+    """Return one cell for every marker that the paper measured.
+
+    Raises:
+        ValueError: A measured marker has no prediction.
+    """
+    cells = []
+    for row in published_markers():
+        if row.experiment is None:
+            continue
+        key = (row.case, row.marker)
+        if key not in predicted:
+            raise ValueError(f"{source} has no length of case {row.case} marker {row.marker}")
+        case = paper_case(row.case)
+        cells.append(
+            LengthCell(
+                case=row.case,
+                marker=row.marker,
+                cylinder_diameter=case.cylinder_diameter,
+                cable_diameter=case.cable_diameter,
+                tension=case.nominal_stress,
+                original_length=row.original_length,
+                s_fem=predicted[key],
+                s_exp=row.experiment.s,
+            )
+        )
+    return tuple(cells)
+
+
+def lengths(cells: Sequence[LengthCell]) -> tuple[Array, Array]:
+    """Return (S_FEM, S_EXP) [m], each of shape (n,)."""
+    return np.array([c.s_fem for c in cells]), np.array([c.s_exp for c in cells])
+
+
+def case_numbers(cells: Sequence[MarkerCondition]) -> NDArray[np.int64]:
+    """Return the case of each cell, shape (n,)."""
+    return np.array([c.case for c in cells], dtype=np.int64)

@@ -1,0 +1,170 @@
+"""The trained weight on disk: numbers as safetensors, everything about them in card.json."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load as load_tensors
+from safetensors.numpy import save as save_tensors
+
+from correction_node.models.inputs import conditions_of
+from correction_node.models.uncertainty import Bound, TrainingBox
+from correction_node.models.weight_models import WeightModel, read_model
+from winding_core.cases import Case
+
+SCHEMA = "cable-winding-twin/correction-weight/2"
+WEIGHTS_FILE = "weights.safetensors"
+CARD_FILE = "card.json"
+# Name of shipped weights: the data and the model that they were learned with.
+SHIPPED = {
+    "rod": ("rod", "rig network"),
+    "rod_rig": ("rod", "rig"),
+    "rod_marker_network": ("rod", "marker network"),
+    "rod_network": ("rod", "network"),
+    "paper": ("paper", "network"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Factor:
+    """What multiplies the predicted lengths of one condition.
+
+    Attributes:
+        by_marker: h of P1, P2, ..; 1 outside the trained conditions.
+        relative_bound: Half-width of the interval around h S_FEM, as a share of it.
+        outside: Why the condition is outside the trained ones, or None.
+    """
+
+    by_marker: tuple[float, ...]
+    relative_bound: float
+    outside: str | None
+
+    @property
+    def h(self) -> float:
+        """The last marker's h; every marker's where the model gives one h per case."""
+        return self.by_marker[-1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainedWeight:
+    """A fitted h with its reach and its uncertainty.
+
+    Attributes:
+        name: Of the model, as in the card's errors.
+        model: Gives h.
+        law: Material law of the solver whose lengths h multiplies.
+        box: Conditions that it was trained on.
+        bound: Interval inside the box.
+        outside_bound: Relative half-width outside the box, where nothing is promised.
+        card: What the numbers come from and how good they are; JSON values only.
+    """
+
+    name: str
+    model: WeightModel
+    law: str
+    box: TrainingBox
+    bound: Bound
+    outside_bound: float
+    card: dict[str, Any]
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """The model's own errors in percent: in_sample_pct, leave_one_case_out_pct, .."""
+        return dict(self.card["errors"][self.name])
+
+    def factor(self, case: Case) -> Factor:
+        """Return the factor for a condition."""
+        outside = self.box.outside(case)
+        if outside is not None:
+            return Factor(
+                by_marker=(1.0,) * case.marker_count,
+                relative_bound=self.outside_bound,
+                outside=outside,
+            )
+        h = self.model.h(conditions_of(case, self.law))
+        return Factor(by_marker=tuple(h.tolist()), relative_bound=self.bound.relative, outside=None)
+
+
+def weights_directory(name: str) -> Path:
+    """Return the folder of shipped weights, one of SHIPPED, or a path of one's own."""
+    if name in SHIPPED:
+        return Path(str(files("correction_node").joinpath("trained", name)))
+    return Path(name)
+
+
+def save_weight(weight: TrainedWeight, directory: Path) -> None:
+    """Write weights and card into a folder, which is made when missing."""
+    content = save_tensors(weight.model.tensors(), metadata={"schema": SCHEMA})
+    card = {
+        "schema": SCHEMA,
+        **weight.card,
+        "name": weight.name,
+        "form": weight.model.form(),
+        "law": weight.law,
+        "weights_sha256": hashlib.sha256(content).hexdigest(),
+        "box": asdict(weight.box),
+        "bound": asdict(weight.bound),
+        "outside_bound": weight.outside_bound,
+    }
+    directory.mkdir(parents=True, exist_ok=True)
+    (directory / WEIGHTS_FILE).write_bytes(content)
+    (directory / CARD_FILE).write_text(
+        json.dumps(card, indent=2, allow_nan=False) + "\n", encoding="utf-8"
+    )
+
+
+def load_weight(directory: Path) -> TrainedWeight:
+    """Return the weight that `save_weight` wrote.
+
+    Raises:
+        FileNotFoundError: There are no trained weights in the folder.
+        ValueError: The files are not trained weights, do not belong together, or are damaged.
+    """
+    weights_file, card_file = directory / WEIGHTS_FILE, directory / CARD_FILE
+    if not (weights_file.is_file() and card_file.is_file()):
+        raise FileNotFoundError(f"no trained weights at {directory}: run `winding train`")
+    content = weights_file.read_bytes()
+    try:
+        card = json.loads(card_file.read_text(encoding="utf-8"))
+        foreign = card["schema"] != SCHEMA
+        digest = card["weights_sha256"]
+        box = TrainingBox(
+            turns=card["box"]["turns"],
+            **{name: tuple(ends) for name, ends in card["box"].items() if name != "turns"},
+        )
+        bound = Bound(**card["bound"])
+        outside_bound = float(card["outside_bound"])
+        name, form, law = card["name"], card["form"], card["law"]
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise ValueError(f"{card_file} is not a card of trained weights: {error!r}") from error
+    if foreign:
+        raise ValueError(f"{card_file} has schema {card['schema']!r}, expected {SCHEMA!r}")
+    if hashlib.sha256(content).hexdigest() != digest:
+        raise ValueError(f"{weights_file} does not match its card: run `winding train`")
+    return TrainedWeight(
+        name=name,
+        model=_model(form, content, weights_file),
+        law=law,
+        box=box,
+        bound=bound,
+        outside_bound=outside_bound,
+        card=card,
+    )
+
+
+def _model(form: dict[str, Any], content: bytes, source: Path) -> WeightModel:
+    try:
+        tensors = load_tensors(content)
+        model = read_model(form, tensors)
+    except (SafetensorError, KeyError, TypeError, ValueError, IndexError) as error:
+        raise ValueError(f"{source} does not hold the trained model: {error!r}") from error
+    if not all(np.isfinite(values).all() for values in tensors.values()):
+        raise ValueError(f"{source} holds a number that is not finite")
+    return model

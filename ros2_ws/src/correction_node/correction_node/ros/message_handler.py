@@ -1,0 +1,72 @@
+"""Predicted and measured markers in, corrected lengths and the resembling case out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
+
+from correction_node.live.corrector import Corrector
+from correction_node.live.run_corrector import RunCorrector
+from correction_node.live.within_run import published_within_run
+from correction_node.models.weights import load_weight, weights_directory
+from correction_node.ros.parameters import CorrectionParameters
+from winding_core.markers import MARKER_DTYPE
+from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud, encode_cloud
+from winding_ros.diagnostic_messages import encode_case_votes
+from winding_ros.message_handler import Answer
+from winding_ros.topics import Topic
+
+
+class CorrectionHandler:
+    """Corrects predicted lengths by weight and measurement; names the case the run resembles.
+
+    Attributes:
+        errors: Of the weight, from its card.
+        factor: The weight h for this condition.
+        run: What is measured of this run, and what it says of the rest.
+    """
+
+    inputs: ClassVar[tuple[Topic, ...]] = (topics.TRACKED_MARKERS, topics.FEM_MARKERS)
+    outputs: ClassVar[tuple[Topic, ...]] = (topics.CORRECTED_MARKERS, topics.CORRECTION_CASE)
+
+    def __init__(self, wanted: CorrectionParameters) -> None:
+        condition = wanted.condition()
+        weight = load_weight(weights_directory(wanted.weights))
+        self.errors = weight.errors
+        self._corrector = Corrector(weight)
+        self.factor = self._corrector.factor(condition)
+        self.run = RunCorrector(self._corrector, published_within_run(), condition)
+        self._told: tuple[frozenset[int], frozenset[int], Mapping[int, float]]
+        self._told = (frozenset(), frozenset(), {})
+
+    def begin(self, t: float) -> Iterator[Answer]:
+        """Begin a new run at a time [s]: nothing has been measured yet."""
+        self.run.forget()
+        self._told = (frozenset(), frozenset(), {})
+        yield Answer(topic=topics.CORRECTION_CASE, message=encode_case_votes(t, {}))
+
+    def take(self, topic: Topic, message: Any) -> Iterator[Answer]:
+        """Take predicted or measured markers; yield what they change.
+
+        Raises:
+            MessageError: The message cannot be used.
+        """
+        t, markers = decode_cloud(message, MARKER_DTYPE)
+        if topic is topics.FEM_MARKERS:
+            corrected = self.run.correct(t, markers)
+            yield Answer(topic=topics.CORRECTED_MARKERS, message=encode_cloud(t, corrected))
+            return
+        self.run.measured.take(t, markers)
+        yield from self._votes(t)
+
+    def _votes(self, t: float) -> Iterator[Answer]:
+        """Yield the resembling case when a further marker is measured or a length settles."""
+        measured = self.run.measured
+        seen, settled, votes = self._told
+        if not measured.seen or (measured.seen, measured.settled) == (seen, settled):
+            return
+        now = self._corrector.classify(measured.lengths()).votes
+        self._told = (measured.seen, measured.settled, now)
+        if measured.seen != seen or now != votes:
+            yield Answer(topic=topics.CORRECTION_CASE, message=encode_case_votes(t, now))

@@ -1,0 +1,17 @@
+"""Parameters of the correction node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from winding_core.condition import ConditionParameters
+from winding_core.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrectionParameters(ConditionParameters):
+    """What is wound, and which trained weight corrects it."""
+
+    weights: str = parameter(
+        "rod", "trained weight: the name of a shipped one, or the folder of one's own"
+    )

@@ -1,0 +1,1 @@
+"""How models are trained and judged; the only place that imports torch."""

@@ -1,0 +1,187 @@
+"""Every model of h beside its plain rivals: in-sample, with each case left out, over seeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from correction_node.models.dataset import Array, DataSet, LengthCell, case_numbers, lengths
+from correction_node.models.evaluation import (
+    Fit,
+    Model,
+    Score,
+    cell_errors_pct,
+    hold_out,
+    score,
+    score_fit,
+    without_each_case,
+)
+from correction_node.models.gaussian_process import GaussianProcess, learn_process
+from correction_node.models.uncertainty import LEVEL, conformal_bound
+from correction_node.training.baselines import BASELINES
+from correction_node.training.learners import LEARNERS, RIG
+from correction_node.training.protocol import learn_and_hold_out
+from correction_node.training.training import TrainingConfig
+
+BASELINE = "baseline"
+LEARNED = "learned"
+ORACLE = "oracle"
+ONE_H_PER_CASE = "least squares, one h per case"
+GAUSSIAN_PROCESS = "Gaussian process"
+RIG_PROCESS = "rig Gaussian process"
+SEEDS = (0, 1, 2)
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelScore:
+    """How good one way of learning h is, in Table 8's measure (mean over the measured cells).
+
+    Attributes:
+        kind: ``baseline``, ``learned``, or ``oracle`` (knows the answer; a floor, not a model).
+        description: One sentence.
+        in_sample_pct: Learned from all cells; mean over seeds.
+        leave_one_case_out_pct: Each cell predicted without its case; mean over seeds; NaN for
+            an oracle.
+        worst_case_pct: Largest mean of one left-out case; mean over seeds; NaN for an oracle.
+        in_sample_spread_pct: Largest minus smallest over seeds; 0 where nothing is random.
+        leave_one_case_out_spread_pct: The same of the left-out error; NaN for an oracle.
+        bound_pct: Conformal half-width at level 12/13, from the left-out residuals of the first
+            seed; None for an oracle.
+        own_interval_coverage_pct: Share of left-out cells inside the model's own 90 % interval;
+            None where it has none.
+        in_sample: h by cell, from the first seed, shape (n,).
+        held_out: h by cell without its case, from the first seed, shape (n,); NaN for an oracle.
+    """
+
+    kind: str
+    description: str
+    in_sample_pct: float
+    leave_one_case_out_pct: float
+    worst_case_pct: float
+    in_sample_spread_pct: float
+    leave_one_case_out_spread_pct: float
+    in_sample: Array
+    held_out: Array
+    bound_pct: float | None = None
+    own_interval_coverage_pct: float | None = None
+
+
+def compare_models(
+    data: DataSet,
+    *,
+    seeds: Sequence[int] = SEEDS,
+    steps: int = TrainingConfig().steps,
+    progress: Progress,
+) -> dict[str, ModelScore]:
+    """Return the score of every model, baselines and the floor, by name.
+
+    Args:
+        data: Measured cells with predictions.
+        seeds: Of the models that start at random; the spread is over these.
+        steps: Training steps of each network.
+        progress: Called with one short sentence after each model.
+    """
+    cells = data.cells
+    scores: dict[str, ModelScore] = {}
+
+    def add(
+        name: str,
+        kind: str,
+        description: str,
+        seen: Sequence[Score],
+        coverage_pct: float | None = None,
+    ) -> None:
+        scores[name] = _over_seeds(cells, seen, kind, description, coverage_pct)
+        progress(f"scored '{name}'")
+
+    for name, fit in BASELINES.items():
+        add(name, BASELINE, _first_line(fit), [score_fit(cells, fit)])
+    rigs: list[Model] = []
+    for name, learner in LEARNERS.items():
+        started = seeds if learner.seeded else seeds[:1]
+        found = learn_and_hold_out(cells, learner, TrainingConfig(steps=steps), started)
+        if name == RIG:
+            rigs = [found[0].whole.h, *(model.h for model in found[0].left_out)]
+        add(name, LEARNED, learner.description, [one.score for one in found])
+    solver: list[Model] = [lambda asked: np.ones(len(asked))] * len(rigs)
+    for name, bases, what in (
+        (GAUSSIAN_PROCESS, solver, "the solver"),
+        (RIG_PROCESS, rigs, "the rig's physics"),
+    ):
+        own, coverage_pct = _score_process(cells, bases)
+        description = f"Gaussian process over dimensionless inputs on what {what} leaves over."
+        add(name, LEARNED, description, [own], coverage_pct)
+    scores[ONE_H_PER_CASE] = _oracle(cells)
+    return scores
+
+
+def _score_process(cells: Sequence[LengthCell], bases: Sequence[Model]) -> tuple[Score, float]:
+    """Return errors of a process and the share of left-out cells [%] in its 90 % interval."""
+    sets = [cells, *without_each_case(cells)]
+    whole, *others = (learn_process(known, base) for known, base in zip(sets, bases, strict=True))
+    own = score(cells, whole.h(cells), hold_out(cells, [process.h for process in others]))
+    return own, 100.0 * _coverage(cells, others)
+
+
+def _coverage(cells: Sequence[LengthCell], others: Sequence[GaussianProcess]) -> float:
+    s_fem, s_exp = lengths(cells)
+
+    def end(process: GaussianProcess, which: int) -> Model:
+        return lambda asked: process.bounds(asked, LEVEL)[which]
+
+    low, high = (hold_out(cells, [end(process, which) for process in others]) for which in (0, 1))
+    h = s_exp / s_fem
+    return float(np.mean((low <= h) & (h <= high)))
+
+
+def _over_seeds(
+    cells: Sequence[LengthCell],
+    scores: Sequence[Score],
+    kind: str,
+    description: str,
+    coverage_pct: float | None,
+) -> ModelScore:
+    seen = [score.in_sample_pct for score in scores]
+    unseen = [score.leave_one_case_out_pct for score in scores]
+    return ModelScore(
+        kind=kind,
+        description=description,
+        in_sample_pct=float(np.mean(seen)),
+        leave_one_case_out_pct=float(np.mean(unseen)),
+        worst_case_pct=float(np.mean([score.worst_case_pct for score in scores])),
+        in_sample_spread_pct=max(seen) - min(seen),
+        leave_one_case_out_spread_pct=max(unseen) - min(unseen),
+        in_sample=scores[0].in_sample,
+        held_out=scores[0].held_out,
+        bound_pct=100.0 * conformal_bound(cells, scores[0].held_out).relative,
+        own_interval_coverage_pct=coverage_pct,
+    )
+
+
+def _oracle(cells: Sequence[LengthCell]) -> ModelScore:
+    s_fem, s_exp = lengths(cells)
+    cases = case_numbers(cells)
+    h = np.empty(len(cells))
+    for case in np.unique(cases):
+        mine = cases == case
+        h[mine] = (s_fem[mine] @ s_exp[mine]) / (s_fem[mine] @ s_fem[mine])
+    return ModelScore(
+        kind=ORACLE,
+        description="The minimum of Eq. 5 if every case had its own h: no network can do better.",
+        in_sample_pct=float(cell_errors_pct(cells, h).mean()),
+        leave_one_case_out_pct=math.nan,
+        worst_case_pct=math.nan,
+        in_sample_spread_pct=0.0,
+        leave_one_case_out_spread_pct=math.nan,
+        in_sample=h,
+        held_out=np.full(len(cells), math.nan),
+    )
+
+
+def _first_line(fit: Fit) -> str:
+    return (fit.__doc__ or "").splitlines()[0]

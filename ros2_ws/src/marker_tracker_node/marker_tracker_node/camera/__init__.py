@@ -1,0 +1,1 @@
+"""The camera as the tracker knows it: projection, calibration, recordings."""

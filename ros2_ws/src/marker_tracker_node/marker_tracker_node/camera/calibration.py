@@ -1,0 +1,242 @@
+"""Intrinsic calibration from photographs of a board, and the standard camera file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from marker_tracker_node.camera.pinhole import PLUMB_BOB, PinholeCamera
+from winding_core.yaml_text import YamlTextError, load_yaml
+
+FloatArray = NDArray[np.float64]
+ByteArray = NDArray[np.uint8]
+
+LEAST_VIEWS = 4
+LEAST_CORNERS = 6
+
+
+class CalibrationError(ValueError):
+    """The photographs or the file do not make a camera."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Board:
+    """A calibration board.
+
+    Attributes:
+        columns: Squares across.
+        rows: Squares down.
+        square: Side of a square [m].
+        marker: Side of a ChArUco marker [m]; None for a plain chessboard.
+        dictionary: Name of the ChArUco markers' dictionary in cv2.aruco.
+    """
+
+    columns: int
+    rows: int
+    square: float
+    marker: float | None = None
+    dictionary: str = "DICT_4X4_250"
+
+    def __post_init__(self) -> None:
+        if min(self.columns, self.rows) < 3:
+            raise CalibrationError(
+                f"a board needs at least 3 x 3 squares, got {self.columns} x {self.rows}"
+            )
+        if not (math.isfinite(self.square) and self.square > 0.0):
+            raise CalibrationError(f"square must be positive, got {self.square} m")
+        if self.marker is not None and not 0.0 < self.marker < self.square:
+            raise CalibrationError(
+                f"marker must be smaller than the square of {self.square} m, got {self.marker}"
+            )
+        if not hasattr(cv2.aruco, self.dictionary):
+            raise CalibrationError(f"dictionary {self.dictionary!r} is unknown to cv2.aruco")
+
+    def charuco(self) -> Any:
+        """Return OpenCV's board."""
+        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+        return cv2.aruco.CharucoBoard(
+            (self.columns, self.rows), self.square, self.marker or 0.0, dictionary
+        )
+
+    def picture(self, dots_per_metre: float) -> ByteArray:
+        """Return the board as it is printed, black on white, shape (height, width).
+
+        Raises:
+            CalibrationError: A square would have fewer than eight dots.
+        """
+        side = round(self.square * dots_per_metre)
+        if side < 8:
+            raise CalibrationError(
+                f"a square needs 8 dots or more, {self.square} m has {side} at {dots_per_metre:g}/m"
+            )
+        if self.marker is not None:
+            size = (self.columns * side, self.rows * side)
+            return np.asarray(self.charuco().generateImage(size), dtype=np.uint8)
+        dark = np.add.outer(np.arange(self.rows), np.arange(self.columns)) % 2 == 0
+        return np.kron(np.where(dark, 0, 255), np.ones((side, side))).astype(np.uint8)
+
+    def corners(self, picture: ByteArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return board points (k, 3) [m] and their pixels (k, 2), or None without a board."""
+        grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture
+        if self.marker is None:
+            return self._chessboard_corners(grey)
+        board = self.charuco()
+        found, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
+        if ids is None or len(ids) < LEAST_CORNERS:
+            return None
+        points = np.asarray(board.getChessboardCorners(), dtype=float)[np.ravel(ids)]
+        return points, np.asarray(found, dtype=float).reshape(-1, 2)
+
+    def _chessboard_corners(self, grey: ByteArray) -> tuple[FloatArray, FloatArray] | None:
+        size = (self.columns - 1, self.rows - 1)
+        found, corners = cv2.findChessboardCorners(grey, size)
+        if not found:
+            return None
+        stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 1.0e-4)
+        corners = cv2.cornerSubPix(grey, corners, (5, 5), (-1, -1), stop)
+        points = np.zeros((size[0] * size[1], 3))
+        points[:, :2] = np.mgrid[: size[0], : size[1]].T.reshape(-1, 2) * self.square
+        return points, np.asarray(corners, dtype=float).reshape(-1, 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """What the photographs say.
+
+    Attributes:
+        camera: The whole sensor.
+        residual: Root mean square distance between corners and model [px].
+        views: Photographs with a board.
+        refused: Photographs without one.
+    """
+
+    camera: PinholeCamera
+    residual: float
+    views: int
+    refused: int
+
+
+def write_board(path: Path, board: Board, dots_per_inch: float) -> tuple[float, float]:
+    """Write the board as a picture to print; return its printed width and height [m].
+
+    Raises:
+        CalibrationError: The squares are too small to print.
+        OSError: The picture cannot be written.
+    """
+    dots_per_metre = dots_per_inch / 0.0254
+    picture = board.picture(dots_per_metre)
+    try:
+        written = cv2.imwrite(str(path), picture)
+    except cv2.error as error:
+        raise OSError(0, f"no picture format for {path.name}") from error
+    if not written:
+        raise OSError(0, "the folder is missing or not writable")
+    return picture.shape[1] / dots_per_metre, picture.shape[0] / dots_per_metre
+
+
+def calibrate(pictures: Sequence[ByteArray], board: Board) -> Calibration:
+    """Fit camera matrix and plumb_bob distortion to photographs of a board.
+
+    Args:
+        pictures: Grey or blue-green-red, all of one size.
+        board: What they show.
+
+    Raises:
+        CalibrationError: Sizes differ, or fewer than four photographs show the board.
+    """
+    sizes = {picture.shape[:2] for picture in pictures}
+    if len(sizes) != 1:
+        raise CalibrationError(f"photographs must have one size, got {sorted(sizes)}")
+    seen = [found for picture in pictures if (found := board.corners(picture)) is not None]
+    if len(seen) < LEAST_VIEWS:
+        raise CalibrationError(
+            f"at least {LEAST_VIEWS} photographs must show the board, {len(seen)} of "
+            f"{len(pictures)} do"
+        )
+    height, width = sizes.pop()
+    residual, matrix, distortion, _, _ = cv2.calibrateCamera(
+        [points.astype(np.float32) for points, _ in seen],
+        [pixels.astype(np.float32) for _, pixels in seen],
+        (width, height),
+        None,
+        None,
+    )
+    camera = PinholeCamera.from_info(
+        width=width, height=height, k=matrix, d=np.ravel(distortion)[:5]
+    )
+    return Calibration(
+        camera=camera,
+        residual=float(residual),
+        views=len(seen),
+        refused=len(pictures) - len(seen),
+    )
+
+
+def write_camera(path: Path, camera: PinholeCamera, name: str = "camera") -> None:
+    """Write the YAML that camera_info_manager and camera_calibration read and write.
+
+    A window is kept in two more entries that those tools ignore: roi and binning.
+    """
+    projection = np.column_stack([camera.k, np.zeros(3)])
+    content = {
+        "image_width": camera.width,
+        "image_height": camera.height,
+        "camera_name": name,
+        "camera_matrix": _matrix(camera.k),
+        "distortion_model": camera.distortion_model,
+        "distortion_coefficients": _matrix(camera.d[None]),
+        "rectification_matrix": _matrix(np.eye(3)),
+        "projection_matrix": _matrix(projection),
+        "roi": dict(zip(("x_offset", "y_offset", "width", "height"), camera.roi, strict=True)),
+        "binning": camera.binning,
+    }
+    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+
+
+def read_camera(path: Path) -> PinholeCamera:
+    """Read a camera file.
+
+    Raises:
+        CalibrationError: The file cannot be read or does not describe a calibrated camera.
+    """
+    try:
+        content = load_yaml(path.read_text(encoding="utf-8"))
+        roi = content.get("roi", {})
+        return PinholeCamera.from_info(
+            width=int(content["image_width"]),
+            height=int(content["image_height"]),
+            k=content["camera_matrix"]["data"],
+            d=content["distortion_coefficients"]["data"],
+            distortion_model=content.get("distortion_model", PLUMB_BOB),
+            roi=(
+                int(roi.get("x_offset", 0)),
+                int(roi.get("y_offset", 0)),
+                int(roi.get("width", 0)),
+                int(roi.get("height", 0)),
+            ),
+            binning=int(content.get("binning", 1)),
+        )
+    except OSError as error:
+        raise CalibrationError(f"cannot read {path}: {error.strerror}") from error
+    except YamlTextError as error:
+        raise CalibrationError(f"{path} is not YAML: {error}") from error
+    except (KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise CalibrationError(f"{path} is not a camera file: {error!r} is missing") from error
+    except ValueError as error:
+        raise CalibrationError(f"{path}: {error}") from error
+
+
+def _matrix(values: FloatArray) -> dict[str, Any]:
+    return {
+        "rows": values.shape[0],
+        "cols": values.shape[1],
+        "data": [float(value) for value in values.ravel()],
+    }

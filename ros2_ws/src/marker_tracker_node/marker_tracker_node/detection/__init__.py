@@ -1,0 +1,1 @@
+"""What a marker looks like in one picture: colour, gates, bands."""

@@ -1,0 +1,141 @@
+"""Frames, calibration and encoder in, measured markers out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
+from marker_tracker_node.ros.parameters import TrackerParameters
+from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.synchroniser import Synchroniser
+from marker_tracker_node.tracking.tracker import Tracker
+from winding_ros import topics
+from winding_ros.camera_messages import CameraReading, decode_camera_info, decode_image
+from winding_ros.cloud_messages import encode_cloud
+from winding_ros.message_handler import Answer
+from winding_ros.rig_messages import MessageError, decode_joint_state
+from winding_ros.topics import Topic
+
+# Topics overtake each other: the first calibration may come a few frames late.
+_FRAMES_BEFORE_CALIBRATION = 50
+
+
+class TrackerHandler:
+    """Measures the markers of every frame, once the encoder has come as far as the frame.
+
+    Attributes:
+        config: What the tracker is told of the machine.
+        tracker: Of this run; None before the first calibration.
+    """
+
+    inputs: ClassVar[tuple[Topic, ...]] = (
+        topics.CAMERA_INFO,
+        topics.JOINT_STATES,
+        topics.IMAGE,
+    )
+    outputs: ClassVar[tuple[Topic, ...]] = (topics.TRACKED_MARKERS,)
+
+    def __init__(self, wanted: TrackerParameters) -> None:
+        case, drive = wanted.condition(), wanted.drive()
+        self.config = TrackerConfig(
+            cylinder_radius=case.cylinder_radius,
+            cable_radius=case.cable_radius,
+            marker_spacing=case.marker_spacing,
+            marker_count=case.marker_count,
+            expected_stretch=1.0 + case.nominal_stress / case.material.young,
+            band_width=wanted.band_width,
+            pose=CameraPose(
+                position=_triple(wanted.camera_position), tilt=_triple(wanted.camera_tilt)
+            ),
+            advance_per_radian=drive.advance_per_radian,
+            free_length=wanted.free_length,
+            angular_speed=drive.angular_speed,
+        )
+        self.tracker: Tracker | None = None
+        self._camera: CameraReading | None = None
+        self._synchroniser = Synchroniser()
+        self._uncalibrated = 0
+
+    def begin(self, t: float) -> Iterator[Answer]:
+        """Begin a new run; nothing is said before the first frame."""
+        self.tracker = None
+        self._camera = None
+        self._synchroniser = Synchroniser()
+        self._uncalibrated = 0
+        yield from ()
+
+    def take(self, topic: Topic, message: Any) -> Iterator[Answer]:
+        """Take a calibration, an encoder sample or a frame; yield the frames that can be measured.
+
+        Raises:
+            MessageError: The message cannot be used.
+        """
+        if topic is topics.CAMERA_INFO:
+            self._calibrate(message)
+            yield from self._measure()
+        elif topic is topics.JOINT_STATES:
+            t, reading = decode_joint_state(message)
+            self._synchroniser.add_reading(t, reading)
+            yield from self._measure()
+        else:
+            t, frame = decode_image(message)
+            if self.tracker is None:
+                self._uncalibrated += 1
+                if self._uncalibrated > _FRAMES_BEFORE_CALIBRATION:
+                    raise MessageError("no calibrated camera_info has come before this frame")
+            yield from self.take_frame(t, frame)
+
+    def take_frame(self, t: float, frame: NDArray[np.uint8]) -> Iterator[Answer]:
+        """Take a frame of time t [s], shape (height, width, 3)."""
+        self._synchroniser.add_frame(t, frame)
+        yield from self._measure()
+
+    def _calibrate(self, message: Any) -> None:
+        try:
+            _, reading = decode_camera_info(message)
+            if self._camera is None or not _same(reading, self._camera):
+                self.tracker = Tracker(self.config, _camera(reading))
+                self._camera = reading
+        except MessageError:
+            # A camera that has no calibration gets none by waiting.
+            self._uncalibrated = _FRAMES_BEFORE_CALIBRATION
+            raise
+
+    def _measure(self) -> Iterator[Answer]:
+        if self.tracker is None:
+            return
+        for pair in self._synchroniser.ready():
+            markers = self.tracker.track(pair.frame, pair.t, pair.cylinder_angle, pair.guide_z)
+            yield Answer(topic=topics.TRACKED_MARKERS, message=encode_cloud(pair.t, markers))
+
+
+def _camera(reading: CameraReading) -> PinholeCamera:
+    window = reading.window
+    try:
+        return PinholeCamera.from_info(
+            width=reading.width,
+            height=reading.height,
+            k=reading.matrix,
+            d=reading.distortion,
+            roi=(window.x_offset, window.y_offset, window.width, window.height),
+            binning=window.binning,
+        )
+    except ValueError as error:
+        raise MessageError(str(error)) from error
+
+
+def _same(one: CameraReading, other: CameraReading) -> bool:
+    return (
+        (one.width, one.height, one.window) == (other.width, other.height, other.window)
+        and bool((one.matrix == other.matrix).all())
+        and bool((one.distortion == other.distortion).all())
+    )
+
+
+def _triple(values: list[float]) -> tuple[float, float, float]:
+    x, y, z = values
+    return x, y, z

@@ -1,0 +1,1 @@
+"""From frame to frame: prediction of gates, measurement, acquisition, refinement."""

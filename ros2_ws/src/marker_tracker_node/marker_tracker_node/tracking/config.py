@@ -1,0 +1,107 @@
+"""What the tracker is told about the machine, the cable and the camera's place."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.camera.pinhole import CameraPose
+from winding_core.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
+from winding_core.fleet_angle import PAPER_FREE_LENGTH
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerConfig:
+    """Configuration of a tracker.
+
+    Attributes:
+        cylinder_radius: R [m].
+        cable_radius: r [m].
+        marker_spacing: Of the undeformed cable [m].
+        marker_count: Markers after P0.
+        expected_stretch: Deformed over undeformed cable length; it tells a late marker from a
+            missed one, the measured gaps correct it.
+        band_width: Of a ring band along the cable [m].
+        pose: Where the camera stands.
+        advance_per_radian: Expected feed per radian of rotation [m/rad].
+        free_length: Of the span between guide and contact line [m].
+        angular_speed: Commanded speed [rad/s], the last resort without an encoder.
+        usable_azimuth: Largest angle from the contact line at which a band is measured [rad].
+        along_margin: Room of a gate along the cable [m].
+        across_margin: Room of a gate across the cable [m].
+        search_width: Half width of the search for a marker that was not seen yet [m].
+        slip_limit: Wandering of a wound angle that counts as slip [rad].
+        marker_hue: Hue around which a marker is sought to sample its colour [deg].
+        marker_hue_tolerance: Half width of that range [deg].
+    """
+
+    cylinder_radius: float
+    cable_radius: float
+    marker_spacing: float
+    marker_count: int = 4
+    expected_stretch: float = 1.0
+    band_width: float = 6.0e-3
+    pose: CameraPose = field(default_factory=CameraPose)
+    advance_per_radian: float = PAPER_FEED_SPEED / PAPER_ANGULAR_SPEED
+    free_length: float = PAPER_FREE_LENGTH
+    angular_speed: float = PAPER_ANGULAR_SPEED
+    usable_azimuth: float = math.radians(62.0)
+    along_margin: float = 0.8e-3
+    across_margin: float = 0.6e-3
+    search_width: float = 4.5e-3
+    slip_limit: float = 0.03
+    marker_hue: float = 50.0
+    marker_hue_tolerance: float = 22.0
+
+    def __post_init__(self) -> None:
+        for name in (
+            "cylinder_radius",
+            "cable_radius",
+            "marker_spacing",
+            "expected_stretch",
+            "band_width",
+            "free_length",
+            "search_width",
+            "slip_limit",
+        ):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} must be positive and finite, got {value}")
+        if self.marker_count < 1:
+            raise ValueError(f"marker_count must be at least 1, got {self.marker_count}")
+        if not 0.1 <= self.usable_azimuth <= 1.4:
+            raise ValueError(
+                f"usable_azimuth must lie in 0.1 to 1.4 rad, got {self.usable_azimuth}"
+            )
+
+    @property
+    def centreline_radius(self) -> float:
+        """R + r [m]."""
+        return self.cylinder_radius + self.cable_radius
+
+    @property
+    def expected_gap(self) -> float:
+        """Wound angle between neighbouring markers [rad]."""
+        return self.marker_spacing * self.expected_stretch / self.centreline_radius
+
+    def numbers(self) -> NDArray[np.float64]:
+        """Return the numbers of the kernels; the names of the places are in `state`."""
+        return np.array(
+            [
+                self.centreline_radius,
+                self.cable_radius,
+                0.5 * self.band_width,
+                self.usable_azimuth,
+                self.along_margin,
+                self.across_margin,
+                self.search_width,
+                self.slip_limit,
+                self.expected_gap,
+                self.free_length / self.centreline_radius,
+                self.advance_per_radian,
+                self.angular_speed,
+            ]
+        )

@@ -1,1 +1,0 @@
-"""The graph: its nodes as data, the orchestrator that runs them, the recorder, the command."""

@@ -1,0 +1,1 @@
+"""The command `winding`: each subcommand parses, calls and prints."""

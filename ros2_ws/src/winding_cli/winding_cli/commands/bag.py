@@ -1,0 +1,270 @@
+"""`winding bag`: look into recordings, check, recover, play, replay and export them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from winding_cli.commands.console import result_console
+from winding_cli.commands.refusal import FAILED, INTERRUPTED, refuse
+from winding_cli.commands.space_key import space_key
+
+_MEGABYTE = 1.0e6
+
+bag = typer.Typer(
+    help="Look into recordings, check, recover, play, replay and export them.",
+    no_args_is_help=True,
+)
+Source = Annotated[Path, typer.Argument(help="rosbag2 folder, or one .mcap or .db3 file.")]
+
+
+@bag.command()
+def info(source: Source) -> None:
+    """Say what a recording holds, and what never reached the recorder."""
+    from rich.table import Table
+
+    from winding_recorder.bags.contents import contents
+    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.notes import COMPLETE, RECOVERED
+
+    try:
+        content = contents(source)
+    except BagError as error:
+        refuse(error, FAILED)
+    console = result_console()
+    size = sum(content.files.values()) / _MEGABYTE
+    console.print(f"{source}: {content.duration:.3f} s from {content.start:.3f} s, {size:.2f} MB")
+    for name, length in content.files.items():
+        console.print(f"  {name}  {length / _MEGABYTE:.2f} MB", highlight=False)
+    if COMPLETE in content.notes:
+        console.print(f"complete: {content.notes[COMPLETE]}", highlight=False)
+    if RECOVERED in content.notes:
+        console.print(f"recovered from: {content.notes[RECOVERED]}", highlight=False)
+    table = Table("topic", "type", box=None, padding=(0, 2))
+    for heading in ("messages", "Hz", "lost"):
+        table.add_column(heading, justify="right")
+    for topic in content.topics:
+        rate = (topic.messages - 1) / content.duration if content.duration > 0.0 else 0.0
+        table.add_row(
+            topic.name,
+            topic.type_name,
+            str(topic.messages),
+            f"{rate:.1f}" if topic.messages > 1 else "-",
+            "not counted" if topic.lost is None else str(topic.lost),
+        )
+    console.print(table)
+
+
+@bag.command()
+def check(source: Source) -> None:
+    """Look for damage: every checksum, message, count and stamp. Exit code 1 if there is any."""
+    from winding_recorder.bags.check import check as look
+    from winding_recorder.bags.failure import BagError
+
+    try:
+        verdict = look(source)
+    except BagError as error:
+        refuse(error, FAILED)
+    for sentence in verdict.findings:
+        print(f"found: {sentence}")
+    for sentence in verdict.remarks:
+        print(f"note: {sentence}")
+    if verdict.findings:
+        raise typer.Exit(FAILED)
+    print(f"{source} is whole: {verdict.messages} messages in {len(verdict.stamps)} topics")
+
+
+@bag.command()
+def recover(
+    source: Source,
+    target: Annotated[Path, typer.Argument(help="New folder; the source is only read.")],
+) -> None:
+    """Make a readable recording out of one that was cut off or damaged."""
+    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.recover import recover as salvage
+
+    try:
+        files = salvage(source, target)
+    except BagError as error:
+        refuse(error, FAILED)
+    except OSError as error:
+        refuse(f"cannot write {target}: {error.strerror or error}", FAILED)
+    for file in files:
+        print(f"{file.name}: kept {file.kept} messages of {file.bytes / _MEGABYTE:.2f} MB")
+        for loss in file.losses:
+            print(f"lost: {loss}")
+    print(f"recovered: {target}")
+
+
+@bag.command()
+def play(
+    source: Source,
+    *,
+    rate: Annotated[float, typer.Option(help="Bag seconds per second.")] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Again and again; time jumps back.")] = False,
+    start_paused: Annotated[
+        bool, typer.Option("--start-paused", help="Wait for the space key or a service.")
+    ] = False,
+    topics: Annotated[
+        str, typer.Option(help="Full topic names with commas between; all otherwise.")
+    ] = "",
+    force: Annotated[
+        bool, typer.Option("--force", help="Publish although the topics have publishers.")
+    ] = False,
+    domain: Annotated[
+        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
+    ] = None,
+) -> None:
+    """Publish a recording again: the same bytes, the same rhythm, and /clock.
+
+    The space key pauses and goes on; so do bag_player/toggle_paused (std_srvs/Trigger) and
+    bag_player/set_paused (std_srvs/SetBool).
+    """
+    import os
+    import tempfile
+
+    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.pacing import Pacing
+    from winding_recorder.playback.player import Player
+    from winding_ros.environment import set_process_environment
+    from winding_supervisor.domain_lock import DomainError, chosen_domain
+
+    try:
+        pacing = Pacing(rate, paused=start_paused)
+        logs = Path(os.environ.get("ROS_LOG_DIR") or tempfile.mkdtemp(prefix="winding-play-"))
+        set_process_environment(chosen_domain(domain), logs)
+    except (ValueError, DomainError) as error:
+        refuse(error)
+    stopped = threading.Event()
+    try:
+        with _player_node() as node:
+            player = Player(node, source, pacing, wanted=_names(topics), force=force)
+            with space_key(player.toggle, stopped):
+                player.wait_for_subscribers()
+                while True:
+                    player.play(stopped.is_set)
+                    if not loop:
+                        break
+            player.drain()
+    except BagError as error:
+        refuse(error, FAILED)
+    except KeyboardInterrupt:
+        refuse("interrupted", INTERRUPTED)
+    finally:
+        stopped.set()
+    print(f"published {player.published} messages, latest {1e3 * player.latest / rate:.1f} ms late")
+
+
+@bag.command()
+def replay(
+    source: Source,
+    *,
+    node: Annotated[str, typer.Option(help="tracker, fem or correction.")],
+    tolerance: Annotated[
+        float, typer.Option(help="Allowed difference, relative to the value or to 1.")
+    ] = 1.0e-6,
+    parameters: Annotated[
+        Path | None,
+        typer.Option(help="ROS parameter file in place of what the recording says."),
+    ] = None,
+) -> None:
+    """Feed recorded inputs to one node's work and compare its answers. Exit code 1 if they differ.
+
+    No ROS graph is needed. Two replays of one recording give the same bytes.
+    """
+    from winding_recorder.bags.failure import BagError
+    from winding_recorder.playback.replay import REPLAYABLE
+    from winding_recorder.playback.replay import replay as feed
+    from winding_ros.graph import DEFAULT_NAMESPACE
+    from winding_ros.parameter_files import parameters_for
+
+    own = None
+    try:
+        if parameters is not None and node in REPLAYABLE:
+            own = parameters_for(parameters, f"/{DEFAULT_NAMESPACE}/{REPLAYABLE[node][0]}")
+    except (OSError, ValueError) as error:
+        refuse(error)
+    try:
+        result = feed(source, node, tolerance=tolerance, parameters=own)
+    except BagError as error:
+        refuse(error, FAILED)
+    except ValueError as error:
+        refuse(error)
+    print(f"{result.inputs} messages in, {result.refused} refused, answers {result.digest}")
+    for comparison in result.comparisons:
+        print(
+            f"{comparison.topic}: {comparison.identical} of {comparison.compared} identical, "
+            f"{comparison.missing} missing, {comparison.extra} more than recorded"
+        )
+        for name, difference in sorted(comparison.differences.items()):
+            mark = "" if comparison.excess[name] <= 1.0 else "  above the tolerance"
+            if difference != 0.0:
+                print(f"  {name}: largest difference {difference:.3g}{mark}")
+        for name, count in sorted(comparison.mismatches.items()):
+            print(f"  {name}: differs {count} times")
+    if not result.agrees:
+        refuse("the replay differs from the recording", FAILED)
+
+
+@bag.command()
+def export(
+    source: Source,
+    *,
+    out: Annotated[Path, typer.Option(help="New folder of tables.")],
+    form: Annotated[str, typer.Option("--format", help="csv or parquet.")] = "csv",
+    topics: Annotated[
+        str, typer.Option(help="Full topic names with commas between; all otherwise.")
+    ] = "",
+) -> None:
+    """Write a table for every topic; clouds give one row per point."""
+    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.tables import export as write
+
+    try:
+        files = write(source, out, form, _names(topics))
+    except BagError as error:
+        refuse(error, FAILED)
+    except OSError as error:
+        refuse(f"cannot write {out}: {error.strerror or error}", FAILED)
+    for file in files:
+        print(file)
+
+
+def _names(text: str) -> frozenset[str]:
+    return frozenset(name.strip() for name in text.split(",") if name.strip())
+
+
+@contextmanager
+def _player_node() -> Iterator[object]:
+    """Yield a node that a thread spins."""
+    import rclpy
+    from rclpy.context import Context
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.node import Node
+
+    context = Context()
+    rclpy.init(context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
+    node = Node("bag_player", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+
+    def spin() -> None:
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            return
+
+    thread = threading.Thread(target=spin, name="bag_player", daemon=True)
+    thread.start()
+    try:
+        yield node
+    finally:
+        executor.shutdown()
+        thread.join()
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)

@@ -1,0 +1,49 @@
+"""`winding board`: the calibration board to print."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from winding_cli.commands.refusal import refuse
+
+MILLIMETRE = 1.0e-3
+
+
+def board(
+    out: Annotated[Path, typer.Argument(help="Picture to write, such as board.png.")],
+    *,
+    columns: Annotated[int, typer.Option(help="Squares across.")] = 14,
+    rows: Annotated[int, typer.Option(help="Squares down.")] = 8,
+    square_mm: Annotated[float, typer.Option(help="Side of a square.")] = 8.0,
+    marker_mm: Annotated[
+        float, typer.Option(help="Side of a ChArUco marker; 0 for a plain chessboard.")
+    ] = 6.0,
+    dictionary: Annotated[str, typer.Option(help="Of the markers.")] = "DICT_4X4_250",
+    dpi: Annotated[float, typer.Option(min=50.0, max=2400.0, help="Dots per inch.")] = 600.0,
+) -> None:
+    """Draw the board that `winding calibrate` looks for; print it at its true size."""
+    from marker_tracker_node.camera.calibration import Board, write_board
+
+    try:
+        width, height = write_board(
+            out,
+            Board(
+                columns=columns,
+                rows=rows,
+                square=square_mm * MILLIMETRE,
+                marker=marker_mm * MILLIMETRE if marker_mm else None,
+                dictionary=dictionary,
+            ),
+            dpi,
+        )
+    except ValueError as error:
+        refuse(error)
+    except OSError as error:
+        refuse(f"cannot write {out}: {error.strerror}")
+    print(
+        f"{out}: print at {dpi:g} dots per inch, {width / MILLIMETRE:.1f} x "
+        f"{height / MILLIMETRE:.1f} mm, and measure a square before you trust it"
+    )

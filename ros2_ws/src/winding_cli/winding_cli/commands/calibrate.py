@@ -1,0 +1,59 @@
+"""`winding calibrate`: a camera file from photographs of a board."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from winding_cli.commands.refusal import refuse
+
+MILLIMETRE = 1.0e-3
+
+
+def calibrate(
+    pictures: Annotated[list[Path], typer.Argument(help="Photographs, or folders of them.")],
+    *,
+    out: Annotated[Path, typer.Option(help="Camera YAML to write.")],
+    columns: Annotated[int, typer.Option(help="Squares across.")] = 14,
+    rows: Annotated[int, typer.Option(help="Squares down.")] = 8,
+    square_mm: Annotated[float, typer.Option(help="Side of a square.")] = 8.0,
+    marker_mm: Annotated[
+        float, typer.Option(help="Side of a ChArUco marker; 0 for a plain chessboard.")
+    ] = 6.0,
+    dictionary: Annotated[str, typer.Option(help="Of the markers.")] = "DICT_4X4_250",
+    name: Annotated[str, typer.Option(help="Name of the camera.")] = "camera",
+) -> None:
+    """Fit camera matrix and distortion, and write the YAML that ROS tools read."""
+    from marker_tracker_node.camera.calibration import Board, write_camera
+    from marker_tracker_node.camera.calibration import calibrate as fit
+    from marker_tracker_node.camera.recordings import PICTURES, read_picture
+
+    files = [
+        file
+        for path in pictures
+        for file in (sorted(path.iterdir()) if path.is_dir() else [path])
+        if not path.is_dir() or file.suffix.lower() in PICTURES
+    ]
+    if not files:
+        refuse("there is no picture")
+    try:
+        photographs = [read_picture(file) for file in files]
+        board = Board(
+            columns=columns,
+            rows=rows,
+            square=square_mm * MILLIMETRE,
+            marker=marker_mm * MILLIMETRE if marker_mm else None,
+            dictionary=dictionary,
+        )
+        result = fit(photographs, board)
+        write_camera(out, result.camera, name)
+    except ValueError as error:
+        refuse(error)
+    except OSError as error:
+        refuse(f"cannot write {out}: {error.strerror}")
+    print(
+        f"{result.views} views ({result.refused} without a board), residual "
+        f"{result.residual:.3f} px, focal {result.camera.k[0, 0]:.2f} px, written to {out}"
+    )

@@ -1,0 +1,102 @@
+"""`winding conform`: does a machine's driver provide what the graph needs?"""
+
+from __future__ import annotations
+
+import asyncio
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from winding_cli.commands.console import result_console
+from winding_cli.commands.refusal import FAILED, refuse
+
+if TYPE_CHECKING:
+    from winding_cli.conformance.judgement import Finding
+
+
+def conform(
+    *,
+    namespace: Annotated[str, typer.Option(help="Namespace of the driver.")] = "winding",
+    domain: Annotated[
+        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=0.5, help="How long to listen.")] = 3.0,
+    camera: Annotated[
+        bool, typer.Option("--camera/--no-camera", help="Whether the driver brings a camera.")
+    ] = True,
+    move: Annotated[
+        bool,
+        typer.Option("--move", help="Also start, stop and emergency-stop the machine. It MOVES."),
+    ] = False,
+    omega_rad_s: Annotated[float, typer.Option(help="Cylinder speed when it winds.")] = 1.74,
+    feed_mm_s: Annotated[float, typer.Option(help="Carriage speed when it winds.")] = 5.0,
+    stop_within_s: Annotated[float, typer.Option(help="Longest time to standstill.")] = 1.5,
+) -> None:
+    """Listen to a running driver and say, promise by promise, what it keeps."""
+    from winding_ros.environment import set_process_environment
+    from winding_supervisor.domain_lock import DomainError, chosen_domain
+
+    try:
+        chosen = chosen_domain(domain)
+    except DomainError as error:
+        refuse(error)
+    for name, value in (
+        ("omega-rad-s", omega_rad_s),
+        ("feed-mm-s", feed_mm_s),
+        ("stop-within-s", stop_within_s),
+    ):
+        if not value > 0.0:
+            refuse(f"--{name} must be positive, got {value}")
+    with tempfile.TemporaryDirectory(prefix="winding-conform-") as folder:
+        set_process_environment(chosen, Path(folder))
+        try:
+            findings = asyncio.run(
+                _probe(
+                    namespace,
+                    camera=camera,
+                    seconds=seconds,
+                    running=(omega_rad_s, 1.0e-3 * feed_mm_s) if move else None,
+                    stop_within=stop_within_s,
+                )
+            )
+        except TimeoutError as error:
+            refuse(f"{error}; is a driver running in namespace /{namespace}, domain {chosen}?", 1)
+    console = result_console()
+    for finding in findings:
+        mark = "[green]kept  [/]" if finding.kept else "[red]BROKEN[/]"
+        console.print(f"{mark}  {finding.promise}: {finding.measured}", highlight=False)
+    broken = sum(not finding.kept for finding in findings)
+    console.print(f"{len(findings) - broken} of {len(findings)} promises kept")
+    if not move:
+        console.print("The machine was not moved: --move also tries start, stop and reset.")
+    if broken:
+        raise typer.Exit(FAILED)
+
+
+async def _probe(
+    namespace: str,
+    *,
+    camera: bool,
+    seconds: float,
+    running: tuple[float, float] | None,
+    stop_within: float,
+) -> list[Finding]:
+    from winding_cli.conformance.probe import Probe
+    from winding_ros.async_client import AsyncClient
+
+    client = AsyncClient(namespace)
+    try:
+        probe = Probe(client, camera=camera)
+        client.start()
+        await probe.listen(seconds)
+        findings = [*await probe.services(), *probe.findings()]
+        if running is not None:
+            if not all(finding.kept for finding in findings):
+                return findings
+            findings += await probe.moves(running, stop_within)
+            findings += probe.findings()[len(probe.heard) :]
+        return findings
+    finally:
+        client.close()

@@ -1,0 +1,59 @@
+"""`winding dashboard`: serve the operator's page of a running graph or of a bag being played."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from winding_cli.commands.refusal import refuse
+
+
+def dashboard(
+    namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
+    domain: Annotated[
+        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
+    ] = None,
+    host: Annotated[
+        str, typer.Option(help="Address to serve on; others than loopback need a token.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="TCP port of the page.")] = 8080,
+    token: Annotated[
+        str,
+        typer.Option(envvar="WINDING_DASHBOARD_TOKEN", help="Secret that a browser must bring."),
+    ] = "",
+) -> None:
+    """Serve the operator's page; Ctrl-C ends it."""
+    from winding_core.parameters import ParameterError, build
+    from winding_ros.environment import ros_arguments, set_process_environment
+    from winding_supervisor.domain_lock import DomainError, chosen_domain
+
+    try:
+        from winding_dashboard.__main__ import main
+        from winding_dashboard.ros.parameters import DashboardParameters
+    except ModuleNotFoundError as error:
+        if error.name != "nicegui":
+            raise
+        refuse("the page needs NiceGUI: pip install cable-winding-twin[dashboard]")
+    values = {"host": host, "port": port, "token": token}
+    try:
+        build(DashboardParameters, values, owner="winding dashboard").check()
+        number = chosen_domain(domain)
+    except (ParameterError, DomainError) as error:
+        refuse(error)
+    _refuse_namespace(namespace)
+    # The environment has to stand before the first context reads it.
+    set_process_environment(number, Path(tempfile.mkdtemp(prefix="winding-dashboard-")))
+    raise typer.Exit(main(["winding_dashboard", *ros_arguments(namespace)], values))
+
+
+def _refuse_namespace(namespace: str) -> None:
+    from rclpy.exceptions import InvalidNamespaceException
+    from rclpy.validate_namespace import validate_namespace
+
+    try:
+        validate_namespace(f"/{namespace}")
+    except InvalidNamespaceException:
+        refuse(f"namespace must be made of letters, digits, _ and /, got {namespace!r}")

@@ -1,0 +1,314 @@
+"""`winding identify`: the material of a cable, from its markers or from a tensile test."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from winding_cli.commands.console import result_console
+from winding_cli.commands.option_record import with_options
+from winding_cli.commands.predict_options import MEGAPASCAL, MILLIMETRE, PredictOptions
+from winding_cli.commands.refusal import FAILED, refuse
+
+if TYPE_CHECKING:
+    from cable_fem_node.identification import (
+        ConstantsEstimate,
+        Fit,
+        LawFit,
+        ModulusEstimate,
+        TrackedRun,
+    )
+    from cable_fem_node.winding.winding_config import WindingConfig
+    from winding_core.markers import Markers
+
+MILLIRADIAN = 1.0e-3
+
+
+@with_options(PredictOptions)
+def identify(
+    options: PredictOptions,
+    *,
+    sources: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Recordings (folder, .mcap) or tables of markers (.csv) of one cable."),
+    ] = None,
+    tensile: Annotated[
+        Path | None,
+        typer.Option(help="CSV of a tensile test instead: strain, stress_mpa (nominal)."),
+    ] = None,
+    weight_n: Annotated[
+        list[float] | None,
+        typer.Option(help="Weight of each source in turn, in N; repeat it for each."),
+    ] = None,
+    use: Annotated[
+        int | None, typer.Option(min=1, help="Identify from the first so many markers alone.")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Also write the result to this file.")
+    ] = None,
+) -> None:
+    """Identify the cable's material from tracked markers by inverse winding, or from a test."""
+    from cable_fem_node.identification import IdentificationError
+    from winding_cli.commands.identify_sources import SourceError
+    from winding_recorder.bags.failure import BagError
+
+    if (tensile is None) == (not sources):
+        refuse("give recordings or tables of markers, or --tensile with a stress-strain table")
+    try:
+        if tensile is not None:
+            record = _tensile(tensile, options)
+        else:
+            runs = _runs(sources or [], weight_n or [], options)
+            record = _identified(runs, use, options)
+    except (IdentificationError, SourceError, BagError, ValueError) as error:
+        refuse(error)
+    if json_file is not None:
+        try:
+            json_file.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+        except OSError as error:
+            refuse(f"cannot write {json_file}: {error.strerror}")
+    if record.get("refused"):
+        refuse(record["refused"], FAILED)
+
+
+def _runs(sources: list[Path], weights: list[float], options: PredictOptions) -> list[TrackedRun]:
+    from cable_fem_node.identification import TrackedRun
+    from cable_fem_node.winding.run_history import planned_inputs
+    from winding_cli.commands.identify_sources import (
+        SourceError,
+        is_recording,
+        read_readings,
+        read_recording,
+        recorded_config,
+    )
+
+    if weights and len(weights) != len(sources):
+        raise SourceError(
+            f"give --weight-n once for each of {len(sources)} sources, got {len(weights)}"
+        )
+    if options.element != "rod":
+        raise SourceError(f"identification winds the rod, not the element {options.element}")
+    stated = options.case is not None or options.cylinder_diameter_mm is not None
+    runs = []
+    for i, source in enumerate(sources):
+        if not source.exists():
+            raise SourceError(f"{source} does not exist")
+        own = options
+        if weights:
+            own = dataclasses.replace(options, tension_n=weights[i], tension_mpa=None)
+        if is_recording(source):
+            config = (
+                own.plan().config
+                if stated
+                else dataclasses.replace(recorded_config(source), law=options.law)
+            )
+            runs.append(read_recording(source, config))
+        else:
+            plan = own.plan()
+            runs.append(
+                TrackedRun(
+                    config=plan.config,
+                    inputs=planned_inputs(plan.drive, plan.duration),
+                    readings=read_readings(source),
+                )
+            )
+    return runs
+
+
+def _identified(runs: list[TrackedRun], use: int | None, options: PredictOptions) -> dict[str, Any]:
+    from cable_fem_node.identification import identify_constants, identify_modulus, with_young
+
+    used = runs
+    if use is not None:
+        used = [dataclasses.replace(run, readings=run.readings.first(use)) for run in runs]
+    console = result_console()
+    if len(runs) > 1 and options.law in ("neo_hookean", "mooney_rivlin"):
+        constants = identify_constants(used, options.law)
+        record = _print_constants(console, constants)
+        record["refused"] = ""
+        fit, young, ratio = (
+            constants.fit,
+            constants.young,
+            constants.share / (1.0 - constants.share),
+        )
+    else:
+        estimate = identify_modulus(used)
+        record = _print_modulus(console, estimate)
+        record["refused"] = estimate.refusal()
+        fit, young, ratio = estimate.fit, estimate.young, runs[0].config.mooney_ratio
+    record |= _print_fit(console, fit)
+    if not record["refused"]:
+        record["predicted"] = []
+        for number, (run, part) in enumerate(zip(runs, used, strict=True)):
+            config = dataclasses.replace(with_young(run.config, young), mooney_ratio=ratio)
+            predicted = _wound(run, config)
+            record["predicted"] += _print_rest(console, number, run, part, predicted)
+    return record
+
+
+def _wound(run: TrackedRun, config: WindingConfig) -> Markers:
+    from cable_fem_node.winding.rod_winding import RodWinding
+    from cable_fem_node.winding.run_history import replay
+
+    model = RodWinding(config)
+    replay(run.inputs, model)
+    return model.markers()
+
+
+def _print_modulus(console: Console, estimate: ModulusEstimate) -> dict[str, Any]:
+    console.print(
+        f"law {estimate.law}: effective Young's modulus {estimate.young / MEGAPASCAL:.4g} MPa, "
+        f"standard error {estimate.standard_error / MEGAPASCAL:.2g} MPa; nine times in ten within "
+        f"{estimate.half_width_90 / MEGAPASCAL:.2g} MPa "
+        f"({estimate.half_width_90 / estimate.young:.1%})",
+        highlight=False,
+    )
+    return {
+        "law": estimate.law,
+        "young_pa": estimate.young,
+        "standard_error_pa": estimate.standard_error,
+        "half_width_90_pa": estimate.half_width_90,
+    }
+
+
+def _print_constants(console: Console, found: ConstantsEstimate) -> dict[str, Any]:
+    errors = found.standard_errors
+    console.print(
+        f"law {found.law}: C10 {found.c10 / MEGAPASCAL:.4g} MPa (standard error "
+        f"{errors[0] / MEGAPASCAL:.2g}), C01 {found.c01 / MEGAPASCAL:.4g} MPa (standard error "
+        f"{errors[1] / MEGAPASCAL:.2g}), initial modulus {found.young / MEGAPASCAL:.4g} MPa "
+        f"(standard error {found.young_standard_error / MEGAPASCAL:.2g})\n{found.statement()}",
+        highlight=False,
+    )
+    return {
+        "law": found.law,
+        "c10_pa": found.c10,
+        "c01_pa": found.c01,
+        "c10_standard_error_pa": errors[0],
+        "c01_standard_error_pa": errors[1],
+        "young_pa": found.young,
+        "standard_error_pa": found.young_standard_error,
+        "separable": found.separable,
+        "statement": found.statement(),
+    }
+
+
+def _print_fit(console: Console, fit: Fit) -> dict[str, Any]:
+    table = Table(title="Markers that were used")
+    for heading in ("run", "marker", "theta, rad", "fitted", "misses by, mrad", "z by, mm"):
+        table.add_column(heading, justify="right")
+    for row in fit.residuals:
+        table.add_row(
+            str(row.run + 1),
+            f"P{row.id}",
+            f"{row.theta:.4f}",
+            f"{row.theta_fitted:.4f}",
+            f"{(row.theta_fitted - row.theta) / MILLIRADIAN:.1f}",
+            f"{(row.z_fitted - row.z) / MILLIMETRE:.2f}",
+        )
+    console.print(table)
+    if fit.degrees == 0:
+        console.print("one marker for one number: the fit cannot be judged by its residuals")
+    elif fit.misfit:
+        console.print(
+            "the residuals are larger than tracker and model explain: each angle scatters by "
+            f"{fit.scatter:.2%} more, this cable is not of one modulus, and the errors say so",
+            highlight=False,
+        )
+    return {
+        "residuals": [dataclasses.asdict(row) for row in fit.residuals],
+        "chi_square": fit.chi_square,
+        "degrees_of_freedom": fit.degrees,
+        "misfit": fit.misfit,
+        "scatter": fit.scatter,
+        "rod_calls": fit.calls,
+    }
+
+
+def _print_rest(
+    console: Console, number: int, run: TrackedRun, used: TrackedRun, predicted: Markers
+) -> list[dict[str, Any]]:
+    from winding_core.helix import curve_length
+    from winding_core.markers import is_wound
+
+    radius = run.config.case.centreline_radius
+    measured = {
+        int(marker): float(curve_length(radius, theta, z))
+        for marker, theta, z in zip(
+            run.readings.ids, run.readings.theta.tolist(), run.readings.z.tolist(), strict=True
+        )
+    }
+    taken = set(used.readings.ids.tolist())
+    rows = [row for row in predicted[1:][is_wound(predicted)[1:]] if int(row["id"]) not in taken]
+    table = Table(title=f"Remaining markers of run {number + 1}, with the identified material")
+    for heading in ("marker", "theta, rad", "z, mm", "S, mm", "measured S, mm", "error, %"):
+        table.add_column(heading, justify="right")
+    record = []
+    for row in rows:
+        marker, s = int(row["id"]), float(row["s"])
+        known = measured.get(marker)
+        error = None if known is None else 100.0 * abs(known - s) / s
+        table.add_row(
+            f"P{marker}",
+            f"{row['theta']:.3f}",
+            f"{row['z'] / MILLIMETRE:.2f}",
+            f"{s / MILLIMETRE:.2f}",
+            "-" if known is None else f"{known / MILLIMETRE:.2f}",
+            "-" if error is None else f"{error:.2f}",
+        )
+        record.append(
+            {
+                "run": number,
+                "id": marker,
+                "theta_rad": float(row["theta"]),
+                "z_m": float(row["z"]),
+                "s_m": s,
+                "s_measured_m": known,
+                "error_pct": error,
+            }
+        )
+    if rows:
+        console.print(table)
+    return record
+
+
+def _tensile(path: Path, options: PredictOptions) -> dict[str, Any]:
+    from cable_fem_node.identification import fit_laws, judgement
+    from winding_cli.commands.identify_sources import read_tensile_test
+    from winding_core.cases import Material
+
+    poisson = Material().poisson if options.poisson is None else options.poisson
+    fits = fit_laws(read_tensile_test(path), poisson)
+    console = result_console()
+    table = Table(title=f"Laws of {path.name}, best first")
+    for heading in ("law", "E, MPa", "standard error", "C01 share", "rms, kPa", "AICc"):
+        table.add_column(heading, justify="right")
+    for item in fits:
+        table.add_row(
+            item.law,
+            f"{item.young / MEGAPASCAL:.4g}",
+            f"{item.young_standard_error / MEGAPASCAL:.2g}",
+            f"{item.share:.2f} +- {item.share_standard_error:.2f}"
+            if item.law == "mooney_rivlin"
+            else "-",
+            f"{item.rms / 1e3:.3g}",
+            f"{item.aicc:.1f}",
+        )
+    console.print(table)
+    console.print(judgement(fits), highlight=False)
+    return {"poisson": poisson, "judgement": judgement(fits), "laws": [_law(f) for f in fits]}
+
+
+def _law(item: LawFit) -> dict[str, Any]:
+    # JSON has no infinity.
+    return {
+        name: value if not isinstance(value, float) or math.isfinite(value) else None
+        for name, value in dataclasses.asdict(item).items()
+    }

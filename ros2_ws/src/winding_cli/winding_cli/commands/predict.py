@@ -1,0 +1,142 @@
+"""`winding predict`: wind a run ahead of time, without ROS."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from winding_cli.commands.console import result_console
+from winding_cli.commands.option_record import with_options
+from winding_cli.commands.predict_options import MILLIMETRE, PredictOptions
+from winding_cli.commands.refusal import refuse
+
+if TYPE_CHECKING:
+    from cable_fem_node.winding.prediction import Prediction
+    from winding_study.runs.planned_run import PlannedRun
+
+
+@with_options(PredictOptions)
+def predict(
+    options: PredictOptions,
+    *,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Also write the result to this file.")
+    ] = None,
+) -> None:
+    """Predict where every marker ends up, how much cable is used, and how far to trust it."""
+    from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
+
+    try:
+        run = options.plan()
+        result = _wind(run)
+    except (ValueError, DivergenceError, EnergyBalanceError) as error:
+        refuse(error)
+    _print(result, run.element)
+    if json_file is not None:
+        try:
+            json_file.write_text(json.dumps(_record(result, run.element), indent=1) + "\n")
+        except OSError as error:
+            refuse(f"cannot write {json_file}: {error.strerror}")
+
+
+def _wind(run: PlannedRun) -> Prediction:
+    from cable_fem_node.dynamics.compile import is_compiled
+
+    console = Console(stderr=True)
+    if not is_compiled():
+        console.print("compiling the solver's kernels: once after installation, a minute at most")
+    with Progress(
+        TextColumn(f"winding with the {run.element}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
+    ) as bar:
+        task = bar.add_task("winding", total=1.0)
+
+        def show(share: float) -> None:
+            bar.update(task, completed=share)
+
+        return run.wind(show)
+
+
+def _print(result: Prediction, element: str) -> None:
+    console = result_console()
+    case = result.config.case
+    title = f"case {case.number}" if case.number else "own condition"
+    table = Table(title=f"Markers after {result.duration:g} s, {title}, {element}")
+    for column in ("marker", "theta, rad", "z, mm", "S, mm", "on the cylinder"):
+        table.add_column(column, justify="right")
+    for row in result.markers[1:]:
+        table.add_row(
+            f"P{row['id']}",
+            f"{row['theta']:.3f}",
+            f"{row['z'] / MILLIMETRE:.2f}",
+            f"{row['s'] / MILLIMETRE:.2f}",
+            "no" if row["flags"] else "yes",
+        )
+    console.print(table)
+    turns = Table(title="Turns")
+    for column in ("turn", "cable used, mm", "advance, mm"):
+        turns.add_column(column, justify="right")
+    for n, (used, pitch) in enumerate(
+        zip(result.cable_per_turn(), result.pitch_per_turn(), strict=True), start=1
+    ):
+        turns.add_row(str(n), f"{used / MILLIMETRE:.2f}", f"{pitch / MILLIMETRE:.2f}")
+    console.print(turns)
+    energy, tension = result.energy, result.cable["tension"]
+    laid = max(2, result.arc.size)
+    console.print(
+        f"law {result.config.law}: stretch {result.stretch:.5f}, closed form "
+        f"{result.stretch_closed_form:.5f} at the wound tension, {result.span_stretch:.5f} in the "
+        f"span\ntension: wound {tension[:laid].min():.3f} to {tension[:laid].max():.3f} N, "
+        f"span {tension[-1]:.3f} N\nenergy [J]: kinetic {energy.kinetic:.3g}, "
+        f"internal {energy.internal:.3g}, contact {energy.contact:.3g}, "
+        f"external {energy.external:.3g}, friction {energy.friction:.3g}, "
+        f"damping {energy.damping:.3g}; balance open by {energy.balance_pct:.3g} %, "
+        f"kinetic over internal {energy.kinetic_over_internal:.2g}\n"
+        f"speed: {result.cpu_s_per_sim_s:.4f} CPU seconds per simulated second",
+        highlight=False,
+    )
+
+
+def _record(result: Prediction, element: str) -> dict[str, Any]:
+    energy = result.energy
+    return {
+        "element": element,
+        "law": result.config.law,
+        "case": result.config.case.number,
+        "markers": [
+            {
+                "id": int(row["id"]),
+                "theta_rad": float(row["theta"]),
+                "z_m": float(row["z"]),
+                "s_m": float(row["s"]),
+                "wound": not row["flags"],
+            }
+            for row in result.markers[1:]
+        ],
+        "cable_per_turn_m": result.cable_per_turn().tolist(),
+        "pitch_per_turn_m": result.pitch_per_turn().tolist(),
+        "cable": {
+            "s_m": result.cable["s"].tolist(),
+            "tension_n": result.cable["tension"].tolist(),
+        },
+        "energy_j": {
+            name: getattr(energy, name)
+            for name in ("kinetic", "internal", "contact", "external", "friction", "damping")
+        },
+        "energy_balance_pct": energy.balance_pct,
+        "kinetic_over_internal": energy.kinetic_over_internal,
+        "stretch": result.stretch,
+        "stretch_closed_form": result.stretch_closed_form,
+        "span_stretch": result.span_stretch,
+        "cpu_s_per_sim_s": result.cpu_s_per_sim_s,
+    }

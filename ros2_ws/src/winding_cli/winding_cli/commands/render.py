@@ -1,0 +1,75 @@
+"""`winding render`: film a run of the paper with the simulated camera, with its ground truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from winding_cli.commands.refusal import refuse
+
+if TYPE_CHECKING:
+    from winding_rig_node.camera import Scene
+
+
+def render(
+    folder: Annotated[Path, typer.Argument(help="Where pictures and truth go.")],
+    *,
+    case: Annotated[int, typer.Option(help="Row of the paper's Table 1 (1 to 12).")] = 4,
+    fps: Annotated[float, typer.Option(help="Frames per second.")] = 50.0,
+    start_s: Annotated[float, typer.Option(help="First instant of the run, in seconds.")] = 0.0,
+    duration_s: Annotated[float, typer.Option(help="Length of the film in seconds.")] = 20.0,
+    full: Annotated[
+        bool, typer.Option("--full/--window", help="1920x1080, or 640x96 as the rig streams it.")
+    ] = False,
+    noise: Annotated[float, typer.Option(help="Read noise in grey levels.")] = 1.5,
+    bayer: Annotated[bool, typer.Option("--bayer", help="One colour per pixel.")] = False,
+    seed: Annotated[int, typer.Option(help="Of the noise.")] = 1,
+) -> None:
+    """Render the measured lay of a case: frames, motion.csv, truth.csv, camera.yaml."""
+    import numpy as np
+
+    from winding_core.cases import paper_case
+    from winding_core.drive import DriveProfile
+    from winding_core.fleet_angle import PAPER_FREE_LENGTH
+    from winding_rig_node.camera import CameraConfig, Renderer, Scene, SensorNoise
+    from winding_rig_node.camera.sequence import write_sequence
+    from winding_rig_node.machine.lay import published_lay
+
+    if not (fps > 0.0 and duration_s > 0.0 and start_s >= 0.0):
+        refuse(f"rate and duration must be positive, got {fps} frames/s and {duration_s} s")
+    try:
+        wound, drive = paper_case(case), DriveProfile()
+        end = drive.positions(start_s + duration_s)[0]
+        lay = published_lay(wound, drive, PAPER_FREE_LENGTH, end)
+        config = CameraConfig(noise=SensorNoise(read=noise), bayer=bayer)
+        renderer = Renderer(config.full_frame() if full else config)
+    except ValueError as error:
+        refuse(error)
+
+    def instants() -> Iterator[tuple[float, Scene]]:
+        for k in range(round(duration_s * fps)):
+            t = start_s + k / fps
+            angle, guide = drive.positions(t)
+            yield (
+                t,
+                Scene(
+                    cylinder_radius=wound.cylinder_radius,
+                    cable_radius=wound.cable_radius,
+                    cylinder_angle=angle,
+                    path_theta=lay.path_theta,
+                    path_z=lay.path_z,
+                    marker_theta=lay.marker_theta,
+                    guide_z=guide,
+                    free_length=PAPER_FREE_LENGTH,
+                    cylinder_speed=drive.speeds(t)[0],
+                ),
+            )
+
+    try:
+        count = write_sequence(folder, renderer, instants(), np.random.default_rng(seed))
+    except OSError as error:
+        refuse(f"cannot write {folder}: {error}")
+    print(f"{count} frames of case {case} in {folder}")

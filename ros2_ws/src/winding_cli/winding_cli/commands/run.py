@@ -1,0 +1,299 @@
+"""`winding run`: wind one case through the real graph and say what came out."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from winding_cli.commands.console import result_console
+from winding_cli.commands.own_condition import condition_values
+from winding_cli.commands.refusal import FAILED, INTERRUPTED, refuse
+
+if TYPE_CHECKING:
+    from winding_recorder.bags.bag_file import BagConfig
+    from winding_recorder.live.recorder import RunBuffer
+    from winding_supervisor.run import RunConfig, RunResult
+
+_MILLIMETRE = 1.0e-3
+_MEGABYTE = 1.0e6
+_FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
+
+
+def run(
+    case: Annotated[int | None, typer.Option(help="Row of the paper's Table 1, 1 to 12.")] = None,
+    cylinder_diameter_mm: Annotated[
+        float | None, typer.Option(help="Cylinder of a condition of one's own.")
+    ] = None,
+    cable_diameter_mm: Annotated[float | None, typer.Option(help="Its cable, undeformed.")] = None,
+    tension_n: Annotated[float | None, typer.Option(help="Its dead weight.")] = None,
+    marker_spacing_mm: Annotated[float | None, typer.Option(help="Its marker spacing.")] = None,
+    lay: Annotated[
+        str | None,
+        typer.Option(help="paper: the published measurement; fem: a cable with hidden properties."),
+    ] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(help="Simulated seconds per second, 1 by default; 0: as fast as all follow."),
+    ] = None,
+    duration_s: Annotated[float, typer.Option(help="Simulated length of the run.")] = 20.0,
+    bag: Annotated[
+        Path | None, typer.Option(help="Record every topic into this new rosbag2 folder.")
+    ] = None,
+    storage: Annotated[str, typer.Option(help="Of the bag: mcap or sqlite3.")] = "mcap",
+    compression: Annotated[str, typer.Option(help="Of MCAP chunks: none or zstd.")] = "none",
+    split_mb: Annotated[
+        float, typer.Option(help="Begin a further file of the bag after so many MB; 0: never.")
+    ] = 0.0,
+    output: Annotated[
+        Path | None,
+        typer.Option(help="New folder of logs, report and numbers; runs/<time>-case<N> otherwise."),
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Folder of the report.")] = None,
+    json: Annotated[Path | None, typer.Option(help="File of the run's numbers.")] = None,
+    weights: Annotated[
+        str | None, typer.Option(help="Trained weight: shipped name or folder.")
+    ] = None,
+    parameters: Annotated[
+        Path | None, typer.Option(help="ROS parameter file for the nodes.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the simulated sensors.")] = None,
+    domain: Annotated[
+        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
+    ] = None,
+    namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
+    dashboard: Annotated[
+        bool,
+        typer.Option("--dashboard", help="Serve the operator's page and wait for its Start."),
+    ] = False,
+    dashboard_port: Annotated[
+        int | None, typer.Option(help="TCP port of that page; 8080 by default.")
+    ] = None,
+    attach: Annotated[
+        bool,
+        typer.Option("--attach", help="The nodes run already, such as in containers of their own."),
+    ] = False,
+    secure: Annotated[
+        bool, typer.Option("--secure", help="Refuse to run unless DDS security is enforced.")
+    ] = False,
+) -> None:
+    """Wind one case: predict, measure, correct; end with a table and a report."""
+    from winding_core.condition import ConditionParameters
+    from winding_core.parameters import build
+
+    own = {
+        "cylinder_diameter": _scaled(cylinder_diameter_mm, _MILLIMETRE),
+        "cable_diameter": _scaled(cable_diameter_mm, _MILLIMETRE),
+        "weight": tension_n,
+        "marker_spacing": _scaled(marker_spacing_mm, _MILLIMETRE),
+    }
+    if dashboard and case is None and not any(own.values()):
+        case = ConditionParameters().case
+    try:
+        values = condition_values(case, own) | {"duration": duration_s}
+        condition = build(ConditionParameters, values, owner="winding run")
+        wound = condition.condition()
+        condition.drive()
+    except ValueError as error:
+        refuse(error)
+    _refuse_namespace(namespace)
+    if dashboard_port is not None and not dashboard:
+        refuse("--dashboard-port is for a run with --dashboard")
+    if secure:
+        _refuse_open(namespace, dashboard=dashboard)
+    if parameters is not None and not parameters.is_file():
+        refuse(f"no parameter file at {parameters}")
+    recording = _recording(storage, compression, split_mb)
+    lay = lay or ("fem" if wound.number == 0 else "paper")
+    from winding_cli.commands.page_options import operated_condition, page_parameters
+    from winding_ros import topics
+    from winding_supervisor.run import RunConfig
+
+    config = RunConfig(
+        directory=output
+        or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{_label(wound.number)}",
+        condition=values,
+        own={
+            topics.RIG: _given(speed=speed, lay=lay, seed=seed),
+            topics.CORRECTION: _given(weights=weights),
+        },
+        duration=duration_s,
+        bag=bag,
+        recording=recording,
+        parameters_file=parameters,
+        domain=domain,
+        namespace=namespace,
+        attach=attach,
+        page=page_parameters(dashboard_port, parameters, namespace) if dashboard else None,
+    )
+    _check(config)
+    config = replace(config, directory=_claimed(config.directory, exactly=output is not None))
+    result = _session(config, condition)
+    if dashboard:
+        operated = operated_condition(condition, result)
+        if operated is None:
+            print("the operator ended the run before anything was wound", flush=True)
+            return
+        condition = operated
+    _deliver(
+        condition,
+        config,
+        result,
+        report or config.directory / "report",
+        json or config.directory / "run.json",
+    )
+    if result.recording_error is not None:
+        refuse(f"the recording is incomplete: {result.recording_error}", FAILED)
+
+
+def _recording(storage: str, compression: str, split_mb: float) -> BagConfig:
+    from winding_recorder.bags.bag_file import BagConfig
+
+    if not math.isfinite(split_mb):
+        refuse(f"split size must be finite, got {split_mb} MB")
+    try:
+        return BagConfig(
+            storage=storage, compression=compression, split_bytes=round(split_mb * _MEGABYTE)
+        )
+    except ValueError as error:
+        refuse(error)
+
+
+def _given(**values: object) -> dict[str, object]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _scaled(value: float | None, unit: float) -> float | None:
+    return None if value is None else value * unit
+
+
+def _refuse_namespace(namespace: str) -> None:
+    import re
+
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*", namespace):
+        refuse(f"namespace must be made of letters, digits, _ and /, got {namespace!r}")
+
+
+def _refuse_open(namespace: str, *, dashboard: bool) -> None:
+    from winding_ros.graph import GRAPH, PAGE
+    from winding_ros.security import SecurityError, check_security
+
+    try:
+        check_security(namespace, graph=(*GRAPH, PAGE) if dashboard else GRAPH)
+    except SecurityError as error:
+        refuse(error)
+
+
+def _label(case: int) -> str:
+    return f"case{case:02d}" if case else "own"
+
+
+def _check(config: RunConfig) -> None:
+    from winding_core.parameters import ParameterError
+    from winding_recorder.live.recorder import RecorderError
+    from winding_supervisor.domain_lock import DomainError
+    from winding_supervisor.run import check_run
+
+    try:
+        check_run(config)
+    except (ParameterError, DomainError, RecorderError) as error:
+        refuse(error)
+
+
+def _claimed(directory: Path, *, exactly: bool) -> Path:
+    """Make the run's folder; two runs that start in one second get two folders."""
+    candidate, count = directory, 1
+    while True:
+        try:
+            candidate.mkdir(parents=True)
+        except FileExistsError:
+            if exactly:
+                refuse(f"{directory} exists already; a run is never written over another")
+            count += 1
+            candidate = directory.with_name(f"{directory.name}-{count}")
+        else:
+            return candidate
+
+
+def _session(config: RunConfig, condition: object) -> RunResult:
+    from rich.console import Console
+    from rich.live import Live
+    from rich.text import Text
+
+    from winding_cli.output.live_view import LiveView
+    from winding_core.condition import ConditionParameters
+    from winding_recorder.live.recorder import RecorderError
+    from winding_supervisor.domain_lock import DomainError
+    from winding_supervisor.graph_error import GraphError
+    from winding_supervisor.run import run_graph
+
+    assert isinstance(condition, ConditionParameters)
+    console = Console(stderr=True)
+    try:
+        if not console.is_terminal:
+            return run_graph(config, _ProgressLines(config.duration), _say)
+        with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
+
+            def view(buffer: RunBuffer, wall: float) -> None:
+                picture = LiveView(condition.condition(), config.duration, buffer)
+                live.update(picture.render(wall))
+
+            return run_graph(config, view, live.console.print)
+    except (DomainError, RecorderError) as error:
+        refuse(error)
+    except (GraphError, TimeoutError, OSError) as error:
+        refuse(error, FAILED)
+    except (KeyboardInterrupt, asyncio.CancelledError):
+        refuse("interrupted; the nodes are stopped", INTERRUPTED)
+
+
+def _say(sentence: str) -> None:
+    print(sentence, flush=True)
+
+
+class _ProgressLines:
+    """Progress for a log file: a line for every tenth of the run."""
+
+    def __init__(self, duration: float) -> None:
+        self._duration = duration
+        self._told = 0
+        print(_FIRST_WORDS, file=sys.stderr, flush=True)
+
+    def __call__(self, buffer: RunBuffer, wall: float) -> None:
+        from winding_ros import topics
+
+        t = buffer.last_stamp(topics.JOINT_STATES)
+        tenth = int(10.0 * t / self._duration)
+        if tenth > self._told:
+            self._told = tenth
+            print(
+                f"{t:6.2f} of {self._duration:.2f} s simulated, {wall:.1f} s on the clock",
+                file=sys.stderr,
+                flush=True,
+            )
+
+
+def _deliver(
+    condition: object, config: RunConfig, result: RunResult, report: Path, json: Path
+) -> None:
+    from winding_cli.output.results import results_table, run_record
+    from winding_core.condition import ConditionParameters
+    from winding_study.reports.report import write_report
+    from winding_study.runs.run_record import write_run_json
+
+    assert isinstance(condition, ConditionParameters)
+    record = run_record(condition, result)
+    write_run_json(record, json)
+    page = write_report(record, report)
+    console = result_console()
+    console.print(results_table(record))
+    bags = result.bags if config.page is not None else (config.bag,)
+    for name, path in (("report", page), ("numbers", json), *(("bag", bag) for bag in bags)):
+        if path is not None:
+            console.print(f"{name}: {path}", soft_wrap=True)

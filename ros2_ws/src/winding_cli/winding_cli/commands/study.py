@@ -1,0 +1,145 @@
+"""`winding study`: the paper's tables and figures again, with our solver or the paper's own."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from winding_cli.commands.refusal import refuse
+
+STORE = Path("runs") / "study"
+# A row or a range of rows.
+_CASES = re.compile(r"(?P<first>[0-9]{1,3})(-(?P<last>[0-9]{1,3}))?")
+
+
+def study(
+    *,
+    element: Annotated[
+        str, typer.Option(help="Element of the solver: rod, or solid, the paper's C3D8R.")
+    ] = "rod",
+    fem: Annotated[
+        str,
+        typer.Option(help="What is corrected: own predictions, or the paper's published ones."),
+    ] = "own",
+    cases: Annotated[
+        str | None, typer.Option(help="Rows of Table 1, such as 1,4 or 7-12; all twelve.")
+    ] = None,
+    duration_s: Annotated[
+        float,
+        typer.Option("--duration-s", "--duration", help="Simulated seconds of a run."),
+    ] = 20.0,
+    law: Annotated[
+        str | None,
+        typer.Option(help="Material law; linear, or neo_hookean with --calibrate-rig."),
+    ] = None,
+    segment_mm: Annotated[
+        float | None,
+        typer.Option(help="Length of an element; rod 5, solid a sixth of the cylinder's diameter."),
+    ] = None,
+    mass_scaling: Annotated[
+        float | None, typer.Option(help="Factor on the density; rod 1, solid 400.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Folder of the page and a CSV file of every table.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(help="File of all numbers.")] = None,
+    lengths: Annotated[
+        Path | None, typer.Option(help="File of predicted lengths, as `winding train` reads them.")
+    ] = None,
+    store: Annotated[
+        Path, typer.Option(help="Folder of finished runs; what is in it is not wound again.")
+    ] = STORE,
+    processes: Annotated[int, typer.Option(min=1, help="Cases at a time.")] = 2,
+    seeds: Annotated[
+        str, typer.Option(help="Seeds of the models that start at random; the spread is over them.")
+    ] = "0,1,2",
+    steps: Annotated[int | None, typer.Option(min=1, help="Training steps of a network.")] = None,
+    models: Annotated[
+        bool, typer.Option("--models/--no-models", help="Train and compare models of h.")
+    ] = True,
+    calibrate_rig: Annotated[
+        bool,
+        typer.Option("--calibrate-rig", help="Fit the rig's span tension to the measured angles."),
+    ] = False,
+) -> None:
+    """Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models."""
+    from winding_cli.commands import study_output
+    from winding_cli.commands.study_conduct import conduct
+    from winding_core.material_law import LAWS
+    from winding_study.paper.study import ELEMENTS, StudyConfig
+
+    if element not in ELEMENTS:
+        refuse(f"element must be {' or '.join(ELEMENTS)}, got {element!r}")
+    if fem not in ("own", "published"):
+        refuse(f"fem must be own or published, got {fem!r}")
+    if law is not None and law not in LAWS:
+        refuse(f"law must be one of {', '.join(LAWS)}, got {law!r}")
+    for name, number in (
+        ("duration-s", duration_s),
+        ("segment-mm", segment_mm),
+        ("mass-scaling", mass_scaling),
+    ):
+        if number is not None and not 0.0 < number < float("inf"):
+            refuse(f"{name} must be positive and finite, got {number}")
+    for path in (json, lengths):
+        if path is not None and not path.absolute().parent.is_dir():
+            refuse(f"there is no folder {path.parent} for {path.name}")
+    if report is not None and report.exists() and not report.is_dir():
+        refuse(f"{report} is not a folder")
+    if calibrate_rig:
+        if lengths is not None or report is not None:
+            refuse("--calibrate-rig winds nothing, so it has no --lengths and no --report")
+        study_output.calibrate(law, json)
+        return
+    if fem == "published" and lengths is not None:
+        refuse("--fem published winds nothing, so it has no --lengths")
+    chosen, drawn = _cases(cases), _seeds(seeds)
+    try:
+        config = StudyConfig(
+            element=element,
+            law=law or "linear",
+            segment_length=None if segment_mm is None else 1e-3 * segment_mm,
+            mass_scaling=mass_scaling,
+            duration=duration_s,
+        )
+    except ValueError as error:
+        refuse(error)
+    record, stored = conduct(
+        config if fem == "own" else None,
+        chosen,
+        store=store,
+        processes=processes,
+        seeds=drawn if models else (),
+        steps=steps,
+    )
+    study_output.show(record)
+    study_output.deliver(record, stored=stored, report=report, json=json, lengths=lengths)
+
+
+def _cases(text: str | None) -> tuple[int, ...]:
+    """Return the rows of Table 1 that are asked for, in order."""
+    from winding_core.published import published_conditions
+
+    known = tuple(published_conditions())
+    if text is None:
+        return known
+    found: set[int] = set()
+    for part in text.split(","):
+        match = _CASES.fullmatch(part.strip())
+        if match is None:
+            refuse(f"cases must be numbers such as 1,4 or 7-12, got {text!r}")
+        first, last = int(match["first"]), int(match["last"] or match["first"])
+        if not known[0] <= first <= last <= known[-1]:
+            refuse(f"cases must be rows 1 to {len(known)} of Table 1, got {text!r}")
+        found |= set(range(first, last + 1))
+    return tuple(sorted(found))
+
+
+def _seeds(text: str) -> tuple[int, ...]:
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isdecimal() for part in parts) or len(set(parts)) != len(parts):
+        refuse(f"seeds must be different whole numbers such as 0,1,2, got {text!r}")
+    return tuple(int(part) for part in parts)

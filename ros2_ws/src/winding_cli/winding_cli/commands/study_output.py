@@ -1,0 +1,167 @@
+"""What a study prints and writes."""
+
+from __future__ import annotations
+
+import json as json_text
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from winding_cli.commands.console import result_console
+from winding_cli.commands.refusal import FAILED, refuse
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from winding_study.documents.data_table import DataTable
+    from winding_study.paper.study_record import StudyRecord
+
+# A pipe has no width of its own; the widest table needs this much.
+
+
+def show(record: StudyRecord) -> None:
+    """Print every cell, the means, the models and the verdict."""
+    console = result_console()
+    _print(console, record.cells_table())
+    _print(console, record.means_table())
+    for table in record.own_tables():
+        _print(console, table)
+    results = record.results
+    if results:
+        console.print(
+            f"{sum(result.cpu_seconds for result in results):.1f} CPU seconds; energy balance open "
+            f"by at most {max(result.energy_balance_pct for result in results):.2g} %; one guide "
+            "distance and the dead weight for all cases, nothing fitted.",
+            highlight=False,
+        )
+    console.print(record.verdict(), highlight=False)
+
+
+def deliver(
+    record: StudyRecord,
+    *,
+    stored: int,
+    report: Path | None,
+    json: Path | None,
+    lengths: Path | None,
+) -> None:
+    """Write the files that were asked for, and say so when one was there before."""
+    from correction_node.models.dataset import format_lengths
+    from winding_study.paper.study import predicted_lengths
+
+    try:
+        if json is not None:
+            write_json(json, record.as_json())
+        if lengths is not None:
+            _announce(lengths)
+            lengths.write_text(format_lengths(predicted_lengths(record.results)), encoding="utf-8")
+        if report is not None:
+            _report(record, report, stored)
+    except OSError as error:
+        refuse(f"cannot write {error.filename}: {error.strerror}", FAILED)
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write strict JSON and say so when a file is replaced."""
+    _announce(path)
+    path.write_text(json_text.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def calibrate(law: str | None, json: Path | None) -> None:
+    """Fit the rig's span tension and print it."""
+    from dataclasses import asdict
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from winding_study.paper.calibration import LAW, calibrate
+
+    console = result_console()
+    with Console(stderr=True).status("fitting five numbers thirteen times"):
+        fitted = calibrate(law or LAW)
+    table = Table(title=f"Span tension of the rig, fitted with law {fitted.law}")
+    for column in ("number", "value", "standard error"):
+        table.add_column(column, justify="left" if column == "number" else "right")
+    units = {"offset": " (F0), N", "diameter_gain": " (b), N", "build_up_length": " (L_c), m"}
+    for (name, value), error in zip(
+        asdict(fitted.tension).items(), fitted.standard_errors, strict=True
+    ):
+        label = name.replace("_", " ") + units.get(name, "")
+        table.add_row(label, f"{value:.4f}", f"{error:.4f}")
+    console.print(table)
+    console.print(
+        f"theta, relative rms over {len(fitted.residuals_pct)} measured markers: "
+        f"{fitted.in_sample_rms_pct:.2f} % in-sample, "
+        f"{fitted.leave_one_case_out_rms_pct:.2f} % leave-one-case-out. The form of the law was "
+        "found on these very cells, so even the left-out number flatters it."
+    )
+    if json is not None:
+        write_json(json, {"calibration": fitted.as_json()})
+
+
+def _report(record: StudyRecord, folder: Path, stored: int) -> None:
+    from winding_cli.commands.machine_speeds import machine_speeds
+    from winding_study.reports.study_report import write_study
+
+    duration = 20.0 if record.config is None else record.config.duration
+    _announce(folder / "index.html")
+    page = write_study(
+        record,
+        folder,
+        speeds=machine_speeds(record.cases[0], duration),
+        facts=_facts(record, stored),
+    )
+    print(f"Report: {page}")
+
+
+def _facts(record: StudyRecord, stored: int) -> dict[str, str]:
+    from winding_core.fleet_angle import PAPER_FREE_LENGTH
+    from winding_study.runs.solver_version import solver_version
+
+    config = record.config
+    if config is None:
+        return {"Base": "the paper's simulation column, as printed"}
+    segment = (
+        f"{1e3 * config.segment_length:g} mm"
+        if config.segment_length is not None
+        else "5 mm"
+        if config.element == "rod"
+        else "a sixth of the cylinder's diameter"
+    )
+    cpu = sum(result.cpu_seconds for result in record.results)
+    return {
+        "Element": config.element,
+        "Material law": config.law,
+        "Element length": segment,
+        "Mass scaling": f"{config.scaling:g}",
+        "Free length": f"{1e3 * PAPER_FREE_LENGTH:g} mm",
+        "Run": f"{config.duration:g} s",
+        "Processor time": f"{cpu:.1f} s for {len(record.results)} cases",
+        "From the store": f"{stored} of {len(record.results)} cases",
+        "Energy balance": "open by at most "
+        f"{max(result.energy_balance_pct for result in record.results):.2g} %",
+        "Solver": solver_version(),
+    }
+
+
+def _announce(path: Path) -> None:
+    if path.exists():
+        print(f"{path} was there and is replaced", file=sys.stderr)
+
+
+def _print(console: Console, table: DataTable) -> None:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    means = table.mean_texts()
+    shown = Table(title=table.title, box=box.SIMPLE_HEAD, show_footer=bool(means), padding=(0, 1))
+    for index, (column, worded) in enumerate(zip(table.columns, table.worded, strict=True)):
+        shown.add_column(
+            Text(column.name.replace(": ", "\n")),
+            means[index] if means else "",
+            justify="left" if worded else "right",
+        )
+    for texts in table.texts():
+        shown.add_row(*texts)
+    console.print(shown)

@@ -1,0 +1,256 @@
+"""`winding sweep`: many predictions at once, in one table, resumed where they stopped."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from winding_cli.commands.predict_options import PredictOptions, option_types
+from winding_cli.commands.refusal import FAILED, INTERRUPTED, refuse
+from winding_cli.commands.termination import terminate_as_interrupt
+
+if TYPE_CHECKING:
+    from winding_study.runs.planned_run import PlannedRun
+    from winding_study.runs.run_store import Arrays, RunStore
+    from winding_study.sweep.axes import Value
+    from winding_study.sweep.engines import Engine
+    from winding_study.sweep.spec import SweepSpec
+
+STORE = Path("runs") / "sweeps"
+ENGINES = ("joblib", "dask")
+_GO_ON = "the same command goes on from there"
+
+# An unfinished file this old has no living writer [s].
+ABANDONED = 3600.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """The runs of this call: places in the sweep, keys, inputs, and what to wind by key.
+
+    Attributes:
+        numbers: Place of each run in the whole sweep, from 1.
+        keys: Key of each run in the store.
+        inputs: What was varied, by name.
+        runs: What to wind, by key.
+    """
+
+    numbers: list[int]
+    keys: list[str]
+    inputs: list[dict[str, Value]]
+    runs: dict[str, PlannedRun]
+
+
+def sweep(
+    spec: Annotated[Path, typer.Argument(help="YAML of what to vary, as in docs/tutorials.")],
+    *,
+    out: Annotated[
+        Path | None, typer.Option(help="Table of all runs, .parquet or .npz by its suffix.")
+    ] = None,
+    store: Annotated[
+        Path, typer.Option(help="Folder of finished runs; what is in it is not wound again.")
+    ] = STORE,
+    engine: Annotated[
+        str, typer.Option(help="joblib: processes of this machine; dask: a cluster.")
+    ] = "joblib",
+    processes: Annotated[int, typer.Option(min=1, help="Of this machine.")] = 2,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Address of a dask scheduler, tls://host:port; else one is started."),
+    ] = None,
+    tls_ca: Annotated[Path | None, typer.Option(help="Authority's certificate (PEM).")] = None,
+    tls_cert: Annotated[Path | None, typer.Option(help="Own certificate (PEM).")] = None,
+    tls_key: Annotated[Path | None, typer.Option(help="Own private key (PEM).")] = None,
+    shard: Annotated[
+        str | None, typer.Option(help="k/N: only the k-th of N disjoint parts, for job arrays.")
+    ] = None,
+    collect: Annotated[
+        bool, typer.Option("--collect", help="Wind nothing: make the table of what is stored.")
+    ] = False,
+) -> None:
+    """Wind every combination of parameters that a file describes and tabulate the results."""
+    from winding_study.runs.run_store import RunStore
+    from winding_study.sweep.campaign import Shard
+    from winding_study.sweep.table import SUFFIXES
+
+    if out is not None and out.suffix not in SUFFIXES:
+        refuse(f"out must end in {' or '.join(SUFFIXES)}, got {out.name}")
+    if out is not None and not out.absolute().parent.is_dir():
+        refuse(f"there is no folder {out.parent} for {out.name}")
+    try:
+        part = Shard() if shard is None else Shard.parse(shard)
+        winder = _engine(engine, processes, scheduler, (tls_ca, tls_cert, tls_key))
+    except ValueError as error:
+        refuse(error)
+    varied, plan = _plan(spec, part)
+    kept = RunStore(store)
+    done = _stored(kept, plan, part)
+    missing = len(plan.runs) - len(done)
+    if collect and missing:
+        refuse(f"{missing} of {len(plan.runs)} runs are not in {store} yet", FAILED)
+    if missing:
+        done = _wind(plan, done, winder, kept)
+    _deliver(plan, done, varied, out)
+
+
+def _engine(
+    name: str,
+    processes: int,
+    scheduler: str | None,
+    tls: tuple[Path | None, Path | None, Path | None],
+) -> Engine:
+    from winding_study.sweep.cluster import Certificates, DaskEngine
+    from winding_study.sweep.engines import JoblibEngine
+
+    if name not in ENGINES:
+        raise ValueError(f"engine must be {' or '.join(ENGINES)}, got {name!r}")
+    authority, certificate, key = tls
+    if scheduler is None and any(path is not None for path in tls):
+        raise ValueError("--tls-ca, --tls-cert and --tls-key belong to a --scheduler")
+    if name == "joblib":
+        if scheduler is not None:
+            raise ValueError("--scheduler belongs to --engine dask")
+        return JoblibEngine(processes=processes)
+    if authority is not None and certificate is not None and key is not None:
+        certificates = Certificates(authority=authority, certificate=certificate, key=key)
+    elif any(path is not None for path in tls):
+        raise ValueError("give --tls-ca, --tls-cert and --tls-key together")
+    else:
+        certificates = None
+    return DaskEngine(processes=processes, address=scheduler, certificates=certificates)
+
+
+def _plan(path: Path, part: Any) -> tuple[tuple[str, ...], Plan]:
+    """Check every run of a sweep and return this part of it."""
+    from winding_study.sweep.axes import SpecError
+    from winding_study.sweep.spec import parse_spec
+
+    try:
+        spec = parse_spec(path.read_text(encoding="utf-8"), option_types())
+    except (OSError, UnicodeDecodeError) as error:
+        refuse(f"cannot read {path}: {getattr(error, 'strerror', None) or error}")
+    except SpecError as error:
+        refuse(f"{path}: {error}")
+    rows = []
+    for number, given in enumerate(spec, start=1):
+        try:
+            options = PredictOptions(**given)  # type: ignore[arg-type]
+            run = options.plan()
+        except ValueError as error:
+            refuse(f"{path}: {_name(spec, number, given)}: {error}")
+        rows.append((number, run.key, dataclasses.asdict(options.resolved(run)), run))
+    wanted = set(part.keys([key for _, key, _, _ in rows]))
+    if not wanted:
+        refuse(f"{path}: shard {part.number}/{part.count} is empty: there are {len(rows)} runs")
+    rows = [row for row in rows if row[1] in wanted]
+    return spec.varied, Plan(
+        numbers=[row[0] for row in rows],
+        keys=[row[1] for row in rows],
+        inputs=[row[2] for row in rows],
+        runs={row[1]: row[3] for row in rows},
+    )
+
+
+def _name(spec: SweepSpec, number: int, given: dict[str, Value]) -> str:
+    values = ", ".join(f"{name} {given[name]}" for name in spec.varied)
+    return f"run {number} of {len(spec)}" + (f" ({values})" if values else "")
+
+
+def _stored(store: RunStore, plan: Plan, part: Any) -> dict[str, Arrays]:
+    from winding_study.sweep.campaign import stored_results
+
+    _say(
+        f"{len(plan.runs)} runs"
+        + (f" in shard {part.number}/{part.count}" if part.count > 1 else "")
+    )
+    if not store.folder.exists():
+        return {}
+    left = store.remove_unfinished(before=time.time() - ABANDONED)
+    if left:
+        _say(f"{left} files that killed processes left unfinished were removed")
+    done = stored_results(store, plan.keys, _say)
+    if done:
+        _say(f"{len(done)} of them are in {store.folder} already")
+    return done
+
+
+def _wind(
+    plan: Plan, done: dict[str, Arrays], engine: Engine, store: RunStore
+) -> dict[str, Arrays]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import TimeRemainingColumn as Remaining
+
+    from cable_fem_node.dynamics.compile import is_compiled
+    from winding_study.sweep.campaign import wind_missing
+    from winding_study.sweep.engines import EngineError
+    from winding_study.sweep.outcome import OK, SolverMismatchError
+
+    if not is_compiled():
+        _say("compiling the solver's kernels: once after installation, a minute at most")
+        next(iter(plan.runs.values())).warm_up()
+    finished, console = len(done), Console(stderr=True)
+    try:
+        with (
+            terminate_as_interrupt(),
+            Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                MofNCompleteColumn(),
+                Remaining(),
+                console=console,
+                transient=True,
+                disable=not console.is_terminal,
+            ) as progress,
+        ):
+            task = progress.add_task("winding", total=len(plan.runs), completed=finished)
+            failed = sum(str(results["status"]) != OK for results in done.values())
+
+            def ended(results: Arrays) -> None:
+                nonlocal failed, finished
+                finished += 1
+                failed += str(results["status"]) != OK
+                words = f"winding, {failed} failed" if failed else "winding"
+                progress.update(task, completed=finished, description=words)
+
+            return wind_missing(plan.runs, done, engine=engine, store=store, ended=ended)
+    except KeyboardInterrupt:
+        refuse(f"interrupted: {_kept(plan, store)}; {_GO_ON}", INTERRUPTED)
+    except EngineError as error:
+        refuse(f"{error}; {_kept(plan, store)}; {_GO_ON}", FAILED)
+    except SolverMismatchError as error:
+        refuse(error, FAILED)
+    except OSError as error:
+        refuse(f"cannot write to {store.folder}: {error.strerror or error}", FAILED)
+
+
+def _kept(plan: Plan, store: RunStore) -> str:
+    count = sum(store.path(key).exists() for key in plan.runs)
+    return f"{count} of {len(plan.runs)} runs are in {store.folder}"
+
+
+def _deliver(
+    plan: Plan, results: dict[str, Arrays], varied: tuple[str, ...], out: Path | None
+) -> None:
+    from winding_cli.commands.sweep_summary import print_summary
+    from winding_study.runs.solver_version import solver_version
+    from winding_study.sweep.table import table_columns, write_table
+
+    columns = table_columns(plan.numbers, plan.keys, plan.inputs, results, solver=solver_version())
+    print_summary(columns, varied)
+    if out is not None:
+        replaced = out.exists()
+        try:
+            write_table(out, columns)
+        except OSError as error:
+            refuse(f"cannot write {out}: {error.strerror or error}", FAILED)
+        _say(f"{'replaced' if replaced else 'wrote'} {out}: {len(plan.keys)} rows")
+
+
+def _say(sentence: str) -> None:
+    typer.echo(f"winding: {sentence}", err=True)

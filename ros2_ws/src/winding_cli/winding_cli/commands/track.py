@@ -1,0 +1,207 @@
+"""`winding track`: measure the markers of a recorded run, without ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from winding_cli.commands.console import result_console
+from winding_cli.commands.own_condition import condition_values
+from winding_cli.commands.refusal import FAILED, refuse
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from marker_tracker_node import PinholeCamera, Tracker, TrackerConfig
+    from marker_tracker_node.camera.recordings import Motion
+    from winding_core.markers import Markers
+
+    Frames = Iterator[tuple[float, NDArray[np.uint8]]]
+
+MILLIMETRE = 1.0e-3
+MEGAPASCAL = 1.0e6
+VIDEOS = (".mp4", ".avi", ".mkv", ".mov", ".webm")
+BAGS = (".mcap", ".db3", ".bag")
+
+
+def track(
+    source: Annotated[Path, typer.Argument(help="Video file, folder of pictures, or bag.")],
+    *,
+    out: Annotated[Path, typer.Option(help="CSV of every frame's markers.")],
+    camera: Annotated[
+        Path | None, typer.Option(help="Camera YAML; a bag may bring its own camera_info.")
+    ] = None,
+    motion: Annotated[
+        Path | None,
+        typer.Option(help="CSV t, cylinder_angle, guide_z; a bag may bring joint_states."),
+    ] = None,
+    case: Annotated[
+        int | None, typer.Option(help="Row of the paper's Table 1; else 4, or an own cable.")
+    ] = None,
+    cylinder_diameter_mm: Annotated[
+        float | None, typer.Option(help="Cylinder of a condition of one's own.")
+    ] = None,
+    cable_diameter_mm: Annotated[float | None, typer.Option(help="Its cable, undeformed.")] = None,
+    tension_n: Annotated[float | None, typer.Option(help="Its dead weight.")] = None,
+    marker_spacing_mm: Annotated[float | None, typer.Option(help="Its marker spacing.")] = None,
+    young_mpa: Annotated[
+        float | None, typer.Option(help="Its modulus, for a first guess of the stretch; 2.6.")
+    ] = None,
+    markers: Annotated[int, typer.Option(help="Markers after P0.")] = 4,
+    band_mm: Annotated[float, typer.Option(help="Width of a marker along the cable.")] = 6.0,
+    camera_position_mm: Annotated[
+        str,
+        typer.Option(help="Camera: across, up, along the axis. A run refines it."),
+    ] = "417.5,0,50",
+    fps: Annotated[float | None, typer.Option(help="Of pictures without times.")] = None,
+    refined: Annotated[
+        bool, typer.Option("--refine/--no-refine", help="Fit the camera's pose over the run.")
+    ] = True,
+) -> None:
+    """Track a recording and print where every marker lies."""
+    from marker_tracker_node import Tracker
+    from marker_tracker_node.camera.calibration import read_camera
+    from marker_tracker_node.camera.recordings import (
+        Recording,
+        read_bag,
+        read_motion,
+        write_measurements,
+    )
+
+    if not source.exists():
+        refuse(f"{source} does not exist")
+    try:
+        config = _config(
+            case,
+            {
+                "cylinder_diameter": cylinder_diameter_mm,
+                "cable_diameter": cable_diameter_mm,
+                "weight": tension_n,
+                "marker_spacing": marker_spacing_mm,
+            },
+            young_mpa=young_mpa,
+            markers=markers,
+            band_mm=band_mm,
+            camera_position_mm=camera_position_mm,
+        )
+        bag = _is_bag(source)
+        brought = read_bag(source) if bag else Recording(camera=None, motion=None)
+        lens = read_camera(camera) if camera else brought.camera
+        drive = read_motion(motion) if motion else brought.motion
+        if lens is None:
+            refuse("there is no camera: give --camera")
+        if drive is None:
+            refuse("there is no motion: give --motion")
+        tracker = Tracker(config, lens, remember=refined)
+        rows = list(_measure(tracker, _frames(source, bag, fps), drive))
+        write_measurements(out, rows)
+    except OSError as error:
+        refuse(f"cannot write {out}: {error.strerror}")
+    except ValueError as error:
+        refuse(error)
+    _print(tracker, lens, refined)
+    report = tracker.report()
+    if not report.known:
+        refuse(f"no marker was found: {report.colour_refusal or 'nothing moved with P0'}", FAILED)
+
+
+def _config(
+    case: int | None,
+    own: dict[str, float | None],
+    *,
+    young_mpa: float | None,
+    markers: int,
+    band_mm: float,
+    camera_position_mm: str,
+) -> TrackerConfig:
+    from dataclasses import replace
+
+    from marker_tracker_node import CameraPose, TrackerConfig
+    from winding_core.condition import ConditionParameters
+    from winding_core.parameters import build
+
+    scaled = {
+        name: value if value is None or name == "weight" else value * MILLIMETRE
+        for name, value in own.items()
+    }
+    if case is None and not any(own.values()):
+        case = 4
+    values = condition_values(case, scaled)
+    wound = build(ConditionParameters, values, owner="winding track").condition()
+    if young_mpa is not None:
+        wound = replace(wound, material=replace(wound.material, young=young_mpa * MEGAPASCAL))
+    return TrackerConfig(
+        cylinder_radius=wound.cylinder_radius,
+        cable_radius=wound.cable_radius,
+        marker_spacing=wound.marker_spacing,
+        marker_count=markers,
+        expected_stretch=1.0 + wound.nominal_stress / wound.material.young,
+        band_width=band_mm * MILLIMETRE,
+        pose=CameraPose(position=_position(camera_position_mm)),
+    )
+
+
+def _position(text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(word) * MILLIMETRE for word in text.split(","))
+    except ValueError:
+        raise ValueError(f"--camera-position-mm needs three numbers, got {text!r}") from None
+    return x, y, z
+
+
+def _is_bag(source: Path) -> bool:
+    return source.suffix in BAGS or (source / "metadata.yaml").exists()
+
+
+def _frames(source: Path, bag: bool, fps: float | None) -> Frames:
+    from marker_tracker_node.camera.recordings import bag_frames, folder_frames, video_frames
+
+    if bag:
+        return bag_frames(source)
+    if source.is_dir():
+        return folder_frames(source, fps)
+    return video_frames(source, fps)
+
+
+def _measure(tracker: Tracker, frames: Frames, motion: Motion) -> Iterator[tuple[float, Markers]]:
+    for t, frame in frames:
+        angle, guide = motion.at(t)
+        if guide is not None and math.isnan(guide):
+            guide = None
+        yield t, tracker.track(frame, t, angle, guide)
+
+
+def _print(tracker: Tracker, lens: PinholeCamera, refined: bool) -> None:
+    from marker_tracker_node import refine
+    from winding_core.helix import curve_length
+
+    console = result_console()
+    report = tracker.report()
+    refused = sum(report.rejected.values())
+    console.print(f"{report.frames} frames used, {refused} refused, {report.known} markers known")
+    for fault, count in report.rejected.items():
+        if count:
+            console.print(f"  {count} x {fault.value}")
+    estimates = tracker.estimates()
+    theta, z = estimates["theta"], estimates["z"]
+    if refined:
+        try:
+            fit = refine(tracker.config, lens, tracker.sightings())
+        except ValueError as error:
+            console.print(f"not refined: {error}")
+        else:
+            theta, z = fit.theta, fit.z
+            tilt = ", ".join(f"{1e3 * angle:.2f}" for angle in fit.pose.tilt)
+            console.print(f"refined: {fit.residual:.2f} px, camera tilt ({tilt}) mrad")
+    table = Table("marker", "theta, rad", "z, mm", "S, mm")
+    length = curve_length(tracker.config.centreline_radius, theta, z)
+    for n, (angle, height, s) in enumerate(zip(theta, z, length, strict=True)):
+        numbers = (f"{angle:.4f}", f"{height / MILLIMETRE:.3f}", f"{s / MILLIMETRE:.2f}")
+        table.add_row(f"P{n}", *(numbers if math.isfinite(s) else ("-", "-", "-")))
+    console.print(table)

@@ -1,0 +1,109 @@
+"""`winding verify`: the solver's verification suite as a table."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from winding_cli.commands.console import result_console
+from winding_cli.commands.refusal import FAILED, refuse
+
+if TYPE_CHECKING:
+    from cable_fem_node.verification.suite import Row
+
+
+def verify(
+    problems: Annotated[
+        list[str] | None, typer.Argument(help="Names of problems, e.g. B07 W04; all by default.")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Also write the rows to this file.")
+    ] = None,
+) -> None:
+    """Compare the solver with closed forms and reference solutions; exit code 1 if one fails."""
+    from cable_fem_node.dynamics.compile import is_compiled
+    from cable_fem_node.verification.suite import PROBLEMS, run_suite
+
+    names = (
+        list(PROBLEMS) if not problems else [name.upper().replace("R", "r") for name in problems]
+    )
+    unknown = [name for name in names if name not in PROBLEMS]
+    if unknown:
+        refuse(f"no problem named {', '.join(unknown)}; there are {', '.join(PROBLEMS)}")
+    errors = Console(stderr=True)
+    if not is_compiled():
+        errors.print("compiling the solver's kernels: once after installation, a minute at most")
+    rows: list[Row] = []
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=errors,
+        transient=True,
+    ) as bar:
+        task = bar.add_task("verifying", total=len(names))
+        for name, found in run_suite(names):
+            rows += found
+            bar.update(task, advance=1, description=f"verified {name}")
+    console = result_console()
+    console.print(_table(rows))
+    failed = [row for row in rows if not row.passed]
+    console.print(f"{len(rows) - len(failed)} of {len(rows)} quantities within their tolerance")
+    if json_file is not None:
+        try:
+            json_file.write_text(json.dumps([_record(row) for row in rows], indent=1) + "\n")
+        except OSError as error:
+            refuse(f"cannot write {json_file}: {error.strerror}")
+    if failed:
+        raise typer.Exit(FAILED)
+
+
+def _table(rows: list[Row]) -> Table:
+    table = Table(title="Verification of the solver")
+    for column in ("problem", "quantity"):
+        table.add_column(column)
+    for column in ("reference", "computed", "error", "tolerance", "pass"):
+        table.add_column(column, justify="right")
+    titled = ""
+    for row in rows:
+        if row.problem != titled:
+            titled = row.problem
+            table.add_section()
+            table.add_row(f"[bold]{row.problem}[/bold]", f"[bold]{row.title}[/bold]")
+        sign = "rel" if row.relative else row.unit
+        table.add_row(
+            "",
+            f"{row.quantity} \\[{row.unit}]",
+            _short(row.reference),
+            _short(row.computed),
+            f"{row.error:.2g}",
+            f"{row.tolerance:.2g} {sign}",
+            "yes" if row.passed else "[red]NO[/red]",
+        )
+    return table
+
+
+def _short(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, int | float) else "array"
+
+
+def _record(row: Row) -> dict[str, Any]:
+    return {
+        "problem": row.problem,
+        "title": row.title,
+        "quantity": row.quantity,
+        "unit": row.unit,
+        "reference": row.reference,
+        "computed": row.computed,
+        "error": row.error,
+        "tolerance": row.tolerance,
+        "tolerance_kind": "relative" if row.relative else "absolute",
+        "pass": row.passed,
+    }

@@ -1,0 +1,1 @@
+"""Does a machine's driver keep the contract?"""

@@ -1,0 +1,91 @@
+"""What a person sees while a run goes on."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+from rich.console import Group, RenderableType
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from winding_core.cases import Case
+from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
+from winding_recorder.live.run_buffer import RunBuffer
+from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud
+from winding_ros.rig_messages import decode_joint_state, decode_tension
+from winding_ros.topics import Topic
+
+
+class LiveView:
+    """Draws the newest state of a run from its buffer."""
+
+    def __init__(self, case: Case, duration: float, buffer: RunBuffer) -> None:
+        self._case = case
+        self._duration = duration
+        self._buffer = buffer
+
+    def render(self, wall: float) -> RenderableType:
+        """Return the present picture, `wall` seconds after the start."""
+        reading = self._buffer.newest(topics.JOINT_STATES, decode_joint_state)
+        if reading is None:
+            return Text("waiting for the first encoder sample")
+        t, measured = reading
+        command = self._buffer.newest(topics.JOINT_COMMANDS, decode_joint_state)
+        wanted = command[1] if command is not None else None
+        tension = self._buffer.newest(topics.TENSION, decode_tension)
+        machine = Table.grid(padding=(0, 2))
+        machine.add_row(
+            "simulated",
+            f"{t:6.2f} of {self._duration:.2f} s",
+            f"x{t / wall:.2f} of real time" if wall > 0.0 else "",
+        )
+        machine.add_row(
+            "cylinder",
+            f"{measured.angular_speed:6.3f} rad/s",
+            f"target {wanted.angular_speed:.3f}" if wanted else "",
+            f"{measured.cylinder_angle / (2.0 * math.pi):.2f} turns",
+        )
+        machine.add_row(
+            "carriage",
+            f"{1e3 * measured.feed_speed:6.3f} mm/s",
+            f"target {1e3 * wanted.feed_speed:.3f}" if wanted else "",
+            f"{1e3 * measured.carriage_position:.1f} mm",
+        )
+        machine.add_row("tension", f"{tension[1]:6.3f} N" if tension is not None else "-")
+        bar = ProgressBar(total=self._duration, completed=min(t, self._duration), width=60)
+        return Group(bar, machine, self._lengths())
+
+    def _lengths(self) -> Table:
+        table = Table("marker", box=None, padding=(0, 2))
+        for name in ("original", "predicted", "measured", "corrected"):
+            table.add_column(f"{name} mm", justify="right")
+        fem = self._markers(topics.FEM_MARKERS)
+        tracked = self._markers(topics.TRACKED_MARKERS)
+        corrected = self._markers(topics.CORRECTED_MARKERS)
+        for marker in range(1, self._case.marker_count + 1):
+            table.add_row(
+                f"P{marker}",
+                f"{1e3 * self._case.original_length(marker):.1f}",
+                *(_length(markers, marker) for markers in (fem, tracked, corrected)),
+            )
+        return table
+
+    def _markers(self, topic: Topic) -> dict[int, float]:
+        dtype = CORRECTED_DTYPE if topic is topics.CORRECTED_MARKERS else MARKER_DTYPE
+        newest = self._buffer.newest(topic, partial(decode_cloud, dtype=dtype))
+        if newest is None:
+            return {}
+        _, markers = newest
+        return {
+            int(marker): float(length)
+            for marker, length in zip(
+                markers["id"][is_wound(markers)], markers["s"][is_wound(markers)], strict=True
+            )
+        }
+
+
+def _length(markers: dict[int, float], marker: int) -> str:
+    return f"{1e3 * markers[marker]:.1f}" if marker in markers else "not wound"

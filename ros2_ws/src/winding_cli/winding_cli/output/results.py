@@ -1,0 +1,240 @@
+"""From the buffer of a session to what the report and the table say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from winding_core.condition import ConditionParameters
+from winding_core.helix import curve_length
+from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
+from winding_core.published import published_markers
+from winding_core.readings import AxisReading
+from winding_recorder.live.run_buffer import Reading, RunBuffer
+from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud
+from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostics
+from winding_ros.rig_messages import decode_joint_state, decode_tension
+from winding_ros.topics import Topic
+from winding_study.runs.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
+from winding_supervisor.run import RunResult
+
+# A marker in one of these states was not measured in the frame that says so.
+_UNSEEN = int(
+    MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED | MarkerFlag.OCCLUDED | MarkerFlag.CLIPPED
+)
+
+_THINNED = (
+    "The run was long: of what came before its last seconds, curves and means have every second "
+    "message, or every fourth, and so on. Nothing is missing from the counts of frames and samples."
+)
+
+
+def run_record(condition: ConditionParameters, result: RunResult) -> RunRecord:
+    """Return what a finished session says of its run."""
+    buffer = result.buffer
+    case = condition.condition()
+    measured = _in_run(buffer, topics.JOINT_STATES, decode_joint_state)
+    commanded = _in_run(buffer, topics.JOINT_COMMANDS, decode_joint_state)
+    tension = _in_run(buffer, topics.TENSION, decode_tension)
+    tracked = _series(buffer, topics.TRACKED_MARKERS, MARKER_DTYPE, unseen=_UNSEEN)
+    predicted = _series(buffer, topics.FEM_MARKERS, MARKER_DTYPE, unseen=MarkerFlag.NOT_WOUND)
+    corrected = _series(buffer, topics.CORRECTED_MARKERS, CORRECTED_DTYPE)
+    begin = round(1e9 * buffer.origin)
+    frames = buffer.stamps(topics.CAMERA_INFO) - begin
+    answered = buffer.stamps(topics.TRACKED_MARKERS) - begin
+    joints = buffer.stamps(topics.JOINT_STATES) - begin
+    published = published_markers(case.number) if case.number else ()
+    experiment = {item.marker: item.experiment.s for item in published if item.experiment}
+    final = _final_corrections(buffer)
+    return RunRecord(
+        case=case,
+        drive=condition.drive(),
+        cylinder_speed=_signal(measured, "angular_speed"),
+        carriage_speed=_signal(measured, "feed_speed"),
+        cylinder_setpoint=_signal(commanded, "angular_speed"),
+        carriage_setpoint=_signal(commanded, "feed_speed"),
+        tension=Signal(
+            t=np.array([t for t, _ in tension]), value=np.array([force for _, force in tension])
+        ),
+        predicted=predicted,
+        tracked=tracked,
+        corrected=corrected,
+        rows=tuple(
+            _row(
+                marker,
+                case.original_length(marker),
+                mean_length(tracked.of(marker), case.centreline_radius),
+                final.get(marker),
+                experiment.get(marker),
+            )
+            for marker in range(1, case.marker_count + 1)
+        ),
+        frames=len(answered),
+        frames_lost=_missing(frames, topics.CAMERA_INFO, condition.duration)
+        + len(np.setdiff1d(frames, answered)),
+        joint_states=len(joints),
+        joint_states_lost=_missing(joints, topics.JOINT_STATES, condition.duration),
+        wall_s=result.wall_s,
+        sim_s=buffer.last_stamp(topics.JOINT_STATES) - buffer.origin,
+        facts=_facts(buffer),
+        notes=(*_notes(case.number), *([_THINNED] if buffer.thinned else [])),
+    )
+
+
+def mean_length(series: MarkerSeries, radius: float) -> float | None:
+    """Return the curve length [m] of a marker's mean place over all frames that show it."""
+    if series.t.size == 0:
+        return None
+    return curve_length(radius, float(series.theta.mean()), float(series.z.mean()))
+
+
+def results_table(record: RunRecord) -> Table:
+    """Return every marker of a run: original, predicted, tracked, corrected, published, errors."""
+    name = f"case {record.case.number}" if record.case.number else "a condition of one's own"
+    table = Table(title=f"Curve lengths of {name}", box=SIMPLE_HEAD, title_justify="left")
+    table.add_column("marker")
+    for heading in (
+        "original\nmm",
+        "FEM\nmm",
+        "tracked\nmm",
+        "h\n",
+        "corrected\nmm",
+        "published\nmm",
+        "error of\nFEM, %",
+        "error after\ncorrection, %",
+    ):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for row in record.rows:
+        table.add_row(
+            f"P{row.id}",
+            *(_cell(value, 1e3, 2) for value in (row.original, row.s_fem, row.s_tracked)),
+            _cell(row.h, 1.0, 4),
+            *(_cell(value, 1e3, 2) for value in (row.s_corrected, row.s_published)),
+            *(_cell(value, 1.0, 2) for value in (row.error_fem_pct, row.error_corrected_pct)),
+        )
+    return table
+
+
+def _in_run(
+    buffer: RunBuffer, topic: Topic, decode: Callable[[Any], tuple[float, Reading]]
+) -> list[tuple[float, Reading]]:
+    """Return what a topic said, by the time since the run began."""
+    return [(t - buffer.origin, value) for t, value in buffer.readings(topic, decode)]
+
+
+def _signal(readings: list[tuple[float, AxisReading]], name: str) -> Signal:
+    return Signal(
+        t=np.array([t for t, _ in readings]),
+        value=np.array([getattr(reading, name) for _, reading in readings]),
+    )
+
+
+def _series(
+    buffer: RunBuffer, topic: Topic, dtype: np.dtype[np.void], unseen: int = 0
+) -> MarkerSeries:
+    stamps, rows = [], []
+    for t, markers in _in_run(buffer, topic, partial(decode_cloud, dtype=dtype)):
+        seen = markers[((markers["flags"] & unseen) == 0) & np.isfinite(markers["s"])]
+        rows.append(seen)
+        stamps.append(np.full(len(seen), t))
+    joined = np.concatenate(rows) if rows else np.zeros(0, dtype=dtype)
+    return MarkerSeries(
+        t=np.concatenate(stamps) if stamps else np.zeros(0),
+        id=joined["id"].astype(np.int64),
+        theta=joined["theta"].astype(float),
+        z=joined["z"].astype(float),
+        s=joined["s"].astype(float),
+    )
+
+
+def _missing(stamps: NDArray[np.int64], topic: Topic, duration: float) -> int:
+    """Return how many of the instants 0, 1/rate, ... duration have no message."""
+    assert topic.rate is not None
+    instants = np.round(np.arange(int(duration * topic.rate + 1e-9) + 1) * (1e9 / topic.rate))
+    return len(np.setdiff1d(instants.astype(np.int64), stamps))
+
+
+def _final_corrections(buffer: RunBuffer) -> dict[int, np.void]:
+    last = buffer.newest(topics.CORRECTED_MARKERS, partial(decode_cloud, dtype=CORRECTED_DTYPE))
+    if last is None:
+        return {}
+    _, markers = last
+    return {int(marker["id"]): marker for marker in markers[is_wound(markers)]}
+
+
+def _row(
+    marker: int,
+    original: float,
+    tracked: float | None,
+    correction: np.void | None,
+    published: float | None,
+) -> MarkerRow:
+    if correction is None:
+        return MarkerRow(id=marker, original=original, s_tracked=tracked, s_published=published)
+    return MarkerRow(
+        id=marker,
+        original=original,
+        s_fem=float(correction["s_fem"]),
+        s_tracked=tracked,
+        h=float(correction["h"]),
+        s_corrected=float(correction["s"]),
+        s_low=float(correction["s_low"]),
+        s_high=float(correction["s_high"]),
+        s_published=published,
+    )
+
+
+def _facts(buffer: RunBuffer) -> dict[str, str]:
+    facts = {}
+    told = buffer.newest(topics.CORRECTION_CASE, decode_case_votes)
+    if told is not None and told[1]:
+        case, share = next(iter(told[1].items()))
+        facts["resembles"] = f"case {case}, {share:.0%} of the votes"
+    said = _last_status(buffer, topics.CORRECTION)
+    if "weights" in said:
+        facts["trained weight"] = said["weights"]
+        facts["its mean error over all cases"] = (
+            f"{said['in_sample_pct']} % in-sample, {said['leave_one_case_out_pct']} % with each "
+            "case left out"
+        )
+    solver = _last_status(buffer, topics.FEM)
+    if "energy_balance_pct" in solver:
+        facts["solver's energy balance"] = f"open by {solver['energy_balance_pct']} %"
+    return facts
+
+
+def _last_status(buffer: RunBuffer, name: str) -> Mapping[str, str]:
+    """Return the values of the last diagnostics of a node."""
+    found: Mapping[str, str] = {}
+    for _, statuses in buffer.readings(topics.DIAGNOSTICS, decode_diagnostics):
+        for status in statuses:
+            if status.name == name:
+                found = status.values
+    return found
+
+
+def _notes(case: int) -> tuple[str, ...]:
+    tracked = (
+        "The tracked lengths are measured by the camera in this run: each marker's mean place "
+        "over all frames that show it."
+    )
+    if case == 0:
+        return (tracked, "The condition is not published: there is no experiment beside it.")
+    return (
+        tracked,
+        "The machine lays the cable where the paper's experiment measured it, so the tracked "
+        "lengths test the camera and the tracker, not the solver.",
+        "The weight h was trained on all twelve published cases, this one among them: its error "
+        "here is in-sample. The held-out error of each case is in the weight's card.",
+    )
+
+
+def _cell(value: float | None, factor: float, digits: int) -> str:
+    return "-" if value is None else f"{value * factor:.{digits}f}"

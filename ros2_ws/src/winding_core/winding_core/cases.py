@@ -1,0 +1,123 @@
+"""Conditions of a winding run: cable, cylinder, weight; the twelve of the paper's Table 1."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from winding_core.published import published_conditions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """Measured properties of the cable's material (paper, section 2: silicone rubber).
+
+    Attributes:
+        young: Young's modulus E [Pa].
+        poisson: Poisson's ratio.
+        density: Mass density [kg/m^3].
+    """
+
+    young: float = 2.6e6
+    poisson: float = 0.47
+    density: float = 1337.0
+
+    def __post_init__(self) -> None:
+        _positive("young", self.young, "Pa")
+        _positive("density", self.density, "kg/m^3")
+        if not 0.0 <= self.poisson < 0.5:
+            raise ValueError(f"poisson must lie in [0, 0.5), got {self.poisson}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One winding condition.
+
+    Attributes:
+        number: Row of Table 1, or 0 for a condition of one's own.
+        cylinder_diameter: [m]
+        cable_diameter: Undeformed [m]
+        weight: Force of the dead weight on the cable's end [N].
+        marker_spacing: Distance of neighbouring markers along the undeformed cable [m].
+        marker_count: Markers after P0.
+        material: The cable's material.
+    """
+
+    number: int = 0
+    cylinder_diameter: float
+    cable_diameter: float
+    weight: float
+    marker_spacing: float
+    marker_count: int = 4
+    material: Material = field(default_factory=Material)
+
+    def __post_init__(self) -> None:
+        _positive("cylinder_diameter", self.cylinder_diameter, "m")
+        _positive("cable_diameter", self.cable_diameter, "m")
+        _positive("weight", self.weight, "N")
+        _positive("marker_spacing", self.marker_spacing, "m")
+        if self.marker_count < 1:
+            raise ValueError(f"marker_count must be at least 1, got {self.marker_count}")
+
+    @property
+    def cylinder_radius(self) -> float:
+        """R [m]."""
+        return 0.5 * self.cylinder_diameter
+
+    @property
+    def cable_radius(self) -> float:
+        """Undeformed r [m]."""
+        return 0.5 * self.cable_diameter
+
+    @property
+    def centreline_radius(self) -> float:
+        """R + r [m], undeformed: the radius behind every S_n."""
+        return self.cylinder_radius + self.cable_radius
+
+    @property
+    def section_area(self) -> float:
+        """Undeformed cross-section of the cable [m^2]."""
+        return math.pi * self.cable_radius**2
+
+    @property
+    def bending_stiffness(self) -> float:
+        """EI of the undeformed section [N m^2]."""
+        return self.material.young * math.pi * self.cable_radius**4 / 4.0
+
+    @property
+    def nominal_stress(self) -> float:
+        """Weight over undeformed section [Pa], the tension that Table 1 prints in MPa."""
+        return self.weight / self.section_area
+
+    def original_length(self, marker: int) -> float:
+        """Return the undeformed cable length [m] from P0 to a marker."""
+        return marker * self.marker_spacing
+
+
+def paper_case(number: int) -> Case:
+    """Return one of the twelve cases of Table 1.
+
+    Raises:
+        ValueError: The number is not in 1..12.
+    """
+    conditions = published_conditions()
+    if number not in conditions:
+        raise ValueError(f"case must be one of 1 to {len(conditions)}, got {number}")
+    row = conditions[number]
+    return Case(
+        number=row.case,
+        cylinder_diameter=row.cylinder_diameter,
+        cable_diameter=row.cable_diameter,
+        weight=row.weight,
+        marker_spacing=row.marker_spacing,
+    )
+
+
+def paper_cases() -> tuple[Case, ...]:
+    """Return the twelve cases of Table 1 in order."""
+    return tuple(paper_case(number) for number in published_conditions())
+
+
+def _positive(name: str, value: float, unit: str) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name} must be positive and finite, got {value} {unit}")

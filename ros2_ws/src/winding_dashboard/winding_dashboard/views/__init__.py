@@ -1,0 +1,1 @@
+"""The page: what it shows and what it can ask for, without ROS."""

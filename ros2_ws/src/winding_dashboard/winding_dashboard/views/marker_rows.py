@@ -1,0 +1,97 @@
+"""The table of markers: predicted, corrected and measured curve lengths side by side."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from winding_core.markers import MarkerFlag, Markers
+
+NAN = float("nan")
+MOST_MARKERS = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkerRow:
+    """One marker.
+
+    Attributes:
+        id: n of Pn.
+        ahead: S_n that was predicted before the run [m].
+        predicted: S_n of the solver in step [m].
+        corrected: S_n of the correction [m].
+        low: Lower bound of it [m].
+        high: Upper bound of it [m].
+        measured: S_n of the tracker [m].
+        state: One word or two.
+    """
+
+    id: int
+    ahead: float = NAN
+    predicted: float = NAN
+    corrected: float = NAN
+    low: float = NAN
+    high: float = NAN
+    measured: float = NAN
+    state: str = "not wound"
+
+    @property
+    def difference(self) -> float:
+        """(measured - corrected) / corrected; against the prediction where nothing corrects."""
+        expected = self.predicted if math.isnan(self.corrected) else self.corrected
+        return (self.measured - expected) / expected if expected else NAN
+
+
+# The gravest first.
+_STATES = (
+    (MarkerFlag.NOT_WOUND, "not wound"),
+    (MarkerFlag.SLIPPED, "slipped"),
+    (MarkerFlag.OCCLUDED, "hidden"),
+    (MarkerFlag.CLIPPED, "cut off"),
+    (MarkerFlag.PREDICTED, "out of sight"),
+    (MarkerFlag.TOUCHING, "touching"),
+)
+
+
+def marker_rows(
+    *, ahead: Markers, predicted: Markers, corrected: Markers, tracked: Markers
+) -> list[MarkerRow]:
+    """Return a row for every marker but P0 that any source names, by number."""
+    sources = {
+        "ahead": _lengths(ahead),
+        "predicted": _lengths(predicted),
+        "corrected": _lengths(corrected),
+        "measured": _lengths(tracked),
+    }
+    low, high = _column(corrected, "s_low"), _column(corrected, "s_high")
+    states = {int(marker["id"]): _state(int(marker["flags"])) for marker in tracked}
+    numbers = sorted({number for found in sources.values() for number in found} | set(states))
+    return [
+        MarkerRow(
+            id=number,
+            **{name: found.get(number, NAN) for name, found in sources.items()},
+            low=low.get(number, NAN),
+            high=high.get(number, NAN),
+            state=states.get(number, "not wound"),
+        )
+        for number in numbers
+        if 0 < number <= MOST_MARKERS
+    ]
+
+
+def _lengths(markers: Markers) -> dict[int, float]:
+    return {
+        int(marker["id"]): float(marker["s"])
+        for marker in markers
+        if not int(marker["flags"]) & MarkerFlag.NOT_WOUND
+    }
+
+
+def _column(markers: Markers, name: str) -> dict[int, float]:
+    if name not in (markers.dtype.names or ()):
+        return {}
+    return {int(marker["id"]): float(marker[name]) for marker in markers}
+
+
+def _state(flags: int) -> str:
+    return next((text for flag, text in _STATES if flags & flag), "measured")

@@ -1,0 +1,173 @@
+"""What is wound: condition and material, chosen before a run."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from nicegui import ui
+from nicegui.elements.mixins.disableable_element import DisableableElement
+
+from winding_core.cases import paper_cases
+from winding_dashboard.views.commands import Choice, CommandError, Graph
+from winding_dashboard.views.own_condition import MILLIMETRE, OWN_VALUES, own_condition
+from winding_dashboard.views.view_state import ViewState
+
+_OWN = 0
+
+
+class Say(Protocol):
+    """Tells the operator a sentence."""
+
+    def __call__(self, sentence: str, *, alarm: bool = False) -> None:
+        """Show a sentence; an alarm stands out."""
+
+
+class SetupPanel:
+    """Condition and material of the next run.
+
+    Args:
+        state: Says whether the machine stands.
+        graph: Is asked and set.
+        say: Shows sentences.
+    """
+
+    def __init__(self, state: ViewState, graph: Graph, say: Say) -> None:
+        self._state, self._graph, self._say = state, graph, say
+        self._known = False
+        self._busy = False
+        with ui.element("section").classes("card setup").props('aria-label="Next run"'):
+            ui.label("Next run").classes("heading").props("role=heading aria-level=2")
+            with ui.element("div").classes("row"):
+                self._case = ui.select(_cases(), label="Case", value=None).props("dense outlined")
+                self._law = ui.select({}, label="Material law", value=None).props("dense outlined")
+            with ui.element("div").classes("row own") as self._form:
+                self._own = {
+                    item.name: ui.number(
+                        f"{item.label}, {item.unit}", on_change=lambda: self._refuse("")
+                    ).props(f"dense outlined min={item.low:g} max={item.high:g} step=any")
+                    for item in OWN_VALUES
+                }
+            self._form.bind_visibility_from(self._case, "value", value=_OWN)
+            self._take_up = ui.checkbox("Go on with the identified modulus").props("dense")
+            with ui.element("div").classes("row"):
+                self._button = ui.button("Prepare", on_click=self._ask).props(
+                    "outline no-caps color=grey-9"
+                )
+                self._said = ui.label().classes("remark").props("role=status")
+        with ui.dialog() as self._dialog, ui.card().classes("dialog"):
+            ui.label("Prepare another run?").classes("title")
+            ui.label(
+                "The machine has already been moved. Its nodes are taken down and built anew: "
+                "time begins at zero, and what this page shows of the present run is dropped."
+            )
+            with ui.row():
+                ui.button("Keep the run", on_click=self._dialog.close).props(
+                    "unelevated no-caps color=grey-9 autofocus"
+                )
+                ui.button("Prepare", on_click=self._prepare).props("outline no-caps color=grey-9")
+        self._elements: tuple[DisableableElement, ...] = (
+            self._case,
+            self._law,
+            self._take_up,
+            self._button,
+            *self._own.values(),
+        )
+        self._refused = ""
+        ui.timer(1.0, self._ask_choice)
+
+    def update(self) -> None:
+        """Enable what can be done now, or say why not."""
+        reason = self._reason()
+        for element in self._elements:
+            element.set_enabled(not reason and not self._busy)
+        if not self._busy:
+            self._tell(reason or self._refused, refused=bool(not reason and self._refused))
+
+    def _reason(self) -> str:
+        missing = self._graph.unprepared()
+        if missing:
+            return f"cannot be chosen here: {missing}"
+        if self._state.phase in ("winding", "stopping"):
+            return f"cannot be chosen while the machine is {self._state.phase}"
+        if not self._known:
+            return "asking the solver what it is set to"
+        return ""
+
+    async def _ask_choice(self) -> None:
+        if self._known or self._graph.unprepared():
+            return
+        try:
+            choice = await self._graph.choice()
+        except CommandError as error:
+            self._tell(str(error))
+            return
+        self._law.set_options({law: law.replace("_", " ") for law in choice.laws}, value=choice.law)
+        for item in OWN_VALUES:
+            if choice.own.get(item.name):
+                # Parameters are kept in metres: 0.03 is 30 mm and not 29.999999999999996.
+                self._own[item.name].value = round(choice.own[item.name] / item.scale, 6)
+        self._take_up.value = choice.take_up
+        self._case.value = choice.case
+        self._known = True
+
+    def _tell(self, sentence: str, *, refused: bool = False) -> None:
+        self._said.set_text(sentence)
+        self._said.classes(replace="remark bad" if refused else "remark")
+
+    def _refuse(self, sentence: str) -> None:
+        self._refused = sentence
+        self.update()
+
+    def _chosen(self) -> Choice | None:
+        """Return what stands in the form; None when it is refused, which is told."""
+        case = int(self._case.value or _OWN)
+        own: dict[str, float] = {}
+        if case == _OWN:
+            try:
+                own = own_condition({name: field.value for name, field in self._own.items()})
+            except ValueError as error:
+                self._refuse(str(error))
+                return None
+        self._refuse("")
+        return Choice(
+            case=case, law=str(self._law.value), own=own, take_up=bool(self._take_up.value)
+        )
+
+    async def _ask(self) -> None:
+        if self._chosen() is None:
+            return
+        if self._state.time > 0.0:
+            self._dialog.open()
+        else:
+            await self._prepare()
+
+    async def _prepare(self) -> None:
+        self._dialog.close()
+        choice = self._chosen()
+        if choice is None:
+            return
+        self._busy = True
+        self.update()
+        try:
+            remark = await self._graph.prepare(choice, self._tell)
+        except CommandError as error:
+            self._say(f"prepare: {error}", alarm=True)
+            self._refused = str(error)
+        else:
+            self._state.clear()
+            name = f"case {choice.case}" if choice.case else "a condition of your own"
+            self._say(f"prepare: ready to wind {name}{f'; {remark}' if remark else ''}")
+        finally:
+            self._busy = False
+            self.update()
+
+
+def _cases() -> dict[int, str]:
+    rows = {
+        case.number: (
+            f"{case.number}: cylinder {case.cylinder_diameter / MILLIMETRE:g} mm, "
+            f"cable {case.cable_diameter / MILLIMETRE:g} mm, {case.weight:.2f} N"
+        )
+        for case in paper_cases()
+    }
+    return rows | {_OWN: "own condition"}

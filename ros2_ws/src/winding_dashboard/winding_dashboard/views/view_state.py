@@ -1,0 +1,210 @@
+"""What the page shows: the newest of everything, and the last minute of what moves.
+
+Somebody else decodes messages and calls the `note_*` methods with times of the machine's clock;
+`tick` then makes one sample of the charts. Everything is bounded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE, Markers
+from winding_core.readings import AxisReading
+from winding_dashboard.views.health import SILENCE, Health
+from winding_dashboard.views.marker_rows import MOST_MARKERS, MarkerRow, marker_rows
+from winding_dashboard.views.material_view import MaterialView
+from winding_dashboard.views.overlay import band_overlay
+from winding_dashboard.views.projection import CameraView
+from winding_dashboard.views.recording import RECORDER, Recording, recording_of
+from winding_dashboard.views.shape import CableShape, cable_shape
+from winding_dashboard.views.trace import NAN, Trace
+
+# The machine's clock went back by more: a new run, or a recording from its beginning [s].
+_NEW_RUN = 0.5
+# Pictures and markers further apart do not belong together [s].
+_TOGETHER = 0.5
+_DEFAULT_CABLE_RADIUS = 0.002
+# Ten samples a second for a minute.
+SAMPLES = 600
+STANDING = 0.01
+
+
+class ViewState:
+    """Everything the page shows.
+
+    Args:
+        nodes: Names of the graph's nodes, in the order in which they are shown.
+        machine: Name of the node whose own message is the machine's phase.
+
+    Attributes:
+        health: Of the nodes.
+        time: Newest time of the machine's clock [s]; nan before any.
+        axes: Measured motion.
+        setpoints: Commanded motion.
+        tension: At the guide [N].
+        picture: The newest preview, JPEG; empty before any.
+        votes: Share of votes by case number, best first.
+        material: What the tracked markers tell of the cable's material; None before any.
+        speeds: Trace of measured and commanded speeds and the tension.
+        lengths: Trace of each marker's curve lengths by its number.
+    """
+
+    def __init__(self, *, nodes: Sequence[str], machine: str) -> None:
+        self._machine = machine
+        self.health = Health(nodes)
+        self.speeds = Trace("speed", "speed_set", "feed", "feed_set", "tension", capacity=SAMPLES)
+        self.lengths = {
+            number: Trace("predicted", "corrected", "low", "high", "measured", capacity=SAMPLES)
+            for number in range(1, MOST_MARKERS + 1)
+        }
+        self.cable_radius = _DEFAULT_CABLE_RADIUS
+        self.camera: CameraView | None = None
+        self.last_data = float("-inf")
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the run; health and camera stay."""
+        self.time = NAN
+        self.axes: AxisReading | None = None
+        self.setpoints: AxisReading | None = None
+        self.tension = NAN
+        self.picture = b""
+        self.votes: dict[int, float] = {}
+        self.material: MaterialView | None = None
+        self.tracked: Markers = np.zeros(0, MARKER_DTYPE)
+        self.predicted: Markers = np.zeros(0, MARKER_DTYPE)
+        self.ahead: Markers = np.zeros(0, MARKER_DTYPE)
+        self.corrected: Markers = np.zeros(0, CORRECTED_DTYPE)
+        self.cable: NDArray[np.void] = np.zeros(0, CABLE_DTYPE)
+        self._picture_time = self._tracked_time = self._cable_time = NAN
+        self.speeds.clear()
+        for trace in self.lengths.values():
+            trace.clear()
+
+    @property
+    def phase(self) -> str:
+        """What the machine says it is doing; empty when it is not heard."""
+        return self.health.message(self._machine)
+
+    @property
+    def moving(self) -> bool:
+        """Whether an axis turns, as far as the encoders say."""
+        return self.axes is not None and abs(self.axes.angular_speed) > STANDING
+
+    @property
+    def centreline_radius(self) -> float:
+        """R + r [m]; nan before any marker cloud."""
+        for markers in (self.predicted, self.tracked, self.ahead):
+            radii = markers["r"][np.isfinite(markers["r"]) & (markers["r"] > 0.0)]
+            if radii.size:
+                return float(radii[0])
+        return NAN
+
+    def recording(self, now: float) -> Recording:
+        """Return what the recorder said of its bag, unless it is silent at wall time now [s]."""
+        silent = self.health.silent_for(RECORDER, now) > SILENCE
+        return Recording() if silent else recording_of(self.health)
+
+    def heard(self, now: float) -> bool:
+        """Return whether anything came lately, at wall time now [s]."""
+        return now - max(self.last_data, self.health.last_heard) <= SILENCE
+
+    def note_axes(self, t: float, reading: AxisReading) -> None:
+        """Take measured motion; time that goes back begins a new run."""
+        if t < self.time - _NEW_RUN:
+            ahead = self.ahead
+            self.clear()
+            # Latched: it was sent once, before the run that begins now.
+            self.ahead = ahead
+        self.time = t
+        self.axes = reading
+
+    def note_picture(self, t: float, jpeg: bytes) -> None:
+        """Take a preview picture."""
+        self._picture_time, self.picture = t, jpeg
+
+    def note_tracked(self, t: float, markers: Markers) -> None:
+        """Take measured markers."""
+        self._tracked_time, self.tracked = t, markers
+
+    def note_cable(self, t: float, cable: NDArray[np.void]) -> None:
+        """Take the predicted cable, records of CABLE_DTYPE, of time t [s]."""
+        self._cable_time, self.cable = t, cable
+
+    def note_votes(self, votes: Mapping[int, float]) -> None:
+        """Take the shares of votes by case number."""
+        self.votes = dict(sorted(votes.items(), key=lambda item: (-item[1], item[0])))
+
+    def tick(self, now: float) -> None:
+        """Add one sample to every chart if the machine's clock went on; now is wall time [s]."""
+        if math.isnan(self.time) or self.time <= self.speeds.last_time:
+            return
+        self.last_data = now
+        axes, wanted = self.axes, self.setpoints
+        self.speeds.append(
+            self.time,
+            axes.angular_speed if axes else NAN,
+            wanted.angular_speed if wanted else NAN,
+            axes.feed_speed if axes else NAN,
+            wanted.feed_speed if wanted else NAN,
+            self.tension,
+        )
+        for row in self.marker_rows():
+            lengths = (row.predicted, row.corrected, row.low, row.high, row.measured)
+            if any(map(math.isfinite, lengths)):
+                self.lengths[row.id].append(self.time, *lengths)
+
+    def marker_rows(self) -> list[MarkerRow]:
+        """Return the table of markers."""
+        return marker_rows(
+            ahead=self.ahead,
+            predicted=self.predicted,
+            corrected=self.corrected,
+            tracked=self.tracked,
+        )
+
+    def newest_marker(self) -> int:
+        """Return the last marker with a curve length of its own, or 1."""
+        return max((number for number, trace in self.lengths.items() if len(trace)), default=1)
+
+    def overlay(self) -> str:
+        """Return SVG that frames the bands in the picture."""
+        apart = self._picture_time - self._tracked_time
+        if self.camera is None or not self.picture or not abs(apart) <= _TOGETHER:
+            return ""
+        # Pictures come as seen, markers some milliseconds later; the cylinder turned meanwhile.
+        turned = self._turned(self._tracked_time, self._picture_time)
+        return band_overlay(
+            self.tracked, self.camera, cable_radius=self.cable_radius, turned=turned
+        )
+
+    @property
+    def drum_angle(self) -> float:
+        """Theta [rad] at the time of the predicted cable; nan before any motion."""
+        return (
+            self.axes.cylinder_angle + self._turned(self.time, self._instant) if self.axes else NAN
+        )
+
+    @property
+    def marker_turn(self) -> float:
+        """How far the cylinder turned from the tracked markers to the predicted cable [rad]."""
+        return self._turned(self._tracked_time, self._instant)
+
+    @property
+    def _instant(self) -> float:
+        return self.time if math.isnan(self._cable_time) else self._cable_time
+
+    def _turned(self, start: float, end: float) -> float:
+        apart = end - start
+        # Sources further apart than this are not two views of one moment.
+        if self.axes is None or not abs(apart) <= _TOGETHER:
+            return 0.0
+        return apart * self.axes.angular_speed
+
+    def cable_shape(self) -> CableShape | None:
+        """Return the predicted cable, coloured by its tension."""
+        return cable_shape(self.cable)

@@ -1,0 +1,1 @@
+"""Recordings: rosbag2 folders written, checked, recovered, played and replayed."""

@@ -1,0 +1,89 @@
+"""What a recording holds, without reading its messages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from rosbags.highlevel import AnyReader
+
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.notes import LOST
+from winding_recorder.bags.reading import opened, read_notes, reason, storage_files
+
+
+@dataclass(frozen=True, kw_only=True)
+class TopicContent:
+    """One topic of a recording.
+
+    Attributes:
+        name: Full topic name.
+        type_name: Its type.
+        messages: How many there are.
+        lost: Messages that never reached the recorder; None where nobody counted.
+    """
+
+    name: str
+    type_name: str
+    messages: int
+    lost: int | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Content:
+    """A recording.
+
+    Attributes:
+        start: First bag time [s].
+        duration: Length [s].
+        files: Storage files with their sizes [bytes].
+        topics: By name.
+        notes: Texts beside the messages.
+    """
+
+    start: float
+    duration: float
+    files: Mapping[str, int]
+    topics: tuple[TopicContent, ...]
+    notes: Mapping[str, str]
+
+
+def contents(path: Path) -> Content:
+    """Return what a recording says of itself.
+
+    Raises:
+        BagError: It cannot be read.
+    """
+    notes = read_notes(path) if path.is_dir() else {}
+    files = {file.name: file.stat().st_size for file in storage_files(path)}
+    with opened(path) as reader:
+        try:
+            return _content(reader, files, notes)
+        except (TypeError, ValueError, AttributeError, OverflowError) as error:
+            # Only now does the reader use what metadata.yaml says of times and counts.
+            raise BagError(f"cannot read {path}: {reason(error)}") from error
+
+
+def _content(reader: AnyReader, files: Mapping[str, int], notes: Mapping[str, str]) -> Content:
+    empty = reader.message_count == 0
+    return Content(
+        start=0.0 if empty else reader.start_time * 1e-9,
+        # Readers count the end one nanosecond behind the last message.
+        duration=0.0 if empty else (reader.duration - 1) * 1e-9,
+        files=files,
+        topics=tuple(
+            TopicContent(
+                name=link.topic,
+                type_name=link.msgtype,
+                messages=link.msgcount,
+                lost=_count(notes.get(f"{LOST}{link.topic}")),
+            )
+            for link in sorted(reader.connections, key=lambda link: link.topic)
+        ),
+        notes=notes,
+    )
+
+
+def _count(text: str | None) -> int | None:
+    return int(text) if text is not None and text.isdecimal() else None

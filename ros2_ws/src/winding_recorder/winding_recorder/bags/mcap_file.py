@@ -1,0 +1,135 @@
+"""MCAP storage: small chunks, each with its CRC, each handed to the disk as soon as it is full."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+
+from winding_recorder.bags.bag_file import BagConfig
+from winding_recorder.bags.channel import Channel
+from winding_recorder.bags.sink import Sink
+
+NOTES_BEFORE = "winding_run"
+NOTES_AFTER = "winding_recording"
+_LIBRARY = "cable-winding-twin"
+_MESSAGE_OVERHEAD = 9 + 22
+_RECORD_OVERHEAD = 64
+_COMPRESSIONS = {"none": CompressionType.NONE, "zstd": CompressionType.ZSTD}
+
+
+class McapFile:
+    """One MCAP file of profile ros2.
+
+    Args:
+        path: New file.
+        channels: Topics, by the index that `write` names.
+        config: Compression and chunk size.
+        notes: What is known of the run before it begins; stored at once.
+    """
+
+    def __init__(
+        self, path: Path, channels: Sequence[Channel], config: BagConfig, notes: Mapping[str, str]
+    ) -> None:
+        self.path = path
+        self._chunk_bytes = config.chunk_bytes
+        self._sink = Sink(path)
+        # Chunks are ended here: the library ends one only after it has grown too long.
+        self._writer = Writer(
+            self._sink,
+            chunk_size=2**62,
+            compression=_COMPRESSIONS[config.compression],
+            enable_crcs=True,
+            enable_data_crcs=True,
+        )
+        self._writer.start(profile="ros2", library=_LIBRARY)
+        self._writer.add_metadata(NOTES_BEFORE, dict(notes))
+        self._schemas: dict[str, int] = {}
+        self._open_bytes = self._described_bytes = 0
+        self._chunks = self._messages = 0
+        self._channels = [self._register(channel) for channel in channels]
+        self._writer.flush()
+
+    @property
+    def stored(self) -> int:
+        """Bytes on the disk."""
+        return self._sink.stored
+
+    @property
+    def tail_bytes(self) -> int:
+        """Upper bound of index, summary and footer, and of the open chunk."""
+        index = (self._chunks + 1) * (2 * _RECORD_OVERHEAD + 10 * len(self._channels))
+        return 2 * self._described_bytes + index + self._sink.pending + self._open_bytes
+
+    def write(self, channel: int, stamp_ns: int, data: bytes, sequence: int) -> None:
+        """Take a message; its stamp [ns] is both log and publish time.
+
+        Raises:
+            OSError: The chunk before it could not be stored.
+        """
+        size = len(data) + _MESSAGE_OVERHEAD
+        try:
+            if self._messages and self._open_bytes + size > self._chunk_bytes:
+                self.flush()
+        finally:
+            self._open_bytes += size
+            self._messages += 1
+            self._writer.add_message(
+                self._channels[channel], stamp_ns, data, stamp_ns, sequence & 0xFFFFFFFF
+            )
+
+    def flush(self) -> None:
+        """End the open chunk and store it.
+
+        Raises:
+            OSError: There is no room; the next `flush` tries again.
+        """
+        if self._messages:
+            # Counted first: a chunk that could not be stored is complete all the same.
+            self._chunks += 1
+            self._open_bytes = self._messages = 0
+        self._writer.flush()
+
+    def close(self, metadata: str, notes: Mapping[str, str]) -> str:
+        """Write the summary and close; return the file's SHA-256.
+
+        Args:
+            metadata: The file's metadata.yaml, which rosbag2 keeps inside the file as well.
+            notes: What is known of the recording now that it has ended.
+
+        Raises:
+            OSError: There is no room.
+        """
+        try:
+            self._writer.flush()
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata})
+            self._writer.add_metadata(NOTES_AFTER, dict(notes))
+            self._writer.finish()
+        except OSError:
+            self._sink.abandon()
+            raise
+        return self._sink.close()
+
+    def _register(self, channel: Channel) -> int:
+        if channel.type_name not in self._schemas:
+            definition = channel.definition.encode()
+            self._schemas[channel.type_name] = self._writer.register_schema(
+                channel.type_name, SchemaEncoding.ROS2, definition
+            )
+            self._describe(len(definition) + len(channel.type_name))
+        qos = channel.profiles_text
+        self._describe(len(channel.name) + len(qos) + len(channel.type_hash))
+        return int(
+            self._writer.register_channel(
+                channel.name,
+                MessageEncoding.CDR,
+                self._schemas[channel.type_name],
+                {"offered_qos_profiles": qos, "topic_type_hash": channel.type_hash},
+            )
+        )
+
+    def _describe(self, size: int) -> None:
+        self._described_bytes += size + 2 * _RECORD_OVERHEAD
+        self._open_bytes += size + 2 * _RECORD_OVERHEAD

@@ -1,0 +1,153 @@
+"""A rosbag2 folder that is being written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from winding_recorder.bags.bag_file import BagConfig, BagFile
+from winding_recorder.bags.channel import Channel
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.mcap_file import McapFile
+from winding_recorder.bags.metadata import METADATA, Description, Extent, inner_text
+from winding_recorder.bags.reserve import Reserve
+from winding_recorder.bags.seals import SEAL, digest_of, seal_text
+from winding_recorder.bags.sqlite_file import SqliteFile
+
+_SUFFIXES = {"mcap": ".mcap", "sqlite3": ".db3"}
+_RESERVE = ".reserve"
+# metadata.yaml with its notes and the seal.
+_FOLDER_BYTES = 64 * 1024
+
+
+class BagWriter:
+    """Writes messages into a new folder, file by file.
+
+    Room for the end is kept from the beginning: when the disk is full, `close` still makes a
+    readable recording of everything that was taken.
+
+    Args:
+        folder: It must not exist yet.
+        channels: Topics, by the index that `write` names.
+        config: How to store.
+        notes: What is known of the run, by name.
+
+    Raises:
+        BagError: The folder exists.
+        OSError: It cannot be made, or the disk is full.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        channels: Sequence[Channel],
+        config: BagConfig,
+        notes: Mapping[str, str] | None = None,
+    ) -> None:
+        if folder.exists():
+            raise BagError(f"{folder} exists already; a recording is never overwritten")
+        folder.mkdir(parents=True)
+        self.folder = folder
+        self._channels = tuple(channels)
+        self._config = config
+        self._notes = dict(notes or {})
+        self._extents: list[Extent] = []
+        self._digests: dict[str, str] = {}
+        self._stored_before = 0
+        self._reserve = Reserve(folder / _RESERVE)
+        self._hold(0)
+        self._file = self._next_file()
+        self._hold(self._file.tail_bytes)
+
+    @property
+    def stored(self) -> int:
+        """Bytes on the disk."""
+        return self._stored_before + (0 if self._ended else self._file.stored)
+
+    @property
+    def taken(self) -> int:
+        """Messages taken so far."""
+        return sum(sum(extent.counts) for extent in self._extents)
+
+    def write(self, channel: int, stamp_ns: int, data: bytes, sequence: int = 0) -> None:
+        """Take a message.
+
+        Args:
+            channel: Index of its topic.
+            stamp_ns: Bag time [ns].
+            data: CDR bytes.
+            sequence: Publication sequence number.
+
+        Raises:
+            OSError: The disk is full or broken. The message is taken all the same; `close` now.
+        """
+        before = self._file.stored
+        self._extents[-1].add(channel, stamp_ns)
+        self._file.write(channel, stamp_ns, data, sequence)
+        if self._file.stored != before:
+            self._hold(self._file.tail_bytes)
+            if 0 < self._config.split_bytes <= self._file.stored:
+                self._split()
+
+    def flush(self) -> None:
+        """Store everything that was taken.
+
+        Raises:
+            OSError: As in `write`.
+        """
+        self._file.flush()
+        self._hold(self._file.tail_bytes)
+
+    def close(self, notes: Mapping[str, str] | None = None) -> None:
+        """Store everything, describe and seal the folder.
+
+        Args:
+            notes: What is known of the recording now that it has ended.
+
+        Raises:
+            OSError: Even the reserve was not enough; `winding bag recover` reads what there is.
+        """
+        self._notes |= notes or {}
+        self._reserve.release()
+        if not self._ended:
+            self._end_file()
+        text = self._described(self._extents).text()
+        metadata = self.folder / METADATA
+        metadata.write_text(text, encoding="utf-8")
+        self._digests[METADATA] = digest_of(metadata)
+        (self.folder / SEAL).write_text(seal_text(self._digests), encoding="utf-8")
+
+    def _next_file(self) -> BagFile:
+        suffix = _SUFFIXES[self._config.storage]
+        path = self.folder / f"{self.folder.name}_{len(self._extents)}{suffix}"
+        kind = McapFile if self._config.storage == "mcap" else SqliteFile
+        file: BagFile = kind(path, self._channels, self._config, self._notes)
+        self._extents.append(Extent(path=path.name, counts=[0] * len(self._channels)))
+        self._ended = False
+        return file
+
+    def _split(self) -> None:
+        self._file.flush()
+        self._reserve.release()
+        self._end_file()
+        self._stored_before += self._file.stored
+        self._reserve = Reserve(self.folder / _RESERVE)
+        self._hold(0)
+        self._file = self._next_file()
+
+    def _end_file(self) -> None:
+        self._ended = True
+        own = inner_text(self._described(self._extents[-1:]))
+        self._digests[self._file.path.name] = self._file.close(own, self._notes)
+
+    def _described(self, extents: Sequence[Extent]) -> Description:
+        return Description(
+            storage=self._config.storage,
+            channels=self._channels,
+            extents=extents,
+            notes=self._notes,
+        )
+
+    def _hold(self, tail_bytes: int) -> None:
+        notes = sum(len(name) + len(text) for name, text in self._notes.items())
+        self._reserve.hold(tail_bytes + self._config.chunk_bytes + _FOLDER_BYTES + 4 * notes)

@@ -1,0 +1,185 @@
+"""The bags of one recorder, one after the other; each is whole once it is closed."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from winding_recorder.bags.bag_file import BagConfig
+from winding_recorder.bags.channel import jazzy_channel
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.loss import LossCount
+from winding_recorder.bags.notes import COMPLETE, LOST, YES
+from winding_recorder.bags.writer import BagWriter
+from winding_ros import topics
+from winding_ros.polled import Taken
+from winding_ros.topics import Topic
+
+Answer = Callable[[bool, str], None]
+
+
+class RecorderError(BagError):
+    """The recording cannot begin where it was asked to."""
+
+
+def free_folder(first: Path) -> Path:
+    """Return the first of `bag`, `bag-2`, `bag-3` and so on that does not exist.
+
+    Args:
+        first: The one without a number.
+    """
+    candidate, count = first, 1
+    while candidate.exists():
+        count += 1
+        candidate = first.with_name(f"{first.name}-{count}")
+    return candidate
+
+
+class BagSeries:
+    """Writes into one bag at a time, from one thread.
+
+    Args:
+        recorded: Topics.
+        full_names: Of each, by its name.
+        config: How a bag is stored.
+        notes: What a bag says of the run, by name.
+
+    Attributes:
+        folders: Of all bags.
+        losses: What never arrived, of the topics that one node publishes, since a bag was begun.
+        error: What ended a bag before the run, if anything did.
+    """
+
+    def __init__(
+        self,
+        recorded: Sequence[Topic],
+        full_names: Mapping[str, str],
+        config: BagConfig,
+        notes: Mapping[str, str],
+    ) -> None:
+        self._notes: list[tuple[int, Mapping[str, str]]] = [(0, dict(notes))]
+        self.folders: list[Path] = []
+        self.losses = {
+            topic.name: LossCount() for topic in recorded if topic.publisher != topics.EVERY_NODE
+        }
+        self.error: Exception | None = None
+        self._recorded = tuple(recorded)
+        self._full_names = full_names
+        self._config = config
+        self._index = {topic.name: k for k, topic in enumerate(recorded)}
+        self._latched: dict[str, tuple[Topic, int, Taken]] = {}
+        self._writer: BagWriter | None = None
+        self._closings: list[threading.Thread] = []
+
+    def note(self, notes: Mapping[str, str]) -> None:
+        """Say more of the run, in the present bag and in those to come."""
+        self._notes.append((time.monotonic_ns(), {**self._notes[-1][1], **notes}))
+
+    @property
+    def writer(self) -> BagWriter | None:
+        """The bag that is being written."""
+        return self._writer
+
+    def begin(self, folder: Path) -> None:
+        """Begin a bag, with what latched topics have told before it.
+
+        Raises:
+            RecorderError: The folder exists, or nothing can be written there.
+        """
+        channels = [
+            jazzy_channel(
+                self._full_names[topic.name],
+                topic.type_name,
+                depth=topic.depth,
+                latched=topic.latched,
+            )
+            for topic in self._recorded
+        ]
+        try:
+            self._writer = BagWriter(folder, channels, self._config, self._notes[-1][1])
+            self.folders.append(folder)
+            for topic, stamp, taken in self._latched.values():
+                self._writer.write(self._index[topic.name], stamp, taken.data, taken.number)
+        except OSError as error:
+            raise RecorderError(
+                f"cannot record into {folder}: {error.strerror or error}"
+            ) from error
+        except BagError as error:
+            raise RecorderError(str(error)) from error
+        for name in self.losses:
+            self.losses[name] = LossCount()
+
+    def take(self, topic: Topic, stamp_ns: int, taken: Taken) -> None:
+        """Count a message and store it if a bag is being written.
+
+        Raises:
+            OSError: As `BagWriter.write`.
+        """
+        if topic.latched:
+            self._latched[topic.name] = (topic, stamp_ns, taken)
+        if topic.name in self.losses:
+            self.losses[topic.name].take(taken.number)
+        if self._writer is not None:
+            self._writer.write(self._index[topic.name], stamp_ns, taken.data, taken.number)
+
+    def forget(self, before_ns: int) -> None:
+        """Forget what latched topics told before a time of arrival, monotonic [ns]."""
+        self._latched = {
+            name: item for name, item in self._latched.items() if item[2].received_ns > before_ns
+        }
+
+    def end(self, failure: str = "") -> None:
+        """Close the bag, if there is one; a failure says why before the run's end."""
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            self._close(writer, self._last_notes(failure))
+
+    def leave(self, answer: Answer, last_ns: int | None = None) -> None:
+        """Close the bag in a thread of its own: a slow disk must not hold the machine up.
+
+        Args:
+            answer: Called when it is closed: whether all is well, and a sentence.
+            last_ns: Arrival of its last message, monotonic [ns]; now by default. What was noted
+                later is of another run.
+        """
+        writer, self._writer = self._writer, None
+        if writer is None:
+            answer(True, "nothing is being recorded")
+            return
+        notes = self._last_notes("", last_ns)
+
+        def close() -> None:
+            failure = self._close(writer, notes)
+            size = f"{writer.taken} messages, {writer.stored} bytes"
+            answer(failure is None, f"{writer.folder}: {failure or size}")
+
+        closing = threading.Thread(target=close, name="recorder close", daemon=True)
+        self._closings.append(closing)
+        closing.start()
+
+    def join(self) -> None:
+        """Wait until every bag that was left is closed."""
+        for closing in self._closings:
+            closing.join()
+
+    def _last_notes(self, failure: str, last_ns: int | None = None) -> dict[str, str]:
+        noted = [notes for noted_ns, notes in self._notes if last_ns is None or noted_ns <= last_ns]
+        lost = {
+            f"{LOST}{self._full_names[name]}": str(count.lost)
+            for name, count in self.losses.items()
+        }
+        return {**noted[-1], COMPLETE: failure or YES, **lost}
+
+    def _close(self, writer: BagWriter, notes: Mapping[str, str]) -> Exception | None:
+        try:
+            writer.close(notes)
+        except OSError as error:
+            self.error = OSError(
+                error.errno,
+                f"{error.strerror or error}; the bag was not closed, "
+                f"`winding bag recover {writer.folder}` reads what there is",
+            )
+            return self.error
+        return None

@@ -1,0 +1,308 @@
+"""Record a run: every message raw, into a rosbag2 folder and into a buffer in memory."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from rclpy.node import Node
+from std_msgs.msg import Header
+
+from winding_recorder.bags.bag_file import BagConfig
+from winding_recorder.live.bag_series import BagSeries, RecorderError, free_folder
+from winding_recorder.live.record_service import RecordRequest, RecordService
+from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
+from winding_ros import topics
+from winding_ros.diagnostic_messages import Level, Status, encode_diagnostics
+from winding_ros.environment import ros_arguments
+from winding_ros.message_guard import StampError
+from winding_ros.polled import PolledTopic, Taken
+from winding_ros.stamps import encode_stamp, serialised_stamp_ns
+from winding_ros.topics import Topic
+
+__all__ = ["BufferedMessage", "Recorder", "RecorderError", "RunBuffer"]
+
+# Progress follows the topics that come often enough to say how far storage has come.
+_FAST_RATE = 100.0
+_ANSWER_PERIOD_NS = 20_000_000
+# The readers' histories hold two seconds; looking costs nothing beside one wake-up per message.
+_LOOK_PERIOD = 0.004
+# An open chunk is stored at least this often, and the recorder's state told (REP-107).
+_TELL_PERIOD_NS = 1_000_000_000
+# Messages of one topic come in order; a machine that is built anew begins at zero.
+_WENT_BACK_NS = 500_000_000
+
+
+class Recorder:
+    """Stores what arrives on the recorded topics: one thread takes, another stores.
+
+    Bag times are the messages' own stamps: simulated time, whatever the wall clock did. A disk
+    that is full or broken ends the bag and not the run: the buffer and the answers go on, `error`
+    and /diagnostics say what happened.
+
+    Args:
+        node: Gives context and namespace to the recorder's own node, which nobody spins.
+        bag: New folder, or None for the buffer alone.
+        recorded: Topics.
+        config: How the bag is stored.
+        notes: What the bag says of the run, by name.
+        further: Where bags go that the service recorder/record asks for, with a number where
+            there is one already; None serves nobody.
+        on_demand: Topics that are taken only while a bag is being recorded.
+
+    Attributes:
+        buffer: What has come so far.
+        bags: What is recorded.
+
+    Raises:
+        RecorderError: The folder exists, or nothing can be written there.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        bag: Path | None,
+        *,
+        recorded: Iterable[Topic],
+        config: BagConfig | None = None,
+        notes: Mapping[str, str] | None = None,
+        further: Path | None = None,
+        on_demand: Iterable[Topic] = (),
+    ) -> None:
+        always = tuple(recorded)
+        self._on_demand = tuple(topic for topic in on_demand if topic not in always)
+        self._recorded = (*always, *self._on_demand)
+        self._further = further
+        self.buffer = RunBuffer(self._recorded)
+        namespace = node.get_namespace()
+        self._hardware_id = namespace
+        self._node = Node(
+            topics.RECORDER,
+            context=node.context,
+            cli_args=ros_arguments(namespace.strip("/")),
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self.bags = BagSeries(
+            self._recorded,
+            {
+                topic.name: str(self._node.resolve_topic_name(topic.name))
+                for topic in self._recorded
+            },
+            config or BagConfig(),
+            notes or {},
+        )
+        self._queue: queue.SimpleQueue[tuple[Topic, int, Taken] | RecordRequest | None] = (
+            queue.SimpleQueue()
+        )
+        self._requests = RecordService(self._node) if further is not None else None
+        self._last_ns: dict[str, tuple[int, int]] = {}
+        self._progress = topics.RECORDER_PROGRESS.advertise(self._node)
+        self._diagnostics = topics.DIAGNOSTICS.advertise(self._node)
+        self._stored_ns: dict[str, int] = {}
+        self._answered_ns = -_ANSWER_PERIOD_NS
+        self._newest_ns = 0
+        self._told_ns = time.monotonic_ns()
+        self._unstamped = 0
+        self._fast = tuple(
+            topic.name
+            for topic in self._recorded
+            if topic.rate is not None and topic.rate >= _FAST_RATE and topic.publisher == topics.RIG
+        )
+        self._followed = frozenset(self._fast) & {topic.name for topic in always}
+        if bag is not None:
+            self.bags.begin(bag)
+        self._polled = [
+            PolledTopic(self._node, topic) for topic in (always if bag is None else self._recorded)
+        ]
+        self._closing = threading.Event()
+        self._taker = threading.Thread(target=self._take, name="recorder take", daemon=True)
+        self._storer = threading.Thread(target=self._store, name="recorder store", daemon=True)
+        self._taker.start()
+        self._storer.start()
+
+    def close(self) -> None:
+        """Store everything that has arrived and close the bag; `error` says if that failed.
+
+        The context must still be valid.
+        """
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        self._taker.join()
+        self._storer.join()
+        self.bags.end()
+        self.bags.join()
+        self._node.destroy_node()
+
+    @property
+    def error(self) -> Exception | None:
+        """What ended the bag before the run, if anything did."""
+        return self.bags.error
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Messages that were published after the first one and never arrived, by topic name."""
+        return {name: count.lost for name, count in self.bags.losses.items()}
+
+    @property
+    def received(self) -> dict[str, int]:
+        """Messages dealt with so far, by topic name, where one node publishes."""
+        return {name: count.received for name, count in self.bags.losses.items()}
+
+    def _take(self) -> None:
+        """Take what has arrived, again and again; once more after `close` was called."""
+        last = False
+        while not last:
+            last = self._closing.wait(_LOOK_PERIOD)
+            for polled in self._polled:
+                topic = polled.topic
+                for taken in polled.take():
+                    try:
+                        stamp = serialised_stamp_ns(taken.data)
+                    except StampError:
+                        # A stranger may publish any bytes; without a stamp they have no place.
+                        self._unstamped += 1
+                        continue
+                    # Supervision looks at the buffer, which must not wait for a disk.
+                    self.buffer.add(
+                        topic,
+                        BufferedMessage(
+                            stamp_ns=stamp,
+                            sent_ns=taken.sent_ns,
+                            received_ns=taken.received_ns,
+                            data=taken.data,
+                        ),
+                    )
+                    self._queue.put((topic, stamp, taken))
+            for request in self._requests.take() if self._requests is not None else ():
+                self._take_on_demand(request.on)
+                self._queue.put(request)
+        self._queue.put(None)
+
+    def _take_on_demand(self, on: bool) -> None:
+        """Take what is only recorded, or take it no longer."""
+        present = [polled for polled in self._polled if polled.topic in self._on_demand]
+        if on and not present:
+            self._polled += [PolledTopic(self._node, topic) for topic in self._on_demand]
+        if not on:
+            self._polled = [polled for polled in self._polled if polled not in present]
+            for polled in present:
+                polled.close()
+
+    def _store(self) -> None:
+        while True:
+            try:
+                item = self._queue.get(timeout=1e-9 * _TELL_PERIOD_NS)
+            except queue.Empty:
+                self._tell(time.monotonic_ns())
+                continue
+            if item is None:
+                return
+            if isinstance(item, RecordRequest):
+                self._turn(item)
+                continue
+            topic, stamp, taken = item
+            if self._further is not None:
+                self._follow_time(topic, stamp, taken.received_ns)
+            if topic.publisher == topics.EVERY_NODE:
+                # Strangers publish there too, and their clocks are their own.
+                stamp = min(stamp, self._newest_ns)
+            self._newest_ns = max(self._newest_ns, stamp)
+            try:
+                self.bags.take(topic, stamp, taken)
+            except OSError as error:
+                self._fail(error)
+            if topic.name in self._fast:
+                self._answer(topic, stamp)
+            now = time.monotonic_ns()
+            if now - self._told_ns >= _TELL_PERIOD_NS:
+                self._tell(now)
+
+    def _turn(self, request: RecordRequest) -> None:
+        """Begin a bag or end it; the answer comes when that is done."""
+        if request.on:
+            try:
+                request.answer(True, f"recording into {self._begin()}")
+            except RecorderError as error:
+                request.answer(False, str(error))
+        else:
+            for topic in self._on_demand:
+                self._stored_ns.pop(topic.name, None)
+            self.bags.leave(request.answer)
+        self._publish_state()
+
+    def _begin(self) -> Path:
+        """Return the bag that is being recorded; begin one if there is none."""
+        if self.bags.writer is None:
+            assert self._further is not None
+            self.bags.begin(free_folder(self._further))
+        return self.bags.folders[-1]
+
+    def _follow_time(self, topic: Topic, stamp: int, received: int) -> None:
+        """Begin another bag when time has gone back: each has one course of time."""
+        if topic.name not in self.bags.losses:
+            return
+        last, before = self._last_ns.get(topic.name, (stamp, received))
+        self._last_ns[topic.name] = (stamp, received)
+        if stamp >= last - _WENT_BACK_NS:
+            return
+        self._last_ns = {topic.name: (stamp, received)}
+        self._stored_ns.clear()
+        # What a new run was told beforehand holds in its bag, too.
+        self.bags.forget(before)
+        self._answered_ns, self._newest_ns = -_ANSWER_PERIOD_NS, 0
+        if self.bags.writer is None:
+            return
+        self.bags.leave(lambda _done, _sentence: None, before)
+        try:
+            self._begin()
+        except RecorderError as error:
+            self.bags.error = error
+
+    def _fail(self, error: OSError) -> None:
+        """End the bag where it stands; the run goes on."""
+        self.bags.error = error
+        self.bags.end(f"no: {error.strerror or error} at {self._newest_ns * 1e-9:.3f} s")
+        self._publish_state()
+
+    def _tell(self, now: int) -> None:
+        self._told_ns = now
+        if self.bags.writer is not None:
+            try:
+                self.bags.writer.flush()
+            except OSError as error:
+                self._fail(error)
+                return
+        self._publish_state()
+
+    def _publish_state(self) -> None:
+        lost = sum(self.lost.values())
+        writer = self.bags.writer
+        level, message = Level.OK, "recording" if writer is not None else "no bag"
+        if lost:
+            level, message = Level.WARN, f"{lost} messages never arrived"
+        if self._unstamped:
+            level, message = Level.WARN, f"{self._unstamped} messages had no stamp"
+        if self.error is not None and writer is None:
+            level, message = Level.ERROR, f"the recording has ended: {self.error}"
+        values = {"lost": str(lost), "waiting": str(self._queue.qsize())}
+        if writer is not None:
+            values |= {"messages": str(writer.taken), "bytes": str(writer.stored)}
+            values["bag"] = writer.folder.name
+        status = Status(name=topics.RECORDER, level=level, message=message, values=values)
+        self._diagnostics.publish(
+            encode_diagnostics(self._newest_ns * 1e-9, [status], hardware_id=self._hardware_id)
+        )
+
+    def _answer(self, topic: Topic, stamp_ns: int) -> None:
+        self._stored_ns[topic.name] = stamp_ns
+        if not self._followed <= self._stored_ns.keys():
+            return
+        reached = min(self._stored_ns.values())
+        if reached - self._answered_ns >= _ANSWER_PERIOD_NS:
+            self._answered_ns = reached
+            self._progress.publish(Header(stamp=encode_stamp(reached * 1e-9)))

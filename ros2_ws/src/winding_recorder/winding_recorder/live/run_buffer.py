@@ -1,0 +1,147 @@
+"""Messages of a run in memory, for those who follow it and for its report."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_recorder.live.thinned_history import StampRuns, ThinnedHistory
+from winding_ros import topics
+from winding_ros.rig_messages import MessageError
+from winding_ros.serialised import deserialised
+from winding_ros.topics import Topic
+
+Reading = TypeVar("Reading")
+
+_PICTURES = (topics.IMAGE, topics.PREVIEW)
+# Simulated time of which the buffer has every message, and of which it keeps as many before that.
+_WHOLE_S, _SAMPLE_S = 10.0, 20.0
+_FEWEST = 200
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BufferedMessage:
+    """One serialised message.
+
+    Attributes:
+        stamp_ns: Its own stamp [ns].
+        sent_ns: Monotonic wall time at which its publisher sent it [ns].
+        received_ns: Monotonic wall time of its arrival [ns].
+        data: CDR bytes.
+    """
+
+    stamp_ns: int
+    sent_ns: int
+    received_ns: int
+    data: bytes
+
+
+class RunBuffer:
+    """Messages of a run in memory, by topic name; pictures are left to the bag.
+
+    All of them for 40 s of simulated time. Of a longer run the last 10 s are whole and what was
+    before them is thinned, so that memory does not grow with the run; the stamps stay complete.
+
+    Attributes:
+        messages: By topic name.
+        origin: Simulated time at which the run begins [s]; a reset leaves time as it is.
+    """
+
+    def __init__(self, recorded: Iterable[Topic]) -> None:
+        self.origin = 0.0
+        self._lock = threading.Lock()
+        self._kept = kept = [topic for topic in recorded if topic not in _PICTURES]
+        self.messages: dict[str, ThinnedHistory[BufferedMessage]] = {
+            topic.name: ThinnedHistory(whole=_room(topic, _WHOLE_S), sample=_room(topic, _SAMPLE_S))
+            for topic in kept
+        }
+        self._stamps = {
+            topic.name: StampRuns(round(1e9 / topic.rate)) for topic in kept if topic.rate
+        }
+
+    def add(self, topic: Topic, message: BufferedMessage) -> None:
+        """Take a message; those of pictures are left out."""
+        if topic in _PICTURES:
+            return
+        with self._lock:
+            self.messages[topic.name].append(message)
+            if topic.name in self._stamps:
+                self._stamps[topic.name].add(message.stamp_ns)
+
+    def begin_anew(self, cut_ns: int, origin: float) -> None:
+        """Forget the runs before the present one; the last of a latched topic stays.
+
+        Args:
+            cut_ns: What arrived before is forgotten, monotonic wall time [ns].
+            origin: Simulated time at which the present run begins [s].
+        """
+        with self._lock:
+            self.origin = origin
+            for topic in self._kept:
+                old = self.messages[topic.name]
+                later = [message for message in old if message.received_ns >= cut_ns]
+                if topic.latched and not later:
+                    later = old[-1:]
+                self.messages[topic.name] = old.rewound(later)
+                if topic.rate:
+                    self._stamps[topic.name] = StampRuns(round(1e9 / topic.rate))
+                    for message in later:
+                        self._stamps[topic.name].add(message.stamp_ns)
+
+    def stamps(self, topic: Topic) -> NDArray[np.int64]:
+        """Return every stamp [ns] that came on a topic with a rate, shape (n,)."""
+        runs = self._stamps.get(topic.name)
+        return np.zeros(0, dtype=np.int64) if runs is None else runs.stamps()
+
+    @property
+    def thinned(self) -> bool:
+        """Whether the run has become too long for all its messages."""
+        return any(reel.stride > 1 for reel in self.messages.values())
+
+    def last(self, topic: Topic) -> BufferedMessage | None:
+        """Return the newest message of a topic."""
+        messages = self.messages.get(topic.name)
+        return messages[-1] if messages else None
+
+    def last_stamp(self, topic: Topic) -> float:
+        """Return the newest stamp of a topic [s], or -1 when there is none yet."""
+        message = self.last(topic)
+        return message.stamp_ns * 1e-9 if message else -1.0
+
+    def readings(
+        self, topic: Topic, decode: Callable[[Any], Reading], since: float = 0.0
+    ) -> Iterator[Reading]:
+        """Yield what a decoder makes of a topic's messages.
+
+        Those that cannot be used are left out: the nodes that read them live refuse the same.
+
+        Args:
+            topic: Whose messages.
+            decode: Raises MessageError for a message that cannot be used.
+            since: Leaves out what came before this monotonic wall time [s].
+        """
+        for message in self.messages.get(topic.name, ()):
+            if message.received_ns * 1e-9 < since:
+                continue
+            try:
+                yield decode(deserialised(message.data, topic))
+            except MessageError:
+                continue
+
+    def newest(self, topic: Topic, decode: Callable[[Any], Reading]) -> Reading | None:
+        """Return the last that a decoder makes of a topic's messages; None before the first."""
+        for message in reversed(self.messages.get(topic.name, ())):
+            try:
+                return decode(deserialised(message.data, topic))
+            except MessageError:
+                continue
+        return None
+
+
+def _room(topic: Topic, span: float) -> int:
+    return max(round((topic.rate or 0.0) * span), _FEWEST)

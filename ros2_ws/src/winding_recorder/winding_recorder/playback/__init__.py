@@ -1,0 +1,1 @@
+"""Recordings put back: onto topics, or through one node's message handler."""

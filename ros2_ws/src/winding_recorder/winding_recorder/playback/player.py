@@ -1,0 +1,197 @@
+"""Publish a recording again: the same bytes, the same rhythm."""
+
+from __future__ import annotations
+
+import importlib
+import threading
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool, Trigger
+
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.pacing import Pacing
+from winding_recorder.bags.reading import messages_of, opened
+from winding_ros.stamps import encode_stamp
+from winding_ros.topics import CLOCK
+
+_CLOCK_PERIOD = 0.01
+# Pause and end are noticed this often [s].
+_LOOK_PERIOD = 0.05
+# Subscribers that are there find a new publisher in up to 0.6 s on a busy machine.
+_MATCH_PATIENCE = 2.0
+_DISCOVERY = 1.0
+_DEPTH = 1000
+
+
+class Player:
+    """Publishes the topics of a recording on a node, and /clock beside them.
+
+    Services: ~/set_paused (std_srvs/SetBool) and ~/toggle_paused (std_srvs/Trigger).
+
+    Args:
+        node: Spun by somebody else.
+        bag: The recording.
+        pacing: Rate and pause.
+        wanted: Full topic names; empty for all.
+        force: Publish although the topics have publishers.
+
+    Raises:
+        BagError: The recording cannot be read, lacks a topic, or another node publishes one.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        bag: Path,
+        pacing: Pacing,
+        *,
+        wanted: frozenset[str] = frozenset(),
+        force: bool = False,
+    ) -> None:
+        self._node = node
+        self._bag = bag
+        self._pacing = pacing
+        self._lock = threading.Lock()
+        self.published = 0
+        self.latest = 0.0
+        with opened(bag) as reader:
+            links = [link for link in reader.connections if not wanted or link.topic in wanted]
+            known = {link.topic for link in reader.connections}
+        if missing := sorted(wanted - known):
+            raise BagError(f"{bag} has no topic {missing[0]}; it has {', '.join(sorted(known))}")
+        self._topics = frozenset(link.topic for link in links)
+        names = sorted(self._topics | {CLOCK.name})
+        if not force:
+            self._refuse_rivals(names)
+        self._publishers = {link.topic: self._publisher(link) for link in links}
+        self._clock: Publisher | None = None
+        if CLOCK.name not in self._publishers:
+            self._clock = node.create_publisher(Clock, CLOCK.name, CLOCK.qos)
+        node.create_service(SetBool, "~/set_paused", self._on_set_paused)
+        node.create_service(Trigger, "~/toggle_paused", self._on_toggle)
+
+    def toggle(self) -> bool:
+        """Pause or go on; return whether it is paused now. From any thread."""
+        with self._lock:
+            self._pacing.set_paused(not self._pacing.paused, time.monotonic())
+            return self._pacing.paused
+
+    def wait_for_subscribers(self) -> None:
+        """Wait until every subscriber that the graph knows has found its publisher.
+
+        Subscribers of other processes need a moment to be known: without any, the wait is for
+        the whole patience.
+        """
+        end = time.monotonic() + _MATCH_PATIENCE
+        while time.monotonic() < end:
+            counts = [
+                (publisher.get_subscription_count(), self._node.count_subscribers(name))
+                for name, publisher in self._publishers.items()
+            ]
+            known = sum(subscribers for _, subscribers in counts)
+            if known and all(matched >= subscribers for matched, subscribers in counts):
+                return
+            time.sleep(_LOOK_PERIOD)
+
+    def drain(self) -> None:
+        """Wait until reliable subscribers have acknowledged everything, for a limited time."""
+        patience = Duration(seconds=_MATCH_PATIENCE)
+        for publisher in self._publishers.values():
+            publisher.wait_for_all_acked(patience)
+
+    def play(self, stopped: Callable[[], bool]) -> None:
+        """Publish the recording once, from its beginning.
+
+        Args:
+            stopped: Whether to end early.
+
+        Raises:
+            BagError: The recording is damaged.
+        """
+        with opened(self._bag) as reader:
+            links = [link for link in reader.connections if link.topic in self._topics]
+            if reader.message_count == 0:
+                return
+            with self._lock:
+                self._pacing.start(reader.start_time * 1e-9, time.monotonic())
+            tick = -_CLOCK_PERIOD
+            for link, stamp, data in messages_of(reader, links):
+                due = stamp * 1e-9
+                while self._clock is not None and tick + _CLOCK_PERIOD < due:
+                    tick = max(tick + _CLOCK_PERIOD, reader.start_time * 1e-9)
+                    if not self._until(tick, stopped):
+                        return
+                    self._clock.publish(Clock(clock=encode_stamp(tick)))
+                if not self._until(due, stopped):
+                    return
+                self._publishers[link.topic].publish(data)
+                self.published += 1
+
+    def _until(self, due: float, stopped: Callable[[], bool]) -> bool:
+        """Wait for a bag time [s]; return False when the playback was stopped before."""
+        while not stopped():
+            with self._lock:
+                now = time.monotonic()
+                wait = self._pacing.wait(due, now)
+                if wait == 0.0:
+                    self.latest = max(self.latest, self._pacing.bag_time(now) - due)
+                    return True
+            time.sleep(_LOOK_PERIOD if wait is None else min(wait, _LOOK_PERIOD))
+        return False
+
+    def _refuse_rivals(self, names: Iterable[str]) -> None:
+        # Publishers that are there already need a moment to be seen.
+        end = time.monotonic() + _DISCOVERY
+        while time.monotonic() < end:
+            for name in names:
+                if rivals := self._node.get_publishers_info_by_topic(name):
+                    raise BagError(
+                        f"{name} is published by {rivals[0].node_name} already; stop it, choose "
+                        "another --domain, or --force to publish beside it"
+                    )
+            time.sleep(_LOOK_PERIOD)
+
+    def _publisher(self, link: Any) -> Publisher:
+        package, kind, name = link.msgtype.split("/")
+        try:
+            message = getattr(importlib.import_module(f"{package}.{kind}"), name)
+        except (ImportError, AttributeError) as error:
+            raise BagError(
+                f"{link.topic} is a {link.msgtype}, which is not installed; leave it out with "
+                "--topics"
+            ) from error
+        return self._node.create_publisher(message, link.topic, _offered(link))
+
+    def _on_set_paused(self, request: Any, response: Any) -> Any:
+        with self._lock:
+            self._pacing.set_paused(request.data, time.monotonic())
+        response.success = True
+        return response
+
+    def _on_toggle(self, request: Any, response: Any) -> Any:
+        response.success = True
+        response.message = "paused" if self.toggle() else "playing"
+        return response
+
+
+def _offered(link: Any) -> QoSProfile:
+    profiles = link.ext.offered_qos_profiles
+    if not profiles:
+        return QoSProfile(depth=_DEPTH)
+    (stated, *_) = profiles
+    latched = stated.durability.name == "TRANSIENT_LOCAL"
+    reliable = stated.reliability.name != "BEST_EFFORT"
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=max(1, stated.depth),
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )

@@ -1,0 +1,201 @@
+"""Put a recorded run to one node's work again, without ROS around it."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+from rclpy.serialization import deserialize_message, serialize_message
+from rosbags.highlevel import AnyReader
+
+from winding_core.parameters import build, declarations
+from winding_recorder.bags.comparison import Comparison, compare
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.notes import PARAMETERS
+from winding_recorder.bags.reading import Decoder, messages_of, opened, read_notes
+from winding_ros import topics
+from winding_ros.graph import GRAPH, NodeSpec, parameters_of
+from winding_ros.message_handler import Answer, MessageHandler
+from winding_ros.rig_messages import MessageError
+from winding_ros.stamps import serialised_stamp_ns
+from winding_ros.topics import Topic
+
+# What a person calls the node -> (its name in the graph, its handler).
+REPLAYABLE = {
+    "tracker": (topics.TRACKER, "TrackerHandler"),
+    "fem": (topics.FEM, "FemHandler"),
+    "correction": (topics.CORRECTION, "CorrectionHandler"),
+}
+DEFAULT_TOLERANCE = 1.0e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay:
+    """What a replay gave.
+
+    Attributes:
+        inputs: Messages that were put in.
+        refused: Those that the node's work refused.
+        digest: SHA-256 over all answers in order; equal for equal replays.
+        comparisons: With the recorded answers, by topic.
+    """
+
+    inputs: int
+    refused: int
+    digest: str
+    comparisons: tuple[Comparison, ...]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether every recorded answer came again within the tolerance."""
+        return all(comparison.agrees for comparison in self.comparisons)
+
+
+def replay(
+    path: Path,
+    node: str,
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    parameters: Mapping[str, Any] | None = None,
+) -> Replay:
+    """Feed a node's recorded inputs to its work, and compare with the recorded answers.
+
+    Inputs go in by their stamps; those of one stamp in the order that the handler states. In
+    the run, messages of different topics reached the node in the order of their arrival, which
+    nobody records.
+
+    Args:
+        path: The recording.
+        node: One of REPLAYABLE.
+        tolerance: Allowed difference, relative to the recorded value or to 1 if that is larger.
+        parameters: In place of those that the recording brings.
+
+    Raises:
+        BagError: The recording cannot be read, or lacks the node's parameters or topics.
+        ParameterError: A parameter is not one of the node's.
+    """
+    if node not in REPLAYABLE:
+        raise BagError(f"node must be one of {', '.join(REPLAYABLE)}, got {node!r}")
+    if not 0.0 < tolerance < float("inf"):
+        raise BagError(f"tolerance must be positive and finite, got {tolerance:g}")
+    name, class_name = REPLAYABLE[node]
+    (spec,) = (spec for spec in GRAPH if spec.name == name)
+    values = _recorded_parameters(path, name) if parameters is None else parameters
+    with opened(path) as reader:
+        module = importlib.import_module(f"{spec.package}.ros.handler")
+        exchange_class = getattr(module, class_name)
+        links = {topic.name: _link(reader, topic) for topic in exchange_class.inputs}
+        stored = {topic.name: _link(reader, topic) for topic in exchange_class.outputs}
+        handler: MessageHandler = exchange_class(_configuration(spec, values))
+        run = _Run(handler)
+        recorded = {topic: _stream(reader, link, run.decoder) for topic, link in stored.items()}
+        run.answer(handler.begin(_begin(recorded)))
+        for topic, data in _inputs(reader, handler, links):
+            run.put(topic, data)
+    if run.inputs == 0:
+        raise BagError(f"{path} holds none of {node}'s inputs")
+    return Replay(
+        inputs=run.inputs,
+        refused=run.refused,
+        digest=run.digest.hexdigest(),
+        comparisons=tuple(
+            compare(
+                link.topic,
+                link.msgtype,
+                recorded[topic],
+                run.answers.get(topic, {}),
+                tolerance=tolerance,
+            )
+            for topic, link in stored.items()
+        ),
+    )
+
+
+class _Run:
+    """Collects what an handler answers."""
+
+    def __init__(self, handler: MessageHandler) -> None:
+        self._handler = handler
+        self.decoder = Decoder()
+        self.inputs = self.refused = 0
+        self.digest = hashlib.sha256()
+        self.answers: dict[str, dict[int, list[bytes]]] = defaultdict(lambda: defaultdict(list))
+
+    def put(self, topic: Topic, data: bytes) -> None:
+        """Put one message in, as a node does: one that is refused is counted."""
+        self.inputs += 1
+        try:
+            self.answer(self._handler.take(topic, deserialize_message(data, topic.type)))
+        except MessageError:
+            self.refused += 1
+
+    def answer(self, answers: Iterator[Answer]) -> None:
+        """Take answers."""
+        for answer in answers:
+            data = self.decoder.canonical(answer.topic.type_name, serialize_message(answer.message))
+            self.digest.update(answer.topic.name.encode())
+            self.digest.update(data)
+            self.answers[answer.topic.name][serialised_stamp_ns(data)].append(data)
+
+
+def _recorded_parameters(path: Path, node: str) -> dict[str, Any]:
+    text = read_notes(path).get(f"{PARAMETERS}{node}") if path.is_dir() else None
+    if text is None:
+        raise BagError(f"{path} does not say with what parameters {node} ran; give --parameters")
+    try:
+        values = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise BagError(f"the parameters of {node} in {path} are not JSON: {error}") from error
+    if not isinstance(values, dict):
+        raise BagError(f"the parameters of {node} in {path} are no mapping")
+    return values
+
+
+def _configuration(spec: NodeSpec, values: Mapping[str, Any]) -> Any:
+    stated = parameters_of(spec)
+    # rclpy's own parameters, use_sim_time among them, do not change the work.
+    known = {item.name for item in declarations(stated)}
+    own = {name: value for name, value in values.items() if name in known}
+    return build(stated, own, owner=spec.name)
+
+
+def _link(reader: AnyReader, topic: Topic) -> Any:
+    found = [link for link in reader.connections if f"/{link.topic}".endswith(f"/{topic.name}")]
+    if len(found) != 1:
+        raise BagError(f"the recording must hold {topic.name} once, it holds {len(found)} of it")
+    if found[0].msgtype != topic.type_name:
+        raise BagError(f"{found[0].topic} must be {topic.type_name}, it is {found[0].msgtype}")
+    return found[0]
+
+
+def _stream(reader: AnyReader, link: Any, decoder: Decoder) -> dict[int, list[bytes]]:
+    stream: dict[int, list[bytes]] = defaultdict(list)
+    for _, stamp, data in messages_of(reader, [link]):
+        stream[stamp].append(decoder.canonical(link.msgtype, data))
+    return stream
+
+
+def _begin(recorded: Mapping[str, Mapping[int, Any]]) -> float:
+    """Return the time [s] of the node's first word."""
+    return min((min(stream) for stream in recorded.values() if stream), default=0) * 1e-9
+
+
+def _inputs(
+    reader: AnyReader, handler: MessageHandler, links: Mapping[str, Any]
+) -> Iterator[tuple[Topic, bytes]]:
+    order = {links[topic.name].topic: k for k, topic in enumerate(handler.inputs)}
+    messages = (
+        (stamp, order[link.topic], data)
+        for link, stamp, data in messages_of(reader, list(links.values()))
+    )
+    for _, same in groupby(messages, key=itemgetter(0)):
+        for _, k, data in sorted(same, key=itemgetter(1)):
+            yield handler.inputs[k], data

@@ -1,0 +1,132 @@
+"""Where the simulated machine's cable really lies: the truth behind the camera's pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import brentq
+
+from winding_core.cases import Case
+from winding_core.drive import DriveProfile
+from winding_core.fleet_angle import FleetAngleLaw
+from winding_core.published import published_markers
+
+FloatArray = NDArray[np.float64]
+_GRID_STEP = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class CableLay:
+    """A laid cable in the cylinder's own frame.
+
+    Attributes:
+        path_theta: Ascending wound angles behind P0 [rad], shape (n,).
+        path_z: Axial position there [m], shape (n,).
+        marker_theta: Wound angle of P0..Pm [rad], shape (m + 1,); nan for one that never lands.
+    """
+
+    path_theta: FloatArray
+    path_z: FloatArray
+    marker_theta: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class HiddenCable:
+    """Properties of the simulated cable that no other node is told.
+
+    Attributes:
+        free_length: True tangent span [m].
+        load_factor: Share of the weight that reaches the cylinder.
+        drag: Constant guide friction [N].
+    """
+
+    free_length: float
+    load_factor: float
+    drag: float
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> HiddenCable:
+        """Draw a plausible rig: the spread of what twelve published cases need."""
+        return cls(
+            free_length=rng.uniform(0.185, 0.21),
+            load_factor=rng.uniform(0.5, 0.9),
+            drag=rng.uniform(0.0, 0.3),
+        )
+
+
+def published_lay(case: Case, drive: DriveProfile, free_length: float, end: float) -> CableLay:
+    """Return the paper's measured lay of a case (experiment columns of Tables 2-4).
+
+    Between the measured markers the cable follows the fleet-angle law; what the measurement
+    differs from the law is spread linearly from marker to marker.
+
+    Args:
+        case: One of the twelve published cases.
+        drive: Speeds of the run.
+        free_length: Tangent span of the fleet-angle law [m].
+        end: Wound angle up to which the path is needed [rad].
+
+    Raises:
+        ValueError: The case is not a published one.
+    """
+    markers = published_markers(case.number)
+    if not markers:
+        raise ValueError(
+            "the paper lay needs a published case of 1 to 12; wind a condition of one's own with "
+            "lay 'fem'"
+        )
+    measured = [marker.experiment for marker in markers]
+    theta = np.array([0.0, *(lay.theta if lay else np.nan for lay in measured)])
+    z = np.array([0.0, *(lay.z if lay else np.nan for lay in measured)])
+    law = _law(case, drive, free_length)
+    known = ~np.isnan(theta)
+    grid = _grid(end, theta[known])
+    residual = np.interp(grid, theta[known], z[known] - law.z(theta[known]))
+    return CableLay(path_theta=grid, path_z=law.z(grid) + residual, marker_theta=theta)
+
+
+def simulated_lay(case: Case, drive: DriveProfile, hidden: HiddenCable, end: float) -> CableLay:
+    """Return the lay of a sticking neo-Hookean cable with hidden properties.
+
+    The span tension and with it the stretch lambda are frozen in at lay-on, so the undeformed
+    length laid per angle is hypot(R + r, dz/dtheta) / lambda.
+
+    Args:
+        case: What is wound.
+        drive: Speeds of the run.
+        hidden: The rig's true cable.
+        end: Wound angle up to which the path is needed [rad].
+    """
+    law = _law(case, drive, hidden.free_length)
+    tension = hidden.drag + hidden.load_factor * case.weight
+    stretch = neo_hookean_stretch(tension / (case.section_area * case.material.young))
+    theta = _grid(end, np.empty(0))
+    way = np.hypot(case.centreline_radius, law.slope(theta)) / stretch
+    laid = cumulative_trapezoid(way, theta, initial=0.0)
+    marked = case.marker_spacing * np.arange(case.marker_count + 1)
+    marker_theta = np.interp(marked, laid, theta, right=np.nan)
+    return CableLay(path_theta=theta, path_z=law.z(theta), marker_theta=marker_theta)
+
+
+def neo_hookean_stretch(load: float) -> float:
+    """Return the stretch of an incompressible neo-Hookean bar under a nominal stress over E.
+
+    sigma / E = (lambda - lambda^-2) / 3.
+    """
+    return float(brentq(lambda x: (x - x**-2) / 3.0 - load, 1.0, 2.0 + 3.0 * load))
+
+
+def _law(case: Case, drive: DriveProfile, free_length: float) -> FleetAngleLaw:
+    return FleetAngleLaw(
+        advance_per_radian=drive.advance_per_radian,
+        free_length=free_length,
+        radius=case.centreline_radius,
+    )
+
+
+def _grid(end: float, knots: FloatArray) -> FloatArray:
+    last = max(end, float(knots.max(initial=0.0))) + 1.0
+    return np.union1d(np.arange(0.0, last, _GRID_STEP), knots)

@@ -1,0 +1,388 @@
+"""The winding machine: two controlled axes, load cell, run phases; advanced by samples."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import partial
+
+import numpy as np
+
+from winding_core.cases import Case
+from winding_core.drive import DriveProfile
+from winding_core.readings import AxisReading
+from winding_rig_node.machine.axis import (
+    AxisConfig,
+    AxisState,
+    advance_axis,
+    control_axis,
+    modelled_speed,
+    tuned_pid,
+)
+from winding_rig_node.machine.encoder import CARRIAGE_ENCODER, CYLINDER_ENCODER
+from winding_rig_node.machine.faults import Faults
+from winding_rig_node.machine.motor import CARRIAGE_MOTOR, CYLINDER_MOTOR
+from winding_rig_node.machine.plausibility import (
+    AxisLimits,
+    AxisObservation,
+    Plausibility,
+    PlausibilityConfig,
+)
+
+SAMPLE_RATE = 1000
+CONTROL_RATE = 500
+FORCE_RATE = 100
+_SAMPLE_PERIOD = 1.0 / SAMPLE_RATE
+_SAMPLES_PER_CONTROL = SAMPLE_RATE // CONTROL_RATE
+_SAMPLES_PER_FORCE = SAMPLE_RATE // FORCE_RATE
+_GRAVITY = 9.80665
+_LOOP_BANDWIDTH = 4.0
+CYLINDER_ENCODER_SIGNAL, CARRIAGE_ENCODER_SIGNAL = "cylinder_encoder", "carriage_encoder"
+LOAD_CELL_SIGNAL = "load_cell"
+SENSORS = (CYLINDER_ENCODER_SIGNAL, CARRIAGE_ENCODER_SIGNAL, LOAD_CELL_SIGNAL)
+
+CYLINDER_AXIS = AxisConfig(
+    motor=CYLINDER_MOTOR,
+    encoder=CYLINDER_ENCODER,
+    pid=tuned_pid(CYLINDER_MOTOR, _LOOP_BANDWIDTH),
+)
+CARRIAGE_AXIS = AxisConfig(
+    motor=CARRIAGE_MOTOR,
+    encoder=CARRIAGE_ENCODER,
+    pid=tuned_pid(CARRIAGE_MOTOR, _LOOP_BANDWIDTH),
+)
+
+
+class Phase(Enum):
+    """What the machine is doing."""
+
+    IDLE = "idle"
+    WINDING = "winding"
+    STOPPING = "stopping"
+    FINISHED = "finished"
+    PROTECTIVE = "protective stop"
+    EMERGENCY = "emergency stop"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineConfig:
+    """The machine and its load.
+
+    Attributes:
+        case: What is wound.
+        drive: Target speeds.
+        duration: Drive time after which a run is finished [s].
+        cylinder: Rotating axis.
+        carriage: Traversing axis.
+        force_noise: One standard deviation of the load cell [N].
+        force_resolution: Step of its converter [N].
+        settling_time: How long the encoders go on after a quick or protective stop [s], so that
+            the readers see the machine stand.
+        quick_stop_time: Time from full speed to standstill in a quick or protective stop [s].
+    """
+
+    case: Case
+    drive: DriveProfile
+    duration: float
+    cylinder: AxisConfig = CYLINDER_AXIS
+    carriage: AxisConfig = CARRIAGE_AXIS
+    force_noise: float = 0.01
+    force_resolution: float = 0.001
+    settling_time: float = 0.1
+    quick_stop_time: float = 0.3
+
+
+@dataclass(kw_only=True)
+class MachineState:
+    """Everything that changes.
+
+    Attributes:
+        phase: What the machine does.
+        sample: Number of encoder samples since the machine was switched on.
+        drive_sample: Samples of the current run, the ramps of stops and starts included.
+        fraction: Share of full speed that the setpoints ask for.
+        fraction_rate: Its change per second [1/s].
+        full_speed_time: Time at full speed that covers the commanded way so far [s].
+        quick: Whether the present stop is a quick one.
+        reason: Why the machine was stopped, if nobody asked for it.
+        stop_began: When the last unplanned stop began, simulated time [s].
+        stood_at: When both axes stood after it [s].
+        tension: Last load cell sample [N]; None when it said nothing that can be.
+        cylinder: Its axis, in radians.
+        carriage: Its axis, in metres.
+    """
+
+    phase: Phase = Phase.IDLE
+    sample: int = 0
+    drive_sample: int = 0
+    fraction: float = 0.0
+    fraction_rate: float = 0.0
+    full_speed_time: float = 0.0
+    quick: bool = False
+    reason: str = ""
+    stop_began: float | None = None
+    stood_at: float | None = None
+    tension: float | None = None
+    cylinder: AxisState = field(default_factory=AxisState)
+    carriage: AxisState = field(default_factory=AxisState)
+
+
+class PhaseError(ValueError):
+    """The machine cannot do this in its present phase."""
+
+
+class Machine:
+    """Simulated rig: `step` moves it by one encoder sample (1 ms).
+
+    The machine judges its own sensors: what cannot be is refused, and what lasts ends in a
+    protective stop that only `reset` releases.
+
+    Attributes:
+        faults: What is wrong with its sensors on purpose.
+        plausibility: Judge of its sensors.
+    """
+
+    def __init__(self, config: MachineConfig, rng: np.random.Generator) -> None:
+        self.config = config
+        self.state = MachineState()
+        self.faults = Faults()
+        self.plausibility = Plausibility(_limits(config))
+        self._rng = rng
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the machine was switched on [s]."""
+        return self.state.sample / SAMPLE_RATE
+
+    @property
+    def moving(self) -> bool:
+        """Whether simulated time has work to do."""
+        if self.state.phase is Phase.EMERGENCY:
+            return self._turns()
+        if self.state.phase is Phase.PROTECTIVE:
+            return not self._settled()
+        return self.state.phase in (Phase.WINDING, Phase.STOPPING)
+
+    def start(self) -> None:
+        """Begin or resume winding; a machine that winds goes on.
+
+        Raises:
+            PhaseError: It neither stands at a start, winds nor ramps down.
+        """
+        if self.state.phase not in (Phase.IDLE, Phase.STOPPING, Phase.WINDING):
+            raise PhaseError(f"cannot start while the machine is in {self.state.phase.value}")
+        if self.state.phase is Phase.IDLE:
+            self.plausibility.begin(self.time)
+        if self.state.drive_sample == 0:
+            self.state.tension = self.tension()
+        self.state.phase = Phase.WINDING
+        self.state.quick = False
+        self.state.reason = ""
+
+    def stop(self) -> None:
+        """Ramp both axes down together and hold.
+
+        Raises:
+            PhaseError: It does not wind.
+        """
+        if self.state.phase is not Phase.WINDING:
+            raise PhaseError(f"cannot stop while the machine is in {self.state.phase.value}")
+        self.state.phase = Phase.STOPPING
+
+    def quick_stop(self, reason: str = "") -> None:
+        """Bring both axes to rest soon and hold them with the brakes; `start` resumes.
+
+        A machine that does not wind stands already, or is on its way.
+        """
+        if self.state.phase in (Phase.WINDING, Phase.STOPPING) and not self.hurried:
+            self._hurry(Phase.STOPPING, reason)
+
+    def protect(self, reason: str) -> None:
+        """Bring both axes to rest without trust in the encoders; only `reset` releases them."""
+        if self.state.phase not in (Phase.EMERGENCY, Phase.PROTECTIVE):
+            self._hurry(Phase.PROTECTIVE, reason)
+
+    def emergency_stop(self) -> None:
+        """Cut the drives and apply the brakes."""
+        self._hurry(Phase.EMERGENCY, self.state.reason)
+        self.state.fraction = self.state.fraction_rate = 0.0
+
+    def reset(self) -> None:
+        """Go back to the start of a run; simulated time goes on.
+
+        Raises:
+            PhaseError: It moves.
+        """
+        # Time ends with a finished run, so its last speeds would never come to rest.
+        finished = self.state.phase is Phase.FINISHED
+        if self.state.phase is Phase.WINDING or (self._turns() and not finished):
+            raise PhaseError("cannot reset while the machine moves; stop it first")
+        self.state = MachineState(sample=self.state.sample)
+        self.plausibility.forget()
+
+    def step(self) -> None:
+        """Advance by one encoder sample; every second one is a control step."""
+        state, config = self.state, self.config
+        if not self.moving:
+            return
+        if state.drive_sample % _SAMPLES_PER_CONTROL == 0:
+            self._control()
+        braked = state.phase is Phase.EMERGENCY or (self.hurried and state.fraction == 0.0)
+        state.sample += 1
+        for index, (axis_config, axis, load, _) in enumerate(self._axes()):
+            advance_axis(
+                axis_config,
+                axis,
+                load=load,
+                dt=_SAMPLE_PERIOD,
+                braked=braked,
+                seen=partial(self._seen, index),
+            )
+        state.drive_sample += 1
+        state.full_speed_time += _SAMPLE_PERIOD * state.fraction
+        if self.hurried and state.stood_at is None and not self._turns():
+            state.stood_at = self.time
+        if state.phase is Phase.STOPPING and state.fraction == 0.0 and self._settled():
+            state.phase = Phase.IDLE
+        elif state.phase is Phase.WINDING and state.drive_sample >= round(
+            config.duration * SAMPLE_RATE
+        ):
+            state.phase = Phase.FINISHED
+        if state.drive_sample % _SAMPLES_PER_FORCE == 0:
+            state.tension = self.tension()
+        if state.drive_sample % _SAMPLES_PER_CONTROL == 0:
+            self._judge()
+
+    def reading(self) -> AxisReading:
+        """Return what the encoders say now."""
+        cylinder, carriage = self.state.cylinder.encoder, self.state.carriage.encoder
+        return AxisReading(
+            cylinder_angle=cylinder.position,
+            angular_speed=cylinder.speed,
+            carriage_position=carriage.position,
+            feed_speed=carriage.speed,
+        )
+
+    def setpoints(self) -> AxisReading:
+        """Return what the controllers are asked for now."""
+        drive, share = self.config.drive, self.state.fraction
+        return AxisReading(
+            cylinder_angle=drive.angular_speed * self.state.full_speed_time,
+            angular_speed=drive.angular_speed * share,
+            carriage_position=drive.feed_speed * self.state.full_speed_time,
+            feed_speed=drive.feed_speed * share,
+        )
+
+    def tension(self) -> float | None:
+        """Return one load cell sample [N], or None when the load cell says nothing that can be.
+
+        It is the weight, its acceleration, noise and the converter's steps.
+        """
+        angular = self.config.drive.angular_speed * self.state.fraction_rate
+        acceleration = angular * self.config.case.centreline_radius
+        force = self.config.case.weight * (1.0 + acceleration / _GRAVITY)
+        noisy = force + self.config.force_noise * self._rng.standard_normal()
+        step = self.config.force_resolution
+        said = self.faults.through(LOAD_CELL_SIGNAL, self.time, step * round(noisy / step))
+        return self.plausibility.tension(self.time, said)
+
+    def _turns(self) -> bool:
+        return self.state.cylinder.motor.speed != 0.0 or self.state.carriage.motor.speed != 0.0
+
+    @property
+    def hurried(self) -> bool:
+        """Whether the machine is on its way to a standstill that nothing may delay."""
+        return self.state.phase in (Phase.EMERGENCY, Phase.PROTECTIVE) or (
+            self.state.phase is Phase.STOPPING and self.state.quick
+        )
+
+    def _hurry(self, phase: Phase, reason: str) -> None:
+        state = self.state
+        if not self.hurried:
+            state.stop_began, state.stood_at = self.time, None
+        state.phase, state.reason = phase, reason
+        state.quick = phase is Phase.STOPPING
+
+    def _settled(self) -> bool:
+        """Return whether both axes stand, and have for long enough after an unplanned stop."""
+        if self._turns() or not self.hurried:
+            return not self._turns()
+        stood = self.state.stood_at
+        return stood is not None and self.time - stood >= self.config.settling_time
+
+    def _axes(self) -> tuple[tuple[AxisConfig, AxisState, float, str], ...]:
+        load = self.config.case.weight * self.config.case.centreline_radius
+        return (
+            (self.config.cylinder, self.state.cylinder, load, CYLINDER_ENCODER_SIGNAL),
+            (self.config.carriage, self.state.carriage, 0.0, CARRIAGE_ENCODER_SIGNAL),
+        )
+
+    def _full_speeds(self) -> tuple[float, float]:
+        return self.config.drive.angular_speed, self.config.drive.feed_speed
+
+    def _seen(self, index: int, position: float) -> float | None:
+        """Return what an axis's encoder makes of its position, if that can be."""
+        said = self.faults.through(self._axes()[index][3], self.time, position)
+        return self.plausibility.position(index, self.time, said)
+
+    def _control(self) -> None:
+        state, drive = self.state, self.config.drive
+        period = _SAMPLES_PER_CONTROL * _SAMPLE_PERIOD
+        target = 1.0 if state.phase is Phase.WINDING else 0.0
+        change = period / (self.config.quick_stop_time if self.hurried else drive.ramp_time)
+        before = state.fraction
+        state.fraction = before + min(max(target - before, -change), change)
+        state.fraction_rate = (state.fraction - before) / period
+        for (axis_config, axis, load, _), full in zip(
+            self._axes(), self._full_speeds(), strict=True
+        ):
+            control_axis(
+                axis_config,
+                axis,
+                setpoint=full * state.fraction,
+                acceleration=full * state.fraction_rate,
+                dt=period,
+                load=load,
+                open_loop=state.phase is Phase.PROTECTIVE,
+            )
+
+    def _judge(self) -> None:
+        """Stop the machine when its sensors have not fitted it for too long."""
+        if self.state.phase not in (Phase.WINDING, Phase.STOPPING):
+            return
+        reason = self.plausibility.verdict(
+            self.time,
+            tuple(
+                AxisObservation(
+                    commanded=full * self.state.fraction,
+                    measured=axis.encoder.speed,
+                    modelled=modelled_speed(config, axis, load=load),
+                )
+                for (config, axis, load, _), full in zip(
+                    self._axes(), self._full_speeds(), strict=True
+                )
+            ),
+        )
+        if reason is not None:
+            self.protect(reason)
+
+
+def _limits(config: MachineConfig) -> PlausibilityConfig:
+    return PlausibilityConfig(
+        axes=(
+            AxisLimits(
+                name="cylinder",
+                full_speed=config.drive.angular_speed,
+                resolution=config.cylinder.encoder.resolution,
+            ),
+            AxisLimits(
+                name="carriage",
+                full_speed=config.drive.feed_speed,
+                resolution=config.carriage.encoder.resolution,
+            ),
+        ),
+        weight=config.case.weight,
+        # Without noise a healthy load cell says the same for ever.
+        still_tension=0.3 if config.force_noise > config.force_resolution else math.inf,
+    )

@@ -1,0 +1,58 @@
+"""Parameters of the rig node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from winding_core.condition import ConditionParameters
+from winding_core.parameters import parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigParameters(ConditionParameters):
+    """What is wound, how fast simulated time runs, and what the camera sees."""
+
+    lay: str = parameter(
+        "paper",
+        "where the cable lies: the published measurement, or a cable model with hidden properties",
+        choices=("paper", "fem"),
+    )
+    speed: float = parameter(
+        1.0,
+        "simulated seconds per second; 0 = as fast as the slowest consumer follows",
+        low=0.0,
+        high=1000.0,
+    )
+    seed: int = parameter(1, "seed of sensor noise and of the hidden cable", low=0)
+    pace_topics: str = parameter(
+        "", "comma-separated topics whose stamps hold simulated time back; empty for none"
+    )
+    max_lead: float = parameter(
+        0.25, "how far simulated time may lead the slowest paced topic [s]", low=0.01, high=2.0
+    )
+    pace_timeout: float = parameter(
+        30.0, "wall time without an answer of a paced topic after which the rig fails [s]", low=0.1
+    )
+    band_width: float = parameter(
+        0.006, "width of a marker band along the cable [m]", low=0.0005, high=0.05
+    )
+    camera_noise: float = parameter(
+        1.5, "read noise of the camera, one standard deviation [grey levels]", low=0.0, high=50.0
+    )
+    preview_quality: int = parameter(80, "JPEG quality of the preview", low=1, high=100)
+    supervisor_timeout: float = parameter(
+        0.0,
+        "wall time without a sign of life of the orchestrator after which both axes are stopped "
+        "[s]; 0 for a machine that is run by hand",
+        low=0.0,
+        high=60.0,
+    )
+    inject_faults: bool = parameter(
+        False, "whether faults may be put into sensors and topics on purpose"
+    )
+    inject_fault: str = parameter(
+        "",
+        "faults that are in the signals now: target:kind[:amount], separated by commas; kinds are "
+        "off, stuck, garbage, wrong, slow, delayed, intermittent",
+        read_only=False,
+    )

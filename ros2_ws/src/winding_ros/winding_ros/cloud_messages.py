@@ -1,0 +1,108 @@
+"""Structured NumPy records as PointCloud2, and back: markers, corrected markers, cable."""
+
+from __future__ import annotations
+
+import numpy as np
+from geometry_msgs.msg import Point
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker
+
+from winding_ros.rig_messages import BASE_FRAME, MessageError
+from winding_ros.stamps import decode_stamp, encode_stamp
+
+_DATATYPES = {
+    "f4": PointField.FLOAT32,
+    "f8": PointField.FLOAT64,
+    "u4": PointField.UINT32,
+    "i4": PointField.INT32,
+}
+
+
+def encode_cloud(t: float, records: NDArray[np.void]) -> PointCloud2:
+    """Return structured records, shape (n,), as a PointCloud2 stamped t [s].
+
+    The field names, types and offsets are those of the records' dtype.
+    """
+    fields = [
+        PointField(name=name, offset=offset, datatype=_DATATYPES[dtype.str[1:]], count=1)
+        for name, (dtype, offset) in (
+            (name, (entry[0], entry[1])) for name, entry in (records.dtype.fields or {}).items()
+        )
+    ]
+    message = PointCloud2(
+        height=1,
+        width=len(records),
+        fields=fields,
+        is_bigendian=False,
+        point_step=records.dtype.itemsize,
+        row_step=records.dtype.itemsize * len(records),
+        is_dense=bool(all(np.isfinite(records[name]).all() for name in ("x", "y", "z"))),
+    )
+    message.header.stamp = encode_stamp(t)
+    message.header.frame_id = BASE_FRAME
+    message._data = np.frombuffer(bytearray(_padded(records).tobytes()), dtype=np.uint8)
+    return message
+
+
+def _padded(records: NDArray[np.void]) -> NDArray[np.void]:
+    """Return a copy with zeros between the fields, where others leave what was in memory."""
+    padded = np.zeros(records.shape, dtype=records.dtype)
+    for name in records.dtype.names or ():
+        padded[name] = records[name]
+    return padded
+
+
+def decode_cloud(message: PointCloud2, dtype: np.dtype[np.void]) -> tuple[float, NDArray[np.void]]:
+    """Return (t [s], records of the given dtype, shape (n,)).
+
+    Raises:
+        MessageError: The cloud lacks a field of the dtype, has it with another type or outside
+            its points, or does not bring as many bytes as it says.
+    """
+    if message.is_bigendian:
+        raise MessageError("point cloud must be little-endian")
+    count = message.width * message.height
+    raw = np.frombuffer(message.data, dtype=np.uint8)
+    if raw.size != count * message.point_step:
+        raise MessageError(
+            f"point cloud of {count} points of {message.point_step} bytes needs "
+            f"{count * message.point_step} bytes, got {raw.size}"
+        )
+    stated = {field.name: field for field in message.fields}
+    for name, (wanted, *_) in (dtype.fields or {}).items():
+        field = stated.get(name)
+        if field is None or field.datatype != _DATATYPES[wanted.str[1:]]:
+            raise MessageError(f"point cloud needs a field {name} of type {wanted.name}")
+        if field.offset + wanted.itemsize > message.point_step:
+            raise MessageError(
+                f"field {name} at byte {field.offset} lies outside a point of "
+                f"{message.point_step} bytes"
+            )
+    # A message may claim any number of points: memory is taken only for those it brings.
+    records = np.zeros(count, dtype=dtype)
+    table = raw.reshape(count, message.point_step)
+    for name, (wanted, *_) in (dtype.fields or {}).items():
+        offset = stated[name].offset
+        column = np.ascontiguousarray(table[:, offset : offset + wanted.itemsize])
+        records[name] = column.view(wanted).reshape(-1)
+    return decode_stamp(message.header.stamp), records
+
+
+def encode_line_strip(t: float, points: NDArray[np.float64], width: float) -> Marker:
+    """Return a centreline, shape (n, 3) [m], as an RViz line strip of a width [m]."""
+    message = Marker(ns="cable", id=0, type=Marker.LINE_STRIP, action=Marker.ADD)
+    message.header.stamp = encode_stamp(t)
+    message.header.frame_id = BASE_FRAME
+    message.pose.orientation.w = 1.0
+    message.scale.x = float(width)
+    message.color = ColorRGBA(r=0.85, g=0.35, b=0.1, a=1.0)
+    message.points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in points]
+    return message
+
+
+def decode_line_strip(message: Marker) -> tuple[float, NDArray[np.float64]]:
+    """Return (t [s], points of shape (n, 3) [m])."""
+    points = np.array([(point.x, point.y, point.z) for point in message.points], dtype=float)
+    return decode_stamp(message.header.stamp), points.reshape(-1, 3)

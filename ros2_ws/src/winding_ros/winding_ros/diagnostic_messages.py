@@ -1,0 +1,118 @@
+"""Node states and case votes as DiagnosticArray (REP-107), and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from winding_ros.rig_messages import MessageError
+from winding_ros.stamps import decode_stamp, encode_stamp
+
+
+class Level(IntEnum):
+    """Severity of a status."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Status:
+    """State of one component.
+
+    Attributes:
+        name: "node: component".
+        level: Severity.
+        message: One sentence.
+        values: What was measured, as text.
+    """
+
+    name: str
+    level: Level = Level.OK
+    message: str = ""
+    values: Mapping[str, str] = field(default_factory=dict)
+
+
+def encode_diagnostics(
+    t: float, statuses: Sequence[Status], hardware_id: str = ""
+) -> DiagnosticArray:
+    """Return statuses as a DiagnosticArray stamped t [s]."""
+    message = DiagnosticArray()
+    message.header.stamp = encode_stamp(t)
+    message.status = [
+        DiagnosticStatus(
+            level=bytes([status.level]),
+            name=status.name,
+            message=status.message,
+            hardware_id=hardware_id,
+            values=[KeyValue(key=key, value=value) for key, value in status.values.items()],
+        )
+        for status in statuses
+    ]
+    return message
+
+
+def decode_diagnostics(message: DiagnosticArray) -> tuple[float, tuple[Status, ...]]:
+    """Return (t [s], statuses).
+
+    Raises:
+        MessageError: A level is none of REP-107's.
+    """
+    for status in message.status:
+        if status.level[0] not in set(Level):
+            raise MessageError(f"status {status.name!r} has the unknown level {status.level[0]}")
+    statuses = tuple(
+        Status(
+            name=status.name,
+            level=Level(status.level[0]),
+            message=status.message,
+            values={item.key: item.value for item in status.values},
+        )
+        for status in message.status
+    )
+    return decode_stamp(message.header.stamp), statuses
+
+
+def encode_case_votes(t: float, votes: Mapping[int, float]) -> DiagnosticArray:
+    """Return the share of votes of each known case, best first, as a DiagnosticArray.
+
+    No votes mean that nothing has been measured yet.
+    """
+    ranked = sorted(votes.items(), key=lambda item: (-item[1], item[0]))
+    message = "no marker is measured yet"
+    if ranked:
+        message = f"resembles case {ranked[0][0]} with {ranked[0][1]:.0%} of the votes"
+    return encode_diagnostics(
+        t,
+        [
+            Status(
+                name="correction: case",
+                message=message,
+                values={f"case {number}": f"{vote:.6f}" for number, vote in ranked},
+            )
+        ],
+    )
+
+
+def decode_case_votes(message: DiagnosticArray) -> tuple[float, dict[int, float]]:
+    """Return (t [s], share of votes by case number), best first.
+
+    Raises:
+        MessageError: It is not one status with a share, 0 to 1, for each case.
+    """
+    t, statuses = decode_diagnostics(message)
+    if len(statuses) != 1:
+        raise MessageError(f"case votes need one status, got {len(statuses)}")
+    said = statuses[0].values
+    try:
+        votes = {int(key.removeprefix("case ")): float(vote) for key, vote in said.items()}
+    except ValueError:
+        raise MessageError(f"case votes need a number for each case, got {dict(said)}") from None
+    if not all(0.0 <= vote <= 1.0 for vote in votes.values()):
+        raise MessageError(f"a share of votes lies in 0 to 1, got {dict(said)}")
+    return t, votes

@@ -1,0 +1,44 @@
+"""A node's work as messages in and messages out, with no node around it.
+
+A node subscribes and publishes; what it answers to a message is its handler's business. So a
+recorded run can be put to the same code again, without DDS, threads or a clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+from winding_ros.topics import Topic
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """A `message` to publish on a `topic`."""
+
+    topic: Topic
+    message: Any
+
+
+class MessageHandler(Protocol):
+    """The work of one node from activation on.
+
+    Attributes:
+        inputs: Topics it takes, those first that the others are read with: of what has arrived
+            together, and of messages with the same stamp, this is the order.
+        outputs: Topics it answers on.
+    """
+
+    inputs: ClassVar[tuple[Topic, ...]]
+    outputs: ClassVar[tuple[Topic, ...]]
+
+    def begin(self, t: float) -> Iterator[Answer]:
+        """Begin a new run at a time [s]; yield what is said at once."""
+
+    def take(self, topic: Topic, message: Any) -> Iterator[Answer]:
+        """Take a message; yield the answers to it.
+
+        Raises:
+            MessageError: The message cannot be used.
+        """

@@ -1,0 +1,1 @@
+"""The paper's twelve cases beside this project's numbers."""

@@ -1,0 +1,159 @@
+"""A prediction of the twelve cases beside the experiment, marker by marker."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from statistics import fmean
+from typing import Any
+
+from winding_core.published import (
+    MILLIMETRE,
+    Lay,
+    PublishedMarker,
+    length_error_pct,
+    published_markers,
+)
+from winding_study.runs.case_result import CaseResult
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """One measured marker: predicted, measured, and how far apart.
+
+    Attributes:
+        case: Row of Table 1.
+        marker: n of Pn.
+        original_m: n marker spacings.
+        theta_rad: Predicted wound angle.
+        z_m: Predicted axial position.
+        s_m: Predicted curve length.
+        theta_exp_rad: Measured wound angle.
+        z_exp_m: Measured axial position.
+        s_exp_m: Measured curve length.
+        error_pct: Table 7's measure of the length.
+        dz_mm: Predicted minus measured z of this marker.
+        dz_path_mm: Predicted minus measured z at the measured theta; None where the path of the
+            prediction is not known there.
+        dtheta_rad: Predicted minus measured theta.
+    """
+
+    case: int
+    marker: int
+    original_m: float
+    theta_rad: float
+    z_m: float
+    s_m: float
+    theta_exp_rad: float
+    z_exp_m: float
+    s_exp_m: float
+    error_pct: float
+    dz_mm: float
+    dz_path_mm: float | None
+    dtheta_rad: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """All measured cells of one prediction, and their means."""
+
+    cells: tuple[Cell, ...]
+
+    @property
+    def keys(self) -> list[tuple[int, int]]:
+        """(case, marker) of every cell."""
+        return [(cell.case, cell.marker) for cell in self.cells]
+
+    @property
+    def mean_error_pct(self) -> float:
+        """Mean error of a length, Table 7's measure."""
+        return fmean(cell.error_pct for cell in self.cells)
+
+    @property
+    def mean_abs_dz_mm(self) -> float:
+        """Mean |z - z_exp|, marker by marker."""
+        return fmean(abs(cell.dz_mm) for cell in self.cells)
+
+    @property
+    def mean_abs_dz_path_mm(self) -> float | None:
+        """Mean |z - z_exp| at the measured theta; None unless known for every cell."""
+        known = [abs(cell.dz_path_mm) for cell in self.cells if cell.dz_path_mm is not None]
+        return fmean(known) if len(known) == len(self.cells) else None
+
+    @property
+    def mean_abs_dtheta_rad(self) -> float:
+        """Mean |theta - theta_exp|."""
+        return fmean(abs(cell.dtheta_rad) for cell in self.cells)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return means and cells as JSON values."""
+        return {
+            "mean_error_pct": self.mean_error_pct,
+            "mean_abs_dz_mm": self.mean_abs_dz_mm,
+            "mean_abs_dz_path_mm": self.mean_abs_dz_path_mm,
+            "mean_abs_dtheta_rad": self.mean_abs_dtheta_rad,
+            "cells": [asdict(cell) for cell in self.cells],
+        }
+
+
+def compare(results: Iterable[CaseResult], *, partial: bool = False) -> Comparison:
+    """Return this project's prediction beside the experiment.
+
+    Args:
+        results: Cases that were wound.
+        partial: Leave out measured markers that the runs were too short for.
+
+    Raises:
+        ValueError: A measured marker was not wound, or with `partial` none was.
+    """
+    by_case = {result.case: result for result in results}
+    cells = []
+    for row in published_markers():
+        if row.case not in by_case or row.experiment is None:
+            continue
+        result = by_case[row.case]
+        if row.marker not in result.lays:
+            if partial:
+                continue
+            raise ValueError(f"case {row.case} marker {row.marker} was measured but is not wound")
+        cells.append(_cell(row, result.lays[row.marker], row.experiment, result.path_z))
+    if not cells:
+        raise ValueError("the runs are too short: no measured marker is wound")
+    return Comparison(cells=tuple(cells))
+
+
+def compare_paper(keys: Iterable[tuple[int, int]] | None = None) -> Comparison:
+    """Return the paper's simulation columns beside the experiment.
+
+    Four points of its path are printed, a turn apart: too few for z at another theta.
+
+    Args:
+        keys: (case, marker) of the cells that are asked for; all measured ones by default.
+    """
+    asked = None if keys is None else set(keys)
+    return Comparison(
+        cells=tuple(
+            _cell(row, row.simulation, row.experiment, {})
+            for row in published_markers()
+            if row.experiment is not None and (asked is None or (row.case, row.marker) in asked)
+        )
+    )
+
+
+def _cell(row: PublishedMarker, predicted: Lay, measured: Lay, path_z: Mapping[int, float]) -> Cell:
+    path = path_z.get(row.marker)
+    return Cell(
+        case=row.case,
+        marker=row.marker,
+        original_m=row.original_length,
+        theta_rad=predicted.theta,
+        z_m=predicted.z,
+        s_m=predicted.s,
+        theta_exp_rad=measured.theta,
+        z_exp_m=measured.z,
+        s_exp_m=measured.s,
+        error_pct=length_error_pct(measured.s, predicted.s),
+        dz_mm=(predicted.z - measured.z) / MILLIMETRE,
+        dz_path_mm=None if path is None else (path - measured.z) / MILLIMETRE,
+        dtheta_rad=predicted.theta - measured.theta,
+    )

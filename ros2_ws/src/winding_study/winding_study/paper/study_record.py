@@ -1,0 +1,255 @@
+"""What a study found: the prediction beside the experiment, the models of h, the verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from correction_node.models.dataset import Array, LengthCell
+from correction_node.models.evaluation import cell_errors_pct
+from correction_node.training.comparison import (
+    BASELINE,
+    LEARNED,
+    ONE_H_PER_CASE,
+    RIG_PROCESS,
+    ModelScore,
+)
+from correction_node.training.learners import NETWORK, RIG, RIG_NETWORK
+from winding_core.published import published_markers, published_weights
+from winding_study.documents.data_table import DataTable
+from winding_study.paper.comparison import Comparison, compare_paper
+from winding_study.paper.paper_tables import Weights, paper_tables
+from winding_study.paper.study import StudyConfig
+from winding_study.paper.study_tables import cells_table, means_table, models_table, weights_table
+from winding_study.runs.case_result import CaseResult
+
+PUBLISHED = "paper's simulation"
+# Models over the rig's span-tension law.
+PHYSICAL = (RIG, RIG_NETWORK, RIG_PROCESS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyRecord:
+    """Everything that a study found.
+
+    Attributes:
+        config: What was wound; None when the paper's simulation is the base.
+        cases: Rows of Table 1 that were asked for.
+        comparison: The base beside the experiment.
+        results: Our cases; nothing when the paper's simulation is the base.
+        cells: What the models of h learned from, in the order of their h; empty without models.
+        models: Scores by name; empty when not all twelve cases were wound.
+        noise: K-NN accuracy in percent against simulated noise in percent.
+        within: How P3 and P4 of a run follow from its measured P1 and P2.
+    """
+
+    config: StudyConfig | None
+    cases: tuple[int, ...]
+    comparison: Comparison
+    results: tuple[CaseResult, ...] = ()
+    cells: tuple[LengthCell, ...] = ()
+    models: Mapping[str, ModelScore] = field(default_factory=dict)
+    noise: DataTable | None = None
+    within: DataTable | None = None
+
+    @property
+    def who(self) -> str:
+        """Short name of the base."""
+        return PUBLISHED if self.config is None else f"our {self.config.element}"
+
+    @property
+    def paper(self) -> Comparison:
+        """The paper's simulation on the cells of the base."""
+        return compare_paper(self.comparison.keys)
+
+    @property
+    def best_model(self) -> str | None:
+        """The model that predicts a case it never saw best, baselines included."""
+        return _lowest(self.models, (BASELINE, LEARNED))
+
+    @property
+    def best_learned(self) -> str | None:
+        """The best of the models that learn."""
+        return _lowest(self.models, (LEARNED,))
+
+    def table_eight(self) -> dict[str, Weights]:
+        """Return h of the models whose corrected errors stand in Table 8, by column name."""
+        shown: dict[str, Weights] = {}
+        for name in dict.fromkeys((NETWORK, self.best_learned)):
+            if name is not None and name in self.models:
+                model = self.models[name]
+                shown[f"{name}, in-sample"] = self._by_cell(model.in_sample)
+                shown[f"{name}, left out"] = self._by_cell(model.held_out)
+        return shown
+
+    def paper_tables(self) -> tuple[DataTable, ...]:
+        """Return Tables 2 to 8; those without a case that was asked for are left out."""
+        tables = paper_tables(self.results, self.cases, self.table_eight(), self._column)
+        return tuple(table for table in tables if table.rows)
+
+    def cells_table(self) -> DataTable:
+        """Return Tables 2 to 8 in one, measured markers only."""
+        printed = {
+            (row.case, row.marker): row.updated_error_pct
+            for row in published_markers()
+            if row.updated_error_pct is not None
+        }
+        updated = {"paper": printed}
+        best = self.best_learned
+        if best is not None:
+            model = self.models[best]
+            updated["best, in-sample"] = self.errors_pct(model.in_sample)
+            updated["best, left out"] = self.errors_pct(model.held_out)
+        return cells_table(self._own, self.paper, updated, self._column)
+
+    def means_table(self) -> DataTable:
+        """Return the means beside those of the paper's simulation."""
+        return means_table(self._own, self.paper, self.who)
+
+    @property
+    def _own(self) -> Comparison | None:
+        return None if self.config is None else self.comparison
+
+    @property
+    def _column(self) -> str:
+        return "" if self.config is None else self.config.element
+
+    def own_tables(self) -> tuple[DataTable, ...]:
+        """Return what the paper has no table of."""
+        weights = self.weights_by_case()
+        models = (models_table(self.models), weights_table(weights)) if weights else ()
+        return (*models, *(table for table in (self.within, self.noise) if table is not None))
+
+    def weights_by_case(self) -> dict[int, dict[str, float]]:
+        """Return one h per case by name: the optimum of Eq. 5, the network's, and the paper's."""
+        found: dict[int, dict[str, float]] = {}
+        columns = {
+            "least_squares": self._h(ONE_H_PER_CASE, "in_sample"),
+            "network": self._h(NETWORK, "in_sample"),
+            "network_left_out": self._h(NETWORK, "held_out"),
+        }
+        for index, cell in enumerate(self.cells):
+            row = found.setdefault(cell.case, {})
+            row |= {name: float(h[index]) for name, h in columns.items() if h is not None}
+            if self.config is None:
+                row["paper"] = published_weights()[cell.case]
+        return found
+
+    def _h(self, model: str, which: str) -> Array | None:
+        h: Array | None = getattr(self.models.get(model), which, None)
+        return h
+
+    def _by_cell(self, h: Array) -> Weights:
+        return {
+            (cell.case, cell.marker): float(value)
+            for cell, value in zip(self.cells, h, strict=True)
+        }
+
+    def verdict(self) -> str:
+        """Return what the numbers say, in a few sentences."""
+        mean, paper = self.comparison.mean_error_pct, self.paper.mean_error_pct
+        count = len(self.comparison.cells)
+        if self.config is None:
+            said = [f"The paper's simulation is {mean:.2f} % off over {count} measured lengths."]
+        else:
+            said = [
+                f"Without any correction {self.who} is {mean:.2f} % off over {count} measured "
+                f"lengths, the paper's simulation {paper:.2f} %."
+            ]
+        best, learned = self.best_model, self.best_learned
+        if best is None or learned is None:
+            return " ".join([*said, "No model of h was compared; that needs all twelve cases."])
+        score, rival = self.models[learned], _lowest(self.models, (BASELINE,))
+        said.append(
+            f"On cases left out the best learned model is '{learned}': "
+            f"{score.leave_one_case_out_pct:.2f} % (in-sample {score.in_sample_pct:.2f} %)"
+        )
+        if rival is None:
+            said[-1] += "."
+        else:
+            plain = self.models[rival].leave_one_case_out_pct
+            word = "wins" if best == rival else "loses"
+            said[-1] += f"; the best plain baseline, '{rival}', {word} with {plain:.2f} %."
+        if learned in PHYSICAL:
+            said.append(
+                "The form of that model's physics was chosen with all of these cells in view, so "
+                "its error on cases left out is optimistic for another rig."
+            )
+        printed = self.paper_updated_pct()
+        said.append(
+            f"The paper's network has {printed:.2f} %, in-sample only, on its own simulation."
+        )
+        return " ".join(said)
+
+    def paper_updated_pct(self) -> float:
+        """Return the mean of the printed Table 8 over the cells of the base."""
+        asked = set(self.comparison.keys)
+        printed = [
+            row.updated_error_pct
+            for row in published_markers()
+            if (row.case, row.marker) in asked and row.updated_error_pct is not None
+        ]
+        return math.fsum(printed) / len(printed)
+
+    def errors_pct(self, h: Array) -> dict[tuple[int, int], float]:
+        """Return Table 8's error by cell for h by cell."""
+        errors = cell_errors_pct(self.cells, h)
+        return {
+            (cell.case, cell.marker): float(error)
+            for cell, error in zip(self.cells, errors, strict=True)
+        }
+
+    def as_json(self) -> dict[str, Any]:
+        """Return everything as strict JSON values: null where there is no number."""
+        tables = (*self.paper_tables(), *self.own_tables())
+        return {
+            **self.comparison.as_json(),
+            "paper": self.paper.as_json(),
+            "base": self.who,
+            "means": {
+                "error_pct": self.comparison.mean_error_pct,
+                "paper_error_pct": self.paper.mean_error_pct,
+                "paper_updated_error_pct": self.paper_updated_pct(),
+                **{table.name: table.means for table in tables if table.means},
+            },
+            "models": {
+                name: {
+                    "kind": model.kind,
+                    "description": model.description,
+                    **{
+                        field_name: _number(getattr(model, field_name))
+                        for field_name in (
+                            "in_sample_pct",
+                            "leave_one_case_out_pct",
+                            "in_sample_spread_pct",
+                            "leave_one_case_out_spread_pct",
+                            "worst_case_pct",
+                            "bound_pct",
+                            "own_interval_coverage_pct",
+                        )
+                    },
+                }
+                for name, model in self.models.items()
+            },
+            "best_model": self.best_model,
+            "best_learned": self.best_learned,
+            "verdict": self.verdict(),
+            "weights_by_case": {str(case): h for case, h in self.weights_by_case().items()},
+            "tables": {table.name: table.as_json() for table in tables},
+        }
+
+
+def _lowest(models: Mapping[str, ModelScore], kinds: Iterable[str]) -> str | None:
+    wanted = set(kinds)
+    known = {
+        name: model.leave_one_case_out_pct
+        for name, model in models.items()
+        if model.kind in wanted and math.isfinite(model.leave_one_case_out_pct)
+    }
+    return min(known, key=lambda name: known[name]) if known else None
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)

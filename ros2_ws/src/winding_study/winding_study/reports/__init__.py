@@ -1,0 +1,1 @@
+"""Reports of a run and of a study, with their pictures."""

@@ -1,0 +1,148 @@
+"""The study's report: one HTML file beside one CSV file for every table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import BinaryIO
+
+from correction_node.training.comparison import RIG_PROCESS
+from correction_node.training.learners import LEARNERS, RIG
+from winding_study.documents.page import PAGE, Tile, render_page
+from winding_study.documents.picture import Picture
+from winding_study.paper.study_record import PHYSICAL, StudyRecord
+from winding_study.reports.cable_pictures import cables_picture
+from winding_study.reports.error_pictures import errors_picture, stretches_picture
+from winding_study.reports.machine_pictures import Speeds, speeds_picture
+from winding_study.reports.model_pictures import models_picture, neighbours_picture, network_picture
+from winding_study.runs.whole_file import write_whole
+
+_TEMPLATE = "study.html.j2"
+
+
+def write_study(
+    record: StudyRecord,
+    directory: Path,
+    *,
+    speeds: Speeds | None = None,
+    facts: Mapping[str, str] | None = None,
+) -> Path:
+    """Write page and CSV files and return the path of the page; missing folders are made.
+
+    Args:
+        record: What was found.
+        directory: Where to; files of an earlier report there are replaced.
+        speeds: A run of the machine, for Figure 7.
+        facts: Short facts by name for the end of the page.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    text = render_study(record, speeds=speeds, facts=facts)
+    directory.mkdir(parents=True, exist_ok=True)
+    for table in (*record.paper_tables(), *record.own_tables()):
+        _write(directory / f"{table.name}.csv", table.as_csv())
+    page = directory / PAGE
+    _write(page, text)
+    return page
+
+
+def render_study(
+    record: StudyRecord,
+    *,
+    speeds: Speeds | None = None,
+    facts: Mapping[str, str] | None = None,
+) -> str:
+    """Return the report as one HTML text that loads nothing from anywhere."""
+    cases = ", ".join(str(number) for number in record.cases)
+    return render_page(
+        _TEMPLATE,
+        title="The paper's twelve cases" if len(record.cases) == 12 else f"Case {cases}",
+        verdict=record.verdict(),
+        conditions={},
+        tiles=_tiles(record),
+        pictures=_pictures(record, speeds),
+        models_picture=models_picture(record) if record.models else None,
+        neighbours_picture=None if record.noise is None else neighbours_picture(record.noise),
+        own={table.name: table for table in record.own_tables()},
+        tables=record.paper_tables(),
+        models=record.models,
+        notes=_notes(record),
+        facts=dict(facts or {}),
+    )
+
+
+def _pictures(record: StudyRecord, speeds: Speeds | None) -> dict[str, list[Picture]]:
+    machine = []
+    if speeds is not None:
+        drawn = speeds_picture(speeds)
+        caption = f"The simulated machine, without cable and camera. {drawn.caption}"
+        machine = [replace(drawn, title="Figure 7: the speeds", caption=caption)]
+    cables = [cables_picture(record.results)] if record.results else []
+    return {
+        "cells": [errors_picture(record), stretches_picture(record)],
+        "figures": [*machine, *cables, network_picture()],
+    }
+
+
+def _tiles(record: StudyRecord) -> list[Tile]:
+    tiles = [_tile("Paper's simulation", record.paper.mean_error_pct, "nothing learned")]
+    if record.config is not None:
+        name = record.who[0].upper() + record.who[1:]
+        tiles.append(_tile(name, record.comparison.mean_error_pct, "nothing learned"))
+    tiles.append(_tile("Paper's network", record.paper_updated_pct(), "in-sample, as printed"))
+    best = record.best_learned
+    if best is not None:
+        model = record.models[best]
+        tiles.append(_tile("Best learned model", model.in_sample_pct, "in-sample"))
+        tiles.append(_tile("Best learned model", model.leave_one_case_out_pct, "its case left out"))
+    cells = record.comparison.cells
+    cases = len({cell.case for cell in cells})
+    return [*tiles, Tile(label="Lengths", value=str(len(cells)), remark=f"of {cases} cases")]
+
+
+def _tile(label: str, error_pct: float, remark: str) -> Tile:
+    return Tile(label=label, value=f"{error_pct:.2f} %", remark=remark)
+
+
+def _notes(record: StudyRecord) -> list[str]:
+    if record.config is None:
+        first = (
+            "The base is the paper's own simulation column as printed, its outliers in cases 3 "
+            "and 11 included."
+        )
+    else:
+        first = (
+            "Nothing in our prediction was fitted to a case: one guide distance and the dead "
+            "weight for all. The paper does not print the guide's distance; it was taken from "
+            "the measured positions of all cases together."
+        )
+    notes = [
+        first,
+        "The experiment's repetitions were not published: every cell is one number, without its "
+        "scatter.",
+    ]
+    if record.models:
+        notes.append(
+            "In-sample errors only say how well a model repeats what it was shown. Twelve cases "
+            "are few: the order of models that differ by some tenths of a percent may be chance, "
+            "and the forms of the models were chosen by people who had seen these cells."
+        )
+    best = record.best_learned
+    learner = LEARNERS.get(RIG if best == RIG_PROCESS else best or "")
+    if learner is not None:
+        notes.append(f"The best learned model, '{best}': {learner.selection}")
+    if best in PHYSICAL:
+        notes.append(
+            "That model predicts the length from the rig's physics and does not look at S_FEM: h "
+            "only turns one into the other, so its error hardly depends on what is corrected."
+        )
+    return notes
+
+
+def _write(path: Path, text: str) -> None:
+    def write(file: BinaryIO) -> None:
+        file.write(text.encode("utf-8"))
+
+    write_whole(path, write)

@@ -1,0 +1,1 @@
+"""Runs wound ahead: planned, stored, recorded."""

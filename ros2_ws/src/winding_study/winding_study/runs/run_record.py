@@ -1,0 +1,213 @@
+"""What a run of the graph leaves behind: time series, the markers' last word, counters."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_core.cases import Case
+from winding_core.drive import DriveProfile
+from winding_core.published import PublishedMarker, length_error_pct, published_markers
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """One quantity over time.
+
+    Attributes:
+        t: Stamps [s], shape (n,).
+        value: In SI, shape (n,).
+    """
+
+    t: Array
+    value: Array
+
+    def __post_init__(self) -> None:
+        if self.t.shape != self.value.shape or self.t.ndim != 1:
+            raise ValueError(f"a signal needs one value per stamp, got {self.value.shape}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkerSeries:
+    """Wound markers over time, one row per marker and message.
+
+    Attributes:
+        t: Stamps [s], shape (n,).
+        id: Marker numbers, shape (n,).
+        theta: Wound angle [rad], shape (n,).
+        z: Axial position relative to P0 [m], shape (n,).
+        s: Curve length [m], shape (n,).
+    """
+
+    t: Array
+    id: NDArray[np.int64]
+    theta: Array
+    z: Array
+    s: Array
+
+    def __post_init__(self) -> None:
+        for name in ("id", "theta", "z", "s"):
+            if getattr(self, name).shape != self.t.shape:
+                raise ValueError(f"{name} needs one value per stamp")
+
+    def of(self, marker: int) -> MarkerSeries:
+        """Return the rows of one marker."""
+        mine = self.id == marker
+        return MarkerSeries(
+            t=self.t[mine], id=self.id[mine], theta=self.theta[mine], z=self.z[mine], s=self.s[mine]
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkerRow:
+    """One marker at the end of the run; None where there is no such number.
+
+    Attributes:
+        id: n of Pn.
+        original: n marker spacings [m].
+        s_fem: Predicted curve length [m].
+        s_tracked: Measured by the camera in this run [m].
+        h: Learned weight.
+        s_corrected: h S_FEM [m].
+        s_low: Lower end of its interval [m].
+        s_high: Upper end of its interval [m].
+        s_published: Measured in the paper's experiment [m].
+    """
+
+    id: int
+    original: float
+    s_fem: float | None = None
+    s_tracked: float | None = None
+    h: float | None = None
+    s_corrected: float | None = None
+    s_low: float | None = None
+    s_high: float | None = None
+    s_published: float | None = None
+
+    @property
+    def error_fem_pct(self) -> float | None:
+        """Error of the prediction against the published experiment, Table 7's measure."""
+        return _error(self.s_published, self.s_fem)
+
+    @property
+    def error_corrected_pct(self) -> float | None:
+        """Error of the corrected prediction against the published experiment, as Table 8."""
+        return _error(self.s_published, self.s_corrected)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRecord:
+    """A finished run.
+
+    Attributes:
+        case: What was wound.
+        drive: The wanted speeds.
+        cylinder_speed: Measured [rad/s].
+        carriage_speed: Measured [m/s].
+        cylinder_setpoint: Commanded [rad/s].
+        carriage_setpoint: Commanded [m/s].
+        tension: Load cell [N].
+        predicted: Markers of the solver in step.
+        tracked: Markers of the camera.
+        corrected: Markers after the learned weight.
+        rows: P1, P2, ... at the end of the run.
+        frames: Camera frames tracked.
+        frames_lost: Camera frames that never reached the recorder.
+        joint_states: Encoder samples recorded.
+        joint_states_lost: Encoder samples that never reached the recorder.
+        wall_s: Wall time of the run [s].
+        sim_s: Simulated time of the run [s].
+        facts: Short facts by name for the head of the report, such as the trained weight.
+        notes: Sentences on what the numbers are worth.
+    """
+
+    case: Case
+    drive: DriveProfile
+    cylinder_speed: Signal
+    carriage_speed: Signal
+    cylinder_setpoint: Signal
+    carriage_setpoint: Signal
+    tension: Signal
+    predicted: MarkerSeries
+    tracked: MarkerSeries
+    corrected: MarkerSeries
+    rows: tuple[MarkerRow, ...]
+    frames: int | None = None
+    frames_lost: int | None = None
+    joint_states: int | None = None
+    joint_states_lost: int | None = None
+    wall_s: float | None = None
+    sim_s: float | None = None
+    facts: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def marker_ids(self) -> tuple[int, ...]:
+        """The markers that the run is about."""
+        return tuple(row.id for row in self.rows)
+
+    @property
+    def published(self) -> tuple[PublishedMarker, ...]:
+        """The paper's markers of this case; none for a condition of one's own."""
+        return published_markers(self.case.number) if self.case.number else ()
+
+    @property
+    def end(self) -> float:
+        """Time at which the run's time axes end [s]."""
+        stamps = [
+            float(series.t.max()) for series in (self.predicted, self.tracked) if series.t.size
+        ]
+        return max([self.sim_s or 0.0, *stamps]) or 1.0
+
+
+def run_json(record: RunRecord) -> dict[str, Any]:
+    """Return the run's numbers as JSON values; null where nothing was measured."""
+    return {
+        "case": record.case.number,
+        "markers": [
+            {
+                "id": row.id,
+                "original_m": _number(row.original),
+                "s_fem_m": _number(row.s_fem),
+                "s_tracked_m": _number(row.s_tracked),
+                "h": _number(row.h),
+                "s_corrected_m": _number(row.s_corrected),
+                "s_published_m": _number(row.s_published),
+                "error_fem_pct": _number(row.error_fem_pct),
+                "error_corrected_pct": _number(row.error_corrected_pct),
+            }
+            for row in record.rows
+        ],
+        "frames": record.frames,
+        "frames_lost": record.frames_lost,
+        "joint_states": record.joint_states,
+        "joint_states_lost": record.joint_states_lost,
+        "wall_s": _number(record.wall_s),
+        "sim_s": _number(record.sim_s),
+    }
+
+
+def write_run_json(record: RunRecord, path: Path) -> None:
+    """Write the run's numbers as strict JSON; missing folders are made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(run_json(record), indent=2, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _error(measured: float | None, predicted: float | None) -> float | None:
+    measured, predicted = _number(measured), _number(predicted)
+    if measured is None or predicted is None or predicted <= 0.0:
+        return None
+    return length_error_pct(measured, predicted)

@@ -1,0 +1,1 @@
+"""Runs a graph: processes, lifecycle, supervision, the end of a run."""

@@ -1,0 +1,214 @@
+"""Keeps the operator's page served beside a run; the machine does not wait for it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from winding_ros.async_client import AsyncClient
+from winding_ros.environment import child_environment, enclave_arguments, ros_arguments
+from winding_ros.graph import PAGE
+from winding_ros.heartbeat import Sign
+from winding_supervisor.backoff import Backoff
+from winding_supervisor.event_log import EventLog
+from winding_supervisor.graph_error import GraphError
+from winding_supervisor.node_process import NodeProcess
+
+# First starts import NiceGUI on a busy machine.
+_START_TIMEOUT = 120.0
+_POLL = 0.1
+# Twelve seconds without a sign of life: a busy machine is late, and nothing depends on the page.
+_STALLS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class DashboardConfig:
+    """The page's process.
+
+    Attributes:
+        parameters: Of the node `dashboard`, with host and port.
+        namespace: Of the graph.
+        log_directory: Folder of its output.
+    """
+
+    parameters: Mapping[str, object]
+    namespace: str
+    log_directory: Path
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and TCP port."""
+        return str(self.parameters["host"]), int(str(self.parameters["port"]))
+
+    @property
+    def url(self) -> str:
+        """What a browser is given."""
+        host, port = self.address
+        return f"http://{f'[{host}]' if ':' in host else host}:{port}/"
+
+
+class DashboardProcess:
+    """Starts the page's process, and starts it again when it ends or hangs.
+
+    Nobody stops the machine for it: the page is not the only stop, and a machine that stops
+    whenever a web server does would lose runs for nothing.
+
+    Args:
+        config: What to run.
+        client: The orchestrator's node.
+        log: Where events go.
+        clock: Simulated time [s], for the log.
+    """
+
+    def __init__(
+        self,
+        config: DashboardConfig,
+        client: AsyncClient,
+        log: EventLog,
+        clock: Callable[[], float],
+    ) -> None:
+        self._config = config
+        self._client = client
+        self._log = log
+        self._clock = clock
+        self._backoff = Backoff()
+        self._misses = 0
+        self._heard = False
+        self._hung: asyncio.Queue[str] = asyncio.Queue()
+        self._process = self._new()
+
+    @property
+    def url(self) -> str:
+        """What a browser is given."""
+        return self._config.url
+
+    @property
+    def pid(self) -> int:
+        """Process id of the present page."""
+        return self._process.pid
+
+    async def start(self) -> None:
+        """Start the page; return when it is served.
+
+        Raises:
+            GraphError: It ended before.
+            TimeoutError: It does not answer.
+        """
+        self._client.watch(PAGE.name, self._note_sign)
+        await self._process.start()
+        await self._served()
+
+    async def keep(self) -> None:
+        """Keep the page served for as long as that can be done.
+
+        Raises:
+            GraphError: It failed for the fourth time within a minute; nobody could command the
+                machine by it.
+        """
+        while True:
+            failure = await self._failure()
+            self._note("detected", failure)
+            wait = self._backoff.next_wait(time.monotonic())
+            if wait is None:
+                sentence = f"{PAGE.name} {failure}, for the fourth time within a minute"
+                self._note("ended", sentence)
+                raise GraphError(sentence)
+            await self._process.kill()
+            await asyncio.sleep(wait)
+            self._note("restarting", PAGE.policy.value)
+            self._process = self._new()
+            self._misses, self._heard = 0, False
+            self._hung = asyncio.Queue()
+            await self._process.start()
+            self._note("restarted", "it is served again" if await self._comes() else "it ended")
+
+    async def stop(self) -> None:
+        """End the page."""
+        if self._process.started:
+            await self._process.stop()
+
+    def _new(self) -> NodeProcess:
+        config = self._config
+        file = config.log_directory / f"{PAGE.name}.yaml"
+        full_name = f"/{config.namespace}/{PAGE.name}"
+        values = {full_name: {"ros__parameters": dict(config.parameters)}}
+        # The token is in it.
+        file.touch(mode=0o600)
+        file.write_text(yaml.safe_dump(values), encoding="utf-8")
+        arguments = enclave_arguments(config.namespace, PAGE.name)
+        arguments += ros_arguments(config.namespace) or ["--ros-args"]
+        arguments += ["--disable-external-lib-logs", "--params-file", str(file)]
+        return NodeProcess(
+            PAGE,
+            arguments,
+            child_environment(),
+            config.log_directory / f"{PAGE.name}.log",
+        )
+
+    async def _served(self) -> None:
+        ended = asyncio.create_task(self._process.ended())
+        try:
+            async with asyncio.timeout(_START_TIMEOUT):
+                while not await self._answers():
+                    if ended.done():
+                        said = self._process.complaint()
+                        raise GraphError(
+                            f"{PAGE.name} ended with exit code {ended.result()}"
+                            + (f": {said}" if said else "")
+                        )
+                    await asyncio.sleep(_POLL)
+        except TimeoutError:
+            raise TimeoutError(f"no page at {self._config.url} in {_START_TIMEOUT:g} s") from None
+        finally:
+            ended.cancel()
+
+    async def _comes(self) -> bool:
+        """Return whether a page that was started again is served; its end is told by `keep`."""
+        try:
+            await self._served()
+        except (GraphError, TimeoutError):
+            return False
+        return True
+
+    async def _answers(self) -> bool:
+        try:
+            _, writer = await asyncio.open_connection(*self._config.address)
+        except OSError:
+            return False
+        writer.close()
+        with contextlib.suppress(OSError):
+            await writer.wait_closed()
+        return True
+
+    async def _failure(self) -> str:
+        """Wait until the process ends or hangs; return what became of it."""
+        ended = asyncio.create_task(self._process.ended())
+        hung = asyncio.create_task(self._hung.get())
+        try:
+            await asyncio.wait({ended, hung}, return_when=asyncio.FIRST_COMPLETED)
+            return f"ended with exit code {ended.result()}" if ended.done() else hung.result()
+        finally:
+            ended.cancel()
+            hung.cancel()
+
+    def _note_sign(self, sign: Sign) -> None:
+        if sign is Sign.ALIVE:
+            self._misses, self._heard = 0, True
+        elif not self._heard:
+            # What is missed is its predecessor's; a page says nothing before it is served.
+            return
+        elif sign is Sign.STALLED:
+            self._misses += 1
+            if self._misses >= _STALLS:
+                self._hung.put_nowait(sign.value)
+        elif self._process.started and self._process.return_code is None and self._process.stopped:
+            self._hung.put_nowait(sign.value)
+
+    def _note(self, what: str, text: str) -> None:
+        self._log.note(what, PAGE.name, text, t=self._clock())

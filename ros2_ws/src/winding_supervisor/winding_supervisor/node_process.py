@@ -1,0 +1,165 @@
+"""One node's process: start, listen to its complaints, stop by INT, TERM, KILL."""
+
+from __future__ import annotations
+
+import asyncio
+import collections
+import contextlib
+import os
+import signal
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import psutil  # type: ignore[import-untyped]
+
+from winding_ros.graph import NodeSpec
+
+_HELD = (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
+_ERROR_MARKS = ("error:", "[ERROR]", "[FATAL]")
+# A node that complains without end may not fill the disk: two files of this size [bytes].
+LOG_LIMIT = 4_000_000
+_CHUNK = 65_536
+# What a line without an end is cut to [bytes].
+_LINE_LIMIT = 8_192
+_ESCALATION = ((signal.SIGINT, 5.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 5.0))
+
+
+class NodeProcess:
+    """A node in a process of its own, with its output in a file."""
+
+    def __init__(
+        self,
+        spec: NodeSpec,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        log: Path,
+    ) -> None:
+        self.spec = spec
+        self._arguments = list(arguments)
+        self._environment = dict(environment)
+        self._log = log
+        self._complaints: collections.deque[str] = collections.deque(maxlen=200)
+        self._complained = asyncio.Event()
+        self._process: asyncio.subprocess.Process | None = None
+        self._reader: asyncio.Task[None] | None = None
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        assert self._process is not None
+        return self._process.pid
+
+    @property
+    def started(self) -> bool:
+        """Whether there is a process to stop."""
+        return self._process is not None
+
+    @property
+    def return_code(self) -> int | None:
+        """Exit code, or None while it runs."""
+        return None if self._process is None else self._process.returncode
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the process is held, as by SIGSTOP or a debugger."""
+        try:
+            return psutil.Process(self.pid).status() in _HELD
+        except psutil.NoSuchProcess:
+            return False
+
+    async def start(self) -> None:
+        """Start the process in a session of its own: Ctrl-C reaches only the orchestrator."""
+        self._process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            "-m",
+            self.spec.package,
+            *self._arguments,
+            env=self._environment,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.STDOUT,
+            start_new_session=True,
+        )
+        self._reader = asyncio.create_task(self._read())
+
+    async def ended(self) -> int:
+        """Wait for the process to end; return its exit code."""
+        assert self._process is not None
+        return await self._process.wait()
+
+    async def kill(self) -> int:
+        """End the process at once, whatever state it is in; return its exit code."""
+        assert self._process is not None
+        if self._process.returncode is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+        code = await self._process.wait()
+        if self._reader is not None:
+            await self._reader
+        return code
+
+    async def stop(self) -> int:
+        """End the process, ever more firmly; return its exit code."""
+        assert self._process is not None
+        for number, patience in _ESCALATION:
+            if self._process.returncode is not None:
+                break
+            try:
+                os.killpg(self._process.pid, number)
+            except ProcessLookupError:
+                break
+            try:
+                await asyncio.wait_for(self._process.wait(), patience)
+            except TimeoutError:
+                continue
+        if self._reader is not None:
+            await self._reader
+        return await self._process.wait()
+
+    async def refusal(self, patience: float) -> str:
+        """Return what the process says went wrong, waiting for it for up to `patience` [s]."""
+        try:
+            await asyncio.wait_for(self._complained.wait(), patience)
+        except TimeoutError:
+            return "no reason given"
+        return self.complaint()
+
+    def complaint(self) -> str:
+        """Return the last line that says what went wrong; nothing of one that was killed."""
+        if self.return_code == -signal.SIGKILL:
+            # Whatever it said was about something else.
+            return ""
+        errors = [line for line in self._complaints if line.startswith(_ERROR_MARKS)]
+        if errors:
+            return errors[-1].removeprefix("error: ").split("]: ", 1)[-1]
+        return self._complaints[-1] if self._complaints else ""
+
+    async def _read(self) -> None:
+        assert self._process is not None
+        assert self._process.stdout is not None
+        file = self._log.open("ab")
+        begun = b""
+        try:
+            while chunk := await self._process.stdout.read(_CHUNK):
+                if file.tell() + len(chunk) > LOG_LIMIT:
+                    file.close()
+                    self._log.replace(self._log.with_suffix(".log.1"))
+                    file = self._log.open("ab")
+                file.write(chunk)
+                file.flush()
+                *lines, begun = (begun + chunk).split(b"\n")
+                # A chunk may end within a line, and a line may have no end.
+                begun = begun[:_LINE_LIMIT]
+                for line in lines:
+                    self._hear(line)
+            self._hear(begun)
+        finally:
+            file.close()
+
+    def _hear(self, line: bytes) -> None:
+        text = line[:_LINE_LIMIT].decode(errors="replace").rstrip()
+        if text:
+            self._complaints.append(text)
+        if text.startswith(_ERROR_MARKS):
+            self._complained.set()

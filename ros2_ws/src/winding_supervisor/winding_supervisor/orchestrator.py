@@ -1,0 +1,278 @@
+"""Start the graph's processes, drive them to active, watch them, stop them in reverse."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from lifecycle_msgs.msg import Transition
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import parameter_value_to_python
+from std_srvs.srv import Trigger
+
+from winding_core.parameters import declarations
+from winding_ros import topics
+from winding_ros.async_client import AsyncClient
+from winding_ros.environment import child_environment, enclave_arguments, ros_arguments
+from winding_ros.graph import GRAPH, NodeSpec, parameters_of
+from winding_ros.parameter_files import parameters_for
+from winding_supervisor.attached_node import AttachedNode
+from winding_supervisor.deadline import deadline
+from winding_supervisor.discovery import PATIENCE, Discovery
+from winding_supervisor.graph_error import GraphError
+from winding_supervisor.lifecycle import (
+    ANSWER_PATIENCE,
+    CONFIGURE_TIMEOUT,
+    START_TIMEOUT,
+    LifecycleDriver,
+    Member,
+)
+from winding_supervisor.node_process import NodeProcess
+
+# A successor may hang as its predecessor did; one that replays a long run only takes long.
+_RESTART_PATIENCE = (20.0, 60.0, CONFIGURE_TIMEOUT)
+_POLL = 0.02
+_FORGETTING = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraphConfig:
+    """How a graph is run.
+
+    Attributes:
+        namespace: Without slashes around it.
+        log_directory: Folder of the nodes' output.
+        parameters: Node name -> parameter name -> value.
+        parameters_file: Parameter file of the user, given to every node.
+        recorded: Topics that the recorder of this process listens to.
+        attach: Whether somebody else runs the nodes, such as a container each.
+    """
+
+    namespace: str
+    log_directory: Path
+    parameters: Mapping[str, Mapping[str, object]]
+    parameters_file: Path | None = None
+    recorded: frozenset[str] = frozenset()
+    attach: bool = False
+
+
+class Orchestrator:
+    """Runs one graph; every wait is for a state, none for a time."""
+
+    def __init__(self, config: GraphConfig, client: AsyncClient) -> None:
+        self.config = config
+        self._client = client
+        self._transitions = LifecycleDriver(client, config.namespace)
+        self.processes: list[Member] = [self._process(spec) for spec in GRAPH]
+        self._active: set[str] = set()
+        self._matching = Discovery(client, config.recorded)
+        # What the nodes were found to be set to, for those that are started again.
+        self._adopted: dict[str, dict[str, object]] = {}
+
+    async def start(self) -> None:
+        """Start every process; raise GraphError when one ends before it answers."""
+        await asyncio.gather(*(process.start() for process in self.processes))
+
+    async def bring_up(self) -> None:
+        """Configure all nodes, activate them sinks first, wait until all are matched."""
+        await self._while_alive(self._configure_all())
+        for process in self.processes:
+            await self._while_alive(
+                self._transitions.change(process, Transition.TRANSITION_ACTIVATE, START_TIMEOUT)
+            )
+            self._active.add(process.spec.name)
+        await self._while_alive(self._matched())
+
+    def process(self, name: str) -> Member:
+        """Return a node's present process."""
+        return next(process for process in self.processes if process.spec.name == name)
+
+    def pids(self) -> dict[str, int]:
+        """Return the process ids of the nodes that run."""
+        return {
+            process.spec.name: process.pid
+            for process in self.processes
+            if process.started and process.return_code is None
+        }
+
+    async def restart(
+        self, name: str, extra: Mapping[str, object], late: Callable[[str], object]
+    ) -> None:
+        """Kill what is left of a node, start it anew and bring it to active.
+
+        A successor that hangs is killed and followed by another, which is given more time.
+
+        Args:
+            name: The node.
+            extra: Parameters beside those that it was started with.
+            late: Told when a successor is given up, to follow the node's name.
+
+        Raises:
+            GraphError, TimeoutError: It does not come up again.
+        """
+        for attempt, patience in enumerate(_RESTART_PATIENCE, start=1):
+            sentence = f"was not active again {patience:g} s after it was started"
+            try:
+                async with deadline(patience, f"{name} {sentence}"):
+                    await self._replace(name, extra)
+            except TimeoutError:
+                if attempt == len(_RESTART_PATIENCE):
+                    raise
+                late(sentence)
+            else:
+                return
+
+    async def _replace(self, name: str, extra: Mapping[str, object]) -> None:
+        old = self.process(name)
+        self._active.discard(name)
+        await old.kill()
+        new = self._process(old.spec, {**self._adopted.get(name, {}), **extra})
+        self.processes[self.processes.index(old)] = new
+        await new.start()
+        await self._while_alive(self._transitions.configure(new), [new])
+        await self._while_alive(
+            self._transitions.change(new, Transition.TRANSITION_ACTIVATE, CONFIGURE_TIMEOUT), [new]
+        )
+        self._active.add(name)
+
+    async def rematch(self, names: Collection[str]) -> None:
+        """Wait until the graph has forgotten killed processes and matches their successors."""
+        async with deadline(PATIENCE, f"the graph does not forget a killed {names}"):
+            while any(self._client.present(name) != 1 for name in names):
+                await asyncio.sleep(_POLL)
+        # Each process forgets for itself, a little earlier or later than this one.
+        await asyncio.sleep(_FORGETTING)
+        await self._while_alive(self._matched())
+
+    async def adopt_parameters(self) -> dict[str, dict[str, object]]:
+        """Return what every node is set to now; a node that is restarted gets the same.
+
+        A node that does not answer keeps what was known of it.
+        """
+        for process in self.processes:
+            name = process.spec.name
+            stated = [item.name for item in declarations(parameters_of(process.spec))]
+            answer = await self._client.try_call(
+                GetParameters,
+                self._transitions.service(process, "get_parameters"),
+                GetParameters.Request(names=stated),
+                ANSWER_PATIENCE,
+            )
+            if answer is not None and len(answer.values) == len(stated):
+                values = map(parameter_value_to_python, answer.values)
+                self._adopted[name] = dict(zip(stated, values, strict=True))
+        return dict(self._adopted)
+
+    async def begin_anew(self) -> None:
+        """Let every node but the rig begin a new run: what it knew of the last one is gone."""
+        for process in self.processes:
+            if process.spec.name == topics.RIG:
+                continue
+            for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
+                await self._while_alive(
+                    self._transitions.change(process, transition, START_TIMEOUT)
+                )
+
+    async def command(self, service: str) -> None:
+        """Call one of the rig's commands, such as rig/start.
+
+        Raises:
+            GraphError: It was refused.
+        """
+        response = await self._client.call(
+            Trigger, f"/{self.config.namespace}/{service}", Trigger.Request(), START_TIMEOUT
+        )
+        if not response.success:
+            raise GraphError(f"{service} was refused: {response.message}")
+
+    async def first_death(self, among: Sequence[Member] = ()) -> Member:
+        """Wait until a process ends, of some or of all; return it."""
+        watched = among or self.processes
+        tasks = {asyncio.create_task(process.ended()): process for process in watched}
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+        return tasks[done.pop()]
+
+    async def stop(self) -> dict[str, int]:
+        """Stop every process, the rig first; return exit codes by node."""
+        codes = {}
+        for process in reversed(self.processes):
+            if process.return_code is None and process.spec.name in self._active:
+                await self._transitions.ask_to_deactivate(process)
+            if process.started:
+                codes[process.spec.name] = await process.stop()
+            elif isinstance(process, AttachedNode) and process.spec.name in self._active:
+                # One that has gone is not waited for.
+                with contextlib.suppress(TimeoutError):
+                    await process.let_go()
+        return codes
+
+    def _process(self, spec: NodeSpec, extra: Mapping[str, object] | None = None) -> Member:
+        directory = self.config.log_directory
+        namespace = self.config.namespace
+        full_name = f"/{namespace}/{spec.name}"
+        values = {"use_sim_time": True, **self.config.parameters.get(spec.name, {})}
+        values |= extra or {}
+        if self.config.attach:
+            if self.config.parameters_file is not None:
+                values = parameters_for(self.config.parameters_file, full_name) | values
+            return AttachedNode(spec, self._client, full_name, values)
+        # The node's output is kept already, and kept short.
+        arguments = enclave_arguments(namespace, spec.name)
+        arguments += ros_arguments(namespace) or ["--ros-args"]
+        arguments.append("--disable-external-lib-logs")
+        if self.config.parameters_file is not None:
+            arguments += ["--params-file", str(self.config.parameters_file)]
+        own = directory / f"{spec.name}.yaml"
+        own.write_text(yaml.safe_dump({full_name: {"ros__parameters": values}}), encoding="utf-8")
+        arguments += ["--params-file", str(own)]
+        return NodeProcess(
+            spec,
+            arguments,
+            child_environment(),
+            directory / f"{spec.name}.log",
+        )
+
+    async def _configure_all(self) -> None:
+        await asyncio.gather(*(self._transitions.configure(process) for process in self.processes))
+
+    async def _matched(self) -> None:
+        try:
+            await self._matching.complete()
+        except TimeoutError as error:
+            raise GraphError(str(error)) from None
+
+    async def _while_alive(
+        self, work: Coroutine[Any, Any, Any], among: Sequence[Member] = ()
+    ) -> None:
+        task = asyncio.create_task(work)
+        death = asyncio.create_task(self.first_death(among))
+        try:
+            await asyncio.wait({task, death}, return_when=asyncio.FIRST_COMPLETED)
+            if task.done():
+                task.result()
+                return
+            dead = death.result()
+        finally:
+            task.cancel()
+            death.cancel()
+        # Its output may still be on its way through the pipe.
+        await dead.stop()
+        raise self.exit_error(dead)
+
+    @staticmethod
+    def exit_error(process: Member) -> GraphError:
+        """Return the error that names a node that ended by itself."""
+        said = process.complaint()
+        return GraphError(
+            f"{process.spec.name} ended with exit code {process.return_code}"
+            + (f": {said}" if said else "")
+        )

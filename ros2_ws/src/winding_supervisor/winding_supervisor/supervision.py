@@ -1,0 +1,334 @@
+"""Watch a running graph: notice what fails, stop the machine first, then act by the policy."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from collections import Counter, defaultdict
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import NoReturn
+
+from rclpy.serialization import deserialize_message
+from std_srvs.srv import Trigger
+
+from winding_recorder.live.buffered_inputs import buffered_inputs
+from winding_recorder.live.recorder import RunBuffer
+from winding_ros import topics
+from winding_ros.async_client import NAME, AsyncClient
+from winding_ros.diagnostic_messages import Level
+from winding_ros.graph import GRAPH, Policy
+from winding_ros.heartbeat import Sign
+from winding_ros.rig_messages import MessageError, decode_joint_state
+from winding_supervisor.backoff import Backoff
+from winding_supervisor.event_log import EventLog
+from winding_supervisor.graph_error import GraphError
+from winding_supervisor.load_monitor import LoadMonitor
+from winding_supervisor.orchestrator import Orchestrator
+from winding_supervisor.sensor_watch import SensorWatch
+
+_LOOK_PERIOD = 0.05
+_BEAT_PERIOD = 0.1
+_VITALS_PERIOD = 1.0
+_STOP_TIMEOUT = 2.0
+_STAND_TIMEOUT = 3.0
+# Slower than this an axis stands, as its encoder sees it [rad/s, m/s].
+_STANDING = (0.02, 6.0e-5)
+_STALLS = 2
+_MOVING = ("winding", "stopping")
+_SENSORS = (topics.CLOCK, topics.JOINT_STATES, topics.TENSION, topics.CAMERA_INFO)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """Something that failed.
+
+    Attributes:
+        node: Node or signal.
+        text: What is wrong with it, to follow its name.
+        fatal: Whether the run cannot go on whatever the node's policy.
+        wall: When it was noticed, monotonic [s].
+    """
+
+    node: str
+    text: str
+    fatal: bool
+    wall: float
+
+
+class Supervisor:
+    """Supervises one run of a graph.
+
+    Crashes are told by the operating system. Hangs are told by DDS: a stopped process loses its
+    liveliness within 0.8 s, one whose work no longer ends misses its deadline of 3 s twice. A
+    process that merely gets no processor loses its liveliness too; the operating system knows
+    the difference. Silent sensors are told by their stamps, implausible ones by the machine
+    itself. The machine is stopped before anything else is done.
+
+    Args:
+        orchestrator: Whose processes.
+        client: The orchestrator's node.
+        buffer: What the graph has said so far.
+        log: Where events go.
+        replay: Writes the run's inputs so far and returns the parameters with which a node
+            replays them, by node.
+        operated: Whether an operator starts and stops the machine. Then nobody else starts it,
+            and what nodes do while it stands is the operator's business.
+    """
+
+    def __init__(
+        self,
+        orchestrator: Orchestrator,
+        client: AsyncClient,
+        buffer: RunBuffer,
+        log: EventLog,
+        replay: Mapping[str, Callable[[], dict[str, object]]],
+        *,
+        operated: bool = False,
+    ) -> None:
+        self.log = log
+        self._orchestrator = orchestrator
+        self._client = client
+        self._buffer = buffer
+        self._replay = replay
+        self._operated = operated
+        self._findings: asyncio.Queue[Finding] = asyncio.Queue()
+        self._healthy: set[str] = set()
+        self._misses: Counter[str] = Counter()
+        self._backoff: dict[str, Backoff] = defaultdict(Backoff)
+        self._sensors = SensorWatch()
+        self._ends: dict[str, asyncio.Task[None]] = {}
+
+    @asynccontextmanager
+    async def beating(self) -> AsyncIterator[None]:
+        """Give the signs of life that keep the machine moving."""
+        for spec in GRAPH:
+            self._client.watch(spec.name, partial(self._note_sign, spec.name))
+        task = asyncio.create_task(self._beat())
+        try:
+            yield
+        finally:
+            task.cancel()
+
+    async def watch(self) -> None:
+        """Supervise until something ends the run.
+
+        Raises:
+            GraphError: Why the run cannot go on; the machine stands.
+        """
+        self._findings = asyncio.Queue()
+        self._sensors.forget()
+        for spec in GRAPH:
+            self._trust(spec.name)
+        tasks = [asyncio.create_task(self._look()), asyncio.create_task(self._tell_vitals())]
+        try:
+            while True:
+                await self._handle(await self._findings.get())
+        except (TimeoutError, ValueError) as error:
+            raise GraphError(str(error)) from error
+        finally:
+            for task in tasks:
+                task.cancel()
+            for task in self._ends.values():
+                task.cancel()
+
+    @property
+    def t(self) -> float:
+        """Simulated time of the newest encoder sample [s]."""
+        return max(self._buffer.last_stamp(topics.JOINT_STATES), 0.0)
+
+    @property
+    def _left_alone(self) -> bool:
+        """Whether the operator's machine stands, so that nodes may be silent and topics late."""
+        status = self._client.status(topics.RIG)
+        phase = status.values.get("phase") if status is not None else None
+        return self._operated and phase not in _MOVING
+
+    @property
+    def _dismantled(self) -> bool:
+        status = self._client.status(topics.RIG)
+        return status is None or "phase" not in status.values
+
+    def _trust(self, name: str) -> None:
+        self._healthy.add(name)
+        self._misses[name] = 0
+        self._ends[name] = asyncio.create_task(self._await_end(name))
+
+    async def _await_end(self, name: str) -> None:
+        process = self._orchestrator.process(name)
+        code = await process.ended()
+        self._find(name, f"ended with exit code {code}")
+
+    def _note_sign(self, name: str, sign: Sign) -> None:
+        process = self._orchestrator.process(name)
+        # A process that has ended is told of by the operating system, with its exit code.
+        if process.return_code is not None or name not in self._healthy:
+            return
+        if sign is Sign.ALIVE:
+            self._misses[name] = 0
+        elif sign is Sign.STALLED:
+            # Models are built while nothing moves.
+            if self._left_alone:
+                return
+            # A process that gets no processor is late; one that hangs is late again and again.
+            self._misses[name] += 1
+            if self._misses[name] >= _STALLS:
+                self._find(name, sign.value)
+        elif sign is Sign.REPLACED:
+            # Of a process of its own the orchestrator knows; somebody else's has forgotten the run.
+            if not process.started:
+                self._find(name, sign.value)
+        elif process.stopped:
+            self._find(name, sign.value)
+
+    def _find(self, node: str, text: str, *, fatal: bool = False) -> None:
+        """Take note of a failure, once for as long as it is dealt with."""
+        known = node in {spec.name for spec in GRAPH}
+        if known and not fatal:
+            if node not in self._healthy:
+                return
+            self._healthy.discard(node)
+        self._findings.put_nowait(Finding(node=node, text=text, fatal=fatal, wall=time.monotonic()))
+
+    async def _beat(self) -> None:
+        while True:
+            self._client.beat()
+            await asyncio.sleep(_BEAT_PERIOD)
+
+    async def _look(self) -> None:
+        """Look at what the topics say of the sensors, and at what the machine says of itself."""
+        while True:
+            await asyncio.sleep(_LOOK_PERIOD)
+            status = self._client.status(topics.RIG)
+            if status is not None and status.values.get("reason"):
+                self._find(topics.RIG, f"is in {status.message}", fatal=True)
+                return
+            # A node that is given nothing it can use has asked the machine to stop by itself.
+            for name in self._healthy:
+                status = self._client.status(f"{name}: topics")
+                if status is not None and status.level >= Level.ERROR:
+                    self._find(name, status.message, fatal=True)
+                    return
+            sensors = {topic.name: self._buffer.last_stamp(topic) for topic in _SENSORS}
+            awake = min(sensors.values()) >= 0.0 and len(self._healthy) == len(GRAPH)
+            if self._left_alone or not awake:
+                self._sensors.forget()
+                continue
+            answers = {
+                spec.answer.name: self._buffer.last_stamp(spec.answer)
+                for spec in GRAPH
+                if spec.answer is not None
+            }
+            wrong = self._sensors.look(time.monotonic(), sensors, answers)
+            if wrong is not None:
+                self._find(wrong.split(" ", 1)[0], wrong.split(" ", 1)[1], fatal=True)
+                return
+
+    async def _tell_vitals(self) -> None:
+        vitals = LoadMonitor(self._buffer)
+        # Rates and loads are those since the last look.
+        vitals.look(time.monotonic(), self._pids())
+        while True:
+            await asyncio.sleep(_VITALS_PERIOD)
+            level, message, values = vitals.look(time.monotonic(), self._pids())
+            self._client.tell(self.t, level, "vitals", message, values)
+
+    def _pids(self) -> dict[str, int]:
+        return {**self._orchestrator.pids(), NAME: os.getpid()}
+
+    async def _handle(self, finding: Finding) -> None:
+        sentence = f"{finding.node} {finding.text} at {self.t:.3f} s of simulated time"
+        self._note("detected", finding.node, finding.text, wall=finding.wall)
+        if finding.node == topics.RIG and not finding.fatal:
+            # Nobody is left who could stop the axes; its process goes, and its drives with it.
+            process = self._orchestrator.process(topics.RIG)
+            await process.kill()
+            said = process.complaint()
+            self._end(finding.node, sentence + (f": {said}" if said else ""))
+        if self._left_alone and self._dismantled:
+            # Nothing can move, and whoever was preparing it waits for this node in vain.
+            self._end(finding.node, sentence)
+        await self._stop_machine()
+        if finding.fatal:
+            self._end(finding.node, sentence)
+        policy = next(spec.policy for spec in GRAPH if spec.name == finding.node)
+        if policy is Policy.END:
+            await self._orchestrator.process(finding.node).kill()
+            self._end(finding.node, sentence)
+        await self._start_again(finding, policy, sentence)
+
+    async def _stop_machine(self) -> None:
+        service = f"/{self._orchestrator.config.namespace}/rig/quick_stop"
+        try:
+            answer = await self._client.call(Trigger, service, Trigger.Request(), _STOP_TIMEOUT)
+            failure = "" if answer.success else f"refused rig/quick_stop ({answer.message})"
+        except TimeoutError:
+            failure = "did not answer to rig/quick_stop"
+        if failure:
+            await self._orchestrator.process(topics.RIG).kill()
+            self._end(topics.RIG, f"{topics.RIG} {failure} and was killed")
+        self._note("stopped", topics.RIG, "rig/quick_stop")
+        end = time.monotonic() + _STAND_TIMEOUT
+        while not self._stands():
+            if time.monotonic() > end:
+                self._end(topics.RIG, f"the machine does not stand {_STAND_TIMEOUT:g} s after stop")
+            await asyncio.sleep(0.01)
+        self._note("standing", topics.RIG, "both axes stand")
+
+    def _stands(self) -> bool:
+        message = self._buffer.last(topics.JOINT_STATES)
+        if message is None:
+            return True
+        try:
+            _, reading = decode_joint_state(
+                deserialize_message(message.data, topics.JOINT_STATES.type)
+            )
+        except MessageError:
+            # The encoders cannot tell; the machine knows its motors.
+            status = self._client.status(topics.RIG)
+            return status is not None and status.values.get("phase") not in _MOVING
+        return abs(reading.angular_speed) < _STANDING[0] and abs(reading.feed_speed) < _STANDING[1]
+
+    async def _start_again(self, finding: Finding, policy: Policy, sentence: str) -> None:
+        name = finding.node
+        wait = self._backoff[name].next_wait(time.monotonic())
+        if wait is None:
+            self._end(name, f"{sentence}, for the fourth time within a minute")
+        await asyncio.sleep(wait)
+        extra = self._replay[name]() if policy is Policy.REPLAY else {}
+        self._note("restarting", name, policy.value)
+        await self._orchestrator.restart(name, extra, partial(self._note, "restarting", name))
+        self._note("restarted", name, "active again")
+        await self._orchestrator.rematch([name])
+        # An operator may have pressed Stop while the machine stood; Start is theirs.
+        if self._findings.empty() and not self._operated:
+            await self._orchestrator.command("rig/start")
+            self._note("resumed", topics.RIG, "rig/start")
+        self._sensors.forget()
+        self._trust(name)
+
+    def _end(self, node: str, sentence: str) -> NoReturn:
+        self._note("ended", node, sentence)
+        raise GraphError(sentence)
+
+    def _note(self, what: str, node: str, text: str, *, wall: float | None = None) -> None:
+        self.log.note(what, node, text, t=self.t, wall=wall)
+        level = Level.OK if what in ("restarted", "resumed") else Level.ERROR
+        values = {"time": f"{self.t:.3f}"}
+        self._client.tell(self.t, level, "supervision", f"{what}: {node} {text}", values)
+
+
+def replay_parameters(buffer: RunBuffer, file: Path, since: float = 0.0) -> dict[str, object]:
+    """Write the run's inputs so far into a file; return the parameters that replay them.
+
+    Args:
+        buffer: What the graph has said.
+        file: Where the inputs go.
+        since: When the run began, monotonic wall time [s].
+    """
+    buffered_inputs(buffer, since).write(file)
+    return {"replay": str(file)}

@@ -1,0 +1,311 @@
+"""A supervised graph of real processes, made to wind again after every fault."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.serialization import deserialize_message
+
+from winding_recorder.live.recorder import Recorder
+from winding_ros import topics
+from winding_ros.async_client import AsyncClient
+from winding_ros.diagnostic_messages import Status
+from winding_ros.graph import GRAPH, pace_topics
+from winding_ros.rig_messages import MessageError, decode_joint_state
+from winding_supervisor.event_log import EventLog
+from winding_supervisor.graph_error import GraphError
+from winding_supervisor.orchestrator import GraphConfig, Orchestrator
+from winding_supervisor.supervision import Supervisor, replay_parameters
+
+CASE = 4
+# A new run begins when the present one has gone on for so long [s].
+_RUN_LENGTH = 30.0
+_LONG_ENOUGH = 20.0
+_PATIENCE = 60.0
+_POLL = 0.02
+_FULL_SPEED = 1.74 * 0.95
+_PICTURES = (topics.IMAGE, topics.PREVIEW)
+
+
+class CellError(RuntimeError):
+    """The graph did not come to where a fault can be put in."""
+
+
+class FaultCell:
+    """The graph in which faults are tried.
+
+    Args:
+        directory: New folder of logs and events.
+        namespace: Of the graph.
+        identify: Whether the model looks for the cable's modulus while it winds.
+
+    Attributes:
+        orchestrator: Its processes.
+        client: The orchestrator's node.
+        recorder: Whose buffer has everything but the pictures.
+        log: What supervision saw and did.
+        supervision: The task that supervises the present run; it fails when the run ends.
+    """
+
+    def __init__(self, directory: Path, namespace: str, *, identify: bool = False) -> None:
+        (directory / "log").mkdir(parents=True)
+        self.namespace = namespace
+        self.log = EventLog(file=directory / "events.jsonl")
+        self.client = AsyncClient(namespace)
+        recorded = tuple(
+            topic for topic in topics.TOPICS if topic.recorded and topic not in _PICTURES
+        )
+        self.recorder = Recorder(self.client.node, None, recorded=recorded)
+        parameters: dict[str, dict[str, object]] = {
+            spec.name: {"case": CASE, "duration": _RUN_LENGTH} for spec in GRAPH
+        }
+        # The buffer's answers never go back in time, and here the rig is started anew.
+        paced = [topic.name for topic in pace_topics() if topic is not topics.RECORDER_PROGRESS]
+        parameters[topics.RIG] |= {
+            "inject_faults": True,
+            "pace_topics": ",".join(paced),
+            "supervisor_timeout": 1.5,
+        }
+        # An identification at work is no part of any fault, and takes a processor: off by default.
+        parameters[topics.FEM] |= {"update_material": identify}
+        self.orchestrator = Orchestrator(
+            GraphConfig(
+                namespace=namespace,
+                log_directory=directory / "log",
+                parameters=parameters,
+                recorded=frozenset(topic.name for topic in recorded),
+            ),
+            self.client,
+        )
+        self.supervisor = Supervisor(
+            self.orchestrator,
+            self.client,
+            self.recorder.buffer,
+            self.log,
+            {
+                topics.FEM: lambda: replay_parameters(
+                    self.recorder.buffer, directory / "log" / "inputs.npy", self._begun
+                )
+            },
+        )
+        self.supervision: asyncio.Task[None] | None = None
+        self._began = self._begun = 0.0
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[FaultCell]:
+        """Bring the graph up; stop it at the end."""
+        self.client.start()
+        try:
+            await self.orchestrator.start()
+            await self.orchestrator.bring_up()
+            async with self.supervisor.beating():
+                yield self
+        finally:
+            try:
+                await self._unsupervised()
+                await self.orchestrator.stop()
+            finally:
+                self.recorder.close()
+                self.client.close()
+
+    @property
+    def t(self) -> float:
+        """Simulated time of the newest encoder sample [s]."""
+        return self.recorder.buffer.last_stamp(topics.JOINT_STATES)
+
+    @property
+    def rig(self) -> Status:
+        """What the machine says of itself."""
+        return self.client.status(topics.RIG) or Status(name=topics.RIG)
+
+    async def until(
+        self, reached: Callable[[], Any], what: str, patience: float = _PATIENCE
+    ) -> Any:
+        """Wait for something.
+
+        Raises:
+            CellError: It does not happen within `patience` [s].
+        """
+        end = time.monotonic() + patience
+        while not (value := reached()):
+            if self.supervision is not None and self.supervision.done():
+                error = self.supervision.exception()
+                if error is not None and not isinstance(error, GraphError):
+                    raise CellError(f"supervision failed: {error!r}") from error
+            if time.monotonic() > end:
+                raise CellError(f"not within {patience:g} s: {what}")
+            await asyncio.sleep(_POLL)
+        return value
+
+    async def winding(self) -> None:
+        """Make sure that the machine winds at full speed, healthy and supervised."""
+        over = self.supervision is None or self.supervision.done() or self._run_time > _LONG_ENOUGH
+        if over or self.rig.values.get("phase") != "winding":
+            await self._again()
+        await self.until(self.at_full_speed, "full speed")
+        await self.until(self._everybody_follows, "answers of every node")
+
+    async def inject(self, text: str) -> str:
+        """Put faults in, or none; return why they were refused, or nothing."""
+        return await self.set_parameter(topics.RIG, "inject_fault", text)
+
+    async def set_parameter(self, node: str, name: str, value: str | float) -> str:
+        """Set a parameter of a node; return why that was refused, or nothing."""
+        stated = (
+            ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+            if isinstance(value, str)
+            else ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
+        )
+        answer = await self.client.call(
+            SetParameters,
+            f"/{self.namespace}/{node}/set_parameters",
+            SetParameters.Request(parameters=[Parameter(name=name, value=stated)]),
+            _PATIENCE,
+        )
+        return str(answer.results[0].reason)
+
+    async def end_of_run(self, patience: float = _PATIENCE) -> str:
+        """Wait until supervision ends the run; return the sentence that says why.
+
+        Raises:
+            CellError: The run goes on for `patience` [s], or supervision itself failed.
+        """
+        assert self.supervision is not None
+        done, _ = await asyncio.wait({self.supervision}, timeout=patience)
+        if not done:
+            raise CellError(f"the run goes on for {patience:g} s after the fault")
+        error = self.supervision.exception()
+        if not isinstance(error, GraphError):
+            raise CellError(f"supervision failed: {error!r}") from error
+        return str(error)
+
+    def at_full_speed(self) -> bool:
+        """Return whether the cylinder has its speed, as its encoder sees it."""
+        return self.speed > _FULL_SPEED
+
+    def goes_on(self) -> bool:
+        """Return whether the run has not been ended."""
+        return self.supervision is not None and not self.supervision.done()
+
+    def arrival(self, t: float) -> float:
+        """Return when the first encoder sample of simulated time t [s] or later came, monotonic."""
+        messages = self.recorder.buffer.messages[topics.JOINT_STATES.name]
+        came = messages[-1].received_ns * 1e-9
+        for message in reversed(messages):
+            if message.stamp_ns * 1e-9 < t - 5.0e-4:
+                break
+            came = message.received_ns * 1e-9
+        return came
+
+    def stood(self, since: float) -> float | None:
+        """Return when both axes stood after an unplanned stop, monotonic [s]; None if not known.
+
+        The machine tells the simulated time from its motors, not from its encoders.
+
+        Args:
+            since: Simulated time before the stop [s].
+        """
+        moment = self.rig.values.get("stood_at")
+        if moment is None or float(moment) < since:
+            return None
+        return self.arrival(float(moment))
+
+    def stop_began(self, since: float) -> float | None:
+        """Return when that stop began, monotonic [s]; None if not known."""
+        moment = self.rig.values.get("stop_began")
+        if moment is None or float(moment) < since:
+            return None
+        # Time may have been held before: what counts is the first sample of the stop.
+        return self.arrival(float(moment) + 0.001)
+
+    @property
+    def speed(self) -> float:
+        """Measured speed of the cylinder [rad/s]."""
+        message = self.recorder.buffer.last(topics.JOINT_STATES)
+        if message is None:
+            return 0.0
+        try:
+            _, reading = decode_joint_state(
+                deserialize_message(message.data, topics.JOINT_STATES.type)
+            )
+        except MessageError:
+            # The last that was said may be the fault itself.
+            return 0.0
+        return reading.angular_speed
+
+    @property
+    def _run_time(self) -> float:
+        return self.t - self._began
+
+    def _everybody_follows(self) -> bool:
+        return all(
+            self.recorder.buffer.last_stamp(spec.answer) > self.t - 0.2
+            for spec in GRAPH
+            if spec.answer is not None
+        )
+
+    async def _unsupervised(self) -> None:
+        if self.supervision is not None:
+            self.supervision.cancel()
+            with contextlib.suppress(asyncio.CancelledError, GraphError):
+                await self.supervision
+            self.supervision = None
+
+    async def _again(self) -> None:
+        """Clear every fault and begin a new run."""
+        await self._unsupervised()
+        dead = [
+            spec.name
+            for spec in GRAPH
+            if self.orchestrator.process(spec.name).return_code is not None
+        ]
+        for name in dead:
+            late = partial(self.log.note, "restarting", name, t=self.t)
+            await self.orchestrator.restart(name, {}, late)
+        if dead:
+            await self.orchestrator.rematch(dead)
+        if topics.RIG not in dead:
+            await self.inject("")
+            await self.orchestrator.command("rig/quick_stop")
+            await self.until(self._stands, "standstill before a reset")
+            await self._reset()
+        await self.orchestrator.begin_anew()
+        await self.until(
+            lambda: self.rig.values.get("phase") == "idle" and not self.rig.values.get("reason"),
+            "an idle machine",
+        )
+        await self.until(self._nobody_complains, "healthy topics")
+        self._began, self._begun = max(self.t, 0.0), time.monotonic()
+        self.supervision = asyncio.create_task(self.supervisor.watch())
+        await self.orchestrator.command("rig/start")
+
+    async def _reset(self) -> None:
+        end = time.monotonic() + _PATIENCE
+        while True:
+            try:
+                await self.orchestrator.command("rig/reset")
+            except GraphError:
+                # It says idle a moment before the brakes hold.
+                if time.monotonic() > end:
+                    raise
+                await asyncio.sleep(_POLL)
+            else:
+                return
+
+    def _stands(self) -> bool:
+        return self.rig.values.get("phase") not in ("winding", "stopping")
+
+    def _nobody_complains(self) -> bool:
+        return all(
+            (status := self.client.status(f"{spec.name}: topics")) is not None and status.level < 2
+            for spec in GRAPH
+        )

@@ -1,0 +1,102 @@
+"""Each promise is broken on purpose once, and found."""
+
+import numpy as np
+
+from winding_cli.conformance.judgement import (
+    Finding,
+    Heard,
+    judge_camera,
+    judge_clock,
+    judge_encoder,
+    judge_stream,
+    judge_tension,
+    runs,
+    stands,
+)
+
+RUNNING = (1.74, 5.0e-3)
+
+
+def winding_encoder(rate: float = 1000.0, seconds: float = 1.0) -> Heard:
+    t = np.arange(0.0, seconds, 1.0 / rate)
+    return Heard(
+        stamps=t.tolist(),
+        values=[(1.74 * x, 1.74, 5.0e-3 * x, 5.0e-3) for x in t.tolist()],
+    )
+
+
+def broken(findings: list[Finding]) -> list[str]:
+    return [finding.promise for finding in findings if not finding.kept]
+
+
+def test_a_good_encoder_keeps_every_promise() -> None:
+    heard = winding_encoder()
+    assert not broken([*judge_stream("rig/joint_states", heard, 50.0), *judge_encoder(heard)])
+
+
+def test_silence_is_broken() -> None:
+    assert broken(judge_stream("rig/tension", Heard(), 50.0))
+
+
+def test_a_message_that_cannot_be_read_is_quoted() -> None:
+    heard = winding_encoder()
+    heard.refused.append("tension must be finite, got nan N")
+    findings = judge_stream("rig/tension", heard, 50.0)
+    assert findings[0].measured == "tension must be finite, got nan N"
+    assert not findings[0].kept
+
+
+def test_a_stamp_that_goes_back_is_found() -> None:
+    heard = winding_encoder()
+    heard.stamps[5] = heard.stamps[3]
+    assert broken(judge_stream("rig/joint_states", heard, 50.0)) == [
+        "rig/joint_states: stamps increase"
+    ]
+
+
+def test_a_slow_stream_is_found() -> None:
+    assert broken(judge_stream("rig/tension", winding_encoder(rate=20.0), 50.0)) == [
+        "rig/tension: at least 50 Hz by its stamps"
+    ]
+
+
+def test_a_gap_in_the_encoder_is_found() -> None:
+    heard = winding_encoder()
+    del heard.stamps[400:430], heard.values[400:430]
+    assert broken(judge_encoder(heard)) == ["rig/joint_states: no gap above 20 ms"]
+
+
+def test_a_velocity_in_the_wrong_unit_is_found() -> None:
+    heard = winding_encoder()
+    heard.values = [(a, 60.0 * w / (2.0 * np.pi), z, v) for a, w, z, v in heard.values]
+    assert broken(judge_encoder(heard)) == [
+        "rig/joint_states: cylinder velocity is the rate of its position"
+    ]
+
+
+def test_a_pushing_load_cell_is_found() -> None:
+    assert broken(judge_tension(Heard(stamps=[0.0], values=[(-1.9,)])))
+
+
+def test_a_frame_without_its_calibration_is_found() -> None:
+    frames = Heard(stamps=[0.1, 0.2, 0.3, 0.4])
+    calibrations = Heard(stamps=[0.1, 0.3, 0.4])
+    assert broken(judge_camera(frames, calibrations, winding_encoder())) == [
+        "camera/camera_info: one for each frame, with its stamp"
+    ]
+
+
+def test_a_camera_with_a_clock_of_its_own_is_found() -> None:
+    frames = Heard(stamps=[1000.1, 1000.2])
+    found = broken(judge_camera(frames, frames, winding_encoder()))
+    assert found == ["camera/image_raw: stamped by the encoder's clock"]
+    assert not judge_clock([frames, winding_encoder()]).kept
+
+
+def test_running_and_standing_leave_a_gap_between_them() -> None:
+    assert runs((0.0, 1.0, 0.0, 3.0e-3), RUNNING)
+    assert stands((0.0, 0.01, 0.0, 1.0e-5), RUNNING)
+    slow = (0.0, 0.1, 0.0, 3.0e-4)
+    assert not runs(slow, RUNNING)
+    assert not stands(slow, RUNNING)
+    assert not stands((0.0, 0.0, 0.0, 3.0e-4), RUNNING)

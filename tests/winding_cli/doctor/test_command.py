@@ -1,0 +1,127 @@
+"""`winding doctor` on this machine, as it is and in trouble."""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from winding_cli.commands import doctor
+from winding_ros.graph import DEFAULT_NAMESPACE
+
+pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
+
+MODULES = (
+    "rclpy", "diagnostic_msgs", "geometry_msgs", "lifecycle_msgs", "rosgraph_msgs", "sensor_msgs",
+    "std_msgs", "std_srvs", "visualization_msgs", "numpy", "scipy", "numba", "cv2", "torch",
+    "rosbags", "mcap", "nicegui",
+)  # fmt: skip
+CHECKS = [
+    "python",
+    *(f"wheel {name}" for name in MODULES),
+    "RMW_IMPLEMENTATION",
+    "ROS_AUTOMATIC_DISCOVERY_RANGE",
+    "ROS_LOCALHOST_ONLY",
+    "ROS_STATIC_PEERS",
+    "ROS_DISCOVERY_SERVER",
+    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    "domain",
+    "participant ports",
+    "graphs in the domain",
+    "datagrams on the loopback",
+    "multicast on the loopback",
+    "middleware",
+    "message exchange",
+    "other nodes in the domain",
+    "clock resolution",
+    "time of day",
+    "clock jumps",
+    "time server",
+    "disk space",
+    "disk speed",
+    "processors",
+    "memory",
+    "open files",
+    "net.core.rmem_max",
+]
+
+
+def test_machine_that_runs_the_tests_passes_every_check(
+    command: Callable[..., Any], tmp_path: Path
+) -> None:
+    said = command("doctor", "--json", tmp_path / "doctor.json", cwd=tmp_path)
+    assert said.returncode == 0, said.stdout
+    record = json.loads((tmp_path / "doctor.json").read_text())
+    assert record["domain"] == int(os.environ["ROS_DOMAIN_ID"])
+    assert [check["check"] for check in record["checks"]] == CHECKS
+    assert record["counts"]["FAIL"] == 0
+    assert sum(record["counts"].values()) == len(CHECKS)
+    for check in record["checks"]:
+        assert set(check) == {"check", "level", "found", "advice"}
+        assert check["found"]
+        # Whoever is warned is told what to do.
+        assert bool(check["advice"]) is (check["level"] != "OK")
+        assert check["check"] in said.stdout
+    assert f"{len(CHECKS)} checks, 0 failed" in said.stdout
+
+
+def test_everything_that_is_wrong_is_told_in_one_go(tmp_path: Path) -> None:
+    def lower() -> None:
+        _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (60, hard))
+
+    said = subprocess.run(
+        [sys.executable, "-m", "winding_cli.cli", "doctor", "--json", "doctor.json"],
+        cwd=tmp_path,
+        env=os.environ
+        | {
+            "ROS_DOMAIN_ID": "seven",
+            "RMW_IMPLEMENTATION": "rmw_nowhere",
+            "ROS_LOCALHOST_ONLY": "1",
+        },
+        preexec_fn=lower,
+        capture_output=True,
+        text=True,
+        timeout=240.0,
+        check=False,
+    )
+    assert said.returncode == 1, said.stderr
+    checks = json.loads((tmp_path / "doctor.json").read_text())["checks"]
+    assert [check["check"] for check in checks] == CHECKS
+    failed = {check["check"]: check for check in checks if check["level"] == "FAIL"}
+    assert set(failed) == {
+        "RMW_IMPLEMENTATION",
+        "domain",
+        "middleware",
+        "message exchange",
+        "open files",
+    }
+    assert "seven" in failed["domain"]["found"]
+    assert "60 for each process" in failed["open files"]["found"]
+    # Advice names an extra in brackets, which a terminal must show too.
+    assert "cable-winding-twin[ros]" in said.stdout
+
+
+def test_doctor_itself_needs_no_ros() -> None:
+    look = (
+        "import sys, winding_cli.cli, winding_cli.doctor.examination\n"
+        "print('rclpy' in sys.modules, 'sensor_msgs' in sys.modules)"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", look], capture_output=True, text=True, timeout=120.0, check=True
+    )
+    assert said.stdout == "False False\n"
+    assert doctor.NAMESPACE == DEFAULT_NAMESPACE
+
+
+def test_domain_that_is_none_is_refused_when_it_is_asked_for(
+    command: Callable[..., Any], tmp_path: Path
+) -> None:
+    said = command("doctor", "--domain", 300, cwd=tmp_path)
+    assert said.returncode == 2
+    assert "0 to 232, got 300" in said.stderr

@@ -1,0 +1,271 @@
+"""Cut, flipped and made-up bytes: damage is always seen, and what is whole is always kept."""
+
+import random
+import shutil
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from winding_recorder.bags.check import check
+from winding_recorder.bags.contents import contents
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.reading import opened
+from winding_recorder.bags.recover import recover
+from winding_recorder.bags.seals import SEAL
+from winding_recorder.bags.tables import export
+
+FLIPS_PER_FILE = 120
+CUTS = 100
+fuzzed = settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+def flipped(path: Path, position: int, bit: int) -> None:
+    content = bytearray(path.read_bytes())
+    content[position] ^= 1 << bit
+    path.write_bytes(content)
+
+
+def positions(size: int, count: int) -> list[int]:
+    """Both ends, which hold magic, header and footer, and places all over the file."""
+    ends = [*range(40), *range(size - 40, size)]
+    rng = random.Random(11)
+    return sorted({*ends, *(rng.randrange(size) for _ in range(count - len(ends)))})
+
+
+@pytest.fixture
+def small(bags: Any, tmp_path: Path) -> Path:
+    return bags.whole(tmp_path / "bag", 60)
+
+
+@pytest.mark.parametrize("pattern", ["*.mcap", "metadata.yaml", SEAL])
+def test_every_flipped_bit_is_seen(small: Path, pattern: str) -> None:
+    (file,) = small.glob(pattern)
+    whole = file.read_bytes()
+    rng = random.Random(5)
+    unseen = []
+    for position in positions(len(whole), FLIPS_PER_FILE):
+        flipped(file, position, rng.randrange(8))
+        if not check(small).findings:
+            unseen.append(position)
+        file.write_bytes(whole)
+    assert unseen == []
+    assert check(small).findings == []
+
+
+def test_every_flipped_bit_of_a_database_is_seen(bags: Any, tmp_path: Path) -> None:
+    folder = bags.whole(tmp_path / "bag", 40, storage="sqlite3")
+    (file,) = folder.glob("*.db3")
+    whole = file.read_bytes()
+    unseen = []
+    for position in positions(len(whole), 100):
+        flipped(file, position, 0)
+        if not check(folder).findings:
+            unseen.append(position)
+        file.write_bytes(whole)
+    assert unseen == []
+
+
+def test_a_damaged_chunk_is_named_with_its_place(bags: Any, made: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(made, tmp_path / "bag"))
+    (file,) = folder.glob("*.mcap")
+    end, _, _ = bags.chunks(file)[2]
+    flipped(file, end - 5000, 3)
+    assert any(
+        "chunk at byte" in finding and "crc" in finding for finding in check(folder).findings
+    )
+
+
+def test_metadata_that_disagrees_is_found_without_a_seal(made: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(made, tmp_path / "bag"))
+    file = folder / "metadata.yaml"
+    content = yaml.safe_load(file.read_text())
+    information = content["rosbag2_bagfile_information"]
+    information["topics_with_message_count"][0]["message_count"] += 1
+    file.write_text(yaml.safe_dump(content))
+    (folder / SEAL).unlink()
+    findings = check(folder).findings
+    assert f"{SEAL} is missing" in findings
+    assert "/winding/rig/joint_states: metadata.yaml says 601 messages, there are 600" in findings
+
+
+def test_a_gap_and_a_step_back_are_found(bags: Any, tmp_path: Path) -> None:
+    from winding_recorder.bags.bag_file import BagConfig
+    from winding_recorder.bags.writer import BagWriter
+
+    writer = BagWriter(tmp_path / "bag", bags.channels(), BagConfig())
+    full = bags.whole(tmp_path / "full", 200)
+    with opened(full) as reader:
+        joints = [(t, bytes(d)) for c, t, d in reader.messages() if "joint" in c.topic]
+    for stamp, data in [*joints[:100], *joints[110:150], joints[120], *joints[150:]]:
+        writer.write(bags.joints, stamp, data)
+    writer.close()
+    findings = check(tmp_path / "bag").findings
+    name = "/winding/rig/joint_states"
+    assert f"{name}: time goes back 1 times, first after 0.149000 s" in findings
+    # Ten samples are missing, and the step back to sample 120 opens another hole of 29.
+    assert any(f"{name}: 2 gaps, about 39 messages of 1000 Hz" in text for text in findings)
+
+
+def test_lost_messages_are_findings(bags: Any, tmp_path: Path) -> None:
+    from winding_recorder.bags.bag_file import BagConfig
+    from winding_recorder.bags.writer import BagWriter
+
+    writer = BagWriter(tmp_path / "bag", bags.channels(), BagConfig())
+    bags.write_run(writer, 20)
+    writer.close({"complete": "yes", "lost /winding/rig/tension": "3"})
+    assert check(tmp_path / "bag").findings == [
+        "/winding/rig/tension: 3 messages never reached the recorder"
+    ]
+    (lost,) = (t.lost for t in contents(tmp_path / "bag").topics if t.name.endswith("tension"))
+    assert lost == 3
+
+
+def test_a_cut_file_gives_back_every_whole_chunk(bags: Any, tmp_path: Path) -> None:
+    made = bags.whole(tmp_path / "made", 150, chunk_bytes=40_000)
+    (file,) = made.glob("*.mcap")
+    whole, chunks = file.read_bytes(), bags.chunks(file)
+    rng = random.Random(3)
+    cut, out = tmp_path / "cut", tmp_path / "out"
+    for _ in range(CUTS):
+        length = rng.randrange(len(whole))
+        cut.mkdir()
+        (cut / "bag_0.mcap").write_bytes(whole[:length])
+        expected = sum(messages for end, messages, _ in chunks if end <= length)
+        before = bags.fingerprint(cut)
+        if expected == 0:
+            with pytest.raises(BagError, match="holds no whole chunk"):
+                recover(cut, out)
+        else:
+            (salvage,) = recover(cut, out)
+            assert salvage.kept == expected
+            assert sum(bags.counts(out).values()) == expected
+            shutil.rmtree(out)
+        assert bags.fingerprint(cut) == before
+        shutil.rmtree(cut)
+
+
+def test_only_the_damaged_chunk_is_lost(bags: Any, made: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(made, tmp_path / "bag"))
+    (file,) = folder.glob("*.mcap")
+    chunks = bags.chunks(file)
+    end, inside, _ = chunks[3]
+    flipped(file, end - 5000, 3)
+    (salvage,) = recover(folder, tmp_path / "out")
+    assert salvage.kept == sum(messages for _, messages, _ in chunks) - inside
+    assert len(salvage.losses) == 1
+
+
+def test_chunks_behind_a_broken_record_length_are_found_by_the_index(
+    bags: Any, made: Path, tmp_path: Path
+) -> None:
+    folder = Path(shutil.copytree(made, tmp_path / "bag"))
+    (file,) = folder.glob("*.mcap")
+    with file.open("rb") as stream:
+        index = make_reader(stream).get_summary().chunk_indexes[2]
+    chunks = bags.chunks(file)
+    flipped(file, index.chunk_start_offset + 4, 1)
+    (salvage,) = recover(folder, tmp_path / "out")
+    assert salvage.kept == sum(messages for _, messages, _ in chunks) - chunks[2][1]
+
+
+def test_an_undamaged_recording_is_recovered_message_by_message(
+    bags: Any, made: Path, tmp_path: Path
+) -> None:
+    (salvage,) = recover(made, tmp_path / "out")
+    assert salvage.losses == []
+
+    def content(folder: Path) -> list[tuple[str, int, bytes]]:
+        with opened(folder) as reader:
+            return [(c.topic, t, bytes(d)) for c, t, d in reader.messages()]
+
+    assert content(tmp_path / "out") == content(made)
+
+
+def test_nothing_is_written_over_an_existing_folder(made: Path, tmp_path: Path) -> None:
+    with pytest.raises(BagError, match="never overwritten"):
+        recover(made, tmp_path)
+
+
+def test_a_folder_without_storage_is_no_recording(tmp_path: Path) -> None:
+    for look in (check, contents, lambda path: recover(path, tmp_path / "out")):
+        with pytest.raises(BagError, match="holds no"):
+            look(tmp_path)
+
+
+class Everything:
+    """What a person can do with a recording, each ending well or with BagError."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.ended: Counter[str] = Counter()
+
+    def try_all(self, path: Path) -> None:
+        for name, action in (
+            ("check", lambda: check(path)),
+            ("contents", lambda: contents(path)),
+            ("recover", lambda: recover(path, self.folder / "out")),
+            ("export", lambda: export(path, self.folder / "tables", "csv")),
+        ):
+            try:
+                action()
+            except BagError:
+                self.ended[name] += 1
+            for left in ("out", "tables"):
+                shutil.rmtree(self.folder / left, ignore_errors=True)
+
+
+@pytest.fixture(scope="module")
+def tiny(bags: Any, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    folder = bags.whole(tmp_path_factory.mktemp("tiny") / "bag", 12)
+    (file,) = folder.glob("*.mcap")
+    return file.read_bytes()
+
+
+@fuzzed
+@given(
+    changes=st.lists(
+        st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.binary(min_size=1, max_size=9)),
+        min_size=1,
+        max_size=6,
+    ),
+    length=st.floats(0.2, 1.0),
+)
+def test_changed_bytes_never_crash_a_reader(
+    tiny: bytes, tmp_path: Path, changes: list[tuple[float, bytes]], length: float
+) -> None:
+    content = bytearray(tiny[: int(len(tiny) * length)])
+    for place, other in changes:
+        start = int(place * len(content))
+        content[start : start + len(other)] = other
+    file = tmp_path / "bag_0.mcap"
+    file.write_bytes(content)
+    Everything(tmp_path).try_all(file)
+
+
+@fuzzed
+@given(garbage=st.binary(max_size=400), magic=st.booleans())
+def test_garbage_is_refused(tmp_path: Path, garbage: bytes, magic: bool) -> None:
+    file = tmp_path / "bag_0.mcap"
+    file.write_bytes((b"\x89MCAP0\r\n" if magic else b"") + garbage)
+    tried = Everything(tmp_path)
+    tried.try_all(file)
+    assert tried.ended["recover"] == tried.ended["contents"] == 1
+    assert check(file).findings
+
+
+@fuzzed
+@given(text=st.text(max_size=200))
+def test_any_metadata_is_survived(made: Path, tmp_path: Path, text: str) -> None:
+    folder = Path(shutil.copytree(made, tmp_path / "bag", dirs_exist_ok=True))
+    (folder / "metadata.yaml").write_text(text, encoding="utf-8")
+    with pytest.raises(BagError):
+        contents(folder)
+    assert check(folder).findings

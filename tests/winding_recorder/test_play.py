@@ -1,0 +1,158 @@
+"""Playback: the same bytes in the same order, at the rate that was asked for."""
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import SetBool, Trigger
+
+from winding_recorder.bags.bag_file import BagConfig
+from winding_recorder.bags.channel import jazzy_channel
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.pacing import Pacing
+from winding_recorder.bags.reading import messages_of, opened
+from winding_recorder.bags.writer import BagWriter
+from winding_recorder.playback.player import Player
+from winding_ros import topics
+from winding_ros.polled import PolledTopic
+
+pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
+
+JOINTS = "/winding/rig/joint_states"
+SAMPLES = 600
+
+
+def renamed(topic: topics.Topic) -> topics.Topic:
+    return replace(topic, name=f"/winding/{topic.name}")
+
+
+def recorded(bag: Path, topic: str) -> list[bytes]:
+    with opened(bag) as reader:
+        links = [link for link in reader.connections if link.topic == topic]
+        return [data for _, _, data in messages_of(reader, links)]
+
+
+@pytest.fixture
+def play(ros: Any) -> Iterator[Any]:
+    """Start a player on the harness's context in a thread; return it."""
+    threads = []
+    stopped = threading.Event()
+
+    def start(bag: Path, pacing: Pacing, **options: Any) -> Player:
+        player = Player(ros.plain("bag_player"), bag, pacing, **options)
+
+        def work() -> None:
+            player.wait_for_subscribers()
+            player.play(stopped.is_set)
+
+        thread = threading.Thread(target=work)
+        thread.start()
+        threads.append(thread)
+        return player
+
+    yield start
+    stopped.set()
+    for thread in threads:
+        thread.join()
+
+
+def test_the_command_publishes_the_recorded_bytes_in_order(ros: Any, made: Path) -> None:
+    caller, node = ros.plain("caller"), ros.plain("listener_host")
+    ros.executor.remove_node(node)
+    polled = PolledTopic(node, renamed(topics.JOINT_STATES))
+    command = [sys.executable, "-m", "winding_cli.cli", "bag", "play", str(made)]
+    with subprocess.Popen(
+        [*command, "--rate", "2", "--start-paused", "--domain", os.environ["ROS_DOMAIN_ID"]],
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        # Held until this side knows it: on a busy machine discovery takes its time.
+        ros.spin_until(lambda: caller.count_publishers(JOINTS) == 1)
+        answer = ros.call(caller, Trigger, "/bag_player/toggle_paused", Trigger.Request())
+        assert answer.message == "playing"
+        heard: list[bytes] = []
+
+        def ended() -> bool:
+            heard.extend(taken.data for taken in polled.take())
+            return process.poll() is not None
+
+        ros.spin_until(ended)
+        heard.extend(taken.data for taken in polled.take())
+        out, err = process.communicate()
+    ros.executor.add_node(node)
+    assert process.returncode == 0, err
+    assert "published 780 messages" in out
+    wanted = recorded(made, JOINTS)
+    # DDS pads a message to a multiple of four bytes.
+    assert [data[: len(one)] for data, one in zip(heard, wanted, strict=True)] == wanted
+
+
+def test_the_clock_goes_with_the_recording(ros: Any, made: Path, play: Any) -> None:
+    times: list[int] = []
+    ros.plain("watch").create_subscription(
+        Clock, "/clock", lambda m: times.append(m.clock.sec * 10**9 + m.clock.nanosec), 1000
+    )
+    play(made, Pacing(2.0))
+    # 0.599 s of recording hold 59 further ticks of 10 ms.
+    ros.spin_until(lambda: len(times) >= 59)
+    assert times == sorted(times)
+    assert times[-1] >= 580_000_000
+
+
+def test_half_the_rate_takes_twice_as_long(ros: Any, made: Path, play: Any) -> None:
+    begin = time.monotonic()
+    player = play(made, Pacing(0.5), wanted=frozenset({JOINTS}))
+    ros.spin_until(lambda: player.published == SAMPLES)
+    # Never earlier than the last sample's time; how much later is up to the machine.
+    assert time.monotonic() - begin >= 0.599 / 0.5
+
+
+def test_pause_holds_every_message_and_going_on_lets_them_out(
+    ros: Any, made: Path, play: Any
+) -> None:
+    player = play(made, Pacing(20.0, paused=True))
+    caller = ros.plain("caller")
+    answer = ros.call(caller, SetBool, "/bag_player/set_paused", SetBool.Request(data=True))
+    assert answer.success
+    assert player.published == 0
+    answer = ros.call(caller, Trigger, "/bag_player/toggle_paused", Trigger.Request())
+    assert answer.message == "playing"
+    ros.spin_until(lambda: player.published == 780)
+
+
+def test_a_topic_that_somebody_publishes_is_refused(ros: Any, made: Path, play: Any) -> None:
+    machine = ros.plain("machine")
+    renamed(topics.JOINT_STATES).advertise(machine)
+    with pytest.raises(BagError, match=f"{JOINTS} is published by machine already"):
+        play(made, Pacing(1.0))
+    player = play(made, Pacing(20.0), force=True)
+    ros.spin_until(lambda: player.published == 780)
+
+
+def test_an_unknown_topic_is_refused(made: Path, play: Any) -> None:
+    with pytest.raises(BagError, match="has no topic /x"):
+        play(made, Pacing(1.0), wanted=frozenset({"/x"}))
+
+
+def test_latched_topics_reach_who_comes_late(
+    bags: Any, ros: Any, tmp_path: Path, play: Any
+) -> None:
+    topic = renamed(topics.FEM_PREDICTION)
+    channel = jazzy_channel(topic.name, topic.type_name, depth=topic.depth, latched=True)
+    writer = BagWriter(tmp_path / "bag", [channel], BagConfig())
+    writer.write(0, 0, bytes(serialize_message(PointCloud2())))
+    writer.close()
+    player = play(tmp_path / "bag", Pacing(1.0))
+    ros.spin_until(lambda: player.published == 1)
+    heard: list[Any] = []
+    topic.subscribe(ros.plain("late"), heard.append)
+    ros.spin_until(lambda: len(heard) == 1)

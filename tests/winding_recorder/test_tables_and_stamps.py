@@ -1,0 +1,132 @@
+"""Recordings as tables; losses, rhythm and pacing as numbers."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.loss import LossCount
+from winding_recorder.bags.pacing import Pacing
+from winding_recorder.bags.stamps import rhythm, stamp_findings
+from winding_recorder.bags.tables import export
+
+MS = 1_000_000
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_joint_states_become_columns_by_joint(made: Path, tmp_path: Path, form: str) -> None:
+    files = export(made, tmp_path / "tables", form)
+    assert sorted(file.name for file in files) == [
+        f"winding.camera.image_raw.{form}",
+        f"winding.rig.joint_states.{form}",
+        f"winding.rig.tension.{form}",
+    ]
+    file = tmp_path / "tables" / f"winding.rig.joint_states.{form}"
+    read = pyarrow.csv.read_csv if form == "csv" else pyarrow.parquet.read_table
+    table = read(file)
+    np.testing.assert_allclose(table["t"], np.arange(600) * 1e-3, atol=1e-12)
+    assert table.column_names[1:3] == ["cylinder_joint.position", "carriage_joint.position"]
+    # The drive ramps to 1.74 rad/s within one second.
+    assert table["cylinder_joint.velocity"][500].as_py() == pytest.approx(0.87, rel=1e-9)
+
+
+def test_pictures_leave_their_pixels_in_the_bag(made: Path, tmp_path: Path) -> None:
+    (file,) = export(made, tmp_path / "t", "csv", frozenset({"/winding/camera/image_raw"}))
+    table = pyarrow.csv.read_csv(file)
+    assert "data" not in table.column_names
+    assert set(table["width"].to_pylist()) == {96}
+
+
+def test_an_unknown_topic_is_named_with_those_there_are(made: Path, tmp_path: Path) -> None:
+    with pytest.raises(BagError, match="has no topic /x; it has /winding/camera/image_raw"):
+        export(made, tmp_path / "tables", "csv", frozenset({"/x"}))
+    assert not (tmp_path / "tables").exists()
+
+
+def test_tables_are_never_written_over_others(made: Path, tmp_path: Path) -> None:
+    with pytest.raises(BagError, match="exists already"):
+        export(made, tmp_path, "csv")
+
+
+@given(kept=st.lists(st.booleans(), min_size=1, max_size=200))
+def test_every_number_that_is_missing_in_between_is_lost(kept: list[bool]) -> None:
+    numbers = [number for number, there in enumerate(kept, 1) if there]
+    count = LossCount()
+    for number in numbers:
+        count.take(number)
+    assert count.received == len(numbers)
+    if numbers:
+        assert count.before == numbers[0] - 1
+        assert count.before + count.received + count.lost == numbers[-1]
+
+
+def test_a_publisher_that_starts_again_has_lost_nothing() -> None:
+    count = LossCount()
+    for number in (1, 2, 3, 1, 2):
+        count.take(number)
+    assert (count.lost, count.received) == (0, 5)
+
+
+def test_a_steady_topic_has_a_rhythm_and_no_gap() -> None:
+    stamps = np.arange(100, dtype=np.int64) * 5 * MS
+    assert rhythm(stamps) == 5 * MS
+    assert stamp_findings("/t", stamps, ordered=True) == []
+
+
+def test_a_topic_sent_on_change_has_no_rhythm_and_so_no_gap() -> None:
+    stamps = np.cumsum(np.random.default_rng(1).integers(1, 1000, 100)).astype(np.int64) * MS
+    assert rhythm(stamps) is None
+    assert stamp_findings("/t", stamps, ordered=True) == []
+
+
+def test_several_publishers_may_step_back() -> None:
+    stamps = np.array([0, 10, 5, 20], dtype=np.int64) * MS
+    assert stamp_findings("/diagnostics", stamps, ordered=False) == []
+
+
+def test_rate_stretches_the_wall_clock() -> None:
+    pacing = Pacing(0.5)
+    pacing.start(100.0, 10.0)
+    assert pacing.wait(101.0, 10.0) == 2.0
+    assert pacing.wait(101.0, 11.0) == 1.0
+    assert pacing.wait(101.0, 13.0) == 0.0
+
+
+def test_a_pause_takes_no_bag_time() -> None:
+    pacing = Pacing(2.0)
+    pacing.start(0.0, 0.0)
+    pacing.set_paused(True, 1.0)
+    assert pacing.bag_time(500.0) == 2.0
+    assert pacing.wait(2.0, 500.0) is None
+    pacing.set_paused(False, 500.0)
+    assert pacing.wait(2.0, 500.0) == 0.0
+    assert pacing.wait(4.0, 500.0) == 1.0
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_rate_that_leads_nowhere_is_refused(rate: float) -> None:
+    with pytest.raises(ValueError, match="rate must be positive and finite"):
+        Pacing(rate)
+
+
+def test_a_cloud_that_contradicts_itself_is_refused(bags: Any, tmp_path: Path) -> None:
+    from rclpy.serialization import serialize_message
+    from sensor_msgs.msg import PointCloud2
+
+    from winding_recorder.bags.bag_file import BagConfig
+    from winding_recorder.bags.channel import jazzy_channel
+    from winding_recorder.bags.writer import BagWriter
+
+    cloud = PointCloud2(height=1, width=5, point_step=8, row_step=40)
+    channel = jazzy_channel("/c", "sensor_msgs/msg/PointCloud2", depth=1, latched=False)
+    writer = BagWriter(tmp_path / "bag", [channel], BagConfig())
+    writer.write(0, 0, bytes(serialize_message(cloud)))
+    writer.close()
+    with pytest.raises(BagError, match="contradicts itself"):
+        export(tmp_path / "bag", tmp_path / "tables", "csv")

@@ -1,0 +1,218 @@
+"""What the writer puts on the disk, seen by foreign readers."""
+
+import hashlib
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from winding_recorder.bags.bag_file import CHUNK_BYTES, BagConfig
+from winding_recorder.bags.channel import jazzy_channel
+from winding_recorder.bags.check import check
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.notes import COMPLETE
+from winding_recorder.bags.reading import read_notes
+from winding_recorder.bags.recover import recover
+from winding_recorder.bags.seals import SEAL
+from winding_recorder.bags.writer import BagWriter
+from winding_ros import topics
+
+SAMPLES = 600
+# Of 600 samples every one, every 10th and every 5th.
+COUNTS = {
+    "/winding/rig/joint_states": 600,
+    "/winding/rig/tension": 60,
+    "/winding/camera/image_raw": 120,
+}
+
+
+@pytest.mark.parametrize(
+    "config",
+    [{}, {"compression": "zstd"}, {"storage": "sqlite3"}, {"split_bytes": 600_000},
+     {"storage": "sqlite3", "split_bytes": 600_000}],
+    ids=["mcap", "zstd", "sqlite3", "split mcap", "split sqlite3"],
+)  # fmt: skip
+def test_every_way_to_store_is_read_back_and_whole(
+    bags: Any, tmp_path: Path, config: dict[str, Any]
+) -> None:
+    folder = bags.whole(tmp_path / "bag", SAMPLES, **config)
+    assert bags.counts(folder) == COUNTS
+    assert check(folder).findings == []
+
+
+def test_a_split_bag_has_several_files_of_about_the_size(bags: Any, tmp_path: Path) -> None:
+    folder = bags.whole(tmp_path / "bag", SAMPLES, split_bytes=600_000)
+    files = sorted(folder.glob("*.mcap"))
+    assert len(files) >= 3
+    # A file ends with the chunk that passes the size, and with its own description.
+    assert all(600_000 <= file.stat().st_size < 600_000 + 2 * CHUNK_BYTES for file in files[:-1])
+
+
+def test_no_chunk_is_longer_than_its_limit(bags: Any, made: Path) -> None:
+    (file,) = made.glob("*.mcap")
+    sizes = [size for _, _, size in bags.chunks(file)]
+    assert len(sizes) > 5
+    assert max(sizes) <= CHUNK_BYTES
+
+
+def test_a_longer_message_has_a_chunk_of_its_own(bags: Any, tmp_path: Path) -> None:
+    folder = bags.whole(tmp_path / "bag", 20, chunk_bytes=1000)
+    (file,) = folder.glob("*.mcap")
+    assert all(messages == 1 for _, messages, size in bags.chunks(file) if size > 10_000)
+    assert check(folder).findings == []
+
+
+def test_every_chunk_has_its_crc_and_so_has_the_data_section(made: Path) -> None:
+    assert check(made).remarks == []
+
+
+def test_another_ros_decoder_reads_every_message(made: Path) -> None:
+    (file,) = made.glob("*.mcap")
+    with file.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        assert reader.get_header().profile == "ros2"
+        assert sum(1 for _ in reader.iter_decoded_messages()) == sum(COUNTS.values())
+
+
+def test_checksums_are_those_of_sha256sum(made: Path) -> None:
+    lines = (made / SEAL).read_text().splitlines()
+    assert len(lines) == 2
+    for line in lines:
+        digest, name = line.split("  ")
+        assert hashlib.sha256((made / name).read_bytes()).hexdigest() == digest
+
+
+@pytest.mark.parametrize(
+    "topic", [topic for topic in topics.TOPICS if topic.recorded], ids=lambda topic: topic.name
+)
+def test_type_hashes_are_those_of_the_installed_messages(topic: topics.Topic) -> None:
+    described = jazzy_channel("/x", topic.type_name, depth=1, latched=False)
+    package, kind, name = topic.type_name.split("/")
+    file = Path(sys.prefix) / "share" / package / kind / f"{name}.json"
+    stated = {
+        item["type_name"]: item["hash_string"]
+        for item in json.loads(file.read_text())["type_hashes"]
+    }
+    assert described.type_hash == stated[topic.type_name]
+
+
+def test_notes_are_in_metadata_and_in_the_file(made: Path) -> None:
+    notes = yaml.safe_load((made / "metadata.yaml").read_text())["rosbag2_bagfile_information"][
+        "custom_data"
+    ]
+    (file,) = made.glob("*.mcap")
+    with file.open("rb") as stream:
+        inside = {item.name: item.metadata for item in make_reader(stream).iter_metadata()}
+    assert inside["winding_recording"] == notes
+    assert "serialized_metadata" in inside["rosbag2"]
+
+
+def test_an_existing_folder_is_refused(bags: Any, tmp_path: Path) -> None:
+    with pytest.raises(BagError, match="never overwritten"):
+        BagWriter(tmp_path, bags.channels(), BagConfig())
+
+
+@pytest.mark.parametrize(
+    ("config", "sentence"),
+    [
+        ({"storage": "hdf5"}, "storage must be one of mcap, sqlite3, got 'hdf5'"),
+        ({"compression": "lzma"}, "compression must be one of none, zstd, got 'lzma'"),
+        ({"storage": "sqlite3", "compression": "zstd"}, "sqlite3 storage has no compression"),
+        ({"split_bytes": -1}, "split size must not be negative, got -1 bytes"),
+    ],
+)
+def test_a_bad_choice_is_refused(config: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        BagConfig(**config)
+
+
+_KILLED = """
+import sys, time
+from pathlib import Path
+sys.path.insert(0, {folder!r})
+from conftest import Bags
+from winding_recorder.bags.bag_file import BagConfig
+from winding_recorder.bags.writer import BagWriter
+writer = BagWriter(Path(sys.argv[1]), Bags.channels(), BagConfig(storage=sys.argv[2]))
+Bags().write_run(writer, 600)
+print(writer.taken, flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_killed_writer_loses_at_most_its_last_chunk(
+    bags: Any, tmp_path: Path, storage: str
+) -> None:
+    bag, out = tmp_path / "bag", tmp_path / "out"
+    code = _KILLED.format(folder=str(Path(__file__).parent))
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(bag), storage], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        taken = int(process.stdout.readline())
+        os.kill(process.pid, signal.SIGKILL)
+    before = bags.fingerprint(bag)
+    recover(bag, out)
+    kept = bags.counts(out)
+    assert check(out).findings == []
+    assert bags.fingerprint(bag) == before
+    # An open chunk holds at most 256 KiB: of each second 1000 samples of 0.2 kB, 100 of 0.1 kB
+    # and 200 frames of 18.5 kB, so at most 65 ms.
+    assert taken == sum(COUNTS.values())
+    for topic, count in COUNTS.items():
+        rate = count / 0.6
+        assert count - kept[topic] <= 0.065 * rate + 1
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_full_disk_leaves_a_whole_recording_of_what_came_before(
+    bags: Any, small_disk: Path, storage: str
+) -> None:
+    writer = BagWriter(small_disk / "bag", bags.channels(), BagConfig(storage=storage))
+    with pytest.raises(OSError, match=r"No space left|full"):
+        bags.write_run(writer, SAMPLES)
+    taken = writer.taken
+    writer.close({COMPLETE: "no: the disk is full"})
+    verdict = check(small_disk / "bag")
+    assert verdict.findings == []
+    assert verdict.remarks == ["the recording ended early: no: the disk is full"]
+    # Nothing that was taken is lost, not even the message that met the full disk.
+    assert sum(bags.counts(small_disk / "bag").values()) == taken > 50
+
+
+def test_a_file_that_may_not_grow_is_still_recovered(bags: Any, tmp_path: Path) -> None:
+    """RLIMIT_FSIZE is a wall that no reserve can move."""
+    bag, limit = tmp_path / "bag", 700_000
+    writer = BagWriter(bag, bags.channels(), BagConfig())
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            bags.write_run(writer, SAMPLES)
+        with pytest.raises(OSError, match="File too large"):
+            writer.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+    recover(bag, tmp_path / "out")
+    assert check(tmp_path / "out").findings == []
+    assert sum(bags.counts(tmp_path / "out").values()) > 20
+
+
+def test_notes_survive_in_the_file_of_a_killed_writer(bags: Any, tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / "bag", bags.channels(), BagConfig(), {"parameters x": "{}"})
+    bags.write_run(writer, 100)
+    writer.flush()
+    recover(tmp_path / "bag", tmp_path / "out")
+    assert read_notes(tmp_path / "out")["parameters x"] == "{}"

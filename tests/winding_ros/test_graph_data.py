@@ -1,0 +1,117 @@
+"""The graph as data agrees with the nodes, with the README and with the interface document."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.lifecycle import TransitionCallbackReturn
+
+from winding_cli.output.interface_table import as_markdown
+from winding_ros import topics
+from winding_ros.graph import (
+    GRAPH,
+    as_mermaid,
+    as_text,
+    expected_subscribers,
+    pace_topics,
+    parameters_of,
+)
+from winding_supervisor.composed import ComposedGraph
+
+ROOT = Path(__file__).parents[2]
+# What rclpy gives every node by itself.
+OF_RCLPY = {"/rosout", "/parameter_events", "/endpoints/parameter_events"}
+# Names of their own: the graph's picture of itself goes by node name.
+NAMESPACE = "/endpoints"
+
+
+def test_every_topic_has_one_publisher_in_the_graph() -> None:
+    for topic in topics.TOPICS:
+        publishers = [spec.name for spec in GRAPH if topic in spec.publishes]
+        if topic not in (topics.DIAGNOSTICS, topics.RECORDER_PROGRESS):
+            assert publishers == [topic.publisher]
+
+
+def test_listeners_come_before_those_they_listen_to() -> None:
+    order = [spec.name for spec in GRAPH]
+    for spec in GRAPH[:-1]:
+        for topic in spec.subscribes:
+            if topic.publisher != spec.name and topic is not topics.TRACKED_MARKERS:
+                assert order.index(spec.name) < order.index(topic.publisher)
+    assert order[-1] == topics.RIG
+
+
+def test_every_consumer_holds_time() -> None:
+    answers = {topic.name for topic in pace_topics()}
+    assert answers == {
+        "tracker/markers", "fem/markers", "correction/markers", "recorder/progress",
+    }  # fmt: skip
+
+
+def endpoints(node: Any) -> tuple[set[str], set[str]]:
+    """Return the topics that a node publishes and hears, but for those that every node has."""
+    name = node.get_name()
+    shared = {
+        f"{NAMESPACE}/{name}/transition_event",
+        "/diagnostics",
+        f"{NAMESPACE}/{name}/heartbeat",
+        f"{NAMESPACE}/orchestrator/heartbeat",
+    }
+    published = node.get_publisher_names_and_types_by_node(name, NAMESPACE)
+    heard = node.get_subscriber_names_and_types_by_node(name, NAMESPACE)
+    return (
+        {topic for topic, _ in published} - OF_RCLPY - shared,
+        {topic for topic, _ in heard} - OF_RCLPY - shared - {f"{NAMESPACE}/clock"},
+    )
+
+
+def test_nodes_really_have_the_endpoints_that_the_graph_states(ros: Any) -> None:
+    graph = ComposedGraph(
+        ros.context,
+        ros.executor,
+        namespace=NAMESPACE.removeprefix("/"),
+        parameters={
+            topics.RIG: {"pace_topics": ",".join(topic.name for topic in pace_topics())},
+        },
+    )
+    for spec in GRAPH:
+        node = graph.nodes[spec.name]
+        stated = (
+            {f"{NAMESPACE}/{topic.name.lstrip('/')}" for topic in spec.publishes},
+            {f"{NAMESPACE}/{topic.name.lstrip('/')}" for topic in spec.subscribes},
+        )
+        # The graph's own picture of itself takes a moment to be complete.
+        ros.spin_until(lambda node=node, stated=stated: endpoints(node) == stated)
+    for node in graph.nodes.values():
+        assert node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
+    graph.close()
+
+
+def test_expected_subscribers_count_recorder_and_clock() -> None:
+    expected = expected_subscribers(frozenset({"fem/markers"}))
+    # The correction, the rig's flow control and the recorder listen to fem/markers.
+    assert expected["cable_fem"]["fem/markers"] == 3
+    assert expected["winding_rig"]["/clock"] == len(GRAPH) - 1
+
+
+def test_text_names_every_node_and_topic() -> None:
+    text = as_text()
+    for spec in GRAPH:
+        assert spec.name in text
+        for topic in spec.publishes:
+            assert topic.name in text
+
+
+@pytest.mark.parametrize("spec", GRAPH, ids=lambda spec: spec.name)
+def test_parameters_of_every_node_can_be_read_without_starting_it(spec: Any) -> None:
+    assert parameters_of(spec)().condition().number == 4
+
+
+def test_readme_shows_this_graph() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"```mermaid\n{as_mermaid()}\n```" in readme, "paste `winding graph --mermaid`"
+
+
+def test_interface_document_is_the_declared_one() -> None:
+    document = (ROOT / "docs" / "interfaces.md").read_text(encoding="utf-8")
+    assert as_markdown() in document, "paste `winding graph --interfaces`"

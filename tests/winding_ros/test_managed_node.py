@@ -1,0 +1,162 @@
+"""A managed node: parameters, diagnostics, and transitions that cannot kill it."""
+
+from dataclasses import dataclass
+
+import pytest
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.parameter import Parameter
+
+from winding_core.parameters import ParameterError, parameter
+from winding_ros import topics
+from winding_ros.diagnostic_messages import Level, decode_diagnostics
+from winding_ros.managed_node import ManagedNode
+from winding_ros.rig_messages import decode_tension, encode_tension
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    gain: float = parameter(1.0, "gain of the test", low=0.0, high=2.0, read_only=False)
+    flavour: str = parameter("plain", "flavour of the test", choices=("plain", "salted"))
+
+
+class Listener(ManagedNode[Wanted]):
+    def __init__(self, **kwargs: object) -> None:
+        super().__init__("listener", Wanted, **kwargs)
+        self.forces: list[float] = []
+
+    def configure(self) -> None:
+        if self.configuration.flavour == "salted":
+            raise ValueError("salt must be dry")
+        self.advertise(topics.FEM_MARKERS)
+        self.subscribe(topics.TENSION, lambda m: self.forces.append(decode_tension(m)[1]))
+
+
+def change(ros: object, probe: object, transition: int) -> bool:
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return ros.call(probe, ChangeState, "/listener/change_state", request).success
+
+
+def state(ros: object, probe: object) -> int:
+    return ros.call(probe, GetState, "/listener/get_state", GetState.Request()).current_state.id
+
+
+def override(**values: object) -> list[Parameter]:
+    return [Parameter(name, value=value) for name, value in values.items()]
+
+
+def test_full_life(ros: object) -> None:
+    ros.add(Listener)
+    probe = ros.plain()
+    for transition, reached in (
+        (Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE),
+        (Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE),
+        (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE),
+        (Transition.TRANSITION_CLEANUP, State.PRIMARY_STATE_UNCONFIGURED),
+        (Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE),
+    ):
+        assert change(ros, probe, transition)
+        assert state(ros, probe) == reached
+
+
+def test_invalid_transition_is_refused_and_the_node_lives(ros: object) -> None:
+    ros.add(Listener)
+    probe = ros.plain()
+    assert not change(ros, probe, Transition.TRANSITION_ACTIVATE)
+    assert not change(ros, probe, 99)
+    assert state(ros, probe) == State.PRIMARY_STATE_UNCONFIGURED
+
+
+def test_refused_configuration_leaves_the_node_unconfigured_and_says_why(ros: object) -> None:
+    node = ros.add(Listener, parameter_overrides=override(flavour="salted"))
+    probe = ros.plain()
+    said: list[object] = []
+    topics.DIAGNOSTICS.subscribe(probe, lambda m: said.extend(decode_diagnostics(m)[1]))
+    assert not change(ros, probe, Transition.TRANSITION_CONFIGURE)
+    assert state(ros, probe) == State.PRIMARY_STATE_UNCONFIGURED
+    ros.spin_until(lambda: any(status.level is Level.ERROR for status in said))
+    assert "cannot configure: salt must be dry" in {status.message for status in said}
+    assert node.forces == []
+
+
+def test_matched_subscribers_are_reported(ros: object) -> None:
+    ros.add(Listener)
+    probe = ros.plain()
+    seen: dict[str, str] = {}
+
+    def note(message: object) -> None:
+        for status in decode_diagnostics(message)[1]:
+            seen.update(status.values)
+
+    topics.DIAGNOSTICS.subscribe(probe, note)
+    topics.FEM_MARKERS.subscribe(probe, lambda message: None)
+    assert change(ros, probe, Transition.TRANSITION_CONFIGURE)
+    ros.spin_until(lambda: seen.get("matched fem/markers") == "1")
+
+
+def test_refused_message_is_counted_and_does_not_stop_the_node(ros: object) -> None:
+    node = ros.add(Listener)
+    probe = ros.plain()
+    said: dict[str, object] = {}
+    topics.DIAGNOSTICS.subscribe(
+        probe, lambda m: said.update({s.name: s for s in decode_diagnostics(m)[1]})
+    )
+    change(ros, probe, Transition.TRANSITION_CONFIGURE)
+    publisher = topics.TENSION.advertise(probe)
+    ros.spin_until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(encode_tension(0.0, float("nan")))
+    publisher.publish(encode_tension(0.1, 2.0))
+    ros.spin_until(lambda: node.forces == [2.0])
+    ros.spin_until(
+        lambda: (
+            "listener: topics" in said
+            and said["listener: topics"].values.get("refused rig/tension") == "1"
+        )
+    )
+
+
+def test_unknown_parameter_is_refused_before_the_node_exists(ros: object) -> None:
+    with pytest.raises(ParameterError, match="has no parameter gane; did you mean gain"):
+        Listener(context=ros.context, parameter_overrides=override(gane=1.0))
+
+
+def test_whole_number_override_of_a_float_is_taken(ros: object) -> None:
+    assert ros.add(Listener, parameter_overrides=override(gain=2)).configuration.gain == 2.0
+
+
+def test_parameters_describe_themselves_and_keep_their_range(ros: object) -> None:
+    ros.add(Listener)
+    probe = ros.plain()
+    described = ros.call(
+        probe,
+        DescribeParameters,
+        "/listener/describe_parameters",
+        DescribeParameters.Request(names=["gain"]),
+    ).descriptors[0]
+    assert described.description == "gain of the test"
+    assert described.floating_point_range[0].to_value == 2.0
+    request = SetParameters.Request(parameters=[Parameter("gain", value=3.0).to_parameter_msg()])
+    result = ros.call(probe, SetParameters, "/listener/set_parameters", request).results[0]
+    assert not result.successful
+
+
+def test_read_only_parameter_may_be_chosen_until_the_node_is_configured(ros: object) -> None:
+    node = ros.add(Listener)
+    probe = ros.plain()
+
+    def choose(flavour: str) -> object:
+        chosen = Parameter("flavour", value=flavour).to_parameter_msg()
+        request = SetParameters.Request(parameters=[chosen])
+        return ros.call(probe, SetParameters, "/listener/set_parameters", request).results[0]
+
+    assert choose("salted").successful
+    assert not change(ros, probe, Transition.TRANSITION_CONFIGURE)
+    assert choose("plain").successful
+    assert change(ros, probe, Transition.TRANSITION_CONFIGURE)
+    assert node.configuration.flavour == "plain"
+    refused = choose("salted")
+    assert not refused.successful
+    assert refused.reason.startswith("parameter flavour is fixed while the node is configured")
+    assert change(ros, probe, Transition.TRANSITION_CLEANUP)
+    assert choose("salted").successful

@@ -1,0 +1,93 @@
+"""A run that complains without end fills no disk: each of its logs has a bound."""
+
+import asyncio
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from winding_ros.graph import GRAPH
+from winding_supervisor.event_log import FILE_LIMIT, EventLog, read_events
+from winding_supervisor.node_process import LOG_LIMIT, NodeProcess
+
+CHUNK = 65_536
+LINES = """
+import sys
+for k in range(300_000):
+    sys.stdout.write(f"[ERROR] [node]: the same complaint for the {k}th time, and no end of it\\n")
+"""
+ONE_LINE = """
+import sys
+for k in range(300):
+    sys.stdout.write("complaint " * 10_000)
+sys.stdout.write("\\n[ERROR] [node]: the last word")
+"""
+
+
+KILLED = """
+import os
+print("[ERROR] [node]: long ago", flush=True)
+os.kill(os.getpid(), 9)
+"""
+
+
+def run(folder: Path, source: str) -> tuple[int, str, int]:
+    """Return (exit code, last complaint, bytes left on the disk) of a process that says much."""
+    (folder / "shouting.py").write_text(source)
+    logs = folder / "log"
+    logs.mkdir()
+    process = NodeProcess(
+        replace(GRAPH[0], package="shouting"),
+        [],
+        os.environ | {"PYTHONPATH": str(folder)},
+        logs / "shouting.log",
+    )
+
+    async def until_the_end() -> int:
+        await process.start()
+        await process.ended()
+        return await process.stop()
+
+    code = asyncio.run(asyncio.wait_for(until_the_end(), 120.0))
+    return code, process.complaint(), sum(file.stat().st_size for file in logs.iterdir())
+
+
+def test_complaints_without_end_are_kept_short(tmp_path: Path) -> None:
+    code, complaint, size = run(tmp_path, LINES)
+    assert (code, complaint) == (0, "the same complaint for the 299999th time, and no end of it")
+    assert LOG_LIMIT // 2 < size <= 2 * LOG_LIMIT + CHUNK
+
+
+def test_a_line_without_end_neither_holds_the_node_up_nor_fills_memory(tmp_path: Path) -> None:
+    code, complaint, size = run(tmp_path, ONE_LINE)
+    assert (code, complaint) == (0, "the last word")
+    assert size <= 2 * LOG_LIMIT + CHUNK
+
+
+def test_events_without_end_are_kept_short(tmp_path: Path) -> None:
+    log = EventLog(file=tmp_path / "events.jsonl")
+    for k in range(25_000):
+        log.note("restarted", "marker_tracker", "active again " * 8, t=float(k), wall=float(k))
+    sizes = {file.name: file.stat().st_size for file in tmp_path.iterdir()}
+    assert set(sizes) == {"events.jsonl", "events.jsonl.1"}
+    # One event more than the limit is written before it is noticed.
+    assert max(sizes.values()) <= FILE_LIMIT + 300
+    assert read_events(tmp_path / "events.jsonl")[-1] == log.events[-1]
+    assert len(log.events) <= 10_000
+
+
+@pytest.mark.processes
+@pytest.mark.xdist_group("processes")
+def test_a_run_writes_no_log_but_those_with_a_bound(recorded_run: Any) -> None:
+    """ROS' own log files have no bound; the nodes' output says the same and has one."""
+    assert recorded_run.finished.returncode == 0, recorded_run.finished.stderr
+    (run_folder,) = (recorded_run.bag.parent / "runs").iterdir()
+    left = {file.name for file in (run_folder / "log").iterdir()}
+    bounded = {f"{spec.name}.{suffix}" for spec in GRAPH for suffix in ("log", "yaml")}
+    assert left <= bounded
+
+
+def test_what_a_killed_process_said_is_not_why_it_ended(tmp_path: Path) -> None:
+    assert run(tmp_path, KILLED)[:2] == (-9, "")

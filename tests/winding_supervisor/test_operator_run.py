@@ -1,0 +1,177 @@
+"""An operator's run: where it begins, who subscribes beside the graph, and the page's process."""
+
+import asyncio
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
+
+from winding_core.readings import AxisReading
+from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
+from winding_ros import topics
+from winding_ros.async_client import AsyncClient
+from winding_ros.environment import set_process_environment
+from winding_ros.rig_messages import encode_joint_state
+from winding_supervisor.dashboard_process import DashboardConfig, DashboardProcess
+from winding_supervisor.discovery import outsiders
+from winding_supervisor.event_log import EventLog
+from winding_supervisor.graph_error import GraphError
+from winding_supervisor.operator_run import RunStart
+
+NAMESPACE = "attended"
+SPEED = 1.74
+
+
+class Machine:
+    """Encoder samples as a buffer has them: 1 kHz, each taken a millisecond after the other."""
+
+    def __init__(self) -> None:
+        self.buffer = RunBuffer([topics.JOINT_STATES, topics.FEM_PREDICTION])
+        self.wall_ns = 10**12
+
+    def wind(self, begin: float, samples: int, angle: float = 0.0) -> None:
+        """Wind on from a simulated time [s] and an angle [rad]."""
+        for k in range(samples):
+            t = begin + 1e-3 * k
+            reading = AxisReading(
+                cylinder_angle=angle + SPEED * 1e-3 * k,
+                angular_speed=SPEED,
+                carriage_position=0.0,
+                feed_speed=0.005,
+            )
+            self._tell(topics.JOINT_STATES, t, encode_joint_state(t, reading))
+
+    def predict(self) -> None:
+        self._tell(topics.FEM_PREDICTION, 0.0, encode_joint_state(0.0, _STANDING))
+
+    def wait(self, seconds: float) -> None:
+        self.wall_ns += round(seconds * 1e9)
+
+    def _tell(self, topic: Any, t: float, message: Any) -> None:
+        self.wall_ns += 1_000_000
+        self.buffer.add(
+            topic,
+            BufferedMessage(
+                stamp_ns=round(t * 1e9),
+                sent_ns=self.wall_ns,
+                received_ns=self.wall_ns,
+                data=serialize_message(message),
+            ),
+        )
+
+
+_STANDING = AxisReading(
+    cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0
+)
+
+
+def test_stop_and_start_are_one_run() -> None:
+    machine, start = Machine(), RunStart()
+    machine.wind(0.0, 300)
+    assert not start.look(machine.buffer)
+    machine.wait(20.0)
+    machine.wind(0.3, 300, angle=SPEED * 0.3)
+    assert not start.look(machine.buffer)
+
+
+def test_reset_begins_another_run_while_time_goes_on() -> None:
+    machine, start = Machine(), RunStart()
+    machine.predict()
+    machine.wind(0.0, 300)
+    assert not start.look(machine.buffer)
+    machine.wait(2.0)
+    machine.wind(0.3, 40)
+    assert start.look(machine.buffer)
+    cut_ns, origin = RunStart.cut(machine.buffer)
+    machine.buffer.begin_anew(cut_ns, origin)
+    assert origin == pytest.approx(0.299)
+    stamps = machine.buffer.stamps(topics.JOINT_STATES)
+    assert (len(stamps), stamps[0]) == (40, 300_000_000)
+    assert len(machine.buffer.messages[topics.JOINT_STATES.name]) == 40
+    # Told once before, latched, and true still.
+    assert machine.buffer.last(topics.FEM_PREDICTION) is not None
+    assert not start.look(machine.buffer)
+
+
+def test_machine_that_is_built_anew_begins_at_zero() -> None:
+    machine, start = Machine(), RunStart()
+    machine.wind(0.0, 300)
+    assert not start.look(machine.buffer)
+    machine.wait(2.0)
+    machine.wind(0.0, 40)
+    assert start.look(machine.buffer)
+    machine.buffer.begin_anew(*RunStart.cut(machine.buffer))
+    assert machine.buffer.origin == 0.0
+    assert machine.buffer.last_stamp(topics.JOINT_STATES) == pytest.approx(0.039)
+    assert len(machine.buffer.stamps(topics.JOINT_STATES)) == 40
+
+
+def test_encoder_that_trembles_begins_nothing() -> None:
+    machine, start = Machine(), RunStart()
+    machine.wind(0.0, 300)
+    start.look(machine.buffer)
+    machine.wind(0.3, 1, angle=SPEED * 0.299 - 1e-3)
+    assert not start.look(machine.buffer)
+
+
+@pytest.fixture
+def client(ros: Any) -> Iterator[AsyncClient]:
+    made = AsyncClient(NAMESPACE)
+    made.start()
+    yield made
+    made.close()
+
+
+def test_subscribers_from_outside_the_graph_are_counted_out(ros: Any, client: AsyncClient) -> None:
+    own = {"cable_fem", topics.RECORDER}
+
+    def subscribe(name: str, namespace: str, qos: Any) -> None:
+        node = ros.add(Node, name, namespace=namespace)
+        topic = f"/{NAMESPACE}/{topics.TENSION.name}"
+        node.create_subscription(topics.TENSION.type, topic, lambda message: None, qos)
+
+    subscribe("cable_fem", f"/{NAMESPACE}", topics.TENSION.qos)
+    subscribe("dashboard_eyes", f"/{NAMESPACE}", topics.TENSION.qos)
+    subscribe("cable_fem", "/elsewhere", topics.TENSION.qos)
+    # The publisher offers less than this one asks for: they never match.
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    subscribe("viewer", f"/{NAMESPACE}", latched)
+    name = client.node.resolve_topic_name(topics.TENSION.name)
+
+    def known() -> list[str]:
+        # An endpoint may be discovered before the name of its node.
+        found = client.node.get_subscriptions_info_by_topic(name)
+        return sorted(item.node_name for item in found)
+
+    ros.spin_until(lambda: known() == ["cable_fem", "cable_fem", "dashboard_eyes", "viewer"])
+    assert outsiders(client, topics.TENSION, own) == 2
+
+
+def keeper(client: AsyncClient, folder: Path, **parameters: object) -> DashboardProcess:
+    set_process_environment(int(os.environ["ROS_DOMAIN_ID"]), folder)
+    page = DashboardConfig(parameters=parameters, namespace=NAMESPACE, log_directory=folder)
+    return DashboardProcess(page, client, EventLog(file=folder / "events.jsonl"), lambda: math.nan)
+
+
+@pytest.mark.processes
+def test_page_that_is_refused_ends_the_start_with_its_sentence(
+    client: AsyncClient, tmp_path: Path
+) -> None:
+    page = keeper(client, tmp_path, host="0.0.0.0", port=1)
+
+    async def start() -> None:
+        try:
+            await page.start()
+        finally:
+            await page.stop()
+
+    with pytest.raises(GraphError, match=r"dashboard ended with exit code 2: host 0\.0\.0\.0 can"):
+        asyncio.run(start())
+    # The file has the token.
+    assert (tmp_path / "dashboard.yaml").stat().st_mode & 0o077 == 0

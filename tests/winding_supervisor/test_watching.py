@@ -1,0 +1,125 @@
+"""The pure parts of supervision: stamps, restarts, events, vitals."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
+from winding_ros import topics
+from winding_ros.diagnostic_messages import Level
+from winding_supervisor.backoff import Backoff
+from winding_supervisor.event_log import EventLog, read_events
+from winding_supervisor.load_monitor import LoadMonitor
+from winding_supervisor.sensor_watch import SensorWatch
+
+SENSORS = ("/clock", "rig/joint_states", "rig/tension", "camera/camera_info")
+
+
+def looks(stamps_at: object, until: float = 5.0) -> tuple[float, str] | None:
+    """Look each 50 ms of wall time; return when and why something was found."""
+    watch = SensorWatch()
+    for k in range(int(until / 0.05) + 1):
+        now = 0.05 * k
+        found = watch.look(now, stamps_at(now), {"tracker/markers": now})  # type: ignore[operator]
+        if found is not None:
+            return now, found
+    return None
+
+
+def in_step(now: float) -> dict[str, float]:
+    return dict.fromkeys(SENSORS, now)
+
+
+def test_topics_in_step_are_fine_even_when_all_stand() -> None:
+    assert looks(in_step) is None
+    assert looks(lambda _now: dict.fromkeys(SENSORS, 1.0)) is None
+
+
+def test_silent_topic_is_named_with_its_last_stamp() -> None:
+    found = looks(lambda now: in_step(now) | {"rig/tension": min(now, 1.0)})
+    assert found is not None
+    when, sentence = found
+    assert sentence == "rig/tension is silent since 1.000 s of simulated time"
+    # A lag of 0.12 s that lasts for 2 s, seen at most one look late.
+    assert when == pytest.approx(3.12, abs=0.11)
+
+
+def test_topic_that_lags_and_catches_up_is_not_silent() -> None:
+    assert (
+        looks(lambda now: in_step(now) | {"rig/tension": now if now % 0.5 < 0.1 else 0.0}) is None
+    )
+
+
+def test_clock_that_jumps_ahead_is_named() -> None:
+    found = looks(lambda now: in_step(now) | {"/clock": 2.0 * now})
+    assert found is not None
+    assert found[1].startswith("/clock says ")
+
+
+def test_answer_that_makes_no_progress_is_named() -> None:
+    watch = SensorWatch()
+    found = [
+        watch.look(0.05 * k, in_step(2.0), {"tracker/markers": 1.0, "fem/markers": 2.0})
+        for k in range(120)
+    ]
+    sentences = [sentence for sentence in found if sentence]
+    assert sentences[0] == "nothing new on tracker/markers since 1.000 s of simulated time"
+    assert found.index(sentences[0]) * 0.05 == pytest.approx(5.0, abs=0.06)
+
+
+def test_restarts_wait_longer_each_time_and_end_after_three() -> None:
+    backoff = Backoff()
+    assert [backoff.next_wait(now) for now in (0.0, 5.0, 10.0, 15.0)] == [0.0, 0.5, 1.0, None]
+
+
+def test_restarts_of_a_minute_ago_do_not_count() -> None:
+    backoff = Backoff()
+    for now in (0.0, 1.0, 2.0):
+        backoff.next_wait(now)
+    assert backoff.next_wait(61.5) is not None
+
+
+def test_events_are_in_the_file_and_found_again(tmp_path: Path) -> None:
+    file = tmp_path / "events.jsonl"
+    log = EventLog(file=file, clock=lambda: 7.0)
+    log.note("detected", "cable_fem", "has stopped", t=1.5)
+    log.note("resumed", "winding_rig", "rig/start", t=2.0, wall=9.0)
+    assert read_events(file) == log.events
+    assert json.loads(file.read_text(encoding="utf-8").splitlines()[0])["t"] == 1.5
+    assert log.find("resumed", since=8.0) is log.events[1]
+    assert log.find("detected", "marker_tracker") is None
+    assert log.find("detected", since=8.0) is None
+
+
+def buffered(buffer: RunBuffer, topic: topics.Topic, rows: list[tuple[int, int]]) -> None:
+    for stamp, received in rows:
+        buffer.add(
+            topic, BufferedMessage(stamp_ns=stamp, sent_ns=received, received_ns=received, data=b"")
+        )
+
+
+def test_vitals_give_rates_latency_and_lost_frames() -> None:
+    buffer = RunBuffer(topics.TOPICS)
+    vitals = LoadMonitor(buffer)
+    vitals.look(0.0, {})
+    frames = [k * 5_000_000 for k in range(200) if k not in (50, 51, 120)]
+    buffered(buffer, topics.CAMERA_INFO, [(stamp, stamp) for stamp in frames])
+    buffered(buffer, topics.JOINT_STATES, [(stamp, stamp) for stamp in frames])
+    # Every fourth frame has its corrected length 8 ms later.
+    buffered(buffer, topics.CORRECTED_MARKERS, [(t, t + 8_000_000) for t in frames[::4]])
+    level, sentence, values = vitals.look(1.0, {})
+    assert (level, sentence) == (Level.WARN, "3 frames are missing")
+    assert values["rate camera/camera_info [1/s]"] == "197"
+    assert values["frame to corrected length p50 [ms]"] == "8.0"
+    assert values["frame to corrected length p99 [ms]"] == "8.0"
+    assert vitals.look(2.0, {})[0] is Level.OK
+
+
+def test_load_is_told_from_the_second_look_at_a_process_on() -> None:
+    vitals = LoadMonitor(RunBuffer(topics.TOPICS))
+    assert "cpu test [%]" not in vitals.look(0.0, {"test": os.getpid()})[2]
+    assert float(vitals.look(1.0, {"test": os.getpid()})[2]["cpu test [%]"]) >= 0.0
+    # Another process in the node's place begins anew.
+    assert "cpu test [%]" not in vitals.look(2.0, {"test": os.getppid()})[2]
