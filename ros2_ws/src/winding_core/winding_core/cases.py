@@ -16,15 +16,21 @@ class Material:
         young: Young's modulus E [Pa].
         poisson: Poisson's ratio.
         density: Mass density [kg/m^3].
+        axial_factor: Factor on the axial stiffness EA of the round section.
+        bending_factor: Factor on its bending stiffness EI.
     """
 
     young: float = 2.6e6
     poisson: float = 0.47
     density: float = 1337.0
+    axial_factor: float = 1.0
+    bending_factor: float = 1.0
 
     def __post_init__(self) -> None:
         _positive("young", self.young, "Pa")
         _positive("density", self.density, "kg/m^3")
+        _positive("axial_factor", self.axial_factor)
+        _positive("bending_factor", self.bending_factor)
         if not 0.0 <= self.poisson < 0.5:
             raise ValueError(f"poisson must lie in [0, 0.5), got {self.poisson}")
 
@@ -81,8 +87,9 @@ class Case:
 
     @property
     def bending_stiffness(self) -> float:
-        """EI of the undeformed section [N m^2]."""
-        return self.material.young * math.pi * self.cable_radius**4 / 4.0
+        """EI of the undeformed section [N m^2], with the material's factor."""
+        own = self.material.young * math.pi * self.cable_radius**4 / 4.0
+        return self.material.bending_factor * own
 
     @property
     def nominal_stress(self) -> float:
@@ -118,6 +125,6 @@ def paper_cases() -> tuple[Case, ...]:
     return tuple(paper_case(number) for number in published_conditions())
 
 
-def _positive(name: str, value: float, unit: str) -> None:
+def _positive(name: str, value: float, unit: str = "") -> None:
     if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"{name} must be positive and finite, got {value} {unit}")
+        raise ValueError(f"{name} must be positive and finite, got {value} {unit}".rstrip())
