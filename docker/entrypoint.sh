@@ -12,7 +12,7 @@ fi
 if [ -f /opt/winding_ws/setup.bash ]; then
     # shellcheck disable=SC1091
     . /opt/winding_ws/setup.bash
-    PATH="/opt/winding_ws/lib/winding_bringup:${PATH}"
+    PATH="/opt/winding_ws/lib/winding_cli:${PATH}"
 fi
 export PATH="/opt/winding/bin:${PATH}"
 

@@ -11,7 +11,7 @@ from winding_ros import topics
 from winding_ros.graph import DEFAULT_NAMESPACE
 from winding_ros.rig_messages import BASE_FRAME
 
-FOLDER = Path(__file__).parents[2] / "viewers"
+FOLDER = Path(__file__).parents[2] / "ros2_ws/src/winding_bringup/viewers"
 NAMES = {
     topic.name if topic.name.startswith("/") else f"/{DEFAULT_NAMESPACE}/{topic.name}"
     for topic in topics.TOPICS

@@ -29,7 +29,7 @@ class NodeSpec:
         name: Node name.
         package: Python package; `python -m package` is the node's process.
         node_class: Class in `package.node` for composition in one process.
-        parameters_class: Class in `package.parameters` that states its parameters.
+        parameters_class: Class in `package.ros.parameters` that states its parameters.
         publishes: Topics it publishes, /diagnostics aside.
         subscribes: Topics it listens to.
         policy: What becomes of the run when the node fails.
@@ -126,7 +126,7 @@ PAGE = NodeSpec(
 
 def parameters_of(spec: NodeSpec) -> type:
     """Return the dataclass that states a node's parameters; importing it needs no ROS."""
-    module = importlib.import_module(f"{spec.package}.parameters")
+    module = importlib.import_module(f"{spec.package}.ros.parameters")
     stated: type = getattr(module, spec.parameters_class)
     return stated
 

@@ -90,7 +90,7 @@ def replay(
     (spec,) = (spec for spec in GRAPH if spec.name == name)
     values = _recorded_parameters(path, name) if parameters is None else parameters
     with opened(path) as reader:
-        module = importlib.import_module(f"{spec.package}.ros.handler")
+        module = importlib.import_module(f"{spec.package}.ros.message_handler")
         exchange_class = getattr(module, class_name)
         links = {topic.name: _link(reader, topic) for topic in exchange_class.inputs}
         stored = {topic.name: _link(reader, topic) for topic in exchange_class.outputs}
