@@ -13,9 +13,10 @@ from correction_node.node import CorrectionNode
 from winding_core.cases import paper_case
 from winding_core.markers import CORRECTED_DTYPE, MarkerFlag, wound_markers
 from winding_core.published import published_markers
+from winding_core.status import Level
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.diagnostic_messages import Level, decode_case_votes
+from winding_ros.diagnostic_messages import decode_case_votes
 
 
 def overrides(**values: object) -> list[Parameter]:

@@ -16,6 +16,7 @@ from visualization_msgs.msg import Marker
 
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
 from winding_core.readings import AxisReading, ImageWindow
+from winding_core.status import Level, Status
 from winding_ros import topics
 from winding_ros.camera_messages import (
     CameraReading,
@@ -33,8 +34,6 @@ from winding_ros.cloud_messages import (
     encode_line_strip,
 )
 from winding_ros.diagnostic_messages import (
-    Level,
-    Status,
     decode_case_votes,
     decode_diagnostics,
     encode_case_votes,

@@ -2,27 +2,28 @@
 
 import pytest
 
-from winding_dashboard.views.health import Health, Report, Severity, node_of
+from winding_core.status import Level, Status
+from winding_dashboard.views.health import Health, node_of
 
 
-def report(name: str, severity: Severity = Severity.OK, message: str = "") -> Report:
-    return Report(name=name, severity=severity, message=message)
+def report(name: str, level: Level = Level.OK, message: str = "") -> Status:
+    return Status(name=name, level=level, message=message)
 
 
 def test_row_tells_the_worst_and_everything_said() -> None:
     health = Health(["rig"])
     health.note(0.0, [report("rig", message="winding")])
-    health.note(0.0, [report("rig: topics", Severity.WARN, "refused a message")])
+    health.note(0.0, [report("rig: topics", Level.WARN, "refused a message")])
     (row,) = health.rows(1.0)
-    assert (row.severity, row.message) == (Severity.WARN, "winding; refused a message")
+    assert (row.level, row.message) == (Level.WARN, "winding; refused a message")
     assert health.message("rig") == "winding"
 
 
 def test_node_that_stops_talking_is_stale() -> None:
     health = Health(["rig"])
-    health.note(0.0, [report("rig", Severity.OK, "winding")])
+    health.note(0.0, [report("rig", Level.OK, "winding")])
     (row,) = health.rows(9.0)
-    assert (row.severity, row.message) == (Severity.STALE, "silent for 9 s")
+    assert (row.level, row.message) == (Level.STALE, "silent for 9 s")
 
 
 def test_node_that_was_never_heard_has_its_row() -> None:

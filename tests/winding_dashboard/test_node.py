@@ -13,11 +13,12 @@ from std_srvs.srv import Trigger
 from winding_core.markers import wound_markers
 from winding_core.parameters import ParameterError
 from winding_core.readings import AxisReading
+from winding_core.status import Status
 from winding_dashboard.node import DashboardNode
 from winding_dashboard.views.commands import CommandError
 from winding_ros import topics
 from winding_ros.cloud_messages import encode_cloud
-from winding_ros.diagnostic_messages import Status, encode_case_votes, encode_diagnostics
+from winding_ros.diagnostic_messages import encode_case_votes, encode_diagnostics
 from winding_ros.rig_messages import encode_joint_state, encode_tension
 
 

@@ -12,9 +12,9 @@ from nicegui.testing import User, UserInteraction, user_simulation
 
 from winding_core.markers import CORRECTED_DTYPE, wound_markers
 from winding_core.readings import AxisReading
+from winding_core.status import Level, Status
 from winding_dashboard.views import commands
 from winding_dashboard.views.commands import Choice, CommandError
-from winding_dashboard.views.health import Report, Severity
 from winding_dashboard.views.material_view import MaterialView
 from winding_dashboard.views.page import Page
 from winding_dashboard.views.view_state import ViewState
@@ -73,10 +73,8 @@ def fresh_state() -> ViewState:
     return ViewState(nodes=NODES, machine="winding_rig")
 
 
-def phase(state: ViewState, text: str, severity: Severity = Severity.OK) -> None:
-    state.health.note(
-        time.monotonic(), [Report(name="winding_rig", severity=severity, message=text)]
-    )
+def phase(state: ViewState, text: str, level: Level = Level.OK) -> None:
+    state.health.note(time.monotonic(), [Status(name="winding_rig", level=level, message=text)])
 
 
 async def until(reached: Callable[[], bool]) -> None:
@@ -131,7 +129,7 @@ async def test_changes_are_pushed() -> None:
     async with user_simulation(lambda: Page(state, Machine(), time.monotonic)) as user:
         await user.open("/")
         await user.should_see("nothing heard")
-        phase(state, "emergency stop", Severity.ERROR)
+        phase(state, "emergency stop", Level.ERROR)
         await user.should_see("emergency stop", retries=50)
         await user.should_see("ERROR", retries=50)
 
@@ -303,7 +301,7 @@ def recorded(state: ViewState, bag: str) -> None:
     values = {"bag": bag, "messages": "12345", "bytes": "67800000", "lost": "0"} if bag else {}
     state.health.note(
         time.monotonic(),
-        [Report(name="recorder", severity=Severity.OK, message="recording", values=values)],
+        [Status(name="recorder", level=Level.OK, message="recording", values=values)],
     )
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MarkerFlag, wound_markers
 from winding_core.readings import AxisReading
-from winding_dashboard.views.health import SILENCE, Report, Severity
+from winding_core.status import Status
+from winding_dashboard.views.health import SILENCE
 from winding_dashboard.views.shape import SCALE, cable_shape, scene_points
 from winding_dashboard.views.view_state import SAMPLES, ViewState
 
@@ -106,7 +107,7 @@ def test_markers_seen_later_than_the_cable_are_turned_back_to_its_moment(state: 
 
 def test_silence_is_noticed(state: ViewState) -> None:
     assert not state.heard(0.0)
-    state.health.note(10.0, [Report(name="winding_rig", severity=Severity.OK, message="winding")])
+    state.health.note(10.0, [Status(name="winding_rig", message="winding")])
     assert state.heard(10.0 + SILENCE)
     assert not state.heard(10.1 + SILENCE)
     assert state.phase == "winding"

@@ -11,13 +11,14 @@ from typing import Any
 import pytest
 
 from winding_core.readings import AxisReading
+from winding_core.status import Level
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
 from winding_recorder.bags.notes import COMPLETE
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.live.recorder import Recorder, RecorderError
 from winding_ros import topics
-from winding_ros.diagnostic_messages import Level, decode_diagnostics
+from winding_ros.diagnostic_messages import decode_diagnostics
 from winding_ros.environment import child_environment
 from winding_ros.rig_messages import decode_joint_state, encode_joint_state
 

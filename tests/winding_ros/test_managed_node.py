@@ -9,8 +9,9 @@ from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
 
 from winding_core.parameters import ParameterError, parameter
+from winding_core.status import Level
 from winding_ros import topics
-from winding_ros.diagnostic_messages import Level, decode_diagnostics
+from winding_ros.diagnostic_messages import decode_diagnostics
 from winding_ros.managed_node import ManagedNode
 from winding_ros.rig_messages import decode_tension, encode_tension
 

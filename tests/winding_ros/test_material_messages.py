@@ -5,7 +5,8 @@ import math
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
-from winding_ros.diagnostic_messages import Level, Status, encode_diagnostics
+from winding_core.status import Level, Status
+from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.material_messages import (
     NAME,
     MaterialReport,

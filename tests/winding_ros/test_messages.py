@@ -7,6 +7,7 @@ from sensor_msgs.msg import CameraInfo, Image, JointState, PointCloud2
 
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
 from winding_core.readings import AxisReading, ImageWindow
+from winding_core.status import Level, Status
 from winding_ros.camera_messages import (
     CameraReading,
     decode_camera_info,
@@ -23,8 +24,6 @@ from winding_ros.cloud_messages import (
     encode_line_strip,
 )
 from winding_ros.diagnostic_messages import (
-    Level,
-    Status,
     decode_case_votes,
     decode_diagnostics,
     encode_case_votes,

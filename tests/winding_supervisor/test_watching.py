@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from winding_core.status import Level
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
-from winding_ros.diagnostic_messages import Level
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog, read_events
 from winding_supervisor.load_monitor import LoadMonitor

@@ -15,10 +15,10 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.serialization import deserialize_message
 
+from winding_core.status import Status
 from winding_recorder.live.recorder import Recorder
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
-from winding_ros.diagnostic_messages import Status
 from winding_ros.graph import GRAPH, pace_topics
 from winding_ros.rig_messages import MessageError, decode_joint_state
 from winding_supervisor.event_log import EventLog

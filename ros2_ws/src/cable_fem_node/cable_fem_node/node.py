@@ -15,9 +15,9 @@ from cable_fem_node.ros.background import BackgroundTask
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from winding_core.markers import MARKER_DTYPE
+from winding_core.status import Level, Status
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
-from winding_ros.diagnostic_messages import Level, Status
 from winding_ros.managed_node import ManagedNode
 from winding_ros.material_messages import (
     MaterialReport,

@@ -7,8 +7,8 @@ from typing import Any
 from correction_node.live.run_corrector import RunCorrector
 from correction_node.ros.message_handler import CorrectionHandler
 from correction_node.ros.parameters import CorrectionParameters
+from winding_core.status import Level, Status
 from winding_ros import topics
-from winding_ros.diagnostic_messages import Level, Status
 from winding_ros.managed_node import ManagedNode
 
 

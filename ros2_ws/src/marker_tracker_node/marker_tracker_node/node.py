@@ -12,8 +12,8 @@ from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
 from marker_tracker_node.tracking.tracker import Tracker
 from marker_tracker_node.tracking.warm_up import warm_up
+from winding_core.status import Level, Status
 from winding_ros import topics
-from winding_ros.diagnostic_messages import Level, Status
 from winding_ros.managed_node import ManagedNode
 
 

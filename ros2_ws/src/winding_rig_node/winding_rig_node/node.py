@@ -13,6 +13,7 @@ from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import Trigger
 
 from winding_core.parameters import refuse_unknown
+from winding_core.status import Level, Status
 from winding_rig_node.machine.faults import Faults
 from winding_rig_node.machine.lay import CableLay, HiddenCable, published_lay, simulated_lay
 from winding_rig_node.machine.machine import SAMPLE_RATE, Machine, MachineConfig, Phase, PhaseError
@@ -22,7 +23,6 @@ from winding_rig_node.ros.fault_parameters import follow_fault_parameters, state
 from winding_rig_node.ros.outputs import Outputs, due
 from winding_rig_node.ros.parameters import RigParameters
 from winding_ros import topics
-from winding_ros.diagnostic_messages import Level, Status
 from winding_ros.heartbeat import Sign, watch_heartbeat
 from winding_ros.managed_node import ManagedNode
 from winding_ros.rig_messages import MessageError

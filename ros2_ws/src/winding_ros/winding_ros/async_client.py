@@ -12,13 +12,9 @@ from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
+from winding_core.status import Level, Status
 from winding_ros import topics
-from winding_ros.diagnostic_messages import (
-    Level,
-    Status,
-    decode_diagnostics,
-    encode_diagnostics,
-)
+from winding_ros.diagnostic_messages import decode_diagnostics, encode_diagnostics
 from winding_ros.environment import enclave_arguments, ros_arguments
 from winding_ros.heartbeat import Heartbeat, Sign, heartbeat_topic, watch_heartbeat
 from winding_ros.topic_status import subscribers_of

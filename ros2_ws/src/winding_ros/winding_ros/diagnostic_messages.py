@@ -3,39 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from enum import IntEnum
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from winding_core.status import Level, Status
 from winding_ros.rig_messages import MessageError
 from winding_ros.stamps import decode_stamp, encode_stamp
-
-
-class Level(IntEnum):
-    """Severity of a status."""
-
-    OK = 0
-    WARN = 1
-    ERROR = 2
-    STALE = 3
-
-
-@dataclass(frozen=True, kw_only=True)
-class Status:
-    """State of one component.
-
-    Attributes:
-        name: "node: component".
-        level: Severity.
-        message: One sentence.
-        values: What was measured, as text.
-    """
-
-    name: str
-    level: Level = Level.OK
-    message: str = ""
-    values: Mapping[str, str] = field(default_factory=dict)
 
 
 def encode_diagnostics(

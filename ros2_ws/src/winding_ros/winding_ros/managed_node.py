@@ -16,7 +16,8 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from winding_core.parameters import ParameterError
-from winding_ros.diagnostic_messages import Level, Status, encode_diagnostics
+from winding_core.status import Level, Status
+from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.heartbeat import Heartbeat
 from winding_ros.message_guard import Endpoint, MessageGuard, Rivals, StampError
 from winding_ros.message_handler import Answer, MessageHandler

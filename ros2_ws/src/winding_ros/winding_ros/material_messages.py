@@ -8,12 +8,8 @@ from dataclasses import dataclass
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from winding_ros.diagnostic_messages import (
-    Level,
-    Status,
-    decode_diagnostics,
-    encode_diagnostics,
-)
+from winding_core.status import Level, Status
+from winding_ros.diagnostic_messages import decode_diagnostics, encode_diagnostics
 from winding_ros.rig_messages import MessageError
 
 NAME = "cable_fem: material"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from winding_ros.diagnostic_messages import Level, Status
+from winding_core.status import Level, Status
 from winding_ros.message_guard import MessageGuard
 
 _MATCHED = "matched "

@@ -205,7 +205,11 @@ FEM_MATERIAL = _topic(
     latched=True,
 )
 CORRECTED_MARKERS = _topic(
-    "correction/markers", PointCloud2, 50.0, CORRECTION, "predicted lengths times the correction factor h"
+    "correction/markers",
+    PointCloud2,
+    50.0,
+    CORRECTION,
+    "predicted lengths times the correction factor h",
 )
 CORRECTION_CASE = _topic(
     "correction/case",

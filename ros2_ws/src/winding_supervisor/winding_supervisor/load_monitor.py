@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 import psutil  # type: ignore[import-untyped]
 
+from winding_core.status import Level
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
-from winding_ros.diagnostic_messages import Level
 
 _FRAME_PERIOD_NS = 5_000_000
 _MEBIBYTE = 2.0**20

@@ -11,8 +11,9 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from winding_core.status import Level, Status
 from winding_ros import topics
-from winding_ros.diagnostic_messages import Level, Status, decode_diagnostics
+from winding_ros.diagnostic_messages import decode_diagnostics
 from winding_ros.environment import ros_arguments
 
 _NAME = "health"

@@ -16,11 +16,11 @@ from typing import NoReturn
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
+from winding_core.status import Level
 from winding_recorder.live.buffered_inputs import buffered_inputs
 from winding_recorder.live.recorder import RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import NAME, AsyncClient
-from winding_ros.diagnostic_messages import Level
 from winding_ros.graph import GRAPH, Policy
 from winding_ros.heartbeat import Sign
 from winding_ros.rig_messages import MessageError, decode_joint_state

@@ -12,7 +12,6 @@ from rclpy.subscription import Subscription
 
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
 from winding_dashboard.ros.parameters import DashboardParameters
-from winding_dashboard.views.health import Report, Severity
 from winding_dashboard.views.material_view import MaterialView
 from winding_dashboard.views.projection import CameraView
 from winding_dashboard.views.view_state import ViewState
@@ -145,18 +144,7 @@ class TopicReader:
     def _on_diagnostics(self, message: Any) -> None:
         own = [item for item in message.status if item.hardware_id in ("", self._namespace)]
         message.status = own
-        self._state.health.note(
-            self._now,
-            [
-                Report(
-                    name=status.name,
-                    severity=Severity(int(status.level)),
-                    message=status.message,
-                    values=status.values,
-                )
-                for status in decode_diagnostics(message)[1]
-            ],
-        )
+        self._state.health.note(self._now, decode_diagnostics(message)[1])
 
 
 def _subscribe(node: Node, topic: Topic) -> Subscription:

@@ -3,40 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from enum import IntEnum
+from dataclasses import dataclass
+
+from winding_core.status import Level, Status
 
 # A node repeats its state every second; one that misses three is not heard.
 SILENCE = 3.5
 # Names that strangers may add before the oldest are forgotten.
 _MOST_NODES = 24
 _MOST_PARTS = 16
-
-
-class Severity(IntEnum):
-    """How bad a state is; the levels of diagnostic_msgs."""
-
-    OK = 0
-    WARN = 1
-    ERROR = 2
-    STALE = 3
-
-
-@dataclass(frozen=True, kw_only=True)
-class Report:
-    """What one component of a node says of itself.
-
-    Attributes:
-        name: Of the component.
-        severity: Its level in /diagnostics.
-        message: One sentence.
-        values: What else it says, by name.
-    """
-
-    name: str
-    severity: Severity
-    message: str
-    values: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,18 +21,18 @@ class NodeHealth:
     Attributes:
         name: Node name.
         lifecycle: State of the managed node; empty when nobody answers.
-        severity: The worst of its components; STALE when it is not heard.
+        level: The worst of its components; STALE when it is not heard.
         message: What it says, one sentence for each component.
     """
 
     name: str
     lifecycle: str
-    severity: Severity
+    level: Level
     message: str
 
 
 class Health:
-    """Collects reports and lifecycle states by node.
+    """Collects statuses and lifecycle states by node.
 
     Args:
         nodes: Names of the nodes that are shown from the start, in order.
@@ -65,7 +40,7 @@ class Health:
 
     def __init__(self, nodes: Sequence[str]) -> None:
         self._expected = tuple(nodes)
-        self._reports: dict[str, dict[str, Report]] = {}
+        self._reports: dict[str, dict[str, Status]] = {}
         self._heard: dict[str, float] = {}
         self.lifecycle: dict[str, str] = {}
 
@@ -74,12 +49,12 @@ class Health:
         """Wall time of the newest report [s]; -inf before any."""
         return max(self._heard.values(), default=float("-inf"))
 
-    def note(self, now: float, reports: Sequence[Report]) -> None:
-        """Take the reports of one message, received at wall time now [s]."""
-        for report in reports:
-            node = node_of(report.name)
+    def note(self, now: float, statuses: Sequence[Status]) -> None:
+        """Take the statuses of one message, received at wall time now [s]."""
+        for status in statuses:
+            node = node_of(status.name)
             parts = self._reports.setdefault(node, {})
-            parts[report.name] = report
+            parts[status.name] = status
             if len(parts) > _MOST_PARTS:
                 parts.pop(next(iter(parts)))
             self._heard[node] = now
@@ -117,20 +92,20 @@ class Health:
         reports = list(self._reports.get(name, {}).values())
         if not reports:
             return NodeHealth(
-                name=name, lifecycle=lifecycle, severity=Severity.STALE, message="not heard yet"
+                name=name, lifecycle=lifecycle, level=Level.STALE, message="not heard yet"
             )
         silent = now - self._heard[name]
         if silent > SILENCE:
             return NodeHealth(
                 name=name,
                 lifecycle=lifecycle,
-                severity=Severity.STALE,
+                level=Level.STALE,
                 message=f"silent for {silent:.0f} s",
             )
-        worst = max(report.severity for report in reports)
+        worst = max(report.level for report in reports)
         said = dict.fromkeys(report.message for report in reports if report.message)
         return NodeHealth(
-            name=name, lifecycle=lifecycle, severity=worst, message="; ".join(said) or "ok"
+            name=name, lifecycle=lifecycle, level=worst, message="; ".join(said) or "ok"
         )
 
 

@@ -21,7 +21,7 @@ from winding_dashboard.views.view_state import ViewState
 PERIOD = 0.1
 # Every how many pushes: what the eye follows is sent more often than what it reads.
 _SCENE_EVERY, _CHARTS_EVERY, _SLOW_EVERY = 2, 4, 5
-_STYLE = Path(__file__).parent / "data" / "page.css"
+_STYLE = Path(__file__).parents[1] / "data" / "page.css"
 _TITLES = {
     commands.START: "Start",
     commands.STOP: "Stop",

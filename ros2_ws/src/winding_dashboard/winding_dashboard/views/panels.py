@@ -7,7 +7,8 @@ import math
 
 from nicegui import ui
 
-from winding_dashboard.views.health import NodeHealth, Severity
+from winding_core.status import Level
+from winding_dashboard.views.health import NodeHealth
 from winding_dashboard.views.marker_rows import MOST_MARKERS, MarkerRow
 from winding_dashboard.views.material_view import material_sentence
 from winding_dashboard.views.overlay import measured_count
@@ -20,10 +21,10 @@ _FEWEST_ROWS = 4
 # Votes that are told; the others are below.
 _TOLD_VOTES = 3
 _LEVELS = {
-    Severity.OK: ("ok", "quiet"),
-    Severity.WARN: ("warning", "warn"),
-    Severity.ERROR: ("ERROR", "bad"),
-    Severity.STALE: ("silent", "warn"),
+    Level.OK: ("ok", "quiet"),
+    Level.WARN: ("warning", "warn"),
+    Level.ERROR: ("ERROR", "bad"),
+    Level.STALE: ("silent", "warn"),
 }
 
 
@@ -233,7 +234,7 @@ class _NodeLine:
         self._line.set_visibility(row is not None)
         if row is None:
             return
-        level, style = _LEVELS[row.severity]
+        level, style = _LEVELS[row.level]
         for cell, text in zip(
             self._cells, (row.name, row.lifecycle or _DASH, level, row.message), strict=True
         ):

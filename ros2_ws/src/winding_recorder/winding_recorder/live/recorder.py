@@ -11,12 +11,13 @@ from pathlib import Path
 from rclpy.node import Node
 from std_msgs.msg import Header
 
+from winding_core.status import Level, Status
 from winding_recorder.bags.bag_file import BagConfig
 from winding_recorder.live.bag_series import BagSeries, RecorderError, free_folder
 from winding_recorder.live.record_service import RecordRequest, RecordService
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
-from winding_ros.diagnostic_messages import Level, Status, encode_diagnostics
+from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.environment import ros_arguments
 from winding_ros.message_guard import StampError
 from winding_ros.polled import PolledTopic, Taken
