@@ -1,132 +1,117 @@
-"""The walls: who may import whom, and what only some rooms may touch."""
+"""What only some places may touch, how large a file may grow, and which names say nothing.
+
+Who may import whom between packages and folders: the contracts of import-linter in pyproject.toml.
+Clocks and sleep: the banned names of ruff in the same file. Both are part of `make lint`.
+"""
 
 import ast
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
-SOURCE = Path(__file__).parents[1] / "ros2_ws" / "src"
-NODE_PACKAGES = {"cable_fem_node", "marker_tracker_node", "winding_rig_node", "correction_node"}
-PACKAGES = NODE_PACKAGES | {
-    "winding_core",
-    "winding_study",
-    "winding_dashboard",
-    "winding_bringup",
-}
-ROS = {
-    "rclpy",
-    "builtin_interfaces",
-    "diagnostic_msgs",
-    "geometry_msgs",
-    "lifecycle_msgs",
-    "rcl_interfaces",
-    "rosgraph_msgs",
-    "sensor_msgs",
-    "std_msgs",
-    "std_srvs",
-    "visualization_msgs",
-}
-# Which packages of the project each may import, itself aside.
-ALLOWED = {
-    "winding_core": set(),
-    **{package: {"winding_core"} for package in NODE_PACKAGES},
-    "winding_study": {"winding_core", "cable_fem_node", "correction_node"},
-    "winding_dashboard": {"winding_core"},
-    "winding_bringup": {"winding_core", "winding_study"},
-}
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "ros2_ws" / "src"
+FILES = sorted(SOURCE.glob("*/*/**/*.py"))
+LINES_OF_A_FILE = 350
+SHARE_OF_A_PACKAGE = 0.2
 MEANINGLESS = {"utils", "util", "common", "helpers", "helper", "manager", "base", "misc"}
-FILES = sorted(path for package in PACKAGES for path in (SOURCE / package / package).rglob("*.py"))
 
-
-def imports(path: Path) -> set[str]:
-    """Return the full names of all modules that a file imports, wherever in the file."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path} has a relative import"
-            names.add(node.module or "")
-    return names
-
-
-def package_of(path: Path) -> str:
-    return path.relative_to(SOURCE).parts[0]
-
-
-def identifier(path: Path) -> str:
-    return str(path.relative_to(SOURCE))
-
-
-def test_every_package_has_its_description() -> None:
-    for package in PACKAGES:
-        for name in ("package.xml", "setup.py", "setup.cfg", f"resource/{package}"):
-            assert (SOURCE / package / name).is_file(), f"{package} lacks {name}"
-
-
-@pytest.mark.parametrize("path", FILES, ids=identifier)
-def test_rooms_import_only_downwards(path: Path) -> None:
-    package = package_of(path)
-    rooms = {name.split(".")[0] for name in imports(path)} & PACKAGES - {package}
-    allowed = ALLOWED[package]
-    if package == "winding_bringup" and "commands" in path.parts:
-        # A command is the door to its room: it may open it, lazily, and nothing else.
-        allowed = PACKAGES
-    assert rooms <= allowed
-
-
-@pytest.mark.parametrize("path", FILES, ids=identifier)
-def test_only_adapters_import_ros(path: Path) -> None:
-    roots = {name.split(".")[0] for name in imports(path)}
-    touches_ros = bool(roots & ROS) or any(name.startswith("winding_ros") for name in imports(path))
-    adapter = (
-        path.name in ("node.py", "__main__.py")
-        or "ros" in path.relative_to(SOURCE).parts
-        or package_of(path) == "winding_bringup"
-    )
-    assert adapter or not touches_ros
-
-
-@pytest.mark.parametrize("path", FILES, ids=identifier)
-def test_heavy_libraries_stay_in_their_rooms(path: Path) -> None:
-    roots = {name.split(".")[0] for name in imports(path)}
-    package = package_of(path)
-    if "torch" in roots:
-        assert package == "correction_node"
-    if "cv2" in roots:
-        camera = "camera" in path.relative_to(SOURCE).parts
-        assert package == "marker_tracker_node" or (package == "winding_rig_node" and camera)
-    if "nicegui" in roots:
-        assert package == "winding_dashboard"
-
-
-@pytest.mark.parametrize(
-    ("one", "other"),
-    [("winding_rig_node", "marker_tracker_node"), ("marker_tracker_node", "winding_rig_node")],
+ROS = re.compile(
+    r"rclpy|rcl_interfaces|builtin_interfaces|ament_index_python|domain_coordinator|launch(_ros)?"
+    r"|std_srvs|\w+_msgs|winding_ros"
 )
-def test_renderer_and_tracker_share_no_projection(one: str, other: str) -> None:
-    for path in (SOURCE / one / one).rglob("*.py"):
-        assert not any(name.split(".")[0] == other for name in imports(path)), path
+# Library -> where it may be imported, as a path below the sources.
+PLACES = {
+    ROS: re.compile(
+        r"(winding_ros|winding_supervisor|winding_cli)/"
+        r"|winding_recorder/winding_recorder/(live|playback)/"
+        r"|winding_bringup/launch/"
+        r"|(\w+_node|winding_dashboard)/\w+/(node\.py|__main__\.py|ros/)"
+    ),
+    re.compile(r"torch"): re.compile(r"correction_node/"),
+    re.compile(r"cv2"): re.compile(
+        r"marker_tracker_node/|winding_rig_node/winding_rig_node/camera/"
+    ),
+    re.compile(r"nicegui"): re.compile(r"winding_dashboard/"),
+}
 
 
-@pytest.mark.parametrize("path", FILES, ids=identifier)
-def test_names_say_something(path: Path) -> None:
-    assert path.stem not in MEANINGLESS
-    assert not MEANINGLESS & set(path.relative_to(SOURCE).parts)
+def imports(path: Path) -> Iterator[ast.Import | ast.ImportFrom]:
+    """Yield the imports of a file, wherever in the file."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield node
 
 
-@pytest.mark.parametrize("path", FILES, ids=identifier)
-def test_cores_have_no_clock_and_no_sleep(path: Path) -> None:
-    if package_of(path) not in NODE_PACKAGES | {"winding_dashboard"} or path.name in (
-        "node.py",
-        "__main__.py",
-    ):
-        return
-    calls = {
-        f"{node.func.value.id}.{node.func.attr}"
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Attribute)
-        and isinstance(node.func.value, ast.Name)
+def roots(path: Path) -> set[str]:
+    """Return the first names of all modules that a file imports."""
+    return {
+        name.split(".")[0]
+        for node in imports(path)
+        for name in (
+            [node.module or ""]
+            if isinstance(node, ast.ImportFrom)
+            else [alias.name for alias in node.names]
+        )
     }
-    assert not calls & {"time.time", "time.sleep", "time.monotonic", "time.perf_counter"}
+
+
+def place(path: Path) -> str:
+    return path.relative_to(SOURCE).as_posix()
+
+
+def lines(path: Path) -> int:
+    return len(path.read_text(encoding="utf-8").splitlines())
+
+
+def test_imports_are_absolute() -> None:
+    relative = {
+        place(path)
+        for path in FILES
+        for node in imports(path)
+        if isinstance(node, ast.ImportFrom) and node.level
+    }
+    assert relative == set()
+
+
+def test_ros_and_heavy_libraries_stay_in_their_places() -> None:
+    strayed = [
+        f"{place(path)} imports {root}"
+        for path in FILES
+        for root in sorted(roots(path))
+        for library, allowed in PLACES.items()
+        if library.fullmatch(root) and not allowed.match(place(path))
+    ]
+    assert strayed == []
+
+
+def test_bringup_holds_no_logic() -> None:
+    assert not (SOURCE / "winding_bringup" / "winding_bringup").exists()
+    assert {path.parent.name for path in (SOURCE / "winding_bringup").rglob("*.py")} <= {
+        "winding_bringup",
+        "launch",
+    }
+
+
+def test_names_say_something() -> None:
+    nothing = [
+        place(path)
+        for path in FILES
+        if MEANINGLESS & {*path.relative_to(SOURCE).with_suffix("").parts}
+    ]
+    assert nothing == []
+
+
+def test_no_file_is_longer_than_one_idea() -> None:
+    long = {place(path): lines(path) for path in FILES if lines(path) > LINES_OF_A_FILE}
+    assert long == {}
+
+
+def test_no_package_outgrows_the_others() -> None:
+    sizes: dict[str, int] = {}
+    for path in FILES:
+        package = path.relative_to(SOURCE).parts[0]
+        sizes[package] = sizes.get(package, 0) + lines(path)
+    total = sum(sizes.values())
+    large = {name: size for name, size in sizes.items() if size > SHARE_OF_A_PACKAGE * total}
+    assert large == {}, f"of {total}"

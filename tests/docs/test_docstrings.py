@@ -1,4 +1,7 @@
-"""What is public says what it takes, in which unit, what it holds, and how it refuses."""
+"""What is public says what it takes, in which unit, what it holds, and how it refuses.
+
+That it has a docstring at all is ruff's to say.
+"""
 
 import ast
 import re
@@ -6,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pytest
 import typer
 
 from winding_cli.cli import app
@@ -16,6 +18,8 @@ from winding_ros.graph import GRAPH, parameters_of
 
 SOURCE = Path(__file__).parents[2] / "ros2_ws" / "src"
 FILES = sorted(path for path in SOURCE.glob("*/*/**/*.py") if "launch" not in path.parts)
+TEXTS = {path: path.read_text(encoding="utf-8") for path in FILES}
+TREES = {path: ast.parse(text) for path, text in TEXTS.items()}
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 NUMBERS = re.compile(r"\bfloat\b|\w*Array\b|\bFloatOrArray\b|\bNDArray\b")
@@ -27,10 +31,6 @@ SAYS_UNIT = re.compile(
 )
 # Raised to be caught by the same room, or by whoever ends the command.
 NOT_STATED = {"Exit", "NotImplementedError", "AssertionError"}
-
-
-def identifier(path: Path) -> str:
-    return str(path.relative_to(SOURCE))
 
 
 def decorated(node: Function | ast.ClassDef, word: str) -> bool:
@@ -114,65 +114,58 @@ def undocumented_fields(node: ast.ClassDef, lines: list[str]) -> list[str]:
     return missing
 
 
-@pytest.mark.parametrize("path", FILES, ids=identifier)
-def test_everything_public_has_a_docstring(path: Path) -> None:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    missing = [] if ast.get_docstring(tree) else ["the module"]
-    for name, node in members(tree.body):
-        if not ast.get_docstring(node) and not decorated(node, "overload"):
-            missing.append(name)
-    assert missing == []
+def public() -> Iterator[tuple[Path, str, ast.ClassDef | Function]]:
+    """Yield everything public of all files, with the place to name it by."""
+    for path in FILES:
+        for name, node in members(TREES[path].body):
+            yield path, f"{path.relative_to(SOURCE)}: {name}", node
 
 
-@pytest.mark.parametrize("path", FILES, ids=identifier)
-def test_every_field_of_a_record_is_explained(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
+def functions() -> Iterator[tuple[Path, str, Function]]:
+    """Yield every public function and method of all files."""
+    for path, name, node in public():
+        if isinstance(node, Function):
+            yield path, name, node
+
+
+def test_every_field_of_a_record_is_explained() -> None:
     missing = [
-        field
-        for _, node in members(ast.parse(text).body)
+        f"{path.relative_to(SOURCE)}: {field}"
+        for path, _, node in public()
         if isinstance(node, ast.ClassDef) and decorated(node, "dataclass")
-        for field in undocumented_fields(node, text.splitlines())
+        for field in undocumented_fields(node, TEXTS[path].splitlines())
     ]
     assert missing == []
 
 
-@pytest.mark.parametrize("path", FILES, ids=identifier)
-def test_every_refusal_is_stated(path: Path) -> None:
+def test_every_refusal_is_stated() -> None:
     missing = [
         f"{name} raises {error}"
-        for name, node in members(ast.parse(path.read_text(encoding="utf-8")).body)
-        if isinstance(node, Function)
+        for _, name, node in functions()
         for error in sorted(raised(node))
         if error not in (ast.get_docstring(node) or "")
     ]
     assert missing == []
 
 
-@pytest.mark.parametrize("path", FILES, ids=identifier)
-def test_every_number_has_a_unit_or_a_shape(path: Path) -> None:
+def test_every_number_has_a_unit_or_a_shape() -> None:
     """Where a docstring lists its arguments; one line of SI numbers needs no list."""
-    missing = []
-    for name, node in members(ast.parse(path.read_text(encoding="utf-8")).body):
-        if isinstance(node, Function):
-            said = sections(ast.get_docstring(node) or "")
-            if said:
-                missing += [
-                    f"{name}: {number}"
-                    for number in numbers_of(node)
-                    if not SAYS_UNIT.search(said.get(number, ""))
-                ]
+    missing = [
+        f"{name}: {number}"
+        for _, name, node in functions()
+        if (said := sections(ast.get_docstring(node) or ""))
+        for number in numbers_of(node)
+        if not SAYS_UNIT.search(said.get(number, ""))
+    ]
     assert missing == []
 
 
-@pytest.mark.parametrize(
-    "path", [path for path in FILES if path.parent.name != "commands"], ids=identifier
-)
-def test_two_numbers_are_told_apart(path: Path) -> None:
+def test_two_numbers_are_told_apart() -> None:
     """A function of two numbers or more says a unit or a shape; commands have them in names."""
     missing = [
         name
-        for name, node in members(ast.parse(path.read_text(encoding="utf-8")).body)
-        if isinstance(node, Function)
+        for path, name, node in functions()
+        if path.parent.name != "commands"
         and not decorated(node, "overload")
         and len(numbers_of(node)) > 1
         and not SAYS_UNIT.search(ast.get_docstring(node) or "")
@@ -189,23 +182,26 @@ def commands(command: Any, name: str = "winding") -> Iterator[tuple[str, Any]]:
         yield name, command
 
 
-@pytest.mark.parametrize(("name", "command"), list(commands(typer.main.get_command(app))), ids=str)
-def test_every_command_explains_itself_and_its_options(name: str, command: Any) -> None:
+def test_every_command_explains_itself_and_its_options() -> None:
     page = (SOURCE.parents[1] / "docs" / "commands.md").read_text(encoding="utf-8")
-    assert command.help
-    assert " ".join(name.split()[:2]) in page, "docs/commands.md lists every command"
-    assert [item.name for item in command.params if not getattr(item, "help", "given")] == []
+    for name, command in commands(typer.main.get_command(app)):
+        assert command.help, name
+        assert " ".join(name.split()[:2]) in page, f"docs/commands.md does not list {name}"
+        unexplained = [item.name for item in command.params if not getattr(item, "help", "given")]
+        assert unexplained == [], name
 
 
-@pytest.mark.parametrize("spec", GRAPH, ids=lambda spec: spec.name)
-def test_every_parameter_says_what_it_is_and_where_it_ends(spec: Any) -> None:
-    for item in declarations(parameters_of(spec)):
-        assert item.description, item.name
-        if isinstance(item.default, float | list):
-            assert item.low is not None or item.high is not None, item.name
-            assert SAYS_UNIT.search(item.description), f"{item.name}: {item.description}"
+def test_every_parameter_says_what_it_is_and_where_it_ends() -> None:
+    declared = [
+        (f"{spec.name}: {item.name}", item)
+        for spec in GRAPH
+        for item in declarations(parameters_of(spec))
+    ]
+    assert [name for name, item in declared if not item.description] == []
+    numbers = [(name, item) for name, item in declared if isinstance(item.default, float | list)]
+    assert [name for name, item in numbers if item.low is None and item.high is None] == []
+    assert [name for name, item in numbers if not SAYS_UNIT.search(item.description)] == []
 
 
-@pytest.mark.parametrize("topic", topics.TOPICS, ids=lambda topic: topic.name)
-def test_every_topic_says_what_it_carries(topic: topics.Topic) -> None:
-    assert len(topic.description.split()) > 1
+def test_every_topic_says_what_it_carries() -> None:
+    assert [topic.name for topic in topics.TOPICS if len(topic.description.split()) < 2] == []

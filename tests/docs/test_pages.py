@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pytest
 import typer
 
 from winding_cli.cli import app
@@ -18,10 +17,6 @@ PAGES = sorted(
     if not path.name.startswith(".")
 )
 COMMAND = typer.main.get_command(app)
-
-
-def identifier(path: Path) -> str:
-    return str(path.relative_to(ROOT))
 
 
 def anchors(page: Path) -> set[str]:
@@ -40,34 +35,46 @@ def commands(page: Path) -> Iterator[str]:
                 yield words
 
 
-@pytest.mark.parametrize("page", PAGES, ids=identifier)
-def test_links_lead_somewhere(page: Path) -> None:
+def broken_links(page: Path) -> Iterator[str]:
+    """Yield every link of a page to a file or heading that does not exist."""
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^)\s]+)\)", text):
         if re.match(r"[a-z]+:", target):
             continue
         name, _, anchor = target.partition("#")
         path = (page.parent / name).resolve() if name else page
-        assert path.exists(), f"{identifier(page)} links to {target}"
-        if anchor and path.suffix == ".md":
-            assert anchor in anchors(path), f"{identifier(page)} links to {target}"
+        if not path.exists() or (anchor and path.suffix == ".md" and anchor not in anchors(path)):
+            yield f"{page.relative_to(ROOT)} links to {target}"
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if list(commands(p))], ids=identifier)
-def test_commands_have_the_options_that_the_page_uses(page: Path) -> None:
-    for line in commands(page):
-        words = shlex.split(line, comments=True)[1:]
-        command: Any = COMMAND
-        while hasattr(command, "commands") and words and not words[0].startswith("-"):
-            name = words.pop(0)
-            if name == "COMMAND":
-                break
-            assert name in command.commands, f"{identifier(page)}: {line}"
-            command = command.commands[name]
-        known = {
-            option
-            for parameter in command.params
-            for option in (*parameter.opts, *parameter.secondary_opts)
-        } | {"--help"}
-        used = {word.split("=")[0] for word in words if word.startswith("--")}
-        assert used <= known or "COMMAND" in line, f"{identifier(page)}: {line}"
+def unknown_words(line: str) -> list[str]:
+    """Return the subcommands and options of a line that the command does not have."""
+    words = shlex.split(line, comments=True)[1:]
+    command: Any = COMMAND
+    while hasattr(command, "commands") and words and not words[0].startswith("-"):
+        name = words.pop(0)
+        if name == "COMMAND":
+            return []
+        if name not in command.commands:
+            return [name]
+        command = command.commands[name]
+    known = {
+        option
+        for parameter in command.params
+        for option in (*parameter.opts, *parameter.secondary_opts)
+    } | {"--help"}
+    return sorted({word.split("=")[0] for word in words if word.startswith("--")} - known)
+
+
+def test_links_lead_somewhere() -> None:
+    assert [link for page in PAGES for link in broken_links(page)] == []
+
+
+def test_commands_have_the_options_that_the_pages_use() -> None:
+    unknown = [
+        f"{page.relative_to(ROOT)}: {word} in {line}"
+        for page in PAGES
+        for line in commands(page)
+        for word in unknown_words(line)
+    ]
+    assert unknown == []
