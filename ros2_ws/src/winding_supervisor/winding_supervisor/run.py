@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from winding_core.parameters import build
-from winding_recorder.bags.bag_file import BagConfig
+from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.live.recorder import Recorder, RecorderError, RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient

@@ -17,7 +17,7 @@ from winding_cli.commands.own_condition import condition_values
 from winding_cli.commands.refusal import FAILED, INTERRUPTED, refuse
 
 if TYPE_CHECKING:
-    from winding_recorder.bags.bag_file import BagConfig
+    from winding_recorder.bags.mcap_file import BagConfig
     from winding_recorder.live.recorder import RunBuffer
     from winding_supervisor.run import RunConfig, RunResult
 
@@ -46,7 +46,6 @@ def run(
     bag: Annotated[
         Path | None, typer.Option(help="Record every topic into this new rosbag2 folder.")
     ] = None,
-    storage: Annotated[str, typer.Option(help="Of the bag: mcap or sqlite3.")] = "mcap",
     compression: Annotated[str, typer.Option(help="Of MCAP chunks: none or zstd.")] = "none",
     split_mb: Annotated[
         float, typer.Option(help="Begin a further file of the bag after so many MB; 0: never.")
@@ -109,7 +108,7 @@ def run(
         _refuse_open(namespace, dashboard=dashboard)
     if parameters is not None and not parameters.is_file():
         refuse(f"no parameter file at {parameters}")
-    recording = _recording(storage, compression, split_mb)
+    recording = _recording(compression, split_mb)
     lay = lay or ("fem" if wound.number == 0 else "paper")
     from winding_cli.commands.page_options import operated_condition, page_parameters
     from winding_ros import topics
@@ -152,15 +151,13 @@ def run(
         refuse(f"the recording is incomplete: {result.recording_error}", FAILED)
 
 
-def _recording(storage: str, compression: str, split_mb: float) -> BagConfig:
-    from winding_recorder.bags.bag_file import BagConfig
+def _recording(compression: str, split_mb: float) -> BagConfig:
+    from winding_recorder.bags.mcap_file import BagConfig
 
     if not math.isfinite(split_mb):
         refuse(f"split size must be finite, got {split_mb} MB")
     try:
-        return BagConfig(
-            storage=storage, compression=compression, split_bytes=round(split_mb * _MEGABYTE)
-        )
+        return BagConfig(compression=compression, split_bytes=round(split_mb * _MEGABYTE))
     except ValueError as error:
         refuse(error)
 

@@ -22,7 +22,6 @@ from winding_recorder.bags.reading import (
     reason,
     storage_files,
 )
-from winding_recorder.bags.seals import SEAL, seal_findings
 from winding_recorder.bags.stamps import stamp_findings
 
 
@@ -60,8 +59,6 @@ def check(path: Path) -> Verdict:
     verdict = Verdict()
     files = storage_files(path)
     decoder = Decoder()
-    if path.is_dir():
-        _check_seal(path, verdict)
     for file in files:
         messages = _mcap(file, verdict) if file.suffix == ".mcap" else _sqlite(file, verdict)
         _check_messages(file, messages, decoder, verdict)
@@ -72,17 +69,6 @@ def check(path: Path) -> Verdict:
 
 
 Messages = Iterator[tuple[str, str, str, int, bytes]]
-
-
-def _check_seal(folder: Path, verdict: Verdict) -> None:
-    if (folder / SEAL).exists():
-        verdict.findings += seal_findings(folder)
-    elif COMPLETE in read_notes(folder):
-        verdict.findings.append(f"{SEAL} is missing")
-    else:
-        verdict.remarks.append(
-            f"there is no {SEAL}: bytes outside of chunks may change without notice"
-        )
 
 
 def _mcap(path: Path, verdict: Verdict) -> Messages:

@@ -3,25 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
-from winding_recorder.bags.bag_file import BagConfig
 from winding_recorder.bags.channel import Channel
 from winding_recorder.bags.sink import Sink
 
+# Readers seek to the beginning of a chunk, and a killed recorder loses the open one.
+CHUNK_BYTES = 256 * 1024
+COMPRESSIONS = {"none": CompressionType.NONE, "zstd": CompressionType.ZSTD}
 NOTES_BEFORE = "winding_run"
 NOTES_AFTER = "winding_recording"
 _LIBRARY = "cable-winding-twin"
 _MESSAGE_OVERHEAD = 9 + 22
 _RECORD_OVERHEAD = 64
-_COMPRESSIONS = {"none": CompressionType.NONE, "zstd": CompressionType.ZSTD}
+
+
+@dataclass(frozen=True, kw_only=True)
+class BagConfig:
+    """How a recording is stored.
+
+    Attributes:
+        compression: Of the chunks, "none" or "zstd".
+        split_bytes: A file that has become so long is followed by a new one; 0 for one file.
+        chunk_bytes: Longest chunk; a longer message has a chunk of its own.
+    """
+
+    compression: str = "none"
+    split_bytes: int = 0
+    chunk_bytes: int = CHUNK_BYTES
+
+    def __post_init__(self) -> None:
+        if self.compression not in COMPRESSIONS:
+            raise ValueError(
+                f"compression must be one of {', '.join(COMPRESSIONS)}, got {self.compression!r}"
+            )
+        if self.split_bytes < 0:
+            raise ValueError(f"split size must not be negative, got {self.split_bytes} bytes")
+        if self.chunk_bytes < 1:
+            raise ValueError(f"chunk size must be positive, got {self.chunk_bytes} bytes")
 
 
 class McapFile:
     """One MCAP file of profile ros2.
+
+    A `write` or `flush` that raises OSError keeps what could not be stored, so that it can be
+    tried again when there is room.
 
     Args:
         path: New file.
@@ -33,14 +63,13 @@ class McapFile:
     def __init__(
         self, path: Path, channels: Sequence[Channel], config: BagConfig, notes: Mapping[str, str]
     ) -> None:
-        self.path = path
         self._chunk_bytes = config.chunk_bytes
         self._sink = Sink(path)
         # Chunks are ended here: the library ends one only after it has grown too long.
         self._writer = Writer(
             self._sink,
             chunk_size=2**62,
-            compression=_COMPRESSIONS[config.compression],
+            compression=COMPRESSIONS[config.compression],
             enable_crcs=True,
             enable_data_crcs=True,
         )
@@ -92,8 +121,8 @@ class McapFile:
             self._open_bytes = self._messages = 0
         self._writer.flush()
 
-    def close(self, metadata: str, notes: Mapping[str, str]) -> str:
-        """Write the summary and close; return the file's SHA-256.
+    def close(self, metadata: str, notes: Mapping[str, str]) -> None:
+        """Write the summary and close.
 
         Args:
             metadata: The file's metadata.yaml, which rosbag2 keeps inside the file as well.
@@ -110,7 +139,7 @@ class McapFile:
         except OSError:
             self._sink.abandon()
             raise
-        return self._sink.close()
+        self._sink.close()
 
     def _register(self, channel: Channel) -> int:
         if channel.type_name not in self._schemas:

@@ -52,13 +52,11 @@ class Description:
     """What metadata.yaml says of a recording.
 
     Attributes:
-        storage: Storage identifier.
         channels: Recorded topics.
         extents: Of its files.
         notes: Texts by name, the `custom_data` of rosbag2.
     """
 
-    storage: str
     channels: Sequence[Channel]
     extents: Sequence[Extent]
     notes: Mapping[str, str] = field(default_factory=dict)
@@ -72,7 +70,7 @@ class Description:
         whole = _whole(self.extents, len(self.channels))
         return {
             "version": _VERSION,
-            "storage_identifier": self.storage,
+            "storage_identifier": "mcap",
             "duration": whole.duration,
             "starting_time": whole.start,
             "message_count": sum(whole.counts),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from pathlib import Path
 
@@ -11,14 +10,13 @@ class Sink:
     """Collects bytes and stores them together; a store that fails leaves no half of them.
 
     After a failure the bytes are still there, so that `flush` can be tried again once there is
-    room. The digest is taken on the way: a recording need not be read again to be hashed.
+    room.
     """
 
     def __init__(self, path: Path) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         self._pending = bytearray()
         self._stored = 0
-        self._digest = hashlib.sha256()
 
     @property
     def stored(self) -> int:
@@ -53,7 +51,6 @@ class Sink:
             except OSError:
                 os.ftruncate(self._descriptor, self._stored)
                 raise
-            self._digest.update(pending)
         self._stored = offset
         self._pending.clear()
 
@@ -61,8 +58,8 @@ class Sink:
         """Close without storing what is left."""
         os.close(self._descriptor)
 
-    def close(self) -> str:
-        """Store what is left and close; return the SHA-256 of the whole file.
+    def close(self) -> None:
+        """Store what is left and close.
 
         Raises:
             OSError: There is no room; the file ends with the last flush that succeeded.
@@ -72,4 +69,3 @@ class Sink:
             os.fsync(self._descriptor)
         finally:
             os.close(self._descriptor)
-        return self._digest.hexdigest()

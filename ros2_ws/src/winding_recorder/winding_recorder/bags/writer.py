@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from winding_recorder.bags.bag_file import BagConfig, BagFile
 from winding_recorder.bags.channel import Channel
 from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.mcap_file import McapFile
+from winding_recorder.bags.mcap_file import BagConfig, McapFile
 from winding_recorder.bags.metadata import METADATA, Description, Extent, inner_text
 from winding_recorder.bags.reserve import Reserve
-from winding_recorder.bags.seals import SEAL, digest_of, seal_text
-from winding_recorder.bags.sqlite_file import SqliteFile
 
-_SUFFIXES = {"mcap": ".mcap", "sqlite3": ".db3"}
 _RESERVE = ".reserve"
-# metadata.yaml with its notes and the seal.
+# metadata.yaml with its notes.
 _FOLDER_BYTES = 64 * 1024
 
 
@@ -52,7 +48,6 @@ class BagWriter:
         self._config = config
         self._notes = dict(notes or {})
         self._extents: list[Extent] = []
-        self._digests: dict[str, str] = {}
         self._stored_before = 0
         self._reserve = Reserve(folder / _RESERVE)
         self._hold(0)
@@ -99,7 +94,7 @@ class BagWriter:
         self._hold(self._file.tail_bytes)
 
     def close(self, notes: Mapping[str, str] | None = None) -> None:
-        """Store everything, describe and seal the folder.
+        """Store everything, and describe the folder.
 
         Args:
             notes: What is known of the recording now that it has ended.
@@ -112,16 +107,11 @@ class BagWriter:
         if not self._ended:
             self._end_file()
         text = self._described(self._extents).text()
-        metadata = self.folder / METADATA
-        metadata.write_text(text, encoding="utf-8")
-        self._digests[METADATA] = digest_of(metadata)
-        (self.folder / SEAL).write_text(seal_text(self._digests), encoding="utf-8")
+        (self.folder / METADATA).write_text(text, encoding="utf-8")
 
-    def _next_file(self) -> BagFile:
-        suffix = _SUFFIXES[self._config.storage]
-        path = self.folder / f"{self.folder.name}_{len(self._extents)}{suffix}"
-        kind = McapFile if self._config.storage == "mcap" else SqliteFile
-        file: BagFile = kind(path, self._channels, self._config, self._notes)
+    def _next_file(self) -> McapFile:
+        path = self.folder / f"{self.folder.name}_{len(self._extents)}.mcap"
+        file = McapFile(path, self._channels, self._config, self._notes)
         self._extents.append(Extent(path=path.name, counts=[0] * len(self._channels)))
         self._ended = False
         return file
@@ -138,15 +128,10 @@ class BagWriter:
     def _end_file(self) -> None:
         self._ended = True
         own = inner_text(self._described(self._extents[-1:]))
-        self._digests[self._file.path.name] = self._file.close(own, self._notes)
+        self._file.close(own, self._notes)
 
     def _described(self, extents: Sequence[Extent]) -> Description:
-        return Description(
-            storage=self._config.storage,
-            channels=self._channels,
-            extents=extents,
-            notes=self._notes,
-        )
+        return Description(channels=self._channels, extents=extents, notes=self._notes)
 
     def _hold(self, tail_bytes: int) -> None:
         notes = sum(len(name) + len(text) for name, text in self._notes.items())

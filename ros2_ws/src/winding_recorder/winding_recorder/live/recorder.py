@@ -12,7 +12,7 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 
 from winding_core.status import Level, Status
-from winding_recorder.bags.bag_file import BagConfig
+from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.live.bag_series import BagSeries, RecorderError, free_folder
 from winding_recorder.live.record_service import RecordRequest, RecordService
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer

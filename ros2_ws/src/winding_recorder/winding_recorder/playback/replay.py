@@ -120,7 +120,7 @@ def replay(
 
 
 class _Run:
-    """Collects what an handler answers."""
+    """Collects what a handler answers."""
 
     def __init__(self, handler: MessageHandler) -> None:
         self._handler = handler
