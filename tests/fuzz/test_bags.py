@@ -13,13 +13,15 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from winding_core.readings import AxisReading
-from winding_recorder.bags.bag_file import BagConfig
 from winding_recorder.bags.channel import jazzy_channel
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
 from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.metadata import METADATA
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.bags.recover import recover
@@ -51,7 +53,23 @@ def recorded(folder: Path, **config: Any) -> bytes:
         if k % 10 == 0:
             writer.write(1, k * 10**6, serialize_message(encode_tension(k * 1e-3, 2.5)), k + 1)
     writer.close()
-    (file,) = (path for path in folder.iterdir() if path.suffix in (".mcap", ".db3"))
+    (file,) = folder.glob("*.mcap")
+    return file.read_bytes()
+
+
+def as_sqlite(source: Path, folder: Path) -> bytes:
+    """Return the storage file of a copy in SQLite."""
+    with (
+        AnyReader([source]) as reader,
+        Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer,
+    ):
+        links = {
+            link.id: writer.add_connection(link.topic, link.msgtype, typestore=reader.typestore)
+            for link in reader.connections
+        }
+        for link, stamp, data in reader.messages():
+            writer.write(links[link.id], stamp, data)
+    (file,) = folder.glob("*.db3")
     return file.read_bytes()
 
 
@@ -62,7 +80,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return {
         "plain.mcap": recorded(place / "plain"),
         "packed.mcap": recorded(place / "packed", compression="zstd"),
-        "base.db3": recorded(place / "base", storage="sqlite3"),
+        "base.db3": as_sqlite(place / "plain", place / "base"),
     }
 
 
@@ -215,7 +233,10 @@ def test_changed_metadata(
 ) -> None:
     folder = tmp_path / "bag"
     if not folder.exists():
-        recorded(folder, storage="sqlite3" if kind.endswith("db3") else "mcap")
+        source = folder if kind.endswith("mcap") else tmp_path / "source"
+        recorded(source)
+        if source != folder:
+            as_sqlite(source, folder)
         shutil.copyfile(folder / METADATA, tmp_path / "metadata")
     content = yaml.safe_load((tmp_path / "metadata").read_text("utf-8"))
     place = content["rosbag2_bagfile_information"]

@@ -17,7 +17,6 @@ from winding_core.run_inputs import RunInputs, RunInputsError
 from winding_core.yaml_text import YamlTextError, load_yaml
 from winding_recorder.bags.contents import contents
 from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.recover import recover
 from winding_recorder.bags.tables import export
 from winding_rig_node.ros.parameters import RigParameters
 from winding_ros.camera_messages import decode_camera_info
@@ -167,6 +166,3 @@ def test_a_database_named_a_topic_by_anything(tmp_path: Path, name: Any) -> None
         contents(file)
     with pytest.raises(BagError):
         export(file, tmp_path / "tables", "csv")
-    if not isinstance(name, str):
-        with pytest.raises(BagError, match="topic 1 has no name or no type"):
-            recover(file, tmp_path / "out")

@@ -11,11 +11,12 @@ from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from rclpy.serialization import serialize_message
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from winding_core.drive import DriveProfile
 from winding_core.readings import AxisReading
-from winding_recorder.bags.bag_file import BagConfig
 from winding_recorder.bags.channel import Channel, jazzy_channel
+from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.notes import COMPLETE, LOST, YES
 from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
@@ -78,6 +79,21 @@ class Bags:
         self.write_run(writer, samples)
         lost = {f"{LOST}{channel.name}": "0" for channel in self.channels()}
         writer.close({COMPLETE: YES, **lost})
+        return folder
+
+    @staticmethod
+    def as_sqlite(source: Path, folder: Path) -> Path:
+        """Copy a recording into SQLite storage, as older recordings and other tools have it."""
+        with (
+            AnyReader([source]) as reader,
+            Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer,
+        ):
+            links = {
+                link.id: writer.add_connection(link.topic, link.msgtype, typestore=reader.typestore)
+                for link in reader.connections
+            }
+            for link, stamp, data in reader.messages():
+                writer.write(links[link.id], stamp, data)
         return folder
 
     @staticmethod

@@ -17,7 +17,6 @@ from winding_recorder.bags.contents import contents
 from winding_recorder.bags.failure import BagError
 from winding_recorder.bags.reading import opened
 from winding_recorder.bags.recover import recover
-from winding_recorder.bags.seals import SEAL
 from winding_recorder.bags.tables import export
 
 FLIPS_PER_FILE = 120
@@ -45,9 +44,8 @@ def small(bags: Any, tmp_path: Path) -> Path:
     return bags.whole(tmp_path / "bag", 60)
 
 
-@pytest.mark.parametrize("pattern", ["*.mcap", "metadata.yaml", SEAL])
-def test_every_flipped_bit_is_seen(small: Path, pattern: str) -> None:
-    (file,) = small.glob(pattern)
+def test_every_flipped_bit_is_seen(small: Path) -> None:
+    (file,) = small.glob("*.mcap")
     whole = file.read_bytes()
     rng = random.Random(5)
     unseen = []
@@ -60,17 +58,20 @@ def test_every_flipped_bit_is_seen(small: Path, pattern: str) -> None:
     assert check(small).findings == []
 
 
-def test_every_flipped_bit_of_a_database_is_seen(bags: Any, tmp_path: Path) -> None:
-    folder = bags.whole(tmp_path / "bag", 40, storage="sqlite3")
+def test_a_torn_database_is_seen(bags: Any, small: Path, tmp_path: Path) -> None:
+    folder = bags.as_sqlite(small, tmp_path / "sqlite")
+    assert check(folder).findings == []
     (file,) = folder.glob("*.db3")
     whole = file.read_bytes()
-    unseen = []
-    for position in positions(len(whole), 100):
-        flipped(file, position, 0)
-        if not check(folder).findings:
-            unseen.append(position)
-        file.write_bytes(whole)
-    assert unseen == []
+    file.write_bytes(whole[: len(whole) // 2])
+    assert check(folder).findings
+
+
+def test_a_database_is_refused_by_recovery(bags: Any, small: Path, tmp_path: Path) -> None:
+    folder = bags.as_sqlite(small, tmp_path / "sqlite")
+    with pytest.raises(BagError, match=r"only MCAP files are recovered, sqlite\S*\.db3 is none"):
+        recover(folder, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_damaged_chunk_is_named_with_its_place(bags: Any, made: Path, tmp_path: Path) -> None:
@@ -83,21 +84,19 @@ def test_a_damaged_chunk_is_named_with_its_place(bags: Any, made: Path, tmp_path
     )
 
 
-def test_metadata_that_disagrees_is_found_without_a_seal(made: Path, tmp_path: Path) -> None:
+def test_metadata_that_disagrees_is_found(made: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(made, tmp_path / "bag"))
     file = folder / "metadata.yaml"
     content = yaml.safe_load(file.read_text())
     information = content["rosbag2_bagfile_information"]
     information["topics_with_message_count"][0]["message_count"] += 1
     file.write_text(yaml.safe_dump(content))
-    (folder / SEAL).unlink()
     findings = check(folder).findings
-    assert f"{SEAL} is missing" in findings
     assert "/winding/rig/joint_states: metadata.yaml says 601 messages, there are 600" in findings
 
 
 def test_a_gap_and_a_step_back_are_found(bags: Any, tmp_path: Path) -> None:
-    from winding_recorder.bags.bag_file import BagConfig
+    from winding_recorder.bags.mcap_file import BagConfig
     from winding_recorder.bags.writer import BagWriter
 
     writer = BagWriter(tmp_path / "bag", bags.channels(), BagConfig())
@@ -115,7 +114,7 @@ def test_a_gap_and_a_step_back_are_found(bags: Any, tmp_path: Path) -> None:
 
 
 def test_lost_messages_are_findings(bags: Any, tmp_path: Path) -> None:
-    from winding_recorder.bags.bag_file import BagConfig
+    from winding_recorder.bags.mcap_file import BagConfig
     from winding_recorder.bags.writer import BagWriter
 
     writer = BagWriter(tmp_path / "bag", bags.channels(), BagConfig())
@@ -201,7 +200,7 @@ def test_a_folder_without_storage_is_no_recording(tmp_path: Path) -> None:
 
 
 class Everything:
-    """What a person can do with a recording, each ending well or with BagError."""
+    """Everything that a command does with a recording, each ending well or with BagError."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

@@ -119,8 +119,8 @@ def test_a_cloud_that_contradicts_itself_is_refused(bags: Any, tmp_path: Path) -
     from rclpy.serialization import serialize_message
     from sensor_msgs.msg import PointCloud2
 
-    from winding_recorder.bags.bag_file import BagConfig
     from winding_recorder.bags.channel import jazzy_channel
+    from winding_recorder.bags.mcap_file import BagConfig
     from winding_recorder.bags.writer import BagWriter
 
     cloud = PointCloud2(height=1, width=5, point_step=8, row_step=40)

@@ -1,9 +1,9 @@
 """What the writer puts on the disk, seen by foreign readers."""
 
-import hashlib
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,14 +15,14 @@ import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from winding_recorder.bags.bag_file import CHUNK_BYTES, BagConfig
 from winding_recorder.bags.channel import jazzy_channel
 from winding_recorder.bags.check import check
+from winding_recorder.bags.contents import contents
 from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.mcap_file import CHUNK_BYTES, BagConfig
 from winding_recorder.bags.notes import COMPLETE
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.bags.recover import recover
-from winding_recorder.bags.seals import SEAL
 from winding_recorder.bags.writer import BagWriter
 from winding_ros import topics
 
@@ -37,10 +37,9 @@ COUNTS = {
 
 @pytest.mark.parametrize(
     "config",
-    [{}, {"compression": "zstd"}, {"storage": "sqlite3"}, {"split_bytes": 600_000},
-     {"storage": "sqlite3", "split_bytes": 600_000}],
-    ids=["mcap", "zstd", "sqlite3", "split mcap", "split sqlite3"],
-)  # fmt: skip
+    [{}, {"compression": "zstd"}, {"split_bytes": 600_000}],
+    ids=["plain", "zstd", "split"],
+)
 def test_every_way_to_store_is_read_back_and_whole(
     bags: Any, tmp_path: Path, config: dict[str, Any]
 ) -> None:
@@ -83,26 +82,32 @@ def test_another_ros_decoder_reads_every_message(made: Path) -> None:
         assert sum(1 for _ in reader.iter_decoded_messages()) == sum(COUNTS.values())
 
 
-def test_checksums_are_those_of_sha256sum(made: Path) -> None:
-    lines = (made / SEAL).read_text().splitlines()
-    assert len(lines) == 2
-    for line in lines:
-        digest, name = line.split("  ")
-        assert hashlib.sha256((made / name).read_bytes()).hexdigest() == digest
+def test_a_sqlite_recording_is_read_and_whole(bags: Any, made: Path, tmp_path: Path) -> None:
+    folder = bags.as_sqlite(made, tmp_path / "sqlite")
+    assert bags.counts(folder) == COUNTS
+    assert check(folder).findings == []
+    assert {topic.name: topic.messages for topic in contents(folder).topics} == COUNTS
 
 
-@pytest.mark.parametrize(
-    "topic", [topic for topic in topics.TOPICS if topic.recorded], ids=lambda topic: topic.name
-)
-def test_type_hashes_are_those_of_the_installed_messages(topic: topics.Topic) -> None:
-    described = jazzy_channel("/x", topic.type_name, depth=1, latched=False)
-    package, kind, name = topic.type_name.split("/")
-    file = Path(sys.prefix) / "share" / package / kind / f"{name}.json"
-    stated = {
-        item["type_name"]: item["hash_string"]
-        for item in json.loads(file.read_text())["type_hashes"]
-    }
-    assert described.type_hash == stated[topic.type_name]
+def test_the_seals_of_older_recordings_are_ignored(made: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(made, tmp_path / "bag"))
+    (folder / "checksums.sha256").write_text(f"{64 * '0'}  bag_0.mcap\n")
+    assert check(folder).findings == []
+
+
+def test_type_hashes_are_those_of_the_installed_messages() -> None:
+    wrong = []
+    for kind_name in {topic.type_name for topic in topics.TOPICS if topic.recorded}:
+        described = jazzy_channel("/x", kind_name, depth=1, latched=False)
+        package, kind, name = kind_name.split("/")
+        file = Path(sys.prefix) / "share" / package / kind / f"{name}.json"
+        stated = {
+            item["type_name"]: item["hash_string"]
+            for item in json.loads(file.read_text())["type_hashes"]
+        }
+        if described.type_hash != stated[kind_name]:
+            wrong.append(kind_name)
+    assert wrong == []
 
 
 def test_notes_are_in_metadata_and_in_the_file(made: Path) -> None:
@@ -124,9 +129,7 @@ def test_an_existing_folder_is_refused(bags: Any, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("config", "sentence"),
     [
-        ({"storage": "hdf5"}, "storage must be one of mcap, sqlite3, got 'hdf5'"),
         ({"compression": "lzma"}, "compression must be one of none, zstd, got 'lzma'"),
-        ({"storage": "sqlite3", "compression": "zstd"}, "sqlite3 storage has no compression"),
         ({"split_bytes": -1}, "split size must not be negative, got -1 bytes"),
     ],
 )
@@ -140,23 +143,20 @@ import sys, time
 from pathlib import Path
 sys.path.insert(0, {folder!r})
 from conftest import Bags
-from winding_recorder.bags.bag_file import BagConfig
+from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.writer import BagWriter
-writer = BagWriter(Path(sys.argv[1]), Bags.channels(), BagConfig(storage=sys.argv[2]))
+writer = BagWriter(Path(sys.argv[1]), Bags.channels(), BagConfig())
 Bags().write_run(writer, 600)
 print(writer.taken, flush=True)
 time.sleep(600)
 """
 
 
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_a_killed_writer_loses_at_most_its_last_chunk(
-    bags: Any, tmp_path: Path, storage: str
-) -> None:
+def test_a_killed_writer_loses_at_most_its_last_chunk(bags: Any, tmp_path: Path) -> None:
     bag, out = tmp_path / "bag", tmp_path / "out"
     code = _KILLED.format(folder=str(Path(__file__).parent))
     with subprocess.Popen(
-        [sys.executable, "-c", code, str(bag), storage], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", code, str(bag)], stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
         taken = int(process.stdout.readline())
@@ -174,11 +174,10 @@ def test_a_killed_writer_loses_at_most_its_last_chunk(
         assert count - kept[topic] <= 0.065 * rate + 1
 
 
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 def test_a_full_disk_leaves_a_whole_recording_of_what_came_before(
-    bags: Any, small_disk: Path, storage: str
+    bags: Any, small_disk: Path
 ) -> None:
-    writer = BagWriter(small_disk / "bag", bags.channels(), BagConfig(storage=storage))
+    writer = BagWriter(small_disk / "bag", bags.channels(), BagConfig())
     with pytest.raises(OSError, match=r"No space left|full"):
         bags.write_run(writer, SAMPLES)
     taken = writer.taken

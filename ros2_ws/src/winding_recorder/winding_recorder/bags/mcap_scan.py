@@ -112,7 +112,7 @@ def scan_by_index(path: Path, result: Scan) -> Iterator[ScannedChunk] | None:
 
 
 def summary_damage(path: Path) -> str:
-    """Return what the CRC of the summary says against it, or an empty text."""
+    """Return what footer and CRC say against the summary, or an empty text."""
     with path.open("rb") as file:
         size = path.stat().st_size
         if size < _FOOTER_BYTES:
@@ -120,8 +120,10 @@ def summary_damage(path: Path) -> str:
         file.seek(size - _FOOTER_BYTES)
         footer = file.read(_FOOTER_BYTES)
         start, _, crc = struct.unpack_from("<QQI", footer, 9)
-        if crc == 0 or not 0 < start < size:
+        if crc == 0:
             return ""
+        if not 0 < start < size:
+            return f"the footer says that the summary is at byte {start} of {size}"
         file.seek(start)
         covered = file.read(size - _FOOTER_BYTES - start) + footer[: 9 + 16]
     return "" if zlib.crc32(covered) == crc else "the CRC of the summary is wrong"

@@ -55,7 +55,8 @@ def recover(source: Path, target: Path) -> list[Salvage]:
         raise BagError(f"{target} exists already; a recording is never overwritten")
     if foreign := [file.name for file in files if file.suffix != ".mcap"]:
         raise BagError(
-            f"{foreign[0]} is no MCAP file; `sqlite3 {foreign[0]} .recover` reads a damaged database"
+            f"only MCAP files are recovered, {foreign[0]} is none; `sqlite3 {foreign[0]} .recover` "
+            "reads a damaged database"
         )
     parts = [_Part(file) for file in files]
     channels: dict[str, Channel] = {}

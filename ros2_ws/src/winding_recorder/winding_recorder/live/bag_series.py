@@ -7,10 +7,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.channel import jazzy_channel
 from winding_recorder.bags.failure import BagError
 from winding_recorder.bags.loss import LossCount
+from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.notes import COMPLETE, LOST, YES
 from winding_recorder.bags.writer import BagWriter
 from winding_ros import topics
