@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,7 @@ from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph import GRAPH, pace_topics
 from winding_ros.rig_messages import MessageError, decode_joint_state
+from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog
 from winding_supervisor.graph_error import GraphError
 from winding_supervisor.orchestrator import GraphConfig, Orchestrator
@@ -33,6 +34,10 @@ _LONG_ENOUGH = 20.0
 _PATIENCE = 60.0
 _POLL = 0.02
 _FULL_SPEED = 1.74 * 0.95
+_UNHURRIED: Mapping[str, Any] = {
+    "stand_timeout": _PATIENCE,
+    "backoff": partial(Backoff, window=1200.0),
+}
 _PICTURES = (topics.IMAGE, topics.PREVIEW)
 
 
@@ -47,6 +52,8 @@ class FaultCell:
         directory: New folder of logs and events.
         namespace: Of the graph.
         identify: Whether the model looks for the cable's modulus while it winds.
+        unhurried: Whether the supervision's limits in seconds are so wide that a computer without
+            a free processor keeps them too.
 
     Attributes:
         orchestrator: Its processes.
@@ -56,7 +63,9 @@ class FaultCell:
         supervision: The task that supervises the present run; it fails when the run ends.
     """
 
-    def __init__(self, directory: Path, namespace: str, *, identify: bool = False) -> None:
+    def __init__(
+        self, directory: Path, namespace: str, *, identify: bool = False, unhurried: bool = False
+    ) -> None:
         (directory / "log").mkdir(parents=True)
         self.namespace = namespace
         self.log = EventLog(file=directory / "events.jsonl")
@@ -73,7 +82,7 @@ class FaultCell:
         parameters[topics.RIG] |= {
             "inject_faults": True,
             "pace_topics": ",".join(paced),
-            "supervisor_timeout": 1.5,
+            "supervisor_timeout": 10.0 if unhurried else 1.5,
         }
         # An identification at work is no part of any fault, and takes a processor: off by default.
         parameters[topics.FEM] |= {"update_material": identify}
@@ -96,6 +105,7 @@ class FaultCell:
                     self.recorder.buffer, directory / "log" / "inputs.npy", self._begun
                 )
             },
+            **(_UNHURRIED if unhurried else {}),
         )
         self.supervision: asyncio.Task[None] | None = None
         self._began = self._begun = 0.0

@@ -12,12 +12,11 @@ from fault_table.outcome import (
     CRASH_WITHIN,
     HANG_WITHIN,
     Outcome,
-    machine_load,
 )
 from winding_ros.graph import GRAPH, Policy
 from winding_supervisor.event_log import Event
 
-# Beyond these a run does not come back, unless the machine is so slow that a minute has passed.
+# Beyond these a run does not come back, unless so many restarts take longer than a minute.
 _KILLS = 8
 _WORDS = {signal.SIGKILL: ("kill -9", CRASH_WITHIN), signal.SIGSTOP: ("SIGSTOP", HANG_WITHIN)}
 
@@ -65,7 +64,6 @@ async def lose_node(cell: FaultCell, name: str, number: signal.Signals) -> Outco
         stood_after=max(0.0, stood - detected.wall),
         outcome=outcome,
         survived=survived,
-        load=machine_load(),
     )
 
 
@@ -96,7 +94,6 @@ async def lose_successor(cell: FaultCell, name: str) -> Outcome:
         injected_at=t,
         outcome=f"the successor {given_up.text}; another one resumes the run",
         survived=cell.goes_on() and cell.orchestrator.process(name).pid not in (lost, successor),
-        load=machine_load(),
     )
 
 
@@ -116,7 +113,6 @@ async def lose_again_and_again(cell: FaultCell, name: str) -> Outcome:
         outcome=f"the run ended: {sentence}",
         # Kills of the rows before may count too.
         survived=name in sentence and "for the fourth time within a minute" in sentence,
-        load=machine_load(),
     )
 
 

@@ -6,11 +6,17 @@ import math
 import os
 from dataclasses import asdict, dataclass
 
+import psutil  # type: ignore[import-untyped]
+
 CRASH_WITHIN = 0.3
 HANG_WITHIN = 1.2
 STAND_WITHIN = 0.5
 # Not a crash and not a hang: three looks of the supervisor and the answer on its way.
 NOTICE_WITHIN = 1.2
+# Below this share of idle processor time, or with more than one process for each processor, a
+# graph does not get its processor when it needs it.
+_IDLE = 0.05
+_LOAD = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,11 +28,12 @@ class Outcome:
         injected_at: Simulated time of it [s].
         detected_by: Who noticed; empty where nothing has to be noticed.
         detected_after: Wall time from the fault to its detection [s].
-        detect_within: Its bar on an idle machine [s].
+        detect_within: Its limit on a computer that is not saturated [s].
         stood_after: Wall time from detection to standstill of both axes [s].
         outcome: What happened then.
-        survived: Whether that is what had to happen.
-        load: Processes that wanted each processor meanwhile, 1 or more; the bars stretch with it.
+        survived: Whether that is what had to happen, judged by states alone.
+        load: Processes that wanted each processor meanwhile, 1 or more.
+        idle: Share of the processors' time that nobody wanted meanwhile.
     """
 
     fault: str
@@ -38,27 +45,54 @@ class Outcome:
     detect_within: float = math.inf
     stood_after: float | None = None
     load: float = 1.0
+    idle: float = 1.0
+
+    @property
+    def saturated(self) -> bool:
+        """Whether the computer was so busy that its seconds say nothing of the graph."""
+        return self.load > _LOAD or self.idle < _IDLE
 
     @property
     def in_time(self) -> bool:
-        """Whether both times keep their bars."""
-        return (self.detected_after or 0.0) <= self.detect_within * self.load and (
+        """Whether both times keep their limits."""
+        return (self.detected_after or 0.0) <= self.detect_within and (
             self.stood_after or 0.0
-        ) <= STAND_WITHIN * self.load
+        ) <= STAND_WITHIN
 
     @property
     def passed(self) -> bool:
-        """Whether the fault was survived, in time."""
-        return self.survived and self.in_time
+        """Whether the fault was survived, and in time where the computer allows to judge that."""
+        return self.survived and (self.saturated or self.in_time)
+
+    @property
+    def verdict(self) -> str:
+        """The last column of the table."""
+        if not self.survived:
+            return "NO"
+        if self.in_time:
+            return "yes"
+        return "yes (busy)" if self.saturated else "too late"
 
     def as_record(self) -> dict[str, object]:
         """Return the row for a JSON file."""
         record: dict[str, object] = asdict(self)
         if not math.isfinite(self.detect_within):
             record["detect_within"] = None
-        return record | {"passed": self.passed}
+        return record | {"saturated": self.saturated, "passed": self.passed}
 
 
-def machine_load() -> float:
-    """Return how many processes want each processor of this machine, 1 at least."""
-    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+class ProcessorWatch:
+    """Sees how busy the computer is from now on."""
+
+    def __init__(self) -> None:
+        self._before = psutil.cpu_times()
+
+    def idle(self) -> float:
+        """Return the share of the processors' time since then that nobody wanted."""
+        before, now = self._before, psutil.cpu_times()
+        total = sum(now) - sum(before)
+        return float((now.idle - before.idle) / total) if total > 0.0 else 1.0
+
+    def load(self) -> float:
+        """Return how many processes want each processor, 1 at least, mean of the last minute."""
+        return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))

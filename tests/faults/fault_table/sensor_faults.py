@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fault_table.cell import FaultCell
-from fault_table.outcome import NOTICE_WITHIN, Outcome, machine_load
+from fault_table.outcome import NOTICE_WITHIN, Outcome
 from winding_ros import topics
 
 # A stop of the machine's own begins after 50 ms, or 300 ms for a load cell that never changes.
@@ -37,9 +37,9 @@ class SensorFault:
     said: Mapping[str, str]
     within: float = _OWN_WITHIN
 
-    def noticed_by(self, sentence: str) -> str:
-        """Return who noticed, as the end of the run tells; nothing when it says something else."""
-        return next((by for said, by in self.said.items() if said in sentence), "")
+    def noticed_by(self, sentences: str) -> str:
+        """Return who noticed, as the graph tells; nothing when it says something else."""
+        return next((by for said, by in self.said.items() if said in sentences), "")
 
 
 STOPPING = (
@@ -138,7 +138,9 @@ async def break_sensor(cell: FaultCell, fault: SensorFault) -> Outcome:
     sentence = refused or await cell.end_of_run()
     await cell.until(lambda: cell.stood(since=t), "standstill")
     began, stood = cell.stop_began(since=t), cell.stood(since=t)
-    by = fault.noticed_by(sentence)
+    # A run may end for what came of the fault: what was detected says what it was.
+    noted = [event.text for event in cell.log.events if event.wall >= injected]
+    by = fault.noticed_by("; ".join([sentence, cell.rig.values.get("reason", ""), *noted]))
     if by == _STAMPS:
         detected = cell.log.find("detected", since=injected)
         assert detected is not None
@@ -154,7 +156,6 @@ async def break_sensor(cell: FaultCell, fault: SensorFault) -> Outcome:
         stood_after=stood - began,
         outcome=f"the run ended: {sentence}",
         survived=not refused and bool(by),
-        load=machine_load(),
     )
 
 
@@ -188,7 +189,6 @@ async def lose_frames(cell: FaultCell) -> Outcome:
         "unanswered; the run went on",
         # Three standard deviations of so many draws.
         survived=frames == answers and abs(share - _LOSS) < 0.06 and cell.goes_on(),
-        load=machine_load(),
     )
 
 

@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from fault_table.cell import FaultCell
-from fault_table.outcome import NOTICE_WITHIN, Outcome, machine_load
+from fault_table.outcome import NOTICE_WITHIN, Outcome
 from winding_ros import topics
 from winding_ros.environment import child_environment
 
@@ -66,7 +66,6 @@ async def rogue_publisher(cell: FaultCell) -> Outcome:
         stood_after=stood - began,
         outcome=f"the run ended: {sentence}",
         survived="rig/tension has 2 publishers" in sentence and "rogue" in sentence,
-        load=machine_load(),
     )
 
 
@@ -90,7 +89,6 @@ async def quality_mismatch(cell: FaultCell) -> Outcome:
         detect_within=_STRANGER_WITHIN,
         outcome=f"ERROR in /diagnostics: {status.message}; the run went on",
         survived=cell.goes_on() and "DURABILITY" in status.message,
-        load=machine_load(),
     )
 
 
@@ -106,7 +104,6 @@ async def late_joiner(cell: FaultCell) -> Outcome:
         injected_at=t,
         outcome=said,
         survived=said == "got the prediction and 100 encoder samples in a row" and cell.goes_on(),
-        load=machine_load(),
     )
 
 
@@ -129,5 +126,4 @@ async def wrong_parameters(cell: FaultCell) -> Outcome:
         detected_by="node",
         outcome="; ".join(answers.values()) + "; the run went on",
         survived=not accepted and cell.goes_on(),
-        load=machine_load(),
     )

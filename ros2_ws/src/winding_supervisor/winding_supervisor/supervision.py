@@ -78,6 +78,8 @@ class Supervisor:
             replays them, by node.
         operated: Whether an operator starts and stops the machine. Then nobody else starts it,
             and what nodes do while it stands is the operator's business.
+        stand_timeout: Wall time in which the axes have to stand after a stop [s].
+        backoff: Makes the count of restarts of one node.
     """
 
     def __init__(
@@ -89,6 +91,8 @@ class Supervisor:
         replay: Mapping[str, Callable[[], dict[str, object]]],
         *,
         operated: bool = False,
+        stand_timeout: float = _STAND_TIMEOUT,
+        backoff: Callable[[], Backoff] = Backoff,
     ) -> None:
         self.log = log
         self._orchestrator = orchestrator
@@ -96,10 +100,11 @@ class Supervisor:
         self._buffer = buffer
         self._replay = replay
         self._operated = operated
+        self._stand_timeout = stand_timeout
         self._findings: asyncio.Queue[Finding] = asyncio.Queue()
         self._healthy: set[str] = set()
         self._misses: Counter[str] = Counter()
-        self._backoff: dict[str, Backoff] = defaultdict(Backoff)
+        self._backoff: dict[str, Backoff] = defaultdict(backoff)
         self._sensors = SensorWatch()
         self._ends: dict[str, asyncio.Task[None]] = {}
 
@@ -272,10 +277,11 @@ class Supervisor:
             await self._orchestrator.process(topics.RIG).kill()
             self._end(topics.RIG, f"{topics.RIG} {failure} and was killed")
         self._note("stopped", topics.RIG, "rig/quick_stop")
-        end = time.monotonic() + _STAND_TIMEOUT
+        end = time.monotonic() + self._stand_timeout
         while not self._stands():
             if time.monotonic() > end:
-                self._end(topics.RIG, f"the machine does not stand {_STAND_TIMEOUT:g} s after stop")
+                limit = f"{self._stand_timeout:g} s"
+                self._end(topics.RIG, f"the machine does not stand {limit} after stop")
             await asyncio.sleep(0.01)
         self._note("standing", topics.RIG, "both axes stand")
 
