@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from winding_cli.doctor.clock import (
+from winding_cli.doctor.finding import Level
+from winding_cli.doctor.host import (
     ClockPair,
     judge_date,
     judge_jumps,
@@ -13,7 +14,6 @@ from winding_cli.doctor.clock import (
     judge_synchronisation,
     read_clocks,
 )
-from winding_cli.doctor.finding import Level
 
 
 def readings(jump: float, width: float = 0.0) -> Iterator[ClockPair]:

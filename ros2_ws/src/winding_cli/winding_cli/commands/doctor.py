@@ -5,6 +5,7 @@ from __future__ import annotations
 import json as json_format
 import os
 import tempfile
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,7 +15,7 @@ from winding_cli.commands.console import result_console
 from winding_cli.commands.refusal import FAILED, refuse
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.table import Table
 
     from winding_cli.doctor.finding import Finding
 
@@ -30,34 +31,39 @@ def doctor(
     ] = None,
 ) -> None:
     """Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL."""
-    from winding_cli.doctor.domain import source_of
-    from winding_cli.doctor.examination import HostFacts, examine
+    from winding_cli.doctor.examination import examine
     from winding_supervisor.domain_lock import DomainError, chosen_domain, lock_folder
 
+    source = "ROS_DOMAIN_ID" if os.environ.get("ROS_DOMAIN_ID") else "ROS_DOMAIN_ID is not set"
     refusal = ""
     try:
         chosen = chosen_domain(domain)
     except DomainError as error:
         if domain is not None:
             refuse(error)
-        # The environment is what is looked at: the rest of it too.
+        # A wrong variable is a finding; the other checks go on.
         chosen, refusal = 0, str(error)
     console = result_console()
-    with tempfile.TemporaryDirectory(prefix="winding-doctor-") as folder:
-        patient = HostFacts(
-            environment=dict(os.environ),
-            domain=chosen,
-            source=source_of(domain, os.environ),
-            domain_refusal=refusal,
-            namespace=NAMESPACE,
-            folder=Path.cwd(),
-            logs=Path(folder),
-            locks=lock_folder(),
+    with (
+        tempfile.TemporaryDirectory(prefix="winding-doctor-") as logs,
+        console.status("looking at this machine"),
+    ):
+        findings = list(
+            examine(
+                dict(os.environ),
+                chosen,
+                source if domain is None else "--domain",
+                domain_refusal=refusal,
+                namespace=NAMESPACE,
+                folder=Path.cwd(),
+                logs=Path(logs),
+                locks=lock_folder(),
+            )
         )
-        with console.status("looking at this machine"):
-            findings = list(examine(patient))
-    _show(findings, console)
-    counts = {name: _count(findings, name) for name in ("OK", "WARN", "FAIL")}
+    found = Counter(str(finding.level) for finding in findings)
+    counts = {level: found[level] for level in ("OK", "WARN", "FAIL")}
+    console.print(_table(findings))
+    console.print(f"{len(findings)} checks, {counts['FAIL']} failed, {counts['WARN']} warnings")
     if json is not None:
         record = {
             "domain": chosen,
@@ -69,21 +75,13 @@ def doctor(
         raise typer.Exit(FAILED)
 
 
-def _show(findings: list[Finding], console: Console) -> None:
+def _table(findings: list[Finding]) -> Table:
     from rich.table import Table
     from rich.text import Text
 
     style = {"OK": "green", "WARN": "yellow", "FAIL": "bold red"}
     table = Table("check", "", "found", "what to do")
     for finding in findings:
-        name = finding.level.value
-        table.add_row(
-            finding.check, Text(name, style[name]), Text(finding.found), Text(finding.advice)
-        )
-    console.print(table)
-    failed, warned = _count(findings, "FAIL"), _count(findings, "WARN")
-    console.print(f"{len(findings)} checks, {failed} failed, {warned} warnings")
-
-
-def _count(findings: list[Finding], level: str) -> int:
-    return sum(finding.level.value == level for finding in findings)
+        level = Text(str(finding.level), style[finding.level])
+        table.add_row(finding.check, level, Text(finding.found), Text(finding.advice))
+    return table

@@ -51,11 +51,9 @@ def exchange(
     """
     key = f"k{uuid.uuid4().hex[:12]}"
     command = [sys.executable, "-m", _PROBE, str(domain), str(logs), key, str(patience)]
+    quiet = subprocess.DEVNULL
     with subprocess.Popen(
-        [*command, "answer"],
-        env=dict(environment),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        [*command, "answer"], env=dict(environment), stdout=quiet, stderr=quiet
     ) as answering:
         try:
             asked = subprocess.run(
@@ -69,28 +67,17 @@ def exchange(
         except subprocess.TimeoutExpired:
             return Exchange(refusal=f"a ROS process hung for {patience + _START_PATIENCE:g} s")
         finally:
-            _end(answering)
+            answering.terminate()
+            try:
+                answering.wait(_END_PATIENCE)
+            except subprocess.TimeoutExpired:
+                answering.kill()
     for line in asked.stdout.splitlines():
         # Fast DDS prints its errors there too.
         if line.startswith("{"):
-            record = json.loads(line)
-            return Exchange(
-                middleware=str(record["middleware"]),
-                round_trips=tuple(record["round_trips"]),
-                strangers=tuple(record["strangers"]),
-                refusal=str(record.get("refusal", "")),
-            )
-    said = [line.strip() for line in asked.stderr.splitlines() if line.strip()]
-    return Exchange(refusal=said[-1] if said else f"it ended with exit code {asked.returncode}")
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """Let a process leave the domain; end it if it does not."""
-    process.terminate()
-    try:
-        process.wait(_END_PATIENCE)
-    except subprocess.TimeoutExpired:
-        process.kill()
+            return Exchange(**json.loads(line))
+    errors = [line.strip() for line in asked.stderr.splitlines() if line.strip()]
+    return Exchange(refusal=errors[-1] if errors else f"it ended with exit code {asked.returncode}")
 
 
 def judge_exchange(result: Exchange) -> list[Finding]:
@@ -107,11 +94,8 @@ def _middleware(result: Exchange) -> Finding:
         )
     if result.middleware == RMW:
         return ok("middleware", RMW)
-    return warn(
-        "middleware",
-        f"{result.middleware}; the graph is tested with {RMW} only",
-        "unset RMW_IMPLEMENTATION",
-    )
+    found = f"{result.middleware}; the graph is tested with {RMW} only"
+    return warn("middleware", found, "unset RMW_IMPLEMENTATION")
 
 
 def _round_trip(result: Exchange) -> Finding:

@@ -1,12 +1,12 @@
-"""What one look at the machine says."""
+"""The result of one check."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from enum import Enum
+from enum import StrEnum
 
 
-class Level(Enum):
+class Level(StrEnum):
     """How a check ended; only FAIL keeps the graph from running as it should."""
 
     OK = "OK"
@@ -19,7 +19,7 @@ class Finding:
     """One line of the doctor's table.
 
     Attributes:
-        check: What was looked at.
+        check: What was examined.
         level: How it is.
         found: What was found.
         advice: What to do; empty when there is nothing to do.
@@ -32,7 +32,7 @@ class Finding:
 
     def as_record(self) -> dict[str, str]:
         """Return the finding for a JSON file."""
-        return asdict(self) | {"level": self.level.value}
+        return asdict(self)
 
 
 def ok(check: str, found: str) -> Finding:

@@ -9,7 +9,11 @@ from winding_cli.doctor.finding import Finding, fail, ok, warn
 RMW = "rmw_fastrtps_cpp"
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
-_WIDER = ("SUBNET", "SYSTEM_DEFAULT")
+_UNWANTED = {
+    "ROS_LOCALHOST_ONLY": f"it is deprecated and overrides {_RANGE}",
+    "ROS_STATIC_PEERS": "nodes look for others on those machines too",
+    "ROS_DISCOVERY_SERVER": "nodes find each other only through it",
+}
 
 
 def judge_variables(
@@ -24,9 +28,12 @@ def judge_variables(
     return [
         _middleware(environment.get("RMW_IMPLEMENTATION")),
         _discovery_range(environment.get(_RANGE)),
-        _unset(environment, "ROS_LOCALHOST_ONLY", "it is deprecated and overrides " + _RANGE),
-        _unset(environment, "ROS_STATIC_PEERS", "nodes look for others on those machines too"),
-        _unset(environment, "ROS_DISCOVERY_SERVER", "nodes find each other only through it"),
+        *(
+            warn(name, f"{environment[name]!r}: {effect}", f"unset {name} unless you need it")
+            if name in environment
+            else ok(name, "not set")
+            for name, effect in _UNWANTED.items()
+        ),
         _profiles(environment.get(_PROFILES), is_file),
     ]
 
@@ -45,7 +52,7 @@ def _discovery_range(value: str | None) -> Finding:
         return ok(_RANGE, "not set; the command keeps to this host")
     if value == "LOCALHOST":
         return ok(_RANGE, value)
-    if value in _WIDER:
+    if value in ("SUBNET", "SYSTEM_DEFAULT"):
         return warn(
             _RANGE,
             f"{value}: other machines see the graph and may publish into it",
@@ -55,22 +62,12 @@ def _discovery_range(value: str | None) -> Finding:
     return fail(_RANGE, f"{value}: {reason}", f"unset {_RANGE}")
 
 
-def _unset(environment: Mapping[str, str], name: str, effect: str) -> Finding:
-    value = environment.get(name)
-    if value is None:
-        return ok(name, "not set")
-    return warn(name, f"{value!r}: {effect}", f"unset {name} unless you need it")
-
-
 def _profiles(value: str | None, is_file: Callable[[str], bool]) -> Finding:
     if value is None:
         return ok(_PROFILES, "not set; the command sets the graph's own")
     if not value or not is_file(value):
-        return warn(
-            _PROFILES,
-            f"{value!r} is no file; Fast DDS complains and keeps to its defaults",
-            f"unset {_PROFILES}",
-        )
+        effect = "is no file; Fast DDS complains and keeps to its defaults"
+        return warn(_PROFILES, f"{value!r} {effect}", f"unset {_PROFILES}")
     return warn(
         _PROFILES,
         f"{value} takes the place of the graph's own, with its transports and leases",

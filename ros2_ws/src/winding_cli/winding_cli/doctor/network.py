@@ -1,20 +1,25 @@
-"""The DDS domain: its number, its ports, and who is in it already."""
+"""The DDS domain: its number, its ports, who is in it already, and the datagrams it needs."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import fcntl
+import socket
+from collections.abc import Collection
 from pathlib import Path
 
 from winding_cli.doctor.finding import Finding, fail, ok, warn
-from winding_cli.doctor.locks import is_held
 
-DOMAIN_CHECK = "domain"
 # RTPS 2.2, section 9.6.1.1: a domain has 250 ports, and a participant two of them.
 _PORT_BASE, _DOMAIN_GAIN, _PARTICIPANT_GAIN, _UNICAST = 7400, 250, 2, 10
 # Processes on one host that the graph's profile looks for.
 PARTICIPANTS = 32
 # Four nodes, the orchestrator and the operator's page.
 _WANTED = 6
+_LOCALHOST = "127.0.0.1"
+# The group on which DDS announces participants.
+_GROUP = "239.255.0.1"
+_PATIENCE = 5.0
+_PAYLOAD = b"winding doctor"
 
 
 def participant_ports(domain: int) -> list[int]:
@@ -35,9 +40,9 @@ def judge_domain(domain: int, source: str, ephemeral: tuple[int, int]) -> Findin
     first = _PORT_BASE + _DOMAIN_GAIN * domain
     found = f"{domain} ({source}), ports {first} to {last}"
     if last < ephemeral[0] or first > ephemeral[1]:
-        return ok(DOMAIN_CHECK, found)
+        return ok("domain", found)
     return warn(
-        DOMAIN_CHECK,
+        "domain",
         f"{found}; the system hands out {ephemeral[0]} to {ephemeral[1]} and may take one of them",
         "choose another; with the usual range, one of 0 to 101",
     )
@@ -87,12 +92,27 @@ def judge_owners(domain: int, namespace: str, holders: Collection[str]) -> Findi
     return ok(check, "none")
 
 
-def judge_strangers(nodes: Collection[str]) -> Finding:
-    """Return what other nodes in the domain mean for a run.
+def holders(folder: Path, domain: int) -> list[str]:
+    """Return the namespaces of the graphs that hold a domain's locks in a folder."""
+    prefix, suffix = f"domain-{domain}-", ".lock"
+    return [
+        lock.name.removeprefix(prefix).removesuffix(suffix)
+        for lock in folder.glob(f"{prefix}*{suffix}")
+        if _is_held(lock)
+    ]
 
-    Args:
-        nodes: Full names of the nodes that are none of the doctor's.
-    """
+
+def _is_held(path: Path) -> bool:
+    with path.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+def judge_strangers(nodes: Collection[str]) -> Finding:
+    """Return what other nodes in the domain, by their full names, mean for a run."""
     check = "other nodes in the domain"
     if not nodes:
         return ok(check, "none")
@@ -103,28 +123,44 @@ def judge_strangers(nodes: Collection[str]) -> Finding:
     )
 
 
-def holders(folder: Path, domain: int) -> list[str]:
-    """Return the namespaces of the graphs that hold a domain's locks in a folder."""
-    prefix, suffix = f"domain-{domain}-", ".lock"
-    return [
-        lock.name.removeprefix(prefix).removesuffix(suffix)
-        for lock in folder.glob(f"{prefix}*{suffix}")
-        if is_held(lock)
+def judge_loopback(patience: float = _PATIENCE) -> list[Finding]:
+    """Send a datagram and a multicast over the loopback; return whether they arrived in time."""
+    unicast, multicast = "datagrams on the loopback", "multicast on the loopback"
+    findings = [
+        ok(unicast, f"arrive at {_LOCALHOST}"),
+        ok(multicast, f"arrives in {_GROUP}"),
     ]
+    if refusal := _refusal("", patience):
+        bring_up = "ip link set lo up; let the firewall pass 127.0.0.1"
+        findings[0] = fail(unicast, refusal, bring_up)
+    if refusal := _refusal(_GROUP, patience):
+        findings[1] = warn(
+            multicast,
+            f"{refusal}; the graph does without, other tools may not find it",
+            "ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo",
+        )
+    return findings
 
 
-def ephemeral_range(text: str) -> tuple[int, int]:
-    """Return first and last port of /proc/sys/net/ipv4/ip_local_port_range.
-
-    Raises:
-        ValueError: It is not two numbers.
-    """
-    first, last = map(int, text.split())
-    return first, last
-
-
-def source_of(asked: int | None, environment: Mapping[str, str]) -> str:
-    """Return where the number of the domain comes from."""
-    if asked is not None:
-        return "--domain"
-    return "ROS_DOMAIN_ID" if environment.get("ROS_DOMAIN_ID") else "ROS_DOMAIN_ID is not set"
+def _refusal(group: str, patience: float) -> str:
+    """Return why a datagram from one socket to another did not arrive, or nothing."""
+    local = socket.inet_aton(_LOCALHOST)
+    try:
+        with (
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+        ):
+            receiver.bind(("" if group else _LOCALHOST, 0))
+            receiver.settimeout(patience)
+            if group:
+                membership = socket.inet_aton(group) + local
+                receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+            sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, local)
+            sender.sendto(_PAYLOAD, (group or _LOCALHOST, receiver.getsockname()[1]))
+            while receiver.recv(64) != _PAYLOAD:
+                continue
+    except TimeoutError:
+        return f"nothing arrived in {patience:g} s"
+    except OSError as error:
+        return error.strerror or str(error)
+    return ""
