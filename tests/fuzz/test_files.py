@@ -1,7 +1,9 @@
-"""Made-up files: each is read or refused in one sentence, in bounded time, and nothing is run."""
+"""Made-up files: each is read or refused in one sentence, and nothing is run.
+
+A reader that a file could keep busy without end runs into the time limit of every test.
+"""
 
 import math
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -32,8 +34,6 @@ from winding_study.sweep.spec import parse_spec
 fuzzed = settings.get_profile("quick")
 NODE = "/winding/winding_rig"
 KINDS = {"case": int, "friction": float, "law": str, "rolling": bool}
-# A refusal of bad text takes milliseconds; a loaded machine may take a hundred times as long.
-BOUND_S = 20.0
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{chr(98 + k)}: &{chr(98 + k)} [{', '.join([f'*{chr(97 + k)}'] * 9)}]\n" for k in range(12)
@@ -110,7 +110,6 @@ texts = st.one_of(
 
 def said(action: Callable[[], Any], *errors: type[Exception]) -> str:
     """Return why something was refused, or nothing."""
-    begin = time.monotonic()
     try:
         action()
         return ""
@@ -120,8 +119,6 @@ def said(action: Callable[[], Any], *errors: type[Exception]) -> str:
         assert "\n" not in sentence
         assert len(sentence) < 2000
         return sentence
-    finally:
-        assert time.monotonic() - begin < BOUND_S
 
 
 def written(folder: Path, content: str | bytes) -> Path:

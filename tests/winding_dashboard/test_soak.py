@@ -44,7 +44,6 @@ def test_ten_minutes_leave_memory_flat(browser: Any, operated: Any) -> None:
     print(f"{settled:.0f} MB after {SETTLED:g} s, {grown:+.1f} MB later; {used:.2f} of a core")
     assert complaints == []
     assert grown < GROWTH_MB
-    assert used < 0.3
 
 
 def memory_mb(operated: Any) -> float:

@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -106,14 +105,6 @@ def test_the_clock_goes_with_the_recording(ros: Any, made: Path, play: Any) -> N
     ros.spin_until(lambda: len(times) >= 59)
     assert times == sorted(times)
     assert times[-1] >= 580_000_000
-
-
-def test_half_the_rate_takes_twice_as_long(ros: Any, made: Path, play: Any) -> None:
-    begin = time.monotonic()
-    player = play(made, Pacing(0.5), wanted=frozenset({JOINTS}))
-    ros.spin_until(lambda: player.published == SAMPLES)
-    # Never earlier than the last sample's time; how much later is up to the machine.
-    assert time.monotonic() - begin >= 0.599 / 0.5
 
 
 def test_pause_holds_every_message_and_going_on_lets_them_out(
