@@ -1,6 +1,7 @@
 """Isolation: a DDS domain per test process, a Context and an executor per test."""
 
 import contextlib
+import importlib
 import os
 import shutil
 import signal
@@ -8,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -128,6 +129,70 @@ def module_ros() -> Iterator[Ros]:
     harness = Ros()
     yield harness
     harness.close()
+
+
+class ComposedGraph:
+    """The graph's nodes in this process on one executor, brought up in the graph's order.
+
+    Args:
+        ros: Spins the nodes.
+        parameters: Node name -> parameter name -> value.
+        namespace: Of the graph.
+        direct_frames: Hand frames from rig to tracker within the process; camera/image_raw is
+            silent then.
+    """
+
+    def __init__(
+        self,
+        ros: Ros,
+        parameters: Mapping[str, Mapping[str, Any]],
+        *,
+        namespace: str = "",
+        direct_frames: bool = False,
+    ) -> None:
+        from rclpy.lifecycle import TransitionCallbackReturn
+        from rclpy.parameter import Parameter
+
+        from winding_ros import graph
+        from winding_ros.environment import ros_arguments
+        from winding_ros.managed_node import ManagedNode
+
+        self._ros = ros
+        self.nodes: dict[str, Any] = {}
+        for spec in graph.GRAPH:
+            module = importlib.import_module(f"{spec.package}.node")
+            (node_class,) = (
+                item
+                for item in vars(module).values()
+                if isinstance(item, type)
+                and issubclass(item, ManagedNode)
+                and item.__module__ == module.__name__
+            )
+            values = {"use_sim_time": True, **parameters.get(spec.name, {})}.items()
+            self.nodes[spec.name] = node_class(
+                context=ros.context,
+                cli_args=ros_arguments(namespace),
+                parameter_overrides=[Parameter(name, value=value) for name, value in values],
+            )
+            ros.executor.add_node(self.nodes[spec.name])
+        if direct_frames:
+            rig, tracker = self.nodes[graph.RIG.name], self.nodes[graph.TRACKER.name]
+            rig.frame_listener = tracker.take_frame
+        for transition in ("trigger_configure", "trigger_activate"):
+            for node in self.nodes.values():
+                assert getattr(node, transition)() is TransitionCallbackReturn.SUCCESS
+
+    def close(self) -> None:
+        """Stop and destroy the nodes, the rig first."""
+        for node in reversed(self.nodes.values()):
+            self._ros.executor.remove_node(node)
+            node.destroy_node()
+
+
+@pytest.fixture(scope="session")
+def compose() -> type[ComposedGraph]:
+    """Compose the graph of nodes in this process."""
+    return ComposedGraph
 
 
 def winding(

@@ -22,6 +22,7 @@ from winding_ros import topics
 from winding_ros.camera_messages import encode_image
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.rig_messages import MessageError, encode_joint_state
+from winding_ros.topic import Topic
 
 fuzzed = settings.get_profile("files")
 FREE_LENGTH = 0.198
@@ -240,7 +241,7 @@ def picture(t: float, size: tuple[int, int], seed: int, encoding: str, stretch: 
     return message
 
 
-def message(t: float, topic: topics.Topic, content: Any) -> Any:
+def message(t: float, topic: Topic, content: Any) -> Any:
     if topic is topics.IMAGE:
         return picture(t, *content)
     if topic is topics.JOINT_STATES:
@@ -273,7 +274,7 @@ SMALL_CAMERA = CameraInfo(
         *[(topics.IMAGE, ((32, 48), 1, "bgr8", 0))] * 60,
     ]
 )  # fmt: skip
-def test_any_messages(said: list[tuple[topics.Topic, Any]]) -> None:
+def test_any_messages(said: list[tuple[Topic, Any]]) -> None:
     handler = TrackerHandler(TrackerParameters(case=4))
     list(handler.begin(0.0))
     for k, (topic, content) in enumerate(said):

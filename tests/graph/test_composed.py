@@ -13,7 +13,7 @@ from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.graph import expected_subscribers, pace_topics
 from winding_ros.rig_messages import decode_joint_state
-from winding_supervisor.composed import ComposedGraph
+from winding_ros.topic import Topic
 
 # Long enough for P1 of case 4, wound at 6.28 rad, 4.1 s.
 DURATION = 5.0
@@ -32,9 +32,9 @@ def buffer(request: pytest.FixtureRequest) -> RunBuffer:
         "speed": 0.0,
         "pace_topics": ",".join(topic.name for topic in pace_topics()),
     }
-    graph: ComposedGraph | None = None
+    graph = None
     try:
-        graph = ComposedGraph(ros.context, ros.executor, namespace="", parameters=parameters)
+        graph = request.getfixturevalue("compose")(ros, parameters)
         expected = expected_subscribers(frozenset(topic.name for topic in recorded))
         ros.spin_until(
             lambda: all(
@@ -64,7 +64,7 @@ def buffer(request: pytest.FixtureRequest) -> RunBuffer:
     return recorder.buffer
 
 
-def decoded(buffer: RunBuffer, topic: topics.Topic, dtype: np.dtype = MARKER_DTYPE) -> list:
+def decoded(buffer: RunBuffer, topic: Topic, dtype: np.dtype = MARKER_DTYPE) -> list:
     return [
         decode_cloud(deserialize_message(message.data, topic.type), dtype)
         for message in buffer.messages[topic.name]

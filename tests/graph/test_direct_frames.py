@@ -7,20 +7,17 @@ from std_srvs.srv import Trigger
 from winding_recorder.live.recorder import Recorder
 from winding_ros import topics
 from winding_ros.graph import GRAPH, expected_subscribers
-from winding_supervisor.composed import ComposedGraph
 
 
-def test_frames_handed_over_in_process_are_all_tracked(ros: Any) -> None:
+def test_frames_handed_over_in_process_are_all_tracked(ros: Any, compose: Any) -> None:
     listener = ros.plain("recorder_host")
     recorder = Recorder(listener, None, recorded=[t for t in topics.TOPICS if t.recorded])
-    graph: ComposedGraph | None = None
+    graph = None
     try:
         condition = {"case": 4, "duration": 1.0}
-        graph = ComposedGraph(
-            ros.context,
-            ros.executor,
-            namespace="",
-            parameters={
+        graph = compose(
+            ros,
+            {
                 **{spec.name: condition for spec in GRAPH},
                 topics.RIG: {**condition, "speed": 0.0, "pace_topics": "tracker/markers"},
             },

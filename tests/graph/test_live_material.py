@@ -14,7 +14,7 @@ from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.graph import expected_subscribers, pace_topics
 from winding_ros.material_messages import MaterialReport, decode_material
-from winding_supervisor.composed import ComposedGraph
+from winding_ros.topic import Topic
 
 # Quicker than the paper's runs, so that four markers land in seven seconds of winding.
 CONDITION: dict[str, Any] = {
@@ -58,11 +58,9 @@ def buffer(request: pytest.FixtureRequest) -> RunBuffer:
     def call(service: str) -> None:
         assert ros.call(listener, Trigger, service, Trigger.Request()).success
 
-    graph: ComposedGraph | None = None
+    graph = None
     try:
-        graph = ComposedGraph(
-            ros.context, ros.executor, namespace="", parameters=parameters, direct_frames=True
-        )
+        graph = request.getfixturevalue("compose")(ros, parameters, direct_frames=True)
         expected = expected_subscribers(frozenset(topic.name for topic in recorded))
         ros.spin_until(
             lambda: all(
@@ -92,7 +90,7 @@ def buffer(request: pytest.FixtureRequest) -> RunBuffer:
     return recorder.buffer
 
 
-def clouds(buffer: RunBuffer, topic: topics.Topic) -> list[tuple[float, Markers]]:
+def clouds(buffer: RunBuffer, topic: Topic) -> list[tuple[float, Markers]]:
     return [
         decode_cloud(deserialize_message(message.data, topic.type), MARKER_DTYPE)
         for message in buffer.messages[topic.name]

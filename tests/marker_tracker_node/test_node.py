@@ -123,9 +123,9 @@ def test_frames_wait_for_their_encoder_sample(bench: Bench) -> None:
 
 def test_frame_without_calibration_is_refused_and_said(bench: Bench) -> None:
     bench.info.publish(CameraInfo())
-    bench.ros.spin_until(lambda: bench.node._intakes["camera/camera_info"].refused == 1)
+    bench.ros.spin_until(lambda: bench.node.endpoints._guards["camera/camera_info"].refused == 1)
     bench.image.publish(encode_image(0.0, bench.frame(0.0)))
-    bench.ros.spin_until(lambda: bench.node._intakes["camera/image_raw"].refused == 1)
+    bench.ros.spin_until(lambda: bench.node.endpoints._guards["camera/image_raw"].refused == 1)
     assert bench.markers == []
     assert bench.node.status().message == "no calibrated camera_info yet"
 
@@ -134,7 +134,7 @@ def test_frames_that_overtake_the_first_calibration_are_measured(bench: Bench) -
     for index in range(4):
         bench.encoder(index * PERIOD)
         bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
-    image = bench.node._intakes["camera/image_raw"]
+    image = bench.node.endpoints._guards["camera/image_raw"]
     bench.ros.spin_until(lambda: image.accepted == 4)
     bench.calibrate()
     bench.ros.spin_until(lambda: len(bench.markers) == 4)

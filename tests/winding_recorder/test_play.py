@@ -24,6 +24,7 @@ from winding_recorder.bags.writer import BagWriter
 from winding_recorder.playback.player import Player
 from winding_ros import topics
 from winding_ros.polled import PolledTopic
+from winding_ros.topic import Topic
 
 pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
 
@@ -31,7 +32,7 @@ JOINTS = "/winding/rig/joint_states"
 SAMPLES = 600
 
 
-def renamed(topic: topics.Topic) -> topics.Topic:
+def renamed(topic: Topic) -> Topic:
     return replace(topic, name=f"/winding/{topic.name}")
 
 

@@ -16,7 +16,7 @@ from winding_recorder.bags.notes import COMPLETE, YES
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.live.bag_series import free_folder
 from winding_recorder.live.recorder import Recorder
-from winding_ros import topics
+from winding_ros import services, topics
 from winding_ros.camera_messages import encode_image
 from winding_ros.cloud_messages import encode_cloud
 from winding_ros.diagnostic_messages import decode_diagnostics
@@ -65,7 +65,7 @@ class Desk:
         )
 
     def record(self, on: bool) -> Any:
-        return self.ros.call(self.machine, SetBool, topics.RECORD, SetBool.Request(data=on))
+        return self.ros.call(self.machine, SetBool, services.RECORD.name, SetBool.Request(data=on))
 
 
 @pytest.fixture

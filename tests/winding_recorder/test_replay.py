@@ -20,16 +20,17 @@ from winding_recorder.bags.notes import PARAMETERS
 from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
 from winding_recorder.playback.replay import replay
-from winding_ros import topics
+from winding_ros import graph, topics
 from winding_ros.rig_messages import encode_joint_state, encode_tension
 from winding_ros.stamps import serialised_stamp_ns
+from winding_ros.topic import Topic
 
 PARAMETERS_OF_RUN = {"case": 4, "duration": 0.3}
 SAMPLES = 300
-RECORDED = (*FemHandler.inputs, *FemHandler.outputs)
+RECORDED = (*graph.FEM.inputs, *graph.FEM.outputs)
 
 
-def inputs(reading_at: Any) -> Iterator[tuple[topics.Topic, int, Any]]:
+def inputs(reading_at: Any) -> Iterator[tuple[Topic, int, Any]]:
     """Joint states at 1 kHz and a tension that changes, in the order they are published."""
     for sample in range(SAMPLES):
         t = sample * 1e-3
@@ -38,7 +39,7 @@ def inputs(reading_at: Any) -> Iterator[tuple[topics.Topic, int, Any]]:
             yield topics.TENSION, sample, encode_tension(t, 2.0 + 0.01 * (sample % 70))
 
 
-def record(folder: Path, arrivals: list[tuple[topics.Topic, Any]], *, harm: float = 0.0) -> Path:
+def record(folder: Path, arrivals: list[tuple[Topic, Any]], *, harm: float = 0.0) -> Path:
     """Record what the solver's work answers to messages that arrive in some order."""
     channels = [
         jazzy_channel(f"/winding/{t.name}", t.type_name, depth=t.depth, latched=t.latched)
@@ -48,7 +49,7 @@ def record(folder: Path, arrivals: list[tuple[topics.Topic, Any]], *, harm: floa
     writer = BagWriter(folder, channels, BagConfig(), notes)
     decoder = Decoder()
 
-    def write(topic: topics.Topic, message: Any) -> None:
+    def write(topic: Topic, message: Any) -> None:
         if topic is topics.FEM_MARKERS and harm:
             # theta of P0 stands behind x, y, z, id and r.
             data = bytes(message.data)

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from winding_cli.output.interface_table import as_markdown
@@ -16,7 +15,6 @@ from winding_ros.graph import (
     pace_topics,
     parameters_of,
 )
-from winding_supervisor.composed import ComposedGraph
 
 ROOT = Path(__file__).parents[2]
 # What rclpy gives every node by itself.
@@ -25,11 +23,9 @@ OF_RCLPY = {"/rosout", "/parameter_events", "/endpoints/parameter_events"}
 NAMESPACE = "/endpoints"
 
 
-def test_every_topic_has_one_publisher_in_the_graph() -> None:
-    for topic in topics.TOPICS:
-        publishers = [spec.name for spec in GRAPH if topic in spec.publishes]
-        if topic not in (topics.DIAGNOSTICS, topics.RECORDER_PROGRESS):
-            assert publishers == [topic.publisher]
+def test_every_topic_has_a_publisher() -> None:
+    published = {topic for spec in GRAPH for topic in spec.publishes}
+    assert set(topics.TOPICS) - published == {topics.DIAGNOSTICS, topics.RECORDER_PROGRESS}
 
 
 def test_listeners_come_before_those_they_listen_to() -> None:
@@ -65,14 +61,10 @@ def endpoints(node: Any) -> tuple[set[str], set[str]]:
     )
 
 
-def test_nodes_really_have_the_endpoints_that_the_graph_states(ros: Any) -> None:
-    graph = ComposedGraph(
-        ros.context,
-        ros.executor,
-        namespace=NAMESPACE.removeprefix("/"),
-        parameters={
-            topics.RIG: {"pace_topics": ",".join(topic.name for topic in pace_topics())},
-        },
+def test_nodes_really_have_the_endpoints_that_the_graph_states(ros: Any, compose: Any) -> None:
+    paced = ",".join(topic.name for topic in pace_topics())
+    graph = compose(
+        ros, {topics.RIG: {"pace_topics": paced}}, namespace=NAMESPACE.removeprefix("/")
     )
     for spec in GRAPH:
         node = graph.nodes[spec.name]
@@ -102,9 +94,8 @@ def test_text_names_every_node_and_topic() -> None:
             assert topic.name in text
 
 
-@pytest.mark.parametrize("spec", GRAPH, ids=lambda spec: spec.name)
-def test_parameters_of_every_node_can_be_read_without_starting_it(spec: Any) -> None:
-    assert parameters_of(spec)().condition().number == 4
+def test_parameters_of_every_node_can_be_read_without_starting_it() -> None:
+    assert [parameters_of(spec)().condition().number for spec in GRAPH] == [4, 4, 4, 4]
 
 
 def test_readme_shows_this_graph() -> None:

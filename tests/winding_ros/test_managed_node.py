@@ -12,6 +12,7 @@ from winding_core.parameters import ParameterError, parameter
 from winding_core.status import Level
 from winding_ros import topics
 from winding_ros.diagnostic_messages import decode_diagnostics
+from winding_ros.graph import NodeSpec
 from winding_ros.managed_node import ManagedNode
 from winding_ros.rig_messages import decode_tension, encode_tension
 
@@ -24,14 +25,14 @@ class Wanted:
 
 class Listener(ManagedNode[Wanted]):
     def __init__(self, **kwargs: object) -> None:
-        super().__init__("listener", Wanted, **kwargs)
+        super().__init__(NodeSpec(name="listener"), Wanted, **kwargs)
         self.forces: list[float] = []
 
     def configure(self) -> None:
         if self.configuration.flavour == "salted":
             raise ValueError("salt must be dry")
-        self.advertise(topics.FEM_MARKERS)
-        self.subscribe(topics.TENSION, lambda m: self.forces.append(decode_tension(m)[1]))
+        self.endpoints.advertise(topics.FEM_MARKERS)
+        self.endpoints.subscribe(topics.TENSION, lambda m: self.forces.append(decode_tension(m)[1]))
 
 
 def change(ros: object, probe: object, transition: int) -> bool:

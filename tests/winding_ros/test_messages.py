@@ -19,7 +19,7 @@ from winding_ros.camera_messages import (
 )
 from winding_ros.cloud_messages import (
     decode_cloud,
-    decode_line_strip,
+    decode_line_width,
     encode_cloud,
     encode_line_strip,
 )
@@ -184,11 +184,16 @@ def test_cloud_without_a_field_is_refused() -> None:
         decode_cloud(plain, CORRECTED_DTYPE)
 
 
-def test_line_strip_round_trip() -> None:
+def test_line_strip_brings_its_points_and_width() -> None:
     points = np.array([[0.017, 0.0, 0.0], [0.0, 0.017, 0.001]])
-    t, decoded = decode_line_strip(through_the_wire(encode_line_strip(1.0, points, 0.004)))
-    assert t == 1.0
-    np.testing.assert_array_equal(decoded, points)
+    message = through_the_wire(encode_line_strip(1.0, points, 0.004))
+    assert decode_line_width(message) == (1.0, 0.004)
+    assert [(point.x, point.y, point.z) for point in message.points] == [*map(tuple, points)]
+
+
+def test_line_without_width_is_refused() -> None:
+    with pytest.raises(MessageError, match=r"positive and finite, got 0\.0 m"):
+        decode_line_width(encode_line_strip(1.0, np.zeros((2, 3)), 0.0))
 
 
 def test_diagnostics_round_trip() -> None:

@@ -9,6 +9,7 @@ import pytest
 from winding_core.status import Level
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
+from winding_ros.topic import Topic
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog, read_events
 from winding_supervisor.load_monitor import LoadMonitor
@@ -93,7 +94,7 @@ def test_events_are_in_the_file_and_found_again(tmp_path: Path) -> None:
     assert log.find("detected", since=8.0) is None
 
 
-def buffered(buffer: RunBuffer, topic: topics.Topic, rows: list[tuple[int, int]]) -> None:
+def buffered(buffer: RunBuffer, topic: Topic, rows: list[tuple[int, int]]) -> None:
     for stamp, received in rows:
         buffer.add(
             topic, BufferedMessage(stamp_ns=stamp, sent_ns=received, received_ns=received, data=b"")

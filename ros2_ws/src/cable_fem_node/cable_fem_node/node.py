@@ -16,7 +16,7 @@ from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from winding_core.markers import MARKER_DTYPE
 from winding_core.status import Level, Status
-from winding_ros import topics
+from winding_ros import graph, topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.managed_node import ManagedNode
 from winding_ros.material_messages import (
@@ -39,18 +39,17 @@ class CableFemNode(ManagedNode[FemParameters]):
     """
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__(topics.FEM, FemParameters, **kwargs)
+        super().__init__(graph.FEM, FemParameters, **kwargs)
         self._task: BackgroundTask[MaterialUpdate] | None = None
         self._live: LiveMaterial | None = None
         self._looker: Timer | None = None
         self._report: tuple[float, MaterialReport] | None = None
 
     def configure(self) -> None:
-        """Build the model; advertise and subscribe."""
+        """Build the model; subscribe."""
         self._handler = FemHandler(self.configuration, self.go_on)
-        self.connect(self._handler)
-        self._material_out = self.advertise(topics.FEM_MATERIAL)
-        self.subscribe(topics.TRACKED_MARKERS, self._on_tracked)
+        self.endpoints.connect(self._handler)
+        self.endpoints.subscribe(topics.TRACKED_MARKERS, self._on_tracked)
         # Wall time: an identification may end when the machine has stopped.
         self._looker = self.create_timer(
             _LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -68,7 +67,7 @@ class CableFemNode(ManagedNode[FemParameters]):
             wanted.duration,
             take_up=wanted.take_up_material,
         )
-        self._material_out.publish(encode_material(now, None))
+        self.endpoints.publish(topics.FEM_MATERIAL, encode_material(now, None))
 
     def deactivate(self) -> None:
         """Let go of an identification at work."""
@@ -136,7 +135,7 @@ class CableFemNode(ManagedNode[FemParameters]):
             self.publish([self._handler.predicted(t, update.ahead)])
         report = _reported(update, self._handler.config.law, self._markers_used)
         self._report = (t, report)
-        self._material_out.publish(encode_material(t, report))
+        self.endpoints.publish(topics.FEM_MATERIAL, encode_material(t, report))
         if report.refusal:
             self.get_logger().warning(f"material refused: {report.refusal}")
 

@@ -8,7 +8,7 @@ from correction_node.live.run_corrector import RunCorrector
 from correction_node.ros.message_handler import CorrectionHandler
 from correction_node.ros.parameters import CorrectionParameters
 from winding_core.status import Level, Status
-from winding_ros import topics
+from winding_ros import graph, topics
 from winding_ros.managed_node import ManagedNode
 
 
@@ -24,7 +24,7 @@ class CorrectionNode(ManagedNode[CorrectionParameters]):
     """
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__(topics.CORRECTION, CorrectionParameters, **kwargs)
+        super().__init__(graph.CORRECTION, CorrectionParameters, **kwargs)
 
     @property
     def run(self) -> RunCorrector:
@@ -32,9 +32,9 @@ class CorrectionNode(ManagedNode[CorrectionParameters]):
         return self._handler.run
 
     def configure(self) -> None:
-        """Load the weight; advertise and subscribe."""
+        """Load the weight; subscribe."""
         self._handler = CorrectionHandler(self.configuration)
-        self.connect(self._handler)
+        self.endpoints.connect(self._handler)
 
     def activate(self) -> None:
         """Begin a new run: nothing has been measured yet."""

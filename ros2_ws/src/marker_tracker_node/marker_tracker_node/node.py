@@ -13,7 +13,7 @@ from marker_tracker_node.ros.parameters import TrackerParameters
 from marker_tracker_node.tracking.tracker import Tracker
 from marker_tracker_node.tracking.warm_up import warm_up
 from winding_core.status import Level, Status
-from winding_ros import topics
+from winding_ros import graph, topics
 from winding_ros.managed_node import ManagedNode
 
 
@@ -25,7 +25,7 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
     """
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__(topics.TRACKER, TrackerParameters, **kwargs)
+        super().__init__(graph.TRACKER, TrackerParameters, **kwargs)
         self._handler: TrackerHandler | None = None
         self._busy = threading.Lock()
 
@@ -35,11 +35,11 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
         return self._handler.tracker if self._handler is not None else None
 
     def configure(self) -> None:
-        """Read the machine's description; advertise and subscribe."""
+        """Read the machine's description; subscribe."""
         self._handler = TrackerHandler(self.configuration)
         # The first frame compiles the kernels: before time runs, not within it.
         warm_up(self._handler.config)
-        self.connect(self._handler, busy=self._busy)
+        self.endpoints.connect(self._handler, busy=self._busy)
 
     def activate(self) -> None:
         """Begin a new run."""

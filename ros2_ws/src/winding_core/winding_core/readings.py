@@ -23,6 +23,25 @@ class AxisReading:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """What a sensor of the machine measures, one number at a time.
+
+    Attributes:
+        name: Such as tension.
+        unit: Of the number, SI.
+        sensor: What measures it; the frame of its messages.
+        field: Where the number stands in a message, with dots between nested fields.
+        digits: Decimals that an operator reads.
+    """
+
+    name: str
+    unit: str
+    sensor: str
+    field: str
+    digits: int = 2
+
+
+@dataclass(frozen=True, kw_only=True)
 class ImageWindow:
     """The part of the full sensor that a frame shows (REP-104).
 

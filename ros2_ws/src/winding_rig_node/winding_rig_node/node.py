@@ -9,8 +9,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from sensor_msgs.srv import SetCameraInfo
-from std_srvs.srv import Trigger
 
 from winding_core.parameters import refuse_unknown
 from winding_core.status import Level, Status
@@ -22,7 +20,7 @@ from winding_rig_node.ros.camera import Camera, FrameListener
 from winding_rig_node.ros.fault_parameters import follow_fault_parameters, stated_faults
 from winding_rig_node.ros.outputs import Outputs, due
 from winding_rig_node.ros.parameters import RigParameters
-from winding_ros import topics
+from winding_ros import graph, services, topics
 from winding_ros.heartbeat import Sign, watch_heartbeat
 from winding_ros.managed_node import ManagedNode
 from winding_ros.rig_messages import MessageError
@@ -40,10 +38,8 @@ _ROUNDING = 1.0e-6
 class RigNode(ManagedNode[RigParameters]):
     """Simulated winding machine; owns simulated time.
 
-    Publishes /clock, rig/joint_states, rig/joint_commands, rig/tension, camera/image_raw,
-    camera/camera_info, camera/image_raw/compressed. Serves rig/start, rig/stop,
-    rig/quick_stop, rig/reset, rig/emergency_stop, camera/set_camera_info. Listens to
-    `pace_topics` for their stamps alone, and to the orchestrator's signs of life.
+    Publishes and serves what `winding graph --interfaces` says. Listens to `pace_topics` for
+    their stamps alone, and to the orchestrator's signs of life.
 
     The machine runs in a thread of its own with absolute deadlines, the camera in another; the
     executor only serves requests and answers.
@@ -54,25 +50,25 @@ class RigNode(ManagedNode[RigParameters]):
     """
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__(topics.RIG, RigParameters, **kwargs)
+        super().__init__(graph.RIG, RigParameters, **kwargs)
         self._changed = threading.Condition()
         self._threads: list[threading.Thread] = []
         self._camera: Camera | None = None
         self._machine: Machine | None = None
         self._quit = False
-        for name, act in (
-            ("rig/start", self._start),
-            ("rig/stop", lambda machine: machine.stop()),
-            ("rig/quick_stop", lambda machine: machine.quick_stop()),
-            ("rig/reset", lambda machine: machine.reset()),
-            ("rig/emergency_stop", lambda machine: machine.emergency_stop()),
+        for service, act in (
+            (services.START, self._start),
+            (services.STOP, lambda machine: machine.stop()),
+            (services.QUICK_STOP, lambda machine: machine.quick_stop()),
+            (services.RESET, lambda machine: machine.reset()),
+            (services.EMERGENCY_STOP, lambda machine: machine.emergency_stop()),
         ):
-            self.create_service(Trigger, name, self._command(act))
-        self.create_service(SetCameraInfo, "camera/set_camera_info", self._set_camera_info)
+            service.serve(self, self._command(act))
+        services.SET_CAMERA_INFO.serve(self, self._set_camera_info)
         self.frame_listener: FrameListener | None = None
         self._supervisor_heard = math.inf
         follow_fault_parameters(self, self._put_in)
-        watch_heartbeat(self, "orchestrator", self._note_supervisor)
+        watch_heartbeat(self, topics.ORCHESTRATOR, self._note_supervisor)
 
     def configure(self) -> None:
         """Build machine, lay and camera; advertise everything."""
@@ -96,7 +92,7 @@ class RigNode(ManagedNode[RigParameters]):
         )
         for topic in topics.TOPICS:
             if topic.name in self._pace.answered:
-                self.subscribe(topic, self._answer(topic.name), raw=True)
+                self.endpoints.subscribe(topic, self._answer(topic.name), raw=True)
 
     def activate(self) -> None:
         """Start the machine's and the camera's threads; time waits for rig/start."""
@@ -175,8 +171,8 @@ class RigNode(ManagedNode[RigParameters]):
         self._stop_quickly(sentence)
 
     def _start(self, machine: Machine) -> None:
-        if self.rivals():
-            raise PhaseError(f"cannot start while {self.rivals()[0]}")
+        if self.endpoints.rivals():
+            raise PhaseError(f"cannot start while {self.endpoints.rivals()[0]}")
         self._supervisor_heard = time.monotonic()
         # A client repeats a request whose answer was lost: starting twice is starting once.
         if machine.state.phase is not Phase.WINDING:

@@ -22,7 +22,7 @@ from winding_ros.topic_status import subscribers_of
 _SPIN_PERIOD = 0.1
 # A request sent before the server is matched is lost, so requests are repeated.
 _RETRY_PERIOD = 0.5
-NAME = "orchestrator"
+NAME = topics.ORCHESTRATOR
 
 
 class AsyncClient:

@@ -102,7 +102,13 @@ def encode_line_strip(t: float, points: NDArray[np.float64], width: float) -> Ma
     return message
 
 
-def decode_line_strip(message: Marker) -> tuple[float, NDArray[np.float64]]:
-    """Return (t [s], points of shape (n, 3) [m])."""
-    points = np.array([(point.x, point.y, point.z) for point in message.points], dtype=float)
-    return decode_stamp(message.header.stamp), points.reshape(-1, 3)
+def decode_line_width(message: Marker) -> tuple[float, float]:
+    """Return (t [s], width [m]) of a centreline.
+
+    Raises:
+        MessageError: The width is not positive and finite.
+    """
+    width = float(message.scale.x)
+    if not 0.0 < width < np.inf:
+        raise MessageError(f"width of a line strip must be positive and finite, got {width} m")
+    return decode_stamp(message.header.stamp), width

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from winding_ros import topics
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 DEFAULT_NAMESPACE = "winding"
 
@@ -23,99 +23,93 @@ class Policy(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class NodeSpec:
-    """One node of the graph.
+    """One node of the graph; what it publishes stands with the topics.
 
     Attributes:
         name: Node name.
         package: Python package; `python -m package` is the node's process.
-        node_class: Class in `package.node` for composition in one process.
         parameters_class: Class in `package.ros.parameters` that states its parameters.
-        publishes: Topics it publishes, /diagnostics aside.
-        subscribes: Topics it listens to.
+        handler_class: Class in `package.ros.message_handler` that does its work; empty where
+            messages alone do not determine what it says.
+        inputs: Topics that the handler takes, those first that the others are read with: of what
+            has arrived together, and of messages with the same stamp, this is the order.
+        beside: Topics that the node listens to without its handler.
+        aside: Topics that it publishes without its handler, as further threads end.
         policy: What becomes of the run when the node fails.
-        answer: Topic whose stamps say how far the node has come; it holds simulated time.
     """
 
     name: str
-    package: str
-    node_class: str
-    parameters_class: str
-    publishes: tuple[Topic, ...]
-    subscribes: tuple[Topic, ...]
+    package: str = ""
+    parameters_class: str = ""
+    handler_class: str = ""
+    inputs: tuple[Topic, ...] = ()
+    beside: tuple[Topic, ...] = ()
+    aside: tuple[Topic, ...] = ()
     policy: Policy = Policy.END
-    answer: Topic | None = None
+
+    @property
+    def publishes(self) -> tuple[Topic, ...]:
+        """Topics it publishes, /diagnostics aside."""
+        return topics.published_by(self.name)
+
+    @property
+    def outputs(self) -> tuple[Topic, ...]:
+        """Topics on which its handler answers."""
+        return tuple(topic for topic in self.publishes if topic not in self.aside)
+
+    @property
+    def subscribes(self) -> tuple[Topic, ...]:
+        """Topics it listens to, /clock aside."""
+        return (*self.inputs, *self.beside)
+
+    @property
+    def answer(self) -> Topic | None:
+        """Topic whose stamps say how far the node has come."""
+        return next((topic for topic in self.publishes if topic.answer), None)
 
 
-# Sinks first, the rig last: who listens is awake before anybody speaks.
-GRAPH: tuple[NodeSpec, ...] = (
-    NodeSpec(
-        name=topics.CORRECTION,
-        package="correction_node",
-        node_class="CorrectionNode",
-        parameters_class="CorrectionParameters",
-        publishes=(topics.CORRECTED_MARKERS, topics.CORRECTION_CASE),
-        subscribes=(topics.FEM_MARKERS, topics.TRACKED_MARKERS),
-        policy=Policy.RESTART,
-        answer=topics.CORRECTED_MARKERS,
-    ),
-    NodeSpec(
-        name=topics.FEM,
-        package="cable_fem_node",
-        node_class="CableFemNode",
-        parameters_class="FemParameters",
-        publishes=(
-            topics.FEM_MARKERS,
-            topics.FEM_CABLE,
-            topics.FEM_CABLE_LINE,
-            topics.FEM_PREDICTION,
-            topics.FEM_MATERIAL,
-        ),
-        subscribes=(topics.JOINT_STATES, topics.TENSION, topics.TRACKED_MARKERS),
-        policy=Policy.REPLAY,
-        answer=topics.FEM_MARKERS,
-    ),
-    NodeSpec(
-        name=topics.TRACKER,
-        package="marker_tracker_node",
-        node_class="MarkerTrackerNode",
-        parameters_class="TrackerParameters",
-        publishes=(topics.TRACKED_MARKERS,),
-        subscribes=(topics.IMAGE, topics.CAMERA_INFO, topics.JOINT_STATES),
-        policy=Policy.RESTART,
-        answer=topics.TRACKED_MARKERS,
-    ),
-    NodeSpec(
-        name=topics.RIG,
-        package="winding_rig_node",
-        node_class="RigNode",
-        parameters_class="RigParameters",
-        publishes=(
-            topics.CLOCK,
-            topics.JOINT_STATES,
-            topics.JOINT_COMMANDS,
-            topics.TENSION,
-            topics.IMAGE,
-            topics.CAMERA_INFO,
-            topics.PREVIEW,
-        ),
-        subscribes=(
-            topics.TRACKED_MARKERS,
-            topics.FEM_MARKERS,
-            topics.CORRECTED_MARKERS,
-            topics.RECORDER_PROGRESS,
-        ),
-    ),
+CORRECTION = NodeSpec(
+    name=topics.CORRECTION,
+    package="correction_node",
+    parameters_class="CorrectionParameters",
+    handler_class="CorrectionHandler",
+    inputs=(topics.TRACKED_MARKERS, topics.FEM_MARKERS),
+    policy=Policy.RESTART,
 )
-
+FEM = NodeSpec(
+    name=topics.FEM,
+    package="cable_fem_node",
+    parameters_class="FemParameters",
+    handler_class="FemHandler",
+    inputs=(topics.TENSION, topics.JOINT_STATES),
+    beside=(topics.TRACKED_MARKERS,),
+    aside=(topics.FEM_MATERIAL,),
+    policy=Policy.REPLAY,
+)
+TRACKER = NodeSpec(
+    name=topics.TRACKER,
+    package="marker_tracker_node",
+    parameters_class="TrackerParameters",
+    handler_class="TrackerHandler",
+    inputs=(topics.CAMERA_INFO, topics.JOINT_STATES, topics.IMAGE),
+    policy=Policy.RESTART,
+)
+RIG = NodeSpec(
+    name=topics.RIG,
+    package="winding_rig_node",
+    parameters_class="RigParameters",
+    # Their stamps alone: they hold simulated time.
+    beside=tuple(topic for topic in topics.TOPICS if topic.answer),
+)
+# Sinks first, the rig last: who listens is awake before anybody speaks.
+GRAPH: tuple[NodeSpec, ...] = (CORRECTION, FEM, TRACKER, RIG)
 
 # No part of the graph: it looks and asks, and the graph is whole without it.
 PAGE = NodeSpec(
     name=topics.DASHBOARD,
     package="winding_dashboard",
-    node_class="DashboardNode",
     parameters_class="DashboardParameters",
-    publishes=(),
-    subscribes=tuple(
+    beside=tuple(
         topic
         for topic in topics.TOPICS
         if topic not in (topics.CLOCK, topics.IMAGE, topics.RECORDER_PROGRESS)
@@ -188,7 +182,7 @@ def as_mermaid(graph: tuple[NodeSpec, ...] = GRAPH) -> str:
             lines += [
                 _arrow(spec.name, "-->", topic.name, other.name)
                 for other in graph
-                if topic in other.subscribes and topic not in pace_only(other)
+                if topic in other.subscribes and other is not RIG
             ]
     lines += [_arrow(spec.name, "-->", "all topics", topics.RECORDER) for spec in reversed(graph)]
     lines += [
@@ -199,11 +193,6 @@ def as_mermaid(graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     progress = topics.RECORDER_PROGRESS.name
     lines.append(_arrow(topics.RECORDER, "-.->", f"stamps of {progress}", topics.RIG))
     return "\n".join(lines)
-
-
-def pace_only(spec: NodeSpec) -> tuple[Topic, ...]:
-    """Return the topics that a node listens to for their stamps alone."""
-    return spec.subscribes if spec.name == topics.RIG else ()
 
 
 def _arrow(source: str, line: str, label: str, target: str) -> str:

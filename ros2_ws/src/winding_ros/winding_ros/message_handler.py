@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,16 +22,7 @@ class Answer:
 
 
 class MessageHandler(Protocol):
-    """The work of one node from activation on.
-
-    Attributes:
-        inputs: Topics it takes, those first that the others are read with: of what has arrived
-            together, and of messages with the same stamp, this is the order.
-        outputs: Topics it answers on.
-    """
-
-    inputs: ClassVar[tuple[Topic, ...]]
-    outputs: ClassVar[tuple[Topic, ...]]
+    """The work of one node from activation on; the graph states its inputs and outputs."""
 
     def begin(self, t: float) -> Iterator[Answer]:
         """Begin a new run at a time [s]; yield what is said at once."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

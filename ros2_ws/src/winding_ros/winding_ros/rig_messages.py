@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from functools import reduce
+from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from winding_core.readings import AxisReading
+from winding_core.readings import AxisReading, Quantity
 from winding_ros.stamps import decode_stamp, encode_stamp
 
 CYLINDER_JOINT = "cylinder_joint"
 CARRIAGE_JOINT = "carriage_joint"
 BASE_FRAME = "winder_axis"
-LOAD_CELL_FRAME = "load_cell"
+CABLE_TENSION = Quantity(name="tension", unit="N", sensor="load_cell", field="wrench.force.x")
 
 
 class MessageError(ValueError):
@@ -64,13 +67,31 @@ def decode_joint_state(message: JointState) -> tuple[float, AxisReading]:
     return decode_stamp(message.header.stamp), reading
 
 
+def encode_quantity(type_: type, quantity: Quantity, t: float, value: float) -> Any:
+    """Return one number of a sensor as a message of a type, stamped t [s]."""
+    message = type_()
+    message.header.stamp = encode_stamp(t)
+    message.header.frame_id = quantity.sensor
+    *path, last = quantity.field.split(".")
+    setattr(reduce(getattr, path, message), last, float(value))
+    return message
+
+
+def decode_quantity(quantity: Quantity, message: Any) -> tuple[float, float]:
+    """Return (t [s], value) of a sensor's message.
+
+    Raises:
+        MessageError: The value is not finite.
+    """
+    value = float(reduce(getattr, quantity.field.split("."), message))
+    if not math.isfinite(value):
+        raise MessageError(f"{quantity.name} must be finite, got {value} {quantity.unit}")
+    return decode_stamp(message.header.stamp), value
+
+
 def encode_tension(t: float, force: float) -> WrenchStamped:
     """Return the load cell's force [N] along the cable as a wrench stamped t [s]."""
-    message = WrenchStamped()
-    message.header.stamp = encode_stamp(t)
-    message.header.frame_id = LOAD_CELL_FRAME
-    message.wrench.force.x = float(force)
-    return message
+    return encode_quantity(WrenchStamped, CABLE_TENSION, t, force)
 
 
 def decode_tension(message: WrenchStamped) -> tuple[float, float]:
@@ -79,7 +100,14 @@ def decode_tension(message: WrenchStamped) -> tuple[float, float]:
     Raises:
         MessageError: The force is not finite.
     """
-    force = message.wrench.force.x
-    if not math.isfinite(force):
-        raise MessageError(f"tension must be finite, got {force} N")
-    return decode_stamp(message.header.stamp), force
+    return decode_quantity(CABLE_TENSION, message)
+
+
+def encode_clock(t: float) -> Clock:
+    """Return simulated time t [s] as a message."""
+    return Clock(clock=encode_stamp(t))
+
+
+def decode_clock(message: Clock) -> tuple[float, None]:
+    """Return simulated time [s], and nothing beside it."""
+    return decode_stamp(message.clock), None

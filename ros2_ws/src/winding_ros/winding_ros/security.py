@@ -13,8 +13,9 @@ from winding_ros import topics
 from winding_ros.environment import enclave
 from winding_ros.graph import GRAPH, PAGE, NodeSpec
 from winding_ros.heartbeat import heartbeat_topic
+from winding_ros.services import SERVICES, served_by
+from winding_ros.topics import ORCHESTRATOR
 
-ORCHESTRATOR = "orchestrator"
 # What rclpy serves for every lifecycle node, in its own namespace.
 _LIFECYCLE_SERVICES = (
     "change_state",
@@ -64,10 +65,8 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
         told = [heartbeat_topic(spec.name), f"{spec.name}/transition_event"]
         _allow(profile, "topics", "publish", [*(t.name for t in spec.publishes), *told])
         _allow(profile, "topics", "subscribe", [*heard, heartbeat_topic(ORCHESTRATOR)])
-        served = [f"{spec.name}/{name}" for name in _OWN_SERVICES]
-        if spec.name == topics.RIG:
-            served += topics.SERVICES
-        _allow(profile, "services", "reply", served)
+        own = (f"{spec.name}/{name}" for name in _OWN_SERVICES)
+        _allow(profile, "services", "reply", [*own, *served_by(spec.name)])
     # Orchestrator and recorder share a process, so they share keys.
     process = _enclave(enclaves, namespace, ORCHESTRATOR)
     profile = _profile(process, namespace, ORCHESTRATOR)
@@ -75,17 +74,17 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     _allow(profile, "topics", "publish", [heartbeat_topic(ORCHESTRATOR)])
     _allow(profile, "topics", "subscribe", [topics.DIAGNOSTICS.name, *signs])
     asked = [f"{spec.name}/{name}" for spec in graph for name in _OWN_SERVICES]
-    _allow(profile, "services", "request", [*topics.SERVICES, *asked])
+    _allow(profile, "services", "request", [*served_by(topics.RIG), *asked])
     _allow(profile, "services", "reply", [f"{ORCHESTRATOR}/{n}" for n in _PARAMETER_SERVICES])
     profile = _profile(process, namespace, topics.RECORDER)
     _allow(profile, "topics", "publish", [topics.RECORDER_PROGRESS.name])
     recorded = [topic.name for topic in topics.TOPICS if topic.recorded]
     _allow(profile, "topics", "subscribe", recorded)
-    _allow(profile, "services", "reply", topics.RECORDER_SERVICES)
+    _allow(profile, "services", "reply", served_by(topics.RECORDER))
     profiles = _enclave(enclaves, namespace, PAGE.name)
     profile = _profile(profiles, namespace, PAGE.name)
     _allow(profile, "topics", "publish", [heartbeat_topic(PAGE.name)])
-    _allow(profile, "services", "request", [*topics.SERVICES, *topics.RECORDER_SERVICES, *asked])
+    _allow(profile, "services", "request", [*(s.name for s in SERVICES), *asked])
     _allow(profile, "services", "reply", [f"{PAGE.name}/{n}" for n in _PARAMETER_SERVICES])
     profile = _profile(profiles, namespace, f"{PAGE.name}_eyes")
     _allow(profile, "topics", "subscribe", [topic.name for topic in PAGE.subscribes])

@@ -7,7 +7,7 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 
 from winding_ros.rig_messages import MessageError
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 
 def deserialised(data: bytes, topic: Topic) -> Any:

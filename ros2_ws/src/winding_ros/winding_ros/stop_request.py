@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 
 from rclpy.node import Node
-from std_srvs.srv import Trigger
 
-QUICK_STOP = "rig/quick_stop"
+from winding_ros.services import QUICK_STOP
+
 # An answer can be lost; a machine that stands already stays where it is [s].
 _REPEAT = 0.5
 
@@ -25,7 +25,7 @@ class StopRequest:
         self._node = node
         self._clock = clock
         self._next = -1.0
-        self._client = node.create_client(Trigger, QUICK_STOP)
+        self._client = QUICK_STOP.client(node)
 
     def ask(self, reason: str) -> None:
         """Ask the machine to come to rest, and say why."""
@@ -34,4 +34,4 @@ class StopRequest:
             return
         self._next = now + _REPEAT
         self._node.get_logger().error(f"asked the machine to stop: {reason}")
-        self._client.call_async(Trigger.Request())
+        self._client.call_async(QUICK_STOP.type.Request())

@@ -9,7 +9,7 @@ from typing import Any
 
 from rclpy.subscription import Subscription
 
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 
 @dataclass(frozen=True, kw_only=True)

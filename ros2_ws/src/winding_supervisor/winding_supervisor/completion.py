@@ -6,7 +6,7 @@ import math
 
 from winding_recorder.live.recorder import RunBuffer
 from winding_ros import topics
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 # Frames may be lost at the very end of a run: nothing more comes after so long.
 _LAST_FRAMES = 1.0

@@ -12,7 +12,7 @@ from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph import GRAPH, expected_subscribers
 from winding_ros.message_guard import UNKNOWN_NODE
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 PATIENCE = 30.0
 # A stranger that cannot be reached is not waited for any longer.

@@ -10,6 +10,7 @@ import psutil  # type: ignore[import-untyped]
 from winding_core.status import Level
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
+from winding_ros.topic import Topic
 
 _FRAME_PERIOD_NS = 5_000_000
 _MEBIBYTE = 2.0**20
@@ -56,7 +57,7 @@ class LoadMonitor:
             return Level.WARN, f"{self.lost_frames - before} frames are missing", values
         return Level.OK, "", values
 
-    def _fresh(self, topic: topics.Topic, overlap: int = 0) -> list[BufferedMessage]:
+    def _fresh(self, topic: Topic, overlap: int = 0) -> list[BufferedMessage]:
         messages = self.buffer.messages[topic.name]
         return messages.newest(messages.taken - self._seen[topic.name] + overlap)
 

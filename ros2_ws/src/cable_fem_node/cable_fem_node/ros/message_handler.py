@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from winding_ros import topics
 from winding_ros.cloud_messages import encode_cloud, encode_line_strip
 from winding_ros.message_handler import Answer
 from winding_ros.rig_messages import MessageError, decode_joint_state, decode_tension
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 
 class FemHandler:
@@ -42,14 +42,6 @@ class FemHandler:
         replayed: How much of a run that was already going has been replayed [s]; None if the
             run begins with this node.
     """
-
-    inputs: ClassVar[tuple[Topic, ...]] = (topics.TENSION, topics.JOINT_STATES)
-    outputs: ClassVar[tuple[Topic, ...]] = (
-        topics.FEM_MARKERS,
-        topics.FEM_CABLE,
-        topics.FEM_CABLE_LINE,
-        topics.FEM_PREDICTION,
-    )
 
     def __init__(self, wanted: FemParameters, go_on: Callable[[], None] = lambda: None) -> None:
         self.config = wanted.winding_config()

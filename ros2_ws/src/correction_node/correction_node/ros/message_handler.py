@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 from correction_node.live.corrector import Corrector
 from correction_node.live.run_corrector import RunCorrector
@@ -15,7 +15,7 @@ from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud, encode_cloud
 from winding_ros.diagnostic_messages import encode_case_votes
 from winding_ros.message_handler import Answer
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 
 class CorrectionHandler:
@@ -26,9 +26,6 @@ class CorrectionHandler:
         factor: The weight h for this condition.
         run: What is measured of this run, and what it says of the rest.
     """
-
-    inputs: ClassVar[tuple[Topic, ...]] = (topics.TRACKED_MARKERS, topics.FEM_MARKERS)
-    outputs: ClassVar[tuple[Topic, ...]] = (topics.CORRECTED_MARKERS, topics.CORRECTION_CASE)
 
     def __init__(self, wanted: CorrectionParameters) -> None:
         condition = wanted.condition()

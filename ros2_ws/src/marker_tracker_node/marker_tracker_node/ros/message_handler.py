@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from winding_ros.camera_messages import CameraReading, decode_camera_info, decod
 from winding_ros.cloud_messages import encode_cloud
 from winding_ros.message_handler import Answer
 from winding_ros.rig_messages import MessageError, decode_joint_state
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 # Topics overtake each other: the first calibration may come a few frames late.
 _FRAMES_BEFORE_CALIBRATION = 50
@@ -31,13 +31,6 @@ class TrackerHandler:
         config: What the tracker is told of the machine.
         tracker: Of this run; None before the first calibration.
     """
-
-    inputs: ClassVar[tuple[Topic, ...]] = (
-        topics.CAMERA_INFO,
-        topics.JOINT_STATES,
-        topics.IMAGE,
-    )
-    outputs: ClassVar[tuple[Topic, ...]] = (topics.TRACKED_MARKERS,)
 
     def __init__(self, wanted: TrackerParameters) -> None:
         case, drive = wanted.condition(), wanted.drive()

@@ -186,7 +186,7 @@ def replay(
     own = None
     try:
         if parameters is not None and node in REPLAYABLE:
-            own = parameters_for(parameters, f"/{DEFAULT_NAMESPACE}/{REPLAYABLE[node][0]}")
+            own = parameters_for(parameters, f"/{DEFAULT_NAMESPACE}/{REPLAYABLE[node].name}")
     except (OSError, ValueError) as error:
         refuse(error)
     try:

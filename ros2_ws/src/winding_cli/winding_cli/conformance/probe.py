@@ -24,13 +24,13 @@ from winding_cli.conformance.judgement import (
     runs,
     stands,
 )
-from winding_ros import topics
+from winding_ros import services, topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.camera_messages import decode_camera_info, decode_image
 from winding_ros.rig_messages import MessageError, decode_joint_state, decode_tension
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
-RIG_SERVICES = ("rig/start", "rig/stop", "rig/emergency_stop", "rig/reset")
+RIG_SERVICES = (services.START, services.STOP, services.EMERGENCY_STOP, services.RESET)
 _ANSWER_WITHIN = 5.0
 _POLL = 0.01
 _RAMP_S = 3.0
@@ -89,14 +89,14 @@ class Probe:
         offered: dict[str, list[str]] = dict(self._client.node.get_service_names_and_types())
         return [
             Finding(
-                promise=f"{name}: a {topics.SERVICES[name][0]} service",
-                kept=topics.SERVICES[name][0]
-                in offered.get(self._client.node.resolve_service_name(name), []),
+                promise=f"{service.name}: a {service.type_name} service",
+                kept=service.type_name
+                in offered.get(self._client.node.resolve_service_name(service.name), []),
                 measured=", ".join(
-                    offered.get(self._client.node.resolve_service_name(name), ["not there"])
+                    offered.get(self._client.node.resolve_service_name(service.name), ["not there"])
                 ),
             )
-            for name in RIG_SERVICES
+            for service in RIG_SERVICES
         ]
 
     async def moves(self, running: tuple[float, float], stop_within: float) -> list[Finding]:

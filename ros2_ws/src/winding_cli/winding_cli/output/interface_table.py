@@ -5,7 +5,8 @@ from __future__ import annotations
 from winding_core.parameters import Declaration, declarations
 from winding_ros.graph import GRAPH, PAGE, parameters_of
 from winding_ros.heartbeat import LEASE, PERIOD, heartbeat_topic
-from winding_ros.topics import RECORDER_SERVICES, SERVICES, TOPICS
+from winding_ros.services import SERVICES
+from winding_ros.topics import TOPICS
 
 
 def as_markdown() -> str:
@@ -37,8 +38,7 @@ def _topics() -> list[str]:
 
 def _services() -> list[str]:
     lines = ["| service | type | what it does |", "|---|---|---|"]
-    served = SERVICES | RECORDER_SERVICES
-    lines += [f"| `{name}` | `{type_}` | {text} |" for name, (type_, text) in served.items()]
+    lines += [f"| `{item.name}` | `{item.type_name}` | {item.description} |" for item in SERVICES]
     lines.append(
         "| `<node>/change_state`, `<node>/get_state`, ... | `lifecycle_msgs/srv/*` "
         "| lifecycle of every node |"

@@ -16,7 +16,7 @@ from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.rig_messages import decode_joint_state, decode_tension
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 
 class LiveView:

@@ -21,7 +21,7 @@ from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostics
 from winding_ros.rig_messages import decode_joint_state, decode_tension
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 from winding_study.runs.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 from winding_supervisor.run import RunResult
 

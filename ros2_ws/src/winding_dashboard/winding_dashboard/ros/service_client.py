@@ -17,7 +17,7 @@ from winding_dashboard.views import commands
 from winding_dashboard.views.commands import Choice, CommandError
 from winding_dashboard.views.health import Health
 from winding_dashboard.views.own_condition import OWN_VALUES, condition_parameters
-from winding_ros import topics
+from winding_ros import services, topics
 from winding_ros.topic_status import subscribers_of
 
 # Listeners first, the machine last, as the orchestrator activates them.
@@ -74,7 +74,7 @@ class ServiceClient:
         self._health = health
         self._clock = clock
         self._first_lay: str | None = None
-        self._recorder = node.create_client(SetBool, topics.RECORD)
+        self._recorder = services.RECORD.client(node)
         self._rig = {name: node.create_client(Trigger, f"rig/{name}") for name in _RIG_COMMANDS}
         self._services = {
             (name, service): node.create_client(type_, f"{name}/{service}")
@@ -185,7 +185,8 @@ class ServiceClient:
         """Return why the recording cannot be switched now; empty when it can."""
         if self._recorder.service_is_ready():
             return ""
-        return f"nobody serves {topics.RECORD} in {self._namespace}; `winding run --dashboard` does"
+        name = services.RECORD.name
+        return f"nobody serves {name} in {self._namespace}; `winding run --dashboard` does"
 
     async def record(self, on: bool) -> str:
         """Begin a recording or end it.
@@ -195,7 +196,7 @@ class ServiceClient:
         """
         response = await self._call(self._recorder, SetBool.Request(data=on), _CLOSING)
         if not response.success:
-            raise CommandError(response.message or f"{topics.RECORD} was refused")
+            raise CommandError(response.message or f"{services.RECORD.name} was refused")
         return str(response.message)
 
     async def renew(self) -> None:

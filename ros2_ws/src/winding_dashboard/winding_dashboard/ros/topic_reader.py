@@ -21,7 +21,7 @@ from winding_ros.cloud_messages import decode_cloud
 from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostics
 from winding_ros.material_messages import decode_material
 from winding_ros.rig_messages import MessageError, decode_joint_state, decode_tension
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 # The newest one is all that a look needs; a page must never hold up a publisher.
 _NEWEST = QoSProfile(

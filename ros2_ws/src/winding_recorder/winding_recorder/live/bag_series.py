@@ -15,7 +15,7 @@ from winding_recorder.bags.notes import COMPLETE, LOST, YES
 from winding_recorder.bags.writer import BagWriter
 from winding_ros import topics
 from winding_ros.polled import Taken
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 Answer = Callable[[bool, str], None]
 

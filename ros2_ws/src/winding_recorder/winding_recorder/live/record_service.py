@@ -9,7 +9,7 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
-from winding_ros import topics
+from winding_ros.services import RECORD
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +33,7 @@ class RecordService:
     """
 
     def __init__(self, node: Node) -> None:
-        self._service = node.create_service(SetBool, topics.RECORD, _called)
+        self._service = node.create_service(RECORD.type, RECORD.name, _called)
 
     def take(self) -> Iterator[RecordRequest]:
         """Yield the requests that wait."""

@@ -22,7 +22,7 @@ from winding_ros.environment import ros_arguments
 from winding_ros.message_guard import StampError
 from winding_ros.polled import PolledTopic, Taken
 from winding_ros.stamps import encode_stamp, serialised_stamp_ns
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 __all__ = ["BufferedMessage", "Recorder", "RecorderError", "RunBuffer"]
 

@@ -14,7 +14,7 @@ from winding_recorder.live.thinned_history import StampRuns, ThinnedHistory
 from winding_ros import topics
 from winding_ros.rig_messages import MessageError
 from winding_ros.serialised import deserialised
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
 Reading = TypeVar("Reading")
 

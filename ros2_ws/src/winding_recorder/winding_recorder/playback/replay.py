@@ -6,7 +6,7 @@ import hashlib
 import importlib
 import json
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from operator import itemgetter
@@ -21,19 +21,14 @@ from winding_recorder.bags.comparison import Comparison, compare
 from winding_recorder.bags.failure import BagError
 from winding_recorder.bags.notes import PARAMETERS
 from winding_recorder.bags.reading import Decoder, messages_of, opened, read_notes
-from winding_ros import topics
-from winding_ros.graph import GRAPH, NodeSpec, parameters_of
+from winding_ros.graph import CORRECTION, FEM, TRACKER, NodeSpec, parameters_of
 from winding_ros.message_handler import Answer, MessageHandler
 from winding_ros.rig_messages import MessageError
 from winding_ros.stamps import serialised_stamp_ns
-from winding_ros.topics import Topic
+from winding_ros.topic import Topic
 
-# What a person calls the node -> (its name in the graph, its handler).
-REPLAYABLE = {
-    "tracker": (topics.TRACKER, "TrackerHandler"),
-    "fem": (topics.FEM, "FemHandler"),
-    "correction": (topics.CORRECTION, "CorrectionHandler"),
-}
+# What a person calls the node -> the node.
+REPLAYABLE = {"tracker": TRACKER, "fem": FEM, "correction": CORRECTION}
 DEFAULT_TOLERANCE = 1.0e-6
 
 
@@ -86,19 +81,17 @@ def replay(
         raise BagError(f"node must be one of {', '.join(REPLAYABLE)}, got {node!r}")
     if not 0.0 < tolerance < float("inf"):
         raise BagError(f"tolerance must be positive and finite, got {tolerance:g}")
-    name, class_name = REPLAYABLE[node]
-    (spec,) = (spec for spec in GRAPH if spec.name == name)
-    values = _recorded_parameters(path, name) if parameters is None else parameters
+    spec = REPLAYABLE[node]
+    values = _recorded_parameters(path, spec.name) if parameters is None else parameters
     with opened(path) as reader:
         module = importlib.import_module(f"{spec.package}.ros.message_handler")
-        exchange_class = getattr(module, class_name)
-        links = {topic.name: _link(reader, topic) for topic in exchange_class.inputs}
-        stored = {topic.name: _link(reader, topic) for topic in exchange_class.outputs}
-        handler: MessageHandler = exchange_class(_configuration(spec, values))
+        links = {topic.name: _link(reader, topic) for topic in spec.inputs}
+        stored = {topic.name: _link(reader, topic) for topic in spec.outputs}
+        handler: MessageHandler = getattr(module, spec.handler_class)(_configuration(spec, values))
         run = _Run(handler)
         recorded = {topic: _stream(reader, link, run.decoder) for topic, link in stored.items()}
         run.answer(handler.begin(_begin(recorded)))
-        for topic, data in _inputs(reader, handler, links):
+        for topic, data in _inputs(reader, spec.inputs, links):
             run.put(topic, data)
     if run.inputs == 0:
         raise BagError(f"{path} holds none of {node}'s inputs")
@@ -189,13 +182,13 @@ def _begin(recorded: Mapping[str, Mapping[int, Any]]) -> float:
 
 
 def _inputs(
-    reader: AnyReader, handler: MessageHandler, links: Mapping[str, Any]
+    reader: AnyReader, inputs: Sequence[Topic], links: Mapping[str, Any]
 ) -> Iterator[tuple[Topic, bytes]]:
-    order = {links[topic.name].topic: k for k, topic in enumerate(handler.inputs)}
+    order = {links[topic.name].topic: k for k, topic in enumerate(inputs)}
     messages = (
         (stamp, order[link.topic], data)
         for link, stamp, data in messages_of(reader, list(links.values()))
     )
     for _, same in groupby(messages, key=itemgetter(0)):
         for _, k, data in sorted(same, key=itemgetter(1)):
-            yield handler.inputs[k], data
+            yield inputs[k], data

@@ -12,9 +12,9 @@ from rclpy.parameter import Parameter
 from winding_rig_node.machine.faults import FaultError, Faults, parse_faults
 from winding_rig_node.machine.machine import SENSORS
 from winding_rig_node.ros.camera import CAMERA_SIGNAL
-from winding_rig_node.ros.outputs import PUBLISHED
+from winding_ros import graph
 
-TARGETS = (*SENSORS, CAMERA_SIGNAL, *(topic.name for topic in PUBLISHED))
+TARGETS = (*SENSORS, CAMERA_SIGNAL, *(topic.name for topic in graph.RIG.publishes))
 
 
 def stated_faults(text: str, *, enabled: bool, seed: int) -> Faults:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosgraph_msgs.msg import Clock
 
 from winding_core.readings import AxisReading
 from winding_rig_node.machine.faults import Faults, Values
@@ -20,23 +19,12 @@ from winding_ros.camera_messages import (
     encode_preview,
 )
 from winding_ros.managed_node import ManagedNode
-from winding_ros.rig_messages import encode_joint_state, encode_tension
-from winding_ros.stamps import encode_stamp
-from winding_ros.topics import Topic
-
-PUBLISHED = (
-    topics.CLOCK,
-    topics.JOINT_STATES,
-    topics.JOINT_COMMANDS,
-    topics.TENSION,
-    topics.IMAGE,
-    topics.CAMERA_INFO,
-    topics.PREVIEW,
-)
+from winding_ros.rig_messages import encode_clock, encode_joint_state, encode_tension
+from winding_ros.topic import Topic
 
 
 class Outputs:
-    """Publishers of the rig.
+    """What the rig says, topic by topic.
 
     Attributes:
         faults: What is wrong with the topics on purpose; a healthy topic costs nothing.
@@ -44,7 +32,7 @@ class Outputs:
 
     def __init__(self, node: ManagedNode[Any]) -> None:
         self.faults = Faults()
-        self._publishers = {topic.name: node.advertise(topic) for topic in PUBLISHED}
+        self._publish = node.endpoints.publish
 
     def clock(self, t: float) -> None:
         """Publish simulated time [s]."""
@@ -52,7 +40,7 @@ class Outputs:
             claimed = stamp if values is None else float(values[0])
             # A time that is no time at all cannot be written into a stamp.
             if np.isfinite(claimed) and 0.0 <= claimed < 2.0**31:
-                self._publish(topics.CLOCK, Clock(clock=encode_stamp(claimed)))
+                self._publish(topics.CLOCK, encode_clock(claimed))
 
     def joints(self, topic: Topic, t: float, reading: AxisReading) -> None:
         """Publish both axes, as measured or as commanded."""
@@ -100,9 +88,6 @@ class Outputs:
             return
         for delivery in channel.deliver(t, values()):
             yield delivery.t, delivery.values
-
-    def _publish(self, topic: Topic, message: Any) -> None:
-        self._publishers[topic.name].publish(message)
 
 
 def due(sample: int, topic: Topic) -> bool:

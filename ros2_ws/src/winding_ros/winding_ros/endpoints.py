@@ -1,0 +1,224 @@
+"""Publishers and subscriptions of a managed node: guarded, matched, contested or not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.lifecycle import LifecycleNode
+from rclpy.publisher import Publisher
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+
+from winding_core.status import Level, Status
+from winding_ros.graph import NodeSpec
+from winding_ros.heartbeat import Heartbeat
+from winding_ros.message_guard import Endpoint, MessageGuard, Rivals, StampError
+from winding_ros.message_handler import Answer, MessageHandler
+from winding_ros.rig_messages import MessageError
+from winding_ros.stamps import decode_stamp, serialised_stamp_ns
+from winding_ros.stop_request import StopRequest
+from winding_ros.topic import Topic
+from winding_ros.topic_status import topic_status
+from winding_ros.wake_up import Queue, in_order
+
+
+class Endpoints:
+    """What a managed node publishes and hears from `configure` to `cleanup`.
+
+    Args:
+        node: Whose endpoints.
+        spec: What the graph says of it.
+        heartbeat: Is given after each message: a reader in arrears serves many of them before
+            the executor's timers run again.
+    """
+
+    def __init__(self, node: LifecycleNode, spec: NodeSpec, heartbeat: Heartbeat) -> None:
+        self._node = node
+        self._spec = spec
+        self._heartbeat = heartbeat
+        self._stop_request = StopRequest(node)
+        self._publishers: dict[str, Publisher] = {}
+        self._subscriptions: list[Subscription] = []
+        self._guards: dict[str, MessageGuard] = {}
+        self._rivals: dict[str, Rivals] = {}
+        self._mismatch = ""
+
+    def advertise(self, topic: Topic) -> None:
+        """Make a publisher that is silent unless the node is active."""
+        self._publishers[topic.name] = self._node.create_lifecycle_publisher(
+            topic.type,
+            topic.name,
+            topic.qos,
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            event_callbacks=PublisherEventCallbacks(
+                incompatible_qos=lambda event: self._note_mismatch(topic, "a subscriber", event)
+            ),
+        )
+
+    def publish(self, topic: Topic, message: Any) -> None:
+        """Publish a message on a topic that is advertised."""
+        self._publishers[topic.name].publish(message)
+
+    def matched(self, topic: str) -> int:
+        """Return how many subscriptions one of the node's publishers has."""
+        return int(self._publishers[topic].get_subscription_count())
+
+    def subscribe(
+        self, topic: Topic, callback: Callable[[Any], None], *, raw: bool = False
+    ) -> None:
+        """Subscribe with a callback that may refuse a message with MessageError.
+
+        A message whose stamp runs backwards, and every message of a topic that has more than
+        one publisher, is refused before the callback sees it.
+        """
+        self._subscriptions.append(
+            topic.subscribe(
+                self._node,
+                self._guarded(topic, callback, raw=raw),
+                raw=raw,
+                found=self._guard(topic).found,
+                events=self._events(topic),
+            )
+        )
+
+    def connect(
+        self, handler: MessageHandler, *, busy: AbstractContextManager[Any] | None = None
+    ) -> None:
+        """Publish a handler's answers to each of the node's inputs.
+
+        A node that wakes up deals with everything that has arrived, input by input in the order
+        of the graph. An executor serves one topic after the other as they come: a node in
+        arrears would see frames of a quarter of a second before the encoder samples of the first
+        of them.
+
+        Args:
+            handler: The node's work.
+            busy: Held while it works, when another thread may call it too.
+        """
+        subscriptions: dict[Topic, Subscription] = {}
+        queues = [
+            Queue(
+                topic=topic,
+                take=self._guarded(topic, self._answering(handler, topic, busy or nullcontext())),
+                found=self._guard(topic).found,
+            )
+            for topic in self._spec.inputs
+        ]
+        for topic in self._spec.inputs:
+            woken = in_order(topic, queues, subscriptions)
+            subscriptions[topic] = topic.listen(self._node, woken, events=self._events(topic))
+        self._subscriptions += subscriptions.values()
+
+    def answer(self, answers: Iterable[Answer]) -> None:
+        """Publish answers as they come."""
+        for answer in answers:
+            self.publish(answer.topic, answer.message)
+
+    def begin_run(self) -> None:
+        """Take the next stamp of every topic as it comes."""
+        for guard in self._guards.values():
+            guard.restart()
+
+    def clear(self) -> None:
+        """Destroy all publishers and subscriptions, and forget what was heard."""
+        for publisher in self._publishers.values():
+            self._node.destroy_lifecycle_publisher(publisher)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._publishers.clear()
+        self._subscriptions.clear()
+        self._guards.clear()
+        self._rivals.clear()
+        self._mismatch = ""
+
+    def rivals(self) -> list[str]:
+        """Return one sentence for each of the node's topics that others publish too."""
+        return [rivals.sentence for rivals in self._rivals.values() if rivals.sentence]
+
+    def look_for_rivals(self) -> None:
+        """Look who publishes on the node's topics now."""
+        now = time.monotonic()
+        for name in {*self._guards, *self._publishers}:
+            publishers: tuple[Endpoint, ...] = ()
+            if self._node.count_publishers(name) > 1:
+                resolved = self._node.resolve_topic_name(name)
+                publishers = tuple(
+                    (found.node_namespace, found.node_name)
+                    for found in self._node.get_publishers_info_by_topic(resolved)
+                )
+            before = self._rivals.get(name, Rivals())
+            after = self._rivals[name] = before.look(name, publishers, now)
+            if name in self._guards:
+                self._guards[name].contested = after.sentence
+            if after.sentence and after.sentence != before.sentence:
+                self._node.get_logger().error(after.sentence)
+
+    def statuses(self) -> list[Status]:
+        """Return what there is to say of the node's topics."""
+        name = self._spec.name
+        subscribers = {topic: self.matched(topic) for topic in self._publishers}
+        found = [topic_status(name, subscribers, self._guards, self.rivals())]
+        if self._mismatch:
+            found.append(
+                Status(
+                    name=f"{name}: quality of service", level=Level.ERROR, message=self._mismatch
+                )
+            )
+        return found
+
+    def told(self) -> None:
+        """Begin to look for the longest queues anew: the present ones have been told."""
+        for guard in self._guards.values():
+            guard.told()
+
+    def _events(self, topic: Topic) -> SubscriptionEventCallbacks:
+        return SubscriptionEventCallbacks(
+            incompatible_qos=lambda event: self._note_mismatch(topic, "a publisher", event)
+        )
+
+    def _guard(self, topic: Topic) -> MessageGuard:
+        return self._guards.setdefault(topic.name, MessageGuard(topic.name))
+
+    def _guarded(
+        self, topic: Topic, callback: Callable[[Any], None], *, raw: bool = False
+    ) -> Callable[[Any], None]:
+        guard = self._guard(topic)
+
+        def guarded(message: Any) -> None:
+            try:
+                guard.check(_stamp(message, raw=raw), self._now)
+                callback(message)
+            except (MessageError, StampError) as error:
+                guard.refuse(str(error), time.monotonic())
+                if guard.persistent:
+                    self._stop_request.ask(f"{topic.name}: {error}")
+            else:
+                guard.accept()
+            self._heartbeat.beat()
+
+        return guarded
+
+    def _answering(
+        self, handler: MessageHandler, topic: Topic, busy: AbstractContextManager[Any]
+    ) -> Callable[[Any], None]:
+        def answer(message: Any) -> None:
+            with busy:
+                self.answer(handler.take(topic, message))
+
+        return answer
+
+    def _now(self) -> float:
+        return float(self._node.get_clock().now().nanoseconds * 1e-9)
+
+    def _note_mismatch(self, topic: Topic, who: str, event: Any) -> None:
+        policy = str(event.last_policy_kind).rpartition(".")[2]
+        self._mismatch = f"{topic.name}: {who} asks for another quality of service ({policy})"
+        self._node.get_logger().error(self._mismatch)
+
+
+def _stamp(message: Any, *, raw: bool) -> float:
+    return serialised_stamp_ns(message) * 1e-9 if raw else decode_stamp(message.header.stamp)

@@ -1,0 +1,142 @@
+"""What the graph says of one topic, and how a node subscribes to it and publishes it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+
+from winding_core.readings import Quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Topic:
+    """One topic of the graph contract.
+
+    Attributes:
+        name: Relative to the graph's namespace, or absolute.
+        type: Message class.
+        rate: Nominal messages per simulated second; None for topics sent on change.
+        publisher: Name of the node that publishes it; EVERY_NODE for shared topics.
+        depth: History kept for a slow reader.
+        latched: Whether late subscribers get the last message.
+        recorded: Whether the recorder stores it.
+        answer: Whether its stamps say how far its publisher has come; they hold simulated time.
+        description: One line for the interface table.
+        decode: Makes (t [s], content) of a message; raises MessageError.
+        quantity: What its one number measures; None for other topics.
+    """
+
+    name: str
+    type: type
+    rate: float | None
+    publisher: str
+    depth: int
+    latched: bool = False
+    recorded: bool = True
+    answer: bool = False
+    description: str
+    decode: Callable[[Any], tuple[float, Any]]
+    quantity: Quantity | None = None
+
+    @property
+    def type_name(self) -> str:
+        """Full ROS name of the message type, as bags write it."""
+        package, kind, *_ = self.type.__module__.split(".")
+        return f"{package}/{kind}/{self.type.__name__}"
+
+    @property
+    def qos(self) -> QoSProfile:
+        """Reliable, keep last `depth`, transient local when latched."""
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if self.latched else DurabilityPolicy.VOLATILE
+        return QoSProfile(
+            history=HistoryPolicy.KEEP_LAST,
+            depth=self.depth,
+            reliability=ReliabilityPolicy.RELIABLE,
+            durability=durability,
+        )
+
+    def subscribe(
+        self,
+        node: Node,
+        callback: Callable[[Any], None],
+        *,
+        raw: bool = False,
+        events: SubscriptionEventCallbacks | None = None,
+        found: Callable[[int], None] | None = None,
+    ) -> Subscription:
+        """Return a subscription on a node; raw callbacks get the serialised bytes.
+
+        `found` is told how many messages waited at each wake-up.
+
+        One wake-up serves every message that waits. An executor by itself takes one message of
+        each topic per round: a reader in arrears would see a 1 kHz topic fall ever further
+        behind a 200 Hz one.
+        """
+
+        def serve(message: Any) -> None:
+            awake = time.time_ns()
+            callback(message)
+            count = 1
+            for waiting, arrived in self.waiting(subscription, raw=raw):
+                callback(waiting)
+                # What arrives while others are served did not wait for the node to wake up.
+                count += arrived <= awake
+            if found is not None:
+                found(count)
+
+        subscription = self.listen(node, serve, raw=raw, events=events)
+        return subscription
+
+    def listen(
+        self,
+        node: Node,
+        woken: Callable[[Any], None],
+        *,
+        raw: bool = False,
+        events: SubscriptionEventCallbacks | None = None,
+    ) -> Subscription:
+        """Return a subscription whose callback gets one message and takes those that wait."""
+        subscription: Subscription = node.create_subscription(
+            self.type,
+            self.name,
+            woken,
+            self.qos,
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            raw=raw,
+            event_callbacks=events,
+        )
+        return subscription
+
+    def waiting(
+        self, subscription: Subscription, *, raw: bool = False
+    ) -> Iterator[tuple[Any, int]]:
+        """Take the messages that have arrived on a subscription of this topic, `depth` at most.
+
+        Yields:
+            The message, and when it arrived by the clock of the system [ns].
+        """
+        for _ in range(self.depth):
+            with subscription.handle:
+                taken = subscription.handle.take_message(self.type, raw)
+            if taken is None:
+                return
+            message, information = taken
+            yield message, information["received_timestamp"]
+
+    def advertise(self, node: Node) -> Publisher:
+        """Return a plain publisher on a node that is not managed."""
+        return node.create_publisher(
+            self.type,
+            self.name,
+            self.qos,
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        )
