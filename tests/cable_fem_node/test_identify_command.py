@@ -113,14 +113,14 @@ def test_bad_table_of_markers_is_refused(tmp_path: Path, text: str, sentence: st
     ("arguments", "sentence"),
     [
         ([], "give recordings or tables of markers, or --tensile"),
-        (["{markers}"], "give --case, or all of one's own"),
+        (["{markers}"], "say what to wind: --case 1 to 12"),
         (["{markers}", "--tensile", "{markers}"], "give recordings or tables"),
         (["{markers}", "--case", 4, "--element", "solid"], "winds the rod, not the element solid"),
         (
             ["{markers}", "--case", 4, "--weight-n", 1, "--weight-n", 2],
             "once for each of 1 sources",
         ),
-        (["{markers}", "--case", 4, "--weight-n", -1], "weight must be positive"),
+        (["{markers}", "--case", 4, "--weight-n", -1], "--tension-n must be positive"),
         (["--tensile", "{markers}"], "needs one column of strain, strain_pct"),
         (["nowhere.csv", "--case", 4], "nowhere.csv does not exist"),
         (["{folder}"], "does not say what was wound"),

@@ -217,7 +217,7 @@ def test_any_values_of_known_parameters(values: dict[str, Any]) -> None:
     if not sentence:
         made = build(RigParameters, values, owner="winding_rig")
         assert made.speed >= 0.0
-        said(made.condition, ParameterError)
+        said(made.resolved, ParameterError)
 
 
 @fuzzed

@@ -2,22 +2,22 @@
 
 import pytest
 
-from winding_core.condition import ConditionParameters
+from winding_core.condition import Condition
 from winding_core.parameters import ParameterError, build, declarations
 
 
 def refused(**values: object) -> str:
     with pytest.raises(ParameterError) as caught:
-        build(ConditionParameters, values, owner="node /winding/rig").condition()
+        build(Condition, values, owner="node /winding/rig").resolved()
     return str(caught.value)
 
 
 def test_defaults_are_case_four() -> None:
-    assert build(ConditionParameters, {}, owner="test").condition().number == 4
+    assert build(Condition, {}, owner="test").resolved().case.number == 4
 
 
 def test_whole_number_is_taken_for_a_float() -> None:
-    assert build(ConditionParameters, {"duration": 12}, owner="test").duration == 12.0
+    assert build(Condition, {"duration": 12}, owner="test").duration == 12.0
 
 
 def test_unknown_name_is_refused_with_the_nearest() -> None:
@@ -30,16 +30,16 @@ def test_unknown_name_is_refused_with_the_nearest() -> None:
     ("values", "sentence"),
     [
         ({"case": 13}, "case must be one of 1 to 12, got 13"),
-        ({"case": -1}, "parameter case must be at least 0, got -1"),
+        ({"case": -1}, "parameter case must be positive, got -1"),
         ({"case": "four"}, "parameter case must be a int, got 'four'"),
         ({"case": True}, "parameter case must be a int, got True"),
         ({"duration": float("nan")}, "parameter duration must be finite, got nan"),
         ({"duration": 4000.0}, "parameter duration must be at most 3600, got 4000"),
-        ({"cable_diameter": -0.002}, "parameter cable_diameter must be at least 0, got -0.002"),
-        ({"weight": 2.0}, "weight is given beside case 4"),
+        ({"cable_diameter": -0.002}, "parameter cable_diameter must be positive, got -0.002"),
+        ({"weight": 2.0, "nominal_stress": 1.0e6}, "give the tension once: weight or nominal"),
         (
             {"case": 0, "cylinder_diameter": 0.03, "cable_diameter": 0.004, "marker_spacing": 0.1},
-            "weight must be positive and finite, got 0.0 N",
+            "give case, or a whole condition: missing weight or nominal_stress",
         ),
     ],
 )
@@ -50,5 +50,5 @@ def test_bad_value_is_refused_with_value_and_limit(
 
 
 def test_every_parameter_says_what_it_is() -> None:
-    for item in declarations(ConditionParameters):
+    for item in declarations(Condition):
         assert item.description

@@ -95,7 +95,7 @@ def test_text_names_every_node_and_topic() -> None:
 
 
 def test_parameters_of_every_node_can_be_read_without_starting_it() -> None:
-    assert [parameters_of(spec)().condition().number for spec in GRAPH] == [4, 4, 4, 4]
+    assert [parameters_of(spec)().resolved().case.number for spec in GRAPH] == [4, 4, 4, 4]
 
 
 def test_readme_shows_this_graph() -> None:

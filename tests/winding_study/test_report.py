@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from winding_core.cases import Case, paper_case
+from winding_core.units import MILLIMETRE
 from winding_study.documents.picture import MOST_POINTS, broken, thinned
 from winding_study.reports.machine_pictures import _mean_over, tracking
 from winding_study.reports.report import render_report, write_report
@@ -82,12 +83,12 @@ def test_the_table_has_every_marker_and_every_number(synthetic, page_text: str) 
     for text, row in zip(rows, record.rows, strict=True):
         numbers = [float(value) for value in text[1:6] + text[7:]]
         expected = [
-            1e3 * row.original,
-            1e3 * row.s_fem,
-            1e3 * row.s_tracked,
+            row.original / MILLIMETRE,
+            row.s_fem / MILLIMETRE,
+            row.s_tracked / MILLIMETRE,
             row.h,
-            1e3 * row.s_corrected,
-            1e3 * row.s_published,
+            row.s_corrected / MILLIMETRE,
+            row.s_published / MILLIMETRE,
             row.error_fem_pct,
             row.error_corrected_pct,
         ]

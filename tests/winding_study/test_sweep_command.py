@@ -19,7 +19,8 @@ from typer.testing import CliRunner
 
 from winding_cli.cli import app
 from winding_cli.commands.predict import predict
-from winding_cli.commands.predict_options import PredictOptions, option_types
+from winding_core.options import option_kinds
+from winding_study.runs.run_parameters import RunParameters
 from winding_study.runs.run_store import Arrays
 
 COMMAND = [sys.executable, "-m", "winding_cli.cli", "sweep"]
@@ -91,21 +92,25 @@ def start(*arguments: object) -> subprocess.Popen[str]:
 
 def test_every_option_of_predict_can_be_swept_and_no_other() -> None:
     options = set(inspect.signature(predict).parameters) - {"json_file"}
-    assert options == set(option_types())
+    kinds = option_kinds(RunParameters)
+    assert options == set(kinds)
     assert {"case", "tension_mpa", "rolling", "law", "duration_s"} <= options
-    assert set(option_types().values()) == {bool, int, float, str}
+    assert set(kinds.values()) == {bool, int, float, str}
 
 
 def test_nothing_is_left_open_in_a_row() -> None:
-    given = PredictOptions(case=4, tension_mpa=0.5)
-    row = given.resolved(given.plan())
-    assert (row.cylinder_diameter_mm, row.cable_diameter_mm) == (30.0, 4.0)
+    typed = {"case": 4, "tension_mpa": 0.5}
+    given = RunParameters.from_typed(typed)
+    row = given.as_typed(typed)
+    assert (row["cylinder_diameter_mm"], row["cable_diameter_mm"]) == (30.0, 4.0)
     # 0.5 MPa on a round section of 4 mm.
-    assert row.tension_n == pytest.approx(0.5 * np.pi * 4.0, rel=1e-11)
+    assert row["tension_n"] == pytest.approx(0.5 * np.pi * 4.0, rel=1e-11)
     # The span of 198 mm stands across the centreline radius of 17 mm.
-    assert row.guide_distance_mm == pytest.approx(np.hypot(198.0, 17.0), rel=1e-11)
-    assert (row.young_mpa, row.poisson, row.density, row.mass_scaling) == (2.6, 0.47, 1337.0, 1.0)
-    again = PredictOptions(case=4, tension_n=row.tension_n, guide_distance_mm=row.guide_distance_mm)
+    assert row["guide_distance_mm"] == pytest.approx(np.hypot(198.0, 17.0), rel=1e-11)
+    names = ("young_mpa", "poisson", "density", "mass_scaling")
+    assert [row[name] for name in names] == [2.6, 0.47, 1337.0, 1.0]
+    open_in_first = ("tension_n", "guide_distance_mm")
+    again = RunParameters.from_typed({"case": 4} | {name: row[name] for name in open_in_first})
     assert again.plan().config.free_length == pytest.approx(given.plan().config.free_length)
 
 
@@ -186,11 +191,11 @@ def test_shards_make_the_same_table_together(tmp_path: Path, spec: Path) -> None
         ("parameters: {case: 4, friction: [0.1, -0.2]}", "run 2 of 2 (friction -0.2): friction"),
         ("parameters: {case: [4, 13]}", "run 2 of 2 (case 13): case must be one of 1 to 12"),
         ("parameters: {case: 4, law: [linear, soft]}", "run 2 of 2 (law soft): law must be one of"),
-        ("parameters: {case: 4, element: shell}", "run 1 of 1: element must be rod or solid"),
-        ("parameters: {case: 4, duration_s: 0}", "run 1 of 1: duration must be positive"),
+        ("parameters: {case: 4, element: shell}", "run 1 of 1: element must be one of rod, solid"),
+        ("parameters: {case: 4, duration_s: 0}", "run 1 of 1: duration_s must be positive"),
         ("parameters: {case: 4, mass_scaling: 0}", "mass_scaling must be positive"),
         ("parameters: {case: 4, feed_mm_s: [5, 0.1]}", "run 2 of 2 (feed_mm_s 0.1): the guide"),
-        ("parameters: {friction: 0.1}", "run 1 of 1: give --case, or all of one's own"),
+        ("parameters: {friction: 0.1}", "run 1 of 1: say what to wind: case 1 to 12"),
         ("parameters: {case: 4, tension_n: 1, tension_mpa: 1}", "give the tension once"),
         ("parameters: [case]", "must hold a mapping named parameters"),
     ],

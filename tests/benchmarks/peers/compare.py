@@ -22,6 +22,8 @@ from rich.console import Console
 from rich.table import Table
 from winding_problem import Marks, Outcome, WindingProblem, no_slip_marks
 
+from winding_core.units import MILLIMETRE
+
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from rows import SINGLE_THREAD, Bench, keep
 
@@ -115,7 +117,7 @@ def _listed(values: np.ndarray, digits: int) -> str:
 
 def _table(outcomes: dict[str, Outcome], problem: WindingProblem) -> Table:
     table = Table(
-        title=f"Case {problem.case.number}, {1e3 * problem.segment_length:g} mm segments, "
+        title=f"Case {problem.case.number}, {problem.segment_length / MILLIMETRE:g} mm segments, "
         f"{problem.duration:g} s wound; differences against the no-slip reference of each law"
     )
     for column in ("solver", "step, us", "CPU s/s", "over ours", "S, mm", "dS, %", "z, mm"):
@@ -131,10 +133,10 @@ def _table(outcomes: dict[str, Outcome], problem: WindingProblem) -> Table:
             f"{1e6 * outcome.step:.1f}",
             f"{outcome.cpu_s_per_sim_s:.4g}",
             f"{outcome.cpu_s_per_sim_s / ours.cpu_s_per_sim_s:.3g}",
-            _listed(1e3 * outcome.marks.s * landed, 1),
+            _listed(outcome.marks.s * landed / MILLIMETRE, 1),
             _listed(ds, 2),
-            _listed(1e3 * outcome.marks.z * landed, 2),
-            _listed(1e3 * dz, 2),
+            _listed(outcome.marks.z * landed / MILLIMETRE, 2),
+            _listed(dz / MILLIMETRE, 2),
         )
     return table
 
@@ -151,7 +153,7 @@ def _collect(bench: Bench, outcomes: dict[str, Outcome], problem: WindingProblem
         ds, dz = _deviation(outcome, problem)
         if np.isfinite(ds).any():
             bench.row(f"peers_{name}_worst_ds_pct", float(np.nanmax(np.abs(ds))), "%")
-            bench.row(f"peers_{name}_worst_dz_mm", 1e3 * float(np.nanmax(np.abs(dz))), "mm")
+            bench.row(f"peers_{name}_worst_dz_mm", float(np.nanmax(np.abs(dz))) / MILLIMETRE, "mm")
 
 
 def main() -> int:

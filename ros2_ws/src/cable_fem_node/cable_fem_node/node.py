@@ -63,7 +63,7 @@ class CableFemNode(ManagedNode[FemParameters]):
         self.publish(self._handler.begin(now))
         self._live = LiveMaterial(
             self._handler.config,
-            wanted.drive(),
+            wanted.resolved().drive,
             wanted.duration,
             take_up=wanted.take_up_material,
         )

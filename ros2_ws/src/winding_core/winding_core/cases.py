@@ -66,6 +66,11 @@ class Case:
             raise ValueError(f"marker_count must be at least 1, got {self.marker_count}")
 
     @property
+    def is_published(self) -> bool:
+        """Whether cable, cylinder, weight and markers are those of a row of Table 1."""
+        return self.number > 0 and self == paper_case(self.number)
+
+    @property
     def cylinder_radius(self) -> float:
         """R [m]."""
         return 0.5 * self.cylinder_diameter
@@ -95,6 +100,11 @@ class Case:
     def nominal_stress(self) -> float:
         """Weight over undeformed section [Pa], the tension that Table 1 prints in MPa."""
         return self.weight / self.section_area
+
+    @property
+    def expected_stretch(self) -> float:
+        """Stretch under the weight by the modulus alone: a first guess."""
+        return 1.0 + self.nominal_stress / (self.material.young * self.material.axial_factor)
 
     def original_length(self, marker: int) -> float:
         """Return the undeformed cable length [m] from P0 to a marker."""

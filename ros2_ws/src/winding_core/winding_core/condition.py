@@ -1,10 +1,14 @@
-"""The winding condition as parameters that every node of a graph shares."""
+"""What is wound, and how: the one record that nodes, commands, sweeps and the page share."""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Self
 
-from winding_core.cases import Case, paper_case
+from winding_core.cable_parameters import CableParameters, published_case
+from winding_core.cases import Case
 from winding_core.drive import (
     PAPER_ANGULAR_SPEED,
     PAPER_DURATION,
@@ -12,63 +16,247 @@ from winding_core.drive import (
     PAPER_RAMP_TIME,
     DriveProfile,
 )
-from winding_core.fleet_angle import PAPER_FREE_LENGTH
-from winding_core.parameters import ParameterError, parameter
+from winding_core.fleet_angle import PAPER_FREE_LENGTH, free_length_of, guide_distance_of
+from winding_core.options import Spelling, options, shown_values, typed_values
+from winding_core.parameters import ParameterError, Value, parameter
+from winding_core.published import published_conditions
+from winding_core.tension import DeadWeight, RigTension
+from winding_core.units import (
+    ANGULAR_SPEED,
+    FORCE,
+    LENGTH,
+    MILLIMETRE,
+    PLAIN,
+    SPEED,
+    TIME,
+)
 
-_OWN = ("cylinder_diameter", "cable_diameter", "weight", "marker_spacing")
+# Any of these without a case defines a condition that is not the paper's.
+OWN = ("cylinder_diameter", "cable_diameter", "weight", "nominal_stress", "marker_spacing")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConditionParameters:
-    """Parameters that say what is wound, and how."""
+class ResolvedCondition:
+    """A condition with nothing left open [SI].
 
-    case: int = parameter(4, "row of the paper's Table 1; 0 for a condition of one's own", low=0)
-    cylinder_diameter: float = parameter(0.0, "cylinder diameter [m], with case 0", low=0.0)
-    cable_diameter: float = parameter(0.0, "undeformed cable diameter [m], with case 0", low=0.0)
-    weight: float = parameter(0.0, "dead weight on the cable's end [N], with case 0", low=0.0)
-    marker_spacing: float = parameter(
-        0.0, "marker spacing along the undeformed cable [m], with case 0", low=0.0
+    Attributes:
+        case: Cylinder, cable, material and weight; numbered only when it is the paper's.
+        drive: How the axes move.
+        duration: Time to wind [s].
+        free_length: Tangent span between cylinder and guide [m].
+        law: Material law, one of LAWS.
+        mooney_ratio: C01 / C10 of law ``mooney_rivlin``.
+        friction: Coulomb friction of cable on cylinder, dimensionless.
+        tension_law: Span tension from weight, cylinder diameter and wound length.
+    """
+
+    case: Case
+    drive: DriveProfile
+    duration: float
+    free_length: float
+    law: str
+    mooney_ratio: float
+    friction: float
+    tension_law: DeadWeight | RigTension
+
+
+@dataclass(frozen=True, kw_only=True)
+class Condition(CableParameters):
+    """What is wound, and how.
+
+    Fields with a unit are options of the commands, axes of a sweep and fields of the page.
+    """
+
+    tension_offset: float = parameter(
+        RigTension.offset,
+        "constant part of the span tension, added to the weight's share",
+        low=-10.0,
+        high=10.0,
+        unit=FORCE,
+    )
+    tension_share: float = parameter(
+        RigTension.weight_share,
+        "share of the weight in the span tension",
+        low=0.0,
+        high=2.0,
+        unit=PLAIN,
+    )
+    tension_diameter_gain: float = parameter(
+        RigTension.diameter_gain,
+        "change of the span tension with the cylinder diameter over 45 mm",
+        low=-10.0,
+        high=10.0,
+        unit=FORCE,
+    )
+    tension_start_share: float = parameter(
+        RigTension.start_share,
+        "share of the span tension at the start",
+        low=0.0,
+        high=2.0,
+        unit=PLAIN,
+    )
+    tension_build_up: float = parameter(
+        RigTension.build_up_length,
+        "wound length over which the span tension builds up from its start",
+        low=1.0e-3,
+        high=10.0,
+        unit=LENGTH,
     )
     angular_speed: float = parameter(
-        PAPER_ANGULAR_SPEED, "cylinder speed after the ramp [rad/s]", low=0.01, high=20.0
+        PAPER_ANGULAR_SPEED,
+        "cylinder speed after the ramp",
+        low=0.01,
+        high=200.0,
+        unit=ANGULAR_SPEED,
+        option="omega",
+        label="Cylinder speed",
     )
     feed_speed: float = parameter(
-        PAPER_FEED_SPEED, "carriage speed after the ramp [m/s]", low=0.0, high=0.1
+        PAPER_FEED_SPEED,
+        "carriage speed after the ramp",
+        low=0.0,
+        high=0.5,
+        unit=SPEED,
+        option="feed",
+        label="Carriage speed",
     )
     ramp_time: float = parameter(
-        PAPER_RAMP_TIME, "time of the linear speed ramp [s]", low=0.05, high=60.0
+        PAPER_RAMP_TIME, "time of the linear speed ramp", low=0.05, high=60.0, unit=TIME
     )
     duration: float = parameter(
-        PAPER_DURATION, "simulated length of a run [s]", low=0.1, high=3.6e3
+        PAPER_DURATION, "simulated length of a run", low=0.1, high=3.6e3, unit=TIME
     )
     free_length: float = parameter(
-        PAPER_FREE_LENGTH, "tangent span between cylinder and guide [m]", low=0.01, high=5.0
+        PAPER_FREE_LENGTH,
+        "tangent span between cylinder and guide",
+        low=0.01,
+        high=5.0,
+        unit=LENGTH,
+    )
+    guide_distance: float = parameter(
+        0.0,
+        "distance of the guide from the cylinder axis, instead of the span",
+        low=0.01,
+        high=5.0,
+        unit=LENGTH,
+        otherwise="the span",
     )
 
-    def condition(self) -> Case:
-        """Return the case that the parameters name or spell out.
+    @classmethod
+    def from_typed(
+        cls, typed: Mapping[str, object], *, spelling: Spelling = str, case: int | None = None
+    ) -> Self:
+        """Return the condition that typed options mean.
+
+        Args:
+            typed: By option, in the unit of its name; None where nothing was typed.
+            spelling: How a refusal writes an option's name.
+            case: What is wound when nothing is said of it; None to refuse that.
 
         Raises:
-            ParameterError: The case is not in Table 1, or own values are missing or contradict it.
+            ParameterError: A value or a combination is refused.
         """
-        own = {name: getattr(self, name) for name in _OWN}
+        if typed.get("case") is not None:
+            published_case(typed["case"], spelling("case"))
+        values: dict[str, Any] = typed_values(cls, typed, spelling)
+        if "case" not in values:
+            if any(name in values for name in OWN):
+                values["case"] = 0
+            elif case is not None:
+                values["case"] = case
+            else:
+                raise ParameterError(_nothing_said(_spelled(cls, spelling)))
+        condition = cls(**values)
+        # A refusal here can still name the options.
+        condition.resolved(spelling)
+        return condition
+
+    def resolved(self, spelling: Spelling | None = None) -> ResolvedCondition:
+        """Return the condition with nothing left open.
+
+        Args:
+            spelling: How a refusal writes an option's name; None: it writes the parameter's.
+
+        Raises:
+            ParameterError: Values are missing, contradict each other, or leave the model's range.
+        """
+        spelled = _spelled(type(self), spelling)
         try:
-            if self.case == 0:
-                return Case(**own)
-            given = [name for name, value in own.items() if value != 0.0]
-            if given:
-                raise ParameterError(
-                    f"{given[0]} is given beside case {self.case}; set case to 0 for a "
-                    "condition of one's own"
-                )
-            return paper_case(self.case)
+            case = self.wound_case(spelled)
+            return ResolvedCondition(
+                case=case,
+                drive=DriveProfile(
+                    angular_speed=self.angular_speed,
+                    feed_speed=self.feed_speed,
+                    ramp_time=self.ramp_time,
+                ),
+                duration=self.duration,
+                free_length=self._free_length(case, spelled),
+                law=self.law,
+                mooney_ratio=self.mooney_ratio,
+                friction=self.friction,
+                tension_law=self._tension_law(),
+            )
         except ValueError as error:
             raise ParameterError(str(error)) from error
 
-    def drive(self) -> DriveProfile:
-        """Return the drive profile."""
-        return DriveProfile(
-            angular_speed=self.angular_speed,
-            feed_speed=self.feed_speed,
-            ramp_time=self.ramp_time,
+    def _free_length(self, case: Case, spelled: Mapping[str, str]) -> float:
+        if not self.guide_distance:
+            return self.free_length
+        if self.free_length != PAPER_FREE_LENGTH:
+            raise ParameterError(
+                f"give {spelled['guide_distance']} or {spelled['free_length']}, not both"
+            )
+        if not self.guide_distance > case.centreline_radius:
+            raise ParameterError(
+                f"{spelled['guide_distance']} must exceed the centreline radius of "
+                f"{case.centreline_radius / MILLIMETRE:g} mm, "
+                f"got {self.guide_distance / MILLIMETRE:g} mm"
+            )
+        return free_length_of(self.guide_distance, case.centreline_radius)
+
+    def _tension_law(self) -> DeadWeight | RigTension:
+        law = RigTension(
+            offset=self.tension_offset,
+            weight_share=self.tension_share,
+            diameter_gain=self.tension_diameter_gain,
+            start_share=self.tension_start_share,
+            build_up_length=self.tension_build_up,
         )
+        return DeadWeight() if law.is_dead_weight else law
+
+    def as_typed(self, typed: Mapping[str, object]) -> dict[str, Any]:
+        """Return every option with nothing left open; what was typed stays as it was typed.
+
+        Case 0 says that none was typed.
+        """
+        what = self.resolved()
+        case = what.case
+        found: dict[str, Value] = dataclasses.asdict(self)
+        found |= {
+            "case": 0,
+            "cylinder_diameter": case.cylinder_diameter,
+            "cable_diameter": case.cable_diameter,
+            "weight": case.weight,
+            "nominal_stress": case.nominal_stress,
+            "marker_spacing": case.marker_spacing,
+            "free_length": what.free_length,
+            "guide_distance": guide_distance_of(what.free_length, case.centreline_radius),
+        }
+        return {**shown_values(type(self), found), **typed}
+
+
+def _spelled(configuration: type, spelling: Spelling | None) -> dict[str, str]:
+    """Return how a refusal writes each field's name."""
+    return {
+        item.name: item.name if spelling is None else spelling(key)
+        for key, item in options(configuration).items()
+    }
+
+
+def _nothing_said(spelled: Mapping[str, str]) -> str:
+    return (
+        f"say what to wind: {spelled['case']} 1 to {len(published_conditions())}, or "
+        f"{spelled['cylinder_diameter']}, {spelled['cable_diameter']} and {spelled['weight']} "
+        f"or {spelled['nominal_stress']}"
+    )

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from winding_core.cases import Material
+from winding_core.units import MEGAPASCAL
+
 LAWS = ("linear", "hencky", "hencky_cauchy", "neo_hookean", "mooney_rivlin")
 
 # Mooney-Rivlin splits the shear modulus as C01 / C10.
@@ -44,8 +47,8 @@ class MaterialLaw:
     """
 
     law: str = "linear"
-    young: float = 2.6e6
-    poisson: float = 0.47
+    young: float = Material.young
+    poisson: float = Material.poisson
     mooney_ratio: float = MOONEY_RATIO
     incompressible: bool = False
 
@@ -161,8 +164,9 @@ class MaterialLaw:
         highest, at = self.limit()
         if nominal_stress > highest:
             raise NoEquilibriumError(
-                f"law {self.law} carries at most {highest / 1e6:.4g} MPa of dead nominal stress "
-                f"(at stretch {at:.4g}), got {nominal_stress / 1e6:.4g} MPa: no equilibrium exists"
+                f"law {self.law} carries at most {highest / MEGAPASCAL:.4g} MPa of dead nominal "
+                f"stress (at stretch {at:.4g}), got {nominal_stress / MEGAPASCAL:.4g} MPa: "
+                "no equilibrium exists"
             )
         if self.law == "linear":
             return 1.0 + nominal_stress / self.young
@@ -173,7 +177,7 @@ class MaterialLaw:
             <= float(self.nominal_stress(high))
         ):
             raise ValueError(
-                f"nominal stress {nominal_stress / 1e6:.4g} MPa needs a stretch outside "
+                f"nominal stress {nominal_stress / MEGAPASCAL:.4g} MPa needs a stretch outside "
                 f"{low:g} to {high:.4g}, the range of the solver's tables"
             )
         for _ in range(200):

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
+from winding_core.units import Unit
+
 Value = bool | int | float | str | list[float]
 Configuration = TypeVar("Configuration")
 
@@ -28,25 +30,46 @@ class Declaration:
     Attributes:
         name: Of the field and of the ROS parameter.
         default: Its type is the parameter's type.
-        description: One sentence, with the unit.
+        meaning: What it is, without the unit.
         low: Smallest allowed number; None for no limit.
         high: Largest allowed number; None for no limit.
         choices: Allowed texts; None for any.
         read_only: Whether the value is fixed once the node runs.
+        otherwise: What holds when the number is 0; empty where 0 is a number like others.
+        unit: How people type it; None where only parameter files set it.
+        option: Name under which people type it, without the unit.
+        label: What a form calls it.
+        title: What a refusal calls it.
     """
 
     name: str
     default: Value
-    description: str
+    meaning: str
     low: float | None
     high: float | None
     choices: tuple[str, ...] | None
     read_only: bool
+    otherwise: str
+    unit: Unit | None
+    option: str
+    label: str
+    title: str
 
     @property
     def type_name(self) -> str:
         """Name of the parameter's type as people read it."""
         return "float list" if isinstance(self.default, list) else type(self.default).__name__
+
+    @property
+    def description(self) -> str:
+        """What it is, with the SI unit, and what 0 stands for."""
+        unit = f" [{self.unit.si}]" if self.unit is not None and self.unit.si else ""
+        return f"{self.meaning}{unit}" + (f"; 0 for {self.otherwise}" if self.otherwise else "")
+
+    @property
+    def lowest(self) -> float | None:
+        """Smallest number that is taken, the 0 that stands for something else included."""
+        return 0.0 if self.otherwise and self.low is not None else self.low
 
     def convert(self, value: object) -> Value:
         """Return a value of the declared type inside the declared range.
@@ -59,13 +82,11 @@ class Declaration:
         try:
             converted = self._typed(value)
         except OverflowError:
-            raise ParameterError(
-                f"parameter {self.name} must be finite, got {_shown(value)}"
-            ) from None
+            raise ParameterError(f"{self.title} must be finite, got {_shown(value)}") from None
         if isinstance(converted, str):
             if self.choices is not None and converted not in self.choices:
                 raise ParameterError(
-                    f"parameter {self.name} must be one of {', '.join(self.choices)}, "
+                    f"{self.title} must be one of {', '.join(self.choices)}, "
                     f"got {_shown(converted)}"
                 )
             return converted
@@ -97,24 +118,21 @@ class Declaration:
             ):
                 return [float(item) for item in items]
             raise ParameterError(
-                f"parameter {self.name} must be a list of {len(wanted)} numbers, "
-                f"got {_shown(items)}"
+                f"{self.title} must be a list of {len(wanted)} numbers, got {_shown(items)}"
             )
-        raise ParameterError(
-            f"parameter {self.name} must be a {self.type_name}, got {_shown(value)}"
-        )
+        raise ParameterError(f"{self.title} must be a {self.type_name}, got {_shown(value)}")
 
     def _check_range(self, number: float) -> None:
         if not math.isfinite(number):
-            raise ParameterError(f"parameter {self.name} must be finite, got {number}")
+            raise ParameterError(f"{self.title} must be finite, got {number}")
+        if self.otherwise and number == 0.0:
+            return
+        if self.low is not None and number <= 0.0 < self.low:
+            raise ParameterError(f"{self.title} must be positive, got {number:g}")
         if self.low is not None and number < self.low:
-            raise ParameterError(
-                f"parameter {self.name} must be at least {self.low:g}, got {number:g}"
-            )
+            raise ParameterError(f"{self.title} must be at least {self.low:g}, got {number:g}")
         if self.high is not None and number > self.high:
-            raise ParameterError(
-                f"parameter {self.name} must be at most {self.high:g}, got {number:g}"
-            )
+            raise ParameterError(f"{self.title} must be at most {self.high:g}, got {number:g}")
 
 
 def parameter(
@@ -125,23 +143,35 @@ def parameter(
     high: float | None = None,
     choices: tuple[str, ...] | None = None,
     read_only: bool = True,
+    otherwise: str = "",
+    unit: Unit | None = None,
+    option: str = "",
+    label: str = "",
 ) -> Any:
     """Return a dataclass field that is also a parameter declaration.
 
     Args:
         default: The value when nobody sets one; its type is the parameter's type.
-        description: One sentence, with the unit.
-        low: Smallest allowed number, in the unit of the description.
-        high: Largest allowed number, in the same unit.
+        description: One sentence; with the unit where `unit` does not state it.
+        low: Smallest allowed number [SI].
+        high: Largest allowed number [SI].
         choices: Allowed texts.
         read_only: Whether the value is fixed once the node runs.
+        otherwise: What holds when the number is 0, which is then allowed beside the range.
+        unit: How people type it on a command line, in a sweep or in a form.
+        option: Name of that option without its unit; the field's own when empty.
+        label: What a form calls it; the field's name in words when empty.
     """
     metadata = {
-        "description": description,
+        "meaning": description,
         "low": low,
         "high": high,
         "choices": choices,
         "read_only": read_only,
+        "otherwise": otherwise,
+        "unit": unit,
+        "option": option,
+        "label": label,
     }
     if isinstance(default, list):
         return dataclasses.field(default_factory=lambda: list(default), metadata=metadata)
@@ -150,10 +180,15 @@ def parameter(
 
 def declarations(configuration: type) -> tuple[Declaration, ...]:
     """Return the parameters that a configuration dataclass states."""
-    return tuple(
-        Declaration(name=item.name, default=_default(item), **item.metadata)
-        for item in dataclasses.fields(configuration)
-    )
+    return tuple(_declaration(item) for item in dataclasses.fields(configuration))
+
+
+def _declaration(item: dataclasses.Field[Any]) -> Declaration:
+    stated: dict[str, Any] = dict(item.metadata)
+    stated["option"] = stated["option"] or item.name
+    stated["label"] = stated["label"] or item.name.replace("_", " ").capitalize()
+    title = f"parameter {item.name}"
+    return Declaration(name=item.name, default=_default(item), title=title, **stated)
 
 
 def _default(item: dataclasses.Field[Any]) -> Value:

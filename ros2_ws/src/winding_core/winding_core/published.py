@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
-MILLIMETRE = 1.0e-3
-MEGAPASCAL = 1.0e6
+from winding_core.units import MEGAPASCAL, MILLIMETRE
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -77,6 +77,13 @@ class RigTension:
             np.maximum(0.0, final * (self.start_share + (1.0 - self.start_share) * built))
         )
 
+    @property
+    def is_dead_weight(self) -> bool:
+        """Whether the tension is the weight from the first turn to the last."""
+        return (self.offset, self.weight_share, self.diameter_gain) == (0.0, 1.0, 0.0) and (
+            self.start_share == 1.0
+        )
+
     def final(self, weight: float, cylinder_diameter: float) -> float:
         """Return F0 + a T_w + b (D / 45 mm - 1) [N], where the build-up ends."""
         return (

@@ -73,12 +73,13 @@ class RigNode(ManagedNode[RigParameters]):
     def configure(self) -> None:
         """Build machine, lay and camera; advertise everything."""
         wanted = self.configuration
-        case, drive = wanted.condition(), wanted.drive()
+        what = wanted.resolved()
+        case, drive = what.case, what.drive
         rng = np.random.default_rng(wanted.seed)
         end = drive.positions(wanted.duration)[0]
         lay: CableLay
         if wanted.lay == "paper":
-            lay = published_lay(case, drive, wanted.free_length, end)
+            lay = published_lay(case, drive, what.free_length, end)
         else:
             lay = simulated_lay(case, drive, HiddenCable.drawn(rng), end)
         self._outputs = Outputs(self)

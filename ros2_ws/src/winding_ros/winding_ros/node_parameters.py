@@ -104,7 +104,9 @@ def _descriptor(item: Declaration) -> ParameterDescriptor:
     bounded = item.low is not None and item.high is not None
     if bounded and isinstance(item.default, float):
         descriptor.floating_point_range = [
-            FloatingPointRange(from_value=float(item.low or 0.0), to_value=float(item.high or 0.0))
+            FloatingPointRange(
+                from_value=float(item.lowest or 0.0), to_value=float(item.high or 0.0)
+            )
         ]
     elif bounded and isinstance(item.default, int) and not isinstance(item.default, bool):
         descriptor.integer_range = [

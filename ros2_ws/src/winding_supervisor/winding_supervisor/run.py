@@ -40,7 +40,7 @@ class RunConfig:
 
     Attributes:
         directory: Folder of logs and of what the run leaves behind.
-        condition: Parameters that every node shares (`ConditionParameters`).
+        condition: Parameters that every node shares (`Condition`).
         own: Node name -> parameters of that node alone.
         duration: Simulated length [s].
         bag: Where to record, or None.

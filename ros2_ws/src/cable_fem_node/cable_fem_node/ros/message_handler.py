@@ -47,7 +47,7 @@ class FemHandler:
         self.config = wanted.winding_config()
         self._follow_tension = wanted.follow_tension
         self._pairing = self._new_pairing()
-        drive = wanted.drive()
+        drive = wanted.resolved().drive
         self._limits = ReadingLimits(
             weight=self.config.case.weight,
             angular_speed=drive.angular_speed,

@@ -9,8 +9,8 @@ import numpy as np
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.verification.rod_statics import Values
 from winding_core.material_law import MaterialLaw
+from winding_core.units import MEGAPASCAL
 
-MEGAPASCAL = 1.0e6
 HYPERELASTIC = ("neo_hookean", "mooney_rivlin")
 
 # Deformation gradients with rotation, shear and 2 % of volume change.

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cable_fem_node.rod.rod import Rod, RodSection
 from cable_fem_node.rod.statics import equilibrium, frequencies, lowest_stiffness
+from winding_core.units import MILLIMETRE
 
 Values = dict[str, float | list[float]]
 FloatArray = NDArray[np.float64]
@@ -133,8 +134,8 @@ def heavy_cantilever() -> Values:
         rod.gravity[:] = (0.0, 0.0, -GRAVITY)
         equilibrium(rod)
         tip = rod.nodes[-1]
-        values[f"tip_drop_{length * 1e3:g}mm"] = -tip[2]
-        values[f"tip_x_{length * 1e3:g}mm"] = tip[0]
+        values[f"tip_drop_{length / MILLIMETRE:g}mm"] = -tip[2]
+        values[f"tip_x_{length / MILLIMETRE:g}mm"] = tip[0]
     return values
 
 

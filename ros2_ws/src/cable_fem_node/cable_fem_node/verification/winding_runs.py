@@ -13,8 +13,7 @@ from winding_core.cases import Case, paper_case
 from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
 from winding_core.helix import curve_length
-
-MILLIMETRE = 1.0e-3
+from winding_core.units import MILLIMETRE
 
 
 def helix() -> Values:
@@ -86,7 +85,7 @@ def lateral_slip() -> Values:
     profile = DriveProfile()
     case = paper_case(4)
     values: Values = {
-        f"ratio_{1e3 * length:g}mm": profile.advance_per_radian / length
+        f"ratio_{length / MILLIMETRE:g}mm": profile.advance_per_radian / length
         for length in (PAPER_FREE_LENGTH, 0.025)
     }
     # Friction below and above the demand: where the first marker's place moves after landing.

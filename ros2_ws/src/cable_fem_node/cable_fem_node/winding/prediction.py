@@ -17,6 +17,7 @@ from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
+from winding_core.units import MILLIMETRE
 
 FloatArray = NDArray[np.float64]
 
@@ -183,7 +184,7 @@ def refuse_overlap(config: WindingConfig, drive: DriveProfile) -> None:
     width = config.case.cable_diameter * lateral
     if drive.pitch < width:
         raise OverlapError(
-            f"the guide advances {drive.pitch * 1e3:.3g} mm per turn, less than the cable's "
-            f"{width * 1e3:.3g} mm: layers would overlap, "
+            f"the guide advances {drive.pitch / MILLIMETRE:.3g} mm per turn, less than the cable's "
+            f"{width / MILLIMETRE:.3g} mm: layers would overlap, "
             "and cable-on-cable contact is not modelled"
         )

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from winding_core.cases import Case
+from winding_core.condition import Condition
 from winding_core.fleet_angle import PAPER_FREE_LENGTH
 from winding_core.material_law import MOONEY_RATIO, MaterialLaw
 from winding_core.tension import DeadWeight, TensionLaw
@@ -31,8 +32,8 @@ class WindingConfig:
     """
 
     case: Case
-    friction: float = 0.1
-    law: str = "linear"
+    friction: float = Condition.friction
+    law: str = Condition.law
     segment_length: float = 5.0e-3
     free_length: float = PAPER_FREE_LENGTH
     tension_law: TensionLaw = field(default_factory=DeadWeight)

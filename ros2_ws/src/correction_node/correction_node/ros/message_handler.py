@@ -28,7 +28,7 @@ class CorrectionHandler:
     """
 
     def __init__(self, wanted: CorrectionParameters) -> None:
-        condition = wanted.condition()
+        condition = wanted.resolved().case
         weight = load_weight(weights_directory(wanted.weights))
         self.errors = weight.errors
         self._corrector = Corrector(weight)

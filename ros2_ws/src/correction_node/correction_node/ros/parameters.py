@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from winding_core.condition import ConditionParameters
+from winding_core.condition import Condition
 from winding_core.parameters import parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class CorrectionParameters(ConditionParameters):
+class CorrectionParameters(Condition):
     """What is wound, and which trained weight corrects it."""
 
     weights: str = parameter(

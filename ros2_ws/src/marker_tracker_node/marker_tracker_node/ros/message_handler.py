@@ -33,19 +33,20 @@ class TrackerHandler:
     """
 
     def __init__(self, wanted: TrackerParameters) -> None:
-        case, drive = wanted.condition(), wanted.drive()
+        what = wanted.resolved()
+        case, drive = what.case, what.drive
         self.config = TrackerConfig(
             cylinder_radius=case.cylinder_radius,
             cable_radius=case.cable_radius,
             marker_spacing=case.marker_spacing,
             marker_count=case.marker_count,
-            expected_stretch=1.0 + case.nominal_stress / case.material.young,
+            expected_stretch=case.expected_stretch,
             band_width=wanted.band_width,
             pose=CameraPose(
                 position=_triple(wanted.camera_position), tilt=_triple(wanted.camera_tilt)
             ),
             advance_per_radian=drive.advance_per_radian,
-            free_length=wanted.free_length,
+            free_length=what.free_length,
             angular_speed=drive.angular_speed,
         )
         self.tracker: Tracker | None = None

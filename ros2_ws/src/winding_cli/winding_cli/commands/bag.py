@@ -13,6 +13,7 @@ import typer
 from winding_cli.commands.console import result_console
 from winding_cli.commands.refusal import FAILED, INTERRUPTED, refuse
 from winding_cli.commands.space_key import space_key
+from winding_core.units import MILLISECOND
 
 _MEGABYTE = 1.0e6
 
@@ -157,7 +158,10 @@ def play(
         refuse("interrupted", INTERRUPTED)
     finally:
         stopped.set()
-    print(f"published {player.published} messages, latest {1e3 * player.latest / rate:.1f} ms late")
+    print(
+        f"published {player.published} messages, "
+        f"latest {player.latest / rate / MILLISECOND:.1f} ms late"
+    )
 
 
 @bag.command()

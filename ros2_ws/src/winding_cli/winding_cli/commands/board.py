@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from winding_cli.commands.refusal import refuse
-
-MILLIMETRE = 1.0e-3
+from winding_core.units import MILLIMETRE
 
 
 def board(

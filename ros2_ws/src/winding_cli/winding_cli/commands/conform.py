@@ -11,6 +11,7 @@ import typer
 
 from winding_cli.commands.console import result_console
 from winding_cli.commands.refusal import FAILED, refuse
+from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
     from winding_cli.conformance.judgement import Finding
@@ -57,7 +58,7 @@ def conform(
                     namespace,
                     camera=camera,
                     seconds=seconds,
-                    running=(omega_rad_s, 1.0e-3 * feed_mm_s) if move else None,
+                    running=(omega_rad_s, MILLIMETRE * feed_mm_s) if move else None,
                     stop_within=stop_within_s,
                 )
             )

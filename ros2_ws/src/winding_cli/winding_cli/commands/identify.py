@@ -12,10 +12,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
-from winding_cli.commands.option_record import with_options
-from winding_cli.commands.predict_options import MEGAPASCAL, MILLIMETRE, PredictOptions
 from winding_cli.commands.refusal import FAILED, refuse
+from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE, MILLIRADIAN
+from winding_study.runs.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.identification import (
@@ -28,12 +29,10 @@ if TYPE_CHECKING:
     from cable_fem_node.winding.winding_config import WindingConfig
     from winding_core.markers import Markers
 
-MILLIRADIAN = 1.0e-3
 
-
-@with_options(PredictOptions)
+@with_options(RunParameters)
 def identify(
-    options: PredictOptions,
+    typed: Typed,
     *,
     sources: Annotated[
         list[Path] | None,
@@ -63,10 +62,10 @@ def identify(
         refuse("give recordings or tables of markers, or --tensile with a stress-strain table")
     try:
         if tensile is not None:
-            record = _tensile(tensile, options)
+            record = _tensile(tensile, RunParameters.from_typed(typed, case=RunParameters.case))
         else:
-            runs = _runs(sources or [], weight_n or [], options)
-            record = _identified(runs, use, options)
+            runs = _runs(sources or [], weight_n or [], typed)
+            record = _identified(runs, use)
     except (IdentificationError, SourceError, BagError, ValueError) as error:
         refuse(error)
     if json_file is not None:
@@ -78,7 +77,7 @@ def identify(
         refuse(record["refused"], FAILED)
 
 
-def _runs(sources: list[Path], weights: list[float], options: PredictOptions) -> list[TrackedRun]:
+def _runs(sources: list[Path], weights: list[float], typed: Typed) -> list[TrackedRun]:
     from cable_fem_node.identification import TrackedRun
     from cable_fem_node.winding.run_history import planned_inputs
     from winding_cli.commands.identify_sources import (
@@ -93,25 +92,28 @@ def _runs(sources: list[Path], weights: list[float], options: PredictOptions) ->
         raise SourceError(
             f"give --weight-n once for each of {len(sources)} sources, got {len(weights)}"
         )
-    if options.element != "rod":
-        raise SourceError(f"identification winds the rod, not the element {options.element}")
-    stated = options.case is not None or options.cylinder_diameter_mm is not None
+    element = typed.get("element", "rod")
+    if element != "rod":
+        raise SourceError(f"identification winds the rod, not the element {element}")
+    stated = "case" in typed or "cylinder_diameter_mm" in typed
     runs = []
     for i, source in enumerate(sources):
         if not source.exists():
             raise SourceError(f"{source} does not exist")
-        own = options
+        own = dict(typed)
         if weights:
-            own = dataclasses.replace(options, tension_n=weights[i], tension_mpa=None)
+            own |= {"tension_n": weights[i], "tension_mpa": None}
         if is_recording(source):
             config = (
-                own.plan().config
+                RunParameters.from_typed(own, spelling=spelled).plan().config
                 if stated
-                else dataclasses.replace(recorded_config(source), law=options.law)
+                else dataclasses.replace(
+                    recorded_config(source), law=str(typed.get("law", RunParameters.law))
+                )
             )
             runs.append(read_recording(source, config))
         else:
-            plan = own.plan()
+            plan = RunParameters.from_typed(own, spelling=spelled).plan()
             runs.append(
                 TrackedRun(
                     config=plan.config,
@@ -122,15 +124,15 @@ def _runs(sources: list[Path], weights: list[float], options: PredictOptions) ->
     return runs
 
 
-def _identified(runs: list[TrackedRun], use: int | None, options: PredictOptions) -> dict[str, Any]:
+def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
     from cable_fem_node.identification import identify_constants, identify_modulus, with_young
 
-    used = runs
+    used, law = runs, runs[0].config.law
     if use is not None:
         used = [dataclasses.replace(run, readings=run.readings.first(use)) for run in runs]
     console = result_console()
-    if len(runs) > 1 and options.law in ("neo_hookean", "mooney_rivlin"):
-        constants = identify_constants(used, options.law)
+    if len(runs) > 1 and law in ("neo_hookean", "mooney_rivlin"):
+        constants = identify_constants(used, law)
         record = _print_constants(console, constants)
         record["refused"] = ""
         fit, young, ratio = (
@@ -279,12 +281,11 @@ def _print_rest(
     return record
 
 
-def _tensile(path: Path, options: PredictOptions) -> dict[str, Any]:
+def _tensile(path: Path, parameters: RunParameters) -> dict[str, Any]:
     from cable_fem_node.identification import fit_laws, judgement
     from winding_cli.commands.identify_sources import read_tensile_test
-    from winding_core.cases import Material
 
-    poisson = Material().poisson if options.poisson is None else options.poisson
+    poisson = parameters.poisson
     fits = fit_laws(read_tensile_test(path), poisson)
     console = result_console()
     table = Table(title=f"Laws of {path.name}, best first")
@@ -298,7 +299,7 @@ def _tensile(path: Path, options: PredictOptions) -> dict[str, Any]:
             f"{item.share:.2f} +- {item.share_standard_error:.2f}"
             if item.law == "mooney_rivlin"
             else "-",
-            f"{item.rms / 1e3:.3g}",
+            f"{item.rms / KILOPASCAL:.3g}",
             f"{item.aicc:.1f}",
         )
     console.print(table)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from winding_cli.commands.predict_options import MEGAPASCAL
+from winding_core.units import KILOPASCAL, MEGAPASCAL
 
 if TYPE_CHECKING:
     from cable_fem_node.identification import Readings, TensileTest, TrackedRun
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 MARKER_COLUMNS = ("marker", "theta_rad", "z_m")
 _STRAIN = {"strain": 1.0, "strain_pct": 0.01}
-_STRESS = {"stress_mpa": MEGAPASCAL, "stress_pa": 1.0, "stress_kpa": 1.0e3}
+_STRESS = {"stress_mpa": MEGAPASCAL, "stress_pa": 1.0, "stress_kpa": KILOPASCAL}
 
 
 class SourceError(ValueError):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from winding_cli.commands.refusal import refuse
 
 if TYPE_CHECKING:
-    from winding_core.condition import ConditionParameters
+    from winding_core.condition import Condition
     from winding_supervisor.run import RunResult
 
 _TRACKER, _PAGE = "marker_tracker", "dashboard"
@@ -52,9 +52,7 @@ def page_parameters(port: int | None, file: Path | None, namespace: str) -> dict
     return values | {"host": page.host, "port": page.port}
 
 
-def operated_condition(
-    condition: ConditionParameters, result: RunResult
-) -> ConditionParameters | None:
+def operated_condition(condition: Condition, result: RunResult) -> Condition | None:
     """Return what the operator wound, as long as it was wound; None when nothing was.
 
     Args:

@@ -11,19 +11,20 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
-from winding_cli.commands.option_record import with_options
-from winding_cli.commands.predict_options import MILLIMETRE, PredictOptions
 from winding_cli.commands.refusal import refuse
+from winding_core.units import MILLIMETRE
+from winding_study.runs.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.winding.prediction import Prediction
     from winding_study.runs.planned_run import PlannedRun
 
 
-@with_options(PredictOptions)
+@with_options(RunParameters)
 def predict(
-    options: PredictOptions,
+    typed: Typed,
     *,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Also write the result to this file.")
@@ -33,7 +34,7 @@ def predict(
     from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
 
     try:
-        run = options.plan()
+        run = RunParameters.from_typed(typed, spelling=spelled).plan()
         result = _wind(run)
     except (ValueError, DivergenceError, EnergyBalanceError) as error:
         refuse(error)

@@ -12,28 +12,25 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
-from winding_cli.commands.own_condition import condition_values
 from winding_cli.commands.refusal import FAILED, INTERRUPTED, refuse
+from winding_core.condition import Condition
+from winding_core.options import typed_values
+from winding_core.units import MEGABYTE
 
 if TYPE_CHECKING:
     from winding_recorder.bags.mcap_file import BagConfig
     from winding_recorder.live.recorder import RunBuffer
     from winding_supervisor.run import RunConfig, RunResult
 
-_MILLIMETRE = 1.0e-3
-_MEGABYTE = 1.0e6
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
 
+@with_options(Condition)
 def run(
-    case: Annotated[int | None, typer.Option(help="Row of the paper's Table 1, 1 to 12.")] = None,
-    cylinder_diameter_mm: Annotated[
-        float | None, typer.Option(help="Cylinder of a condition of one's own.")
-    ] = None,
-    cable_diameter_mm: Annotated[float | None, typer.Option(help="Its cable, undeformed.")] = None,
-    tension_n: Annotated[float | None, typer.Option(help="Its dead weight.")] = None,
-    marker_spacing_mm: Annotated[float | None, typer.Option(help="Its marker spacing.")] = None,
+    typed: Typed,
+    *,
     lay: Annotated[
         str | None,
         typer.Option(help="paper: the published measurement; fem: a cable with hidden properties."),
@@ -42,7 +39,6 @@ def run(
         float | None,
         typer.Option(help="Simulated seconds per second, 1 by default; 0: as fast as all follow."),
     ] = None,
-    duration_s: Annotated[float, typer.Option(help="Simulated length of the run.")] = 20.0,
     bag: Annotated[
         Path | None, typer.Option(help="Record every topic into this new rosbag2 folder.")
     ] = None,
@@ -83,22 +79,16 @@ def run(
     ] = False,
 ) -> None:
     """Wind one case: predict, measure, correct; end with a table and a report."""
-    from winding_core.condition import ConditionParameters
-    from winding_core.parameters import build
-
-    own = {
-        "cylinder_diameter": _scaled(cylinder_diameter_mm, _MILLIMETRE),
-        "cable_diameter": _scaled(cable_diameter_mm, _MILLIMETRE),
-        "weight": tension_n,
-        "marker_spacing": _scaled(marker_spacing_mm, _MILLIMETRE),
-    }
-    if dashboard and case is None and not any(own.values()):
-        case = ConditionParameters().case
     try:
-        values = condition_values(case, own) | {"duration": duration_s}
-        condition = build(ConditionParameters, values, owner="winding run")
-        wound = condition.condition()
-        condition.drive()
+        condition = Condition.from_typed(
+            typed, spelling=spelled, case=Condition.case if dashboard else None
+        )
+        wound = condition.resolved().case
+        values: dict[str, object] = {
+            **typed_values(Condition, typed),
+            "case": condition.case,
+            "duration": condition.duration,
+        }
     except ValueError as error:
         refuse(error)
     _refuse_namespace(namespace)
@@ -109,7 +99,9 @@ def run(
     if parameters is not None and not parameters.is_file():
         refuse(f"no parameter file at {parameters}")
     recording = _recording(compression, split_mb)
-    lay = lay or ("fem" if wound.number == 0 else "paper")
+    lay = lay or ("paper" if wound.is_published else "fem")
+    if lay == "paper" and not wound.is_published:
+        refuse("--lay paper is what the paper measured of cases 1 to 12; use --lay fem")
     from winding_cli.commands.page_options import operated_condition, page_parameters
     from winding_ros import topics
     from winding_supervisor.run import RunConfig
@@ -122,7 +114,7 @@ def run(
             topics.RIG: _given(speed=speed, lay=lay, seed=seed),
             topics.CORRECTION: _given(weights=weights),
         },
-        duration=duration_s,
+        duration=condition.duration,
         bag=bag,
         recording=recording,
         parameters_file=parameters,
@@ -157,17 +149,13 @@ def _recording(compression: str, split_mb: float) -> BagConfig:
     if not math.isfinite(split_mb):
         refuse(f"split size must be finite, got {split_mb} MB")
     try:
-        return BagConfig(compression=compression, split_bytes=round(split_mb * _MEGABYTE))
+        return BagConfig(compression=compression, split_bytes=round(split_mb * MEGABYTE))
     except ValueError as error:
         refuse(error)
 
 
 def _given(**values: object) -> dict[str, object]:
     return {name: value for name, value in values.items() if value is not None}
-
-
-def _scaled(value: float | None, unit: float) -> float | None:
-    return None if value is None else value * unit
 
 
 def _refuse_namespace(namespace: str) -> None:
@@ -218,19 +206,17 @@ def _claimed(directory: Path, *, exactly: bool) -> Path:
             return candidate
 
 
-def _session(config: RunConfig, condition: object) -> RunResult:
+def _session(config: RunConfig, condition: Condition) -> RunResult:
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
 
     from winding_cli.output.live_view import LiveView
-    from winding_core.condition import ConditionParameters
     from winding_recorder.live.recorder import RecorderError
     from winding_supervisor.domain_lock import DomainError
     from winding_supervisor.graph_error import GraphError
     from winding_supervisor.run import run_graph
 
-    assert isinstance(condition, ConditionParameters)
     console = Console(stderr=True)
     try:
         if not console.is_terminal:
@@ -238,7 +224,7 @@ def _session(config: RunConfig, condition: object) -> RunResult:
         with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
 
             def view(buffer: RunBuffer, wall: float) -> None:
-                picture = LiveView(condition.condition(), config.duration, buffer)
+                picture = LiveView(condition.resolved().case, config.duration, buffer)
                 live.update(picture.render(wall))
 
             return run_graph(config, view, live.console.print)
@@ -277,14 +263,12 @@ class _ProgressLines:
 
 
 def _deliver(
-    condition: object, config: RunConfig, result: RunResult, report: Path, json: Path
+    condition: Condition, config: RunConfig, result: RunResult, report: Path, json: Path
 ) -> None:
     from winding_cli.output.results import results_table, run_record
-    from winding_core.condition import ConditionParameters
     from winding_study.reports.report import write_report
     from winding_study.runs.run_record import write_run_json
 
-    assert isinstance(condition, ConditionParameters)
     record = run_record(condition, result)
     write_run_json(record, json)
     page = write_report(record, report)

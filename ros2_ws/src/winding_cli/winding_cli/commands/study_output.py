@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from winding_cli.commands.console import result_console
 from winding_cli.commands.refusal import FAILED, refuse
+from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -122,7 +123,7 @@ def _facts(record: StudyRecord, stored: int) -> dict[str, str]:
     if config is None:
         return {"Base": "the paper's simulation column, as printed"}
     segment = (
-        f"{1e3 * config.segment_length:g} mm"
+        f"{config.segment_length / MILLIMETRE:g} mm"
         if config.segment_length is not None
         else "5 mm"
         if config.element == "rod"
@@ -134,7 +135,7 @@ def _facts(record: StudyRecord, stored: int) -> dict[str, str]:
         "Material law": config.law,
         "Element length": segment,
         "Mass scaling": f"{config.scaling:g}",
-        "Free length": f"{1e3 * PAPER_FREE_LENGTH:g} mm",
+        "Free length": f"{PAPER_FREE_LENGTH / MILLIMETRE:g} mm",
         "Run": f"{config.duration:g} s",
         "Processor time": f"{cpu:.1f} s for {len(record.results)} cases",
         "From the store": f"{stored} of {len(record.results)} cases",

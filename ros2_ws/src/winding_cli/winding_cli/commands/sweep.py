@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from winding_cli.commands.predict_options import PredictOptions, option_types
 from winding_cli.commands.refusal import FAILED, INTERRUPTED, refuse
 from winding_cli.commands.termination import terminate_as_interrupt
+from winding_core.options import option_kinds
+from winding_study.runs.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from winding_study.runs.planned_run import PlannedRun
@@ -131,7 +131,7 @@ def _plan(path: Path, part: Any) -> tuple[tuple[str, ...], Plan]:
     from winding_study.sweep.spec import parse_spec
 
     try:
-        spec = parse_spec(path.read_text(encoding="utf-8"), option_types())
+        spec = parse_spec(path.read_text(encoding="utf-8"), option_kinds(RunParameters))
     except (OSError, UnicodeDecodeError) as error:
         refuse(f"cannot read {path}: {getattr(error, 'strerror', None) or error}")
     except SpecError as error:
@@ -139,11 +139,11 @@ def _plan(path: Path, part: Any) -> tuple[tuple[str, ...], Plan]:
     rows = []
     for number, given in enumerate(spec, start=1):
         try:
-            options = PredictOptions(**given)  # type: ignore[arg-type]
-            run = options.plan()
+            parameters = RunParameters.from_typed(given)
+            run = parameters.plan()
         except ValueError as error:
             refuse(f"{path}: {_name(spec, number, given)}: {error}")
-        rows.append((number, run.key, dataclasses.asdict(options.resolved(run)), run))
+        rows.append((number, run.key, parameters.as_typed(given), run))
     wanted = set(part.keys([key for _, key, _, _ in rows]))
     if not wanted:
         refuse(f"{path}: shard {part.number}/{part.count} is empty: there are {len(rows)} runs")

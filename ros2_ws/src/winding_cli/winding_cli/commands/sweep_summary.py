@@ -8,12 +8,12 @@ import numpy as np
 from rich.table import Table
 
 from winding_cli.commands.console import result_console
+from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
     from winding_study.sweep.table import Columns
 
 LONGEST = 24
-MILLIMETRE = 1.0e-3
 
 
 def print_summary(columns: Columns, varied: tuple[str, ...]) -> None:

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
-from winding_cli.commands.own_condition import condition_values
 from winding_cli.commands.refusal import FAILED, refuse
+from winding_core.condition import Condition, ResolvedCondition
+from winding_core.units import MILLIMETRE, MILLIRADIAN
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,15 +26,15 @@ if TYPE_CHECKING:
 
     Frames = Iterator[tuple[float, NDArray[np.uint8]]]
 
-MILLIMETRE = 1.0e-3
-MEGAPASCAL = 1.0e6
 VIDEOS = (".mp4", ".avi", ".mkv", ".mov", ".webm")
 BAGS = (".mcap", ".db3", ".bag")
 
 
+@with_options(Condition)
 def track(
-    source: Annotated[Path, typer.Argument(help="Video file, folder of pictures, or bag.")],
+    typed: Typed,
     *,
+    source: Annotated[Path, typer.Argument(help="Video file, folder of pictures, or bag.")],
     out: Annotated[Path, typer.Option(help="CSV of every frame's markers.")],
     camera: Annotated[
         Path | None, typer.Option(help="Camera YAML; a bag may bring its own camera_info.")
@@ -41,19 +43,6 @@ def track(
         Path | None,
         typer.Option(help="CSV t, cylinder_angle, guide_z; a bag may bring joint_states."),
     ] = None,
-    case: Annotated[
-        int | None, typer.Option(help="Row of the paper's Table 1; else 4, or an own cable.")
-    ] = None,
-    cylinder_diameter_mm: Annotated[
-        float | None, typer.Option(help="Cylinder of a condition of one's own.")
-    ] = None,
-    cable_diameter_mm: Annotated[float | None, typer.Option(help="Its cable, undeformed.")] = None,
-    tension_n: Annotated[float | None, typer.Option(help="Its dead weight.")] = None,
-    marker_spacing_mm: Annotated[float | None, typer.Option(help="Its marker spacing.")] = None,
-    young_mpa: Annotated[
-        float | None, typer.Option(help="Its modulus, for a first guess of the stretch; 2.6.")
-    ] = None,
-    markers: Annotated[int, typer.Option(help="Markers after P0.")] = 4,
     band_mm: Annotated[float, typer.Option(help="Width of a marker along the cable.")] = 6.0,
     camera_position_mm: Annotated[
         str,
@@ -77,19 +66,8 @@ def track(
     if not source.exists():
         refuse(f"{source} does not exist")
     try:
-        config = _config(
-            case,
-            {
-                "cylinder_diameter": cylinder_diameter_mm,
-                "cable_diameter": cable_diameter_mm,
-                "weight": tension_n,
-                "marker_spacing": marker_spacing_mm,
-            },
-            young_mpa=young_mpa,
-            markers=markers,
-            band_mm=band_mm,
-            camera_position_mm=camera_position_mm,
-        )
+        wound = Condition.from_typed(typed, spelling=spelled, case=Condition.case)
+        config = _config(wound.resolved(), band_mm, camera_position_mm)
         bag = _is_bag(source)
         brought = read_bag(source) if bag else Recording(camera=None, motion=None)
         lens = read_camera(camera) if camera else brought.camera
@@ -111,37 +89,16 @@ def track(
         refuse(f"no marker was found: {report.colour_refusal or 'nothing moved with P0'}", FAILED)
 
 
-def _config(
-    case: int | None,
-    own: dict[str, float | None],
-    *,
-    young_mpa: float | None,
-    markers: int,
-    band_mm: float,
-    camera_position_mm: str,
-) -> TrackerConfig:
-    from dataclasses import replace
-
+def _config(what: ResolvedCondition, band_mm: float, camera_position_mm: str) -> TrackerConfig:
     from marker_tracker_node import CameraPose, TrackerConfig
-    from winding_core.condition import ConditionParameters
-    from winding_core.parameters import build
 
-    scaled = {
-        name: value if value is None or name == "weight" else value * MILLIMETRE
-        for name, value in own.items()
-    }
-    if case is None and not any(own.values()):
-        case = 4
-    values = condition_values(case, scaled)
-    wound = build(ConditionParameters, values, owner="winding track").condition()
-    if young_mpa is not None:
-        wound = replace(wound, material=replace(wound.material, young=young_mpa * MEGAPASCAL))
+    case = what.case
     return TrackerConfig(
-        cylinder_radius=wound.cylinder_radius,
-        cable_radius=wound.cable_radius,
-        marker_spacing=wound.marker_spacing,
-        marker_count=markers,
-        expected_stretch=1.0 + wound.nominal_stress / wound.material.young,
+        cylinder_radius=case.cylinder_radius,
+        cable_radius=case.cable_radius,
+        marker_spacing=case.marker_spacing,
+        marker_count=case.marker_count,
+        expected_stretch=case.expected_stretch,
         band_width=band_mm * MILLIMETRE,
         pose=CameraPose(position=_position(camera_position_mm)),
     )
@@ -197,7 +154,7 @@ def _print(tracker: Tracker, lens: PinholeCamera, refined: bool) -> None:
             console.print(f"not refined: {error}")
         else:
             theta, z = fit.theta, fit.z
-            tilt = ", ".join(f"{1e3 * angle:.2f}" for angle in fit.pose.tilt)
+            tilt = ", ".join(f"{angle / MILLIRADIAN:.2f}" for angle in fit.pose.tilt)
             console.print(f"refined: {fit.residual:.2f} px, camera tilt ({tilt}) mrad")
     table = Table("marker", "theta, rad", "z, mm", "S, mm")
     length = curve_length(tracker.config.centreline_radius, theta, z)

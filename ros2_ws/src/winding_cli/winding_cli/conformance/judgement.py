@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from winding_core.units import MILLISECOND
+
 Array = NDArray[np.float64]
 
 # The tracker interpolates the encoder over at most this gap.
@@ -93,9 +95,9 @@ def judge_encoder(heard: Heard) -> list[Finding]:
     gap = float(np.diff(stamps).max())
     findings = [
         Finding(
-            promise=f"rig/joint_states: no gap above {1e3 * LONGEST_GAP_S:g} ms",
+            promise=f"rig/joint_states: no gap above {LONGEST_GAP_S / MILLISECOND:g} ms",
             kept=gap <= LONGEST_GAP_S,
-            measured=f"largest {1e3 * gap:.1f} ms",
+            measured=f"largest {gap / MILLISECOND:.1f} ms",
         )
     ]
     span = stamps[-1] - stamps[0]

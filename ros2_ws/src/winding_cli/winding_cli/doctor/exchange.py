@@ -13,6 +13,7 @@ from pathlib import Path
 
 from winding_cli.doctor.finding import Finding, fail, ok, warn
 from winding_cli.doctor.variables import RMW
+from winding_core.units import MILLISECOND
 
 _PROBE = "winding_cli.doctor.exchange_probe"
 # On an idle machine two processes find each other in half a second.
@@ -109,7 +110,8 @@ def _round_trip(result: Exchange) -> Finding:
     middle = statistics.median(result.round_trips)
     found = (
         f"{len(result.round_trips)} round trips between two processes, "
-        f"{1e3 * middle:.2f} ms in the middle, {1e3 * max(result.round_trips):.2f} ms at most"
+        f"{middle / MILLISECOND:.2f} ms in the middle, "
+        f"{max(result.round_trips) / MILLISECOND:.2f} ms at most"
     )
     if middle <= _SLOW:
         return ok(check, found)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from winding_cli.doctor.finding import Finding, fail, ok, warn
+from winding_core.units import MILLISECOND
 
 _GIGABYTE, _MEGABYTE = 1.0e9, 1.0e6
 _FINE = 1.0e-6
@@ -77,7 +78,9 @@ def judge_jumps(pairs: Iterable[ClockPair]) -> Finding:
         for pair in others
     ]
     drift = max(*drifts, 0.0)
-    found = f"{1e3 * drift:.3f} ms apart over {others[-1].monotonic - first.monotonic:.2f} s"
+    found = (
+        f"{drift / MILLISECOND:.3f} ms apart over {others[-1].monotonic - first.monotonic:.2f} s"
+    )
     if drift <= _JUMP:
         return ok("clock jumps", found)
     return warn(

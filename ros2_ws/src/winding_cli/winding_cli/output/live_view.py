@@ -12,6 +12,7 @@ from rich.text import Text
 
 from winding_core.cases import Case
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
+from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
@@ -50,9 +51,9 @@ class LiveView:
         )
         machine.add_row(
             "carriage",
-            f"{1e3 * measured.feed_speed:6.3f} mm/s",
-            f"target {1e3 * wanted.feed_speed:.3f}" if wanted else "",
-            f"{1e3 * measured.carriage_position:.1f} mm",
+            f"{measured.feed_speed / MILLIMETRE:6.3f} mm/s",
+            f"target {wanted.feed_speed / MILLIMETRE:.3f}" if wanted else "",
+            f"{measured.carriage_position / MILLIMETRE:.1f} mm",
         )
         machine.add_row("tension", f"{tension[1]:6.3f} N" if tension is not None else "-")
         bar = ProgressBar(total=self._duration, completed=min(t, self._duration), width=60)
@@ -68,7 +69,7 @@ class LiveView:
         for marker in range(1, self._case.marker_count + 1):
             table.add_row(
                 f"P{marker}",
-                f"{1e3 * self._case.original_length(marker):.1f}",
+                f"{self._case.original_length(marker) / MILLIMETRE:.1f}",
                 *(_length(markers, marker) for markers in (fem, tracked, corrected)),
             )
         return table
@@ -88,4 +89,4 @@ class LiveView:
 
 
 def _length(markers: dict[int, float], marker: int) -> str:
-    return f"{1e3 * markers[marker]:.1f}" if marker in markers else "not wound"
+    return f"{markers[marker] / MILLIMETRE:.1f}" if marker in markers else "not wound"

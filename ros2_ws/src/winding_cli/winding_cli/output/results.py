@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from winding_core.condition import ConditionParameters
+from winding_core.condition import Condition
 from winding_core.helix import curve_length
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
 from winding_core.published import published_markers
@@ -36,10 +36,11 @@ _THINNED = (
 )
 
 
-def run_record(condition: ConditionParameters, result: RunResult) -> RunRecord:
+def run_record(condition: Condition, result: RunResult) -> RunRecord:
     """Return what a finished session says of its run."""
     buffer = result.buffer
-    case = condition.condition()
+    what = condition.resolved()
+    case = what.case
     measured = _in_run(buffer, topics.JOINT_STATES, decode_joint_state)
     commanded = _in_run(buffer, topics.JOINT_COMMANDS, decode_joint_state)
     tension = _in_run(buffer, topics.TENSION, decode_tension)
@@ -55,7 +56,7 @@ def run_record(condition: ConditionParameters, result: RunResult) -> RunRecord:
     final = _final_corrections(buffer)
     return RunRecord(
         case=case,
-        drive=condition.drive(),
+        drive=what.drive,
         cylinder_speed=_signal(measured, "angular_speed"),
         carriage_speed=_signal(measured, "feed_speed"),
         cylinder_setpoint=_signal(commanded, "angular_speed"),

@@ -9,11 +9,11 @@ from typing import Any
 
 from nicegui import ui
 
+from winding_core.units import MILLIMETRE
 from winding_dashboard.views.palette import CORRECTED, LINE, MEASURED, PREDICTED, SETPOINT, SOFT
 from winding_dashboard.views.trace import Trace
 from winding_dashboard.views.view_state import ViewState
 
-MILLIMETRE = 1.0e3
 # Shown before anything has come, so that axes do not jump [s].
 _LEAST_SPAN = 10.0
 _INTERVALS = 4
@@ -172,7 +172,7 @@ class Charts:
                 Series(column="feed", name="measured", colour=MEASURED),
                 Series(column="feed_set", name="setpoint", colour=SETPOINT, dashed=True),
             ),
-            scale=MILLIMETRE,
+            scale=1.0 / MILLIMETRE,
             least=1.0,
         )
         self._tension = LiveChart(
@@ -189,7 +189,7 @@ class Charts:
                 Series(column="low", name="", colour=CORRECTED, dashed=True, width=1.0),
                 Series(column="high", name="", colour=CORRECTED, dashed=True, width=1.0),
             ),
-            scale=MILLIMETRE,
+            scale=1.0 / MILLIMETRE,
             least=1.0,
         )
         with self._length.corner:

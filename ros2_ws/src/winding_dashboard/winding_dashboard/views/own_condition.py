@@ -6,10 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from winding_core.condition import ConditionParameters
+from winding_core.condition import Condition
 from winding_core.parameters import build
-
-MILLIMETRE = 1.0e-3
+from winding_core.units import MILLIMETRE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +89,7 @@ def own_condition(typed: Mapping[str, object]) -> dict[str, float]:
             raise ValueError(refusal)
         assert isinstance(said, int | float)
         values[item.name] = float(said) * item.scale
-    build(ConditionParameters, {"case": 0, **values}, owner="the next run").condition()
+    build(Condition, {"case": 0, **values}, owner="the next run").resolved()
     return values
 
 

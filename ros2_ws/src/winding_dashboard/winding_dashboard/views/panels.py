@@ -8,6 +8,7 @@ import math
 from nicegui import ui
 
 from winding_core.status import Level
+from winding_core.units import MILLIMETRE
 from winding_dashboard.views.health import NodeHealth
 from winding_dashboard.views.marker_rows import MOST_MARKERS, MarkerRow
 from winding_dashboard.views.material_view import material_sentence
@@ -15,7 +16,7 @@ from winding_dashboard.views.overlay import measured_count
 from winding_dashboard.views.view_state import ViewState
 
 _DASH = "–"
-_MILLIMETRE = 1.0e3
+_PER_METRE = 1.0 / MILLIMETRE
 _MOST_NODES = 12
 _FEWEST_ROWS = 4
 # Votes that are told; the others are below.
@@ -110,14 +111,14 @@ class Figures:
             f"set {number(wanted.angular_speed if wanted else nan, 3)}",
         )
         self._feed.update(
-            number(axes.feed_speed if axes else nan, 2, _MILLIMETRE),
-            f"set {number(wanted.feed_speed if wanted else nan, 2, _MILLIMETRE)}",
+            number(axes.feed_speed if axes else nan, 2, _PER_METRE),
+            f"set {number(wanted.feed_speed if wanted else nan, 2, _PER_METRE)}",
         )
         self._tension.update(number(state.tension, 2), "load cell")
         angle = axes.cylinder_angle if axes else nan
         self._turns.update(number(angle / math.tau, 2), f"{number(angle, 2)} rad")
         self._carriage.update(
-            number(axes.carriage_position if axes else nan, 1, _MILLIMETRE), "guide"
+            number(axes.carriage_position if axes else nan, 1, _PER_METRE), "guide"
         )
         best = next(iter(state.votes.items()), None)
         self._case.update(str(best[0]) if best else _DASH, _votes(state))
@@ -189,12 +190,12 @@ class _MarkerLine:
         if row is None:
             return
         self._name.set_text(f"P{row.id}")
-        self._ahead.set_text(number(row.ahead, 1, _MILLIMETRE))
-        self._predicted.set_text(number(row.predicted, 2, _MILLIMETRE))
-        self._corrected.set_text(number(row.corrected, 2, _MILLIMETRE))
-        low, high = number(row.low, 1, _MILLIMETRE), number(row.high, 1, _MILLIMETRE)
+        self._ahead.set_text(number(row.ahead, 1, _PER_METRE))
+        self._predicted.set_text(number(row.predicted, 2, _PER_METRE))
+        self._corrected.set_text(number(row.corrected, 2, _PER_METRE))
+        low, high = number(row.low, 1, _PER_METRE), number(row.high, 1, _PER_METRE)
         self._bounds.set_text(" " if low == _DASH else f"{low}–{high}")
-        self._measured.set_text(number(row.measured, 2, _MILLIMETRE))
+        self._measured.set_text(number(row.measured, 2, _PER_METRE))
         difference = number(row.difference, 2, 100.0, sign=True)
         self._difference.set_text(" " if difference == _DASH else f"{difference} %")
         self._state.set_text(row.state)

@@ -8,8 +8,9 @@ from nicegui import ui
 from nicegui.elements.mixins.disableable_element import DisableableElement
 
 from winding_core.cases import paper_cases
+from winding_core.units import MILLIMETRE
 from winding_dashboard.views.commands import Choice, CommandError, Graph
-from winding_dashboard.views.own_condition import MILLIMETRE, OWN_VALUES, own_condition
+from winding_dashboard.views.own_condition import OWN_VALUES, own_condition
 from winding_dashboard.views.view_state import ViewState
 
 _OWN = 0

@@ -72,12 +72,12 @@ def published_lay(case: Case, drive: DriveProfile, free_length: float, end: floa
     Raises:
         ValueError: The case is not a published one.
     """
-    markers = published_markers(case.number)
-    if not markers:
+    if not case.is_published:
         raise ValueError(
-            "the paper lay needs a published case of 1 to 12; wind a condition of one's own with "
-            "lay 'fem'"
+            "lay 'paper' needs a case of 1 to 12 with its own cable and markers, "
+            "as the paper measured it; use lay 'fem'"
         )
+    markers = published_markers(case.number)
     measured = [marker.experiment for marker in markers]
     theta = np.array([0.0, *(lay.theta if lay else np.nan for lay in measured)])
     z = np.array([0.0, *(lay.z if lay else np.nan for lay in measured)])
@@ -102,7 +102,8 @@ def simulated_lay(case: Case, drive: DriveProfile, hidden: HiddenCable, end: flo
     """
     law = _law(case, drive, hidden.free_length)
     tension = hidden.drag + hidden.load_factor * case.weight
-    stretch = neo_hookean_stretch(tension / (case.section_area * case.material.young))
+    young = case.material.young * case.material.axial_factor
+    stretch = neo_hookean_stretch(tension / (case.section_area * young))
     theta = _grid(end, np.empty(0))
     way = np.hypot(case.centreline_radius, law.slope(theta)) / stretch
     laid = cumulative_trapezoid(way, theta, initial=0.0)

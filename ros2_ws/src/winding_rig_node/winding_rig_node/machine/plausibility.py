@@ -6,6 +6,8 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
+from winding_core.units import MILLISECOND
+
 
 @dataclass(frozen=True, kw_only=True)
 class AxisLimits:
@@ -133,16 +135,18 @@ class Plausibility:
         for limits, seen in zip(self.config.axes, observations, strict=True):
             reason = self._axis_verdict(t, limits, seen)
             if reason is not None:
-                return f"{limits.name} encoder {reason} for more than {1e3 * patience:g} ms"
+                return f"{limits.name} encoder {reason} for more than {patience / MILLISECOND:g} ms"
         if t - self._heard.get("load cell", t) > patience:
-            return f"load cell gives no valid reading for more than {1e3 * patience:g} ms"
+            return f"load cell gives no valid reading for more than {patience / MILLISECOND:g} ms"
         if t - self._since.get("still", t) > self.config.still_tension:
-            return f"load cell is stuck for more than {1e3 * self.config.still_tension:g} ms"
+            return (
+                f"load cell is stuck for more than {self.config.still_tension / MILLISECOND:g} ms"
+            )
         if self._lasts("tension", t):
             return (
                 f"tension is outside {self.config.low_tension * self.config.weight:.3g} to "
                 f"{self.config.high_tension * self.config.weight:.3g} N for more than "
-                f"{1e3 * patience:g} ms"
+                f"{patience / MILLISECOND:g} ms"
             )
         return None
 

@@ -63,7 +63,7 @@ class Camera:
 
     def __init__(self, wanted: RigParameters, lay: CableLay, outputs: Outputs) -> None:
         self._wanted = wanted
-        self._case: Case = wanted.condition()
+        self._case: Case = wanted.resolved().case
         self._lay = lay
         self._outputs = outputs
         self._rng = np.random.default_rng([wanted.seed, 1])

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from winding_core.condition import ConditionParameters
+from winding_core.condition import Condition
 from winding_core.parameters import parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class RigParameters(ConditionParameters):
+class RigParameters(Condition):
     """What is wound, how fast simulated time runs, and what the camera sees."""
 
     lay: str = parameter(

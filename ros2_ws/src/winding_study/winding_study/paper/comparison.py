@@ -8,12 +8,12 @@ from statistics import fmean
 from typing import Any
 
 from winding_core.published import (
-    MILLIMETRE,
     Lay,
     PublishedMarker,
     length_error_pct,
     published_markers,
 )
+from winding_core.units import MILLIMETRE
 from winding_study.runs.case_result import CaseResult
 
 

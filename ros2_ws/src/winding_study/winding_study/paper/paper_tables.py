@@ -6,14 +6,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from winding_core.cases import paper_case
 from winding_core.published import (
-    MEGAPASCAL,
-    MILLIMETRE,
     Lay,
     PublishedMarker,
     length_error_pct,
     published_markers,
     published_weights,
 )
+from winding_core.units import MEGAPASCAL, MILLIMETRE
 from winding_study.documents.data_table import Column, DataTable, Value
 from winding_study.runs.case_result import CaseResult
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from correction_node.training.comparison import ModelScore
 from correction_node.training.repeatability import LABEL, Noise, NoiseAccuracy
 from correction_node.training.within_run_score import WithinRunScore
+from winding_core.units import MILLIMETRE
 from winding_study.documents.data_table import Column, DataTable, Value
 from winding_study.paper.comparison import Comparison
 
@@ -94,7 +95,7 @@ def within_table(score: WithinRunScore) -> DataTable:
     """Return how the markers after the measured ones are predicted, beside plain rivals."""
     given = " and ".join(f"P{n}" for n in range(1, score.measured + 1))
     asked = " and ".join(f"P{n}" for n in score.by_marker_pct)
-    length = f"{1e3 * score.build_up_length:.0f} mm"
+    length = f"{score.build_up_length / MILLIMETRE:.0f} mm"
     rows: list[tuple[Value, ...]] = [
         (
             "build-up law, its case left out",

@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from winding_core.cases import paper_case
-from winding_core.published import MILLIMETRE
+from winding_core.units import MILLIMETRE
 from winding_study.documents.picture import INK, PALE, Picture, canvas, picture
 from winding_study.runs.case_result import CaseResult
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
-from winding_core.published import MILLIMETRE
+from winding_core.units import MILLIMETRE
 from winding_study.documents.picture import (
     FAINT,
     PREDICTED,
@@ -92,14 +92,16 @@ def lay_picture(record: RunRecord) -> Picture:
             theta = np.linspace(0.0, 1.05 * reach, 200)
             axes.plot(
                 theta / _TURN,
-                1e3 * law.z(theta),
+                law.z(theta) / MILLIMETRE,
                 color=FAINT,
                 label="kinematic reference",
                 zorder=1,
             )
         for name, colour, size in (("tracked", TRACKED, 90), ("predicted", PREDICTED, 36)):
             points = [_last(record, name, marker) for marker in record.marker_ids]
-            known = [(angle / _TURN, 1e3 * height) for angle, height in points if angle > 0.0]
+            known = [
+                (angle / _TURN, height / MILLIMETRE) for angle, height in points if angle > 0.0
+            ]
             if known:
                 turns, heights = zip(*known, strict=True)
                 axes.scatter(turns, heights, s=size, color=colour, label=name, zorder=2)

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from winding_core.drive import DriveProfile
+from winding_core.units import MILLINEWTON
 from winding_study.documents.picture import (
     FAINT,
     PALE,
@@ -114,7 +115,7 @@ def tension_picture(record: RunRecord) -> Picture:
     if len(record.tension.value):
         caption += (
             f" Mean {record.tension.value.mean():.3f} N, standard deviation "
-            f"{1e3 * record.tension.value.std():.1f} mN."
+            f"{record.tension.value.std() / MILLINEWTON:.1f} mN."
         )
     return picture(figure, "Tension", caption)
 

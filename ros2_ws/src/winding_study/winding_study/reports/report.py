@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from statistics import fmean
 
-from winding_core.published import MEGAPASCAL, MILLIMETRE
+from winding_core.units import MEGAPASCAL, MILLIMETRE
 from winding_study.documents.page import MISSING, PAGE, Tile, fixed, render_page
 from winding_study.reports.lay_pictures import lay_picture, marker_picture
 from winding_study.reports.length_pictures import lengths_picture

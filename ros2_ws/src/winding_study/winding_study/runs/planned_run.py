@@ -10,10 +10,9 @@ from cable_fem_node.winding.prediction import Prediction, predict, refuse_overla
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.drive import PAPER_DURATION, DriveProfile
+from winding_study.runs.run_parameters import ELEMENTS
 from winding_study.runs.run_store import run_key
 from winding_study.runs.solver_version import solver_version
-
-ELEMENTS = ("rod", "solid")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,61 @@
+"""Command-line options that a record of parameters declares."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+from winding_core.options import explained, options
+from winding_core.parameters import Declaration
+
+# What was typed, by option without dashes, in the unit that its name says.
+Typed = Mapping[str, object]
+
+
+def spelled(option: str) -> str:
+    """Return how an option is typed."""
+    return f"--{option.replace('_', '-')}"
+
+
+def with_options(record: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Let a command take the options that a record declares.
+
+    Args:
+        record: Declares parameters. The command takes what was typed of them as its first
+            argument, without what was not typed; its other arguments stay as they are.
+    """
+
+    def wrap(command: Callable[..., None]) -> Callable[..., None]:
+        first, *rest = inspect.signature(command).parameters.values()
+        hints = get_type_hints(command, include_extras=True)
+        taken = [
+            inspect.Parameter(
+                key, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=_annotation(key, item)
+            )
+            for key, item in options(record).items()
+        ]
+        others = [item.replace(annotation=hints[item.name]) for item in rest]
+
+        @functools.wraps(command)
+        def call(**given: Any) -> None:
+            said = {item.name: given.pop(item.name) for item in taken}
+            typed = {name: value for name, value in said.items() if value is not None}
+            command(**{first.name: typed}, **given)
+
+        call.__signature__ = inspect.Signature([*taken, *others])  # type: ignore[attr-defined]
+        call.__annotations__ = {item.name: item.annotation for item in (*taken, *others)}
+        del call.__wrapped__
+        return call
+
+    return wrap
+
+
+def _annotation(key: str, item: Declaration) -> Any:
+    kind = type(item.default)
+    name = spelled(key)
+    names = (f"{name}/--no-{name[2:]}",) if kind is bool else (name,)
+    return Annotated[kind | None, typer.Option(*names, help=explained(item))]

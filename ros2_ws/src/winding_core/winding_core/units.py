@@ -1,0 +1,52 @@
+"""Units: everything is SI inside; people type and read millimetres and megapascals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+# One such unit in SI.
+MILLIMETRE = 1.0e-3
+MILLISECOND = 1.0e-3
+MILLIRADIAN = 1.0e-3
+MILLINEWTON = 1.0e-3
+KILOPASCAL = 1.0e3
+MEGAPASCAL = 1.0e6
+MEGABYTE = 1.0e6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unit:
+    """How a quantity is typed and shown.
+
+    Attributes:
+        symbol: Of the unit that is typed; empty for a pure number or a word.
+        si: Of the SI unit that is stored.
+        scale: One typed unit in SI.
+        suffix: Of an option's name, which says what is typed; empty for none.
+    """
+
+    symbol: str = ""
+    si: str = ""
+    scale: float = 1.0
+    suffix: str = ""
+
+    def to_si(self, typed: float) -> float:
+        """Return a typed number in SI."""
+        return typed * self.scale
+
+    def from_si(self, value: float) -> float:
+        """Return an SI number in the typed unit, to twelve digits.
+
+        A change of units shall not show as 30.000000000000004.
+        """
+        return float(f"{value / self.scale:.12g}")
+
+
+PLAIN = Unit()
+LENGTH = Unit(symbol="mm", si="m", scale=MILLIMETRE, suffix="mm")
+STRESS = Unit(symbol="MPa", si="Pa", scale=MEGAPASCAL, suffix="mpa")
+FORCE = Unit(symbol="N", si="N", suffix="n")
+DENSITY = Unit(symbol="kg/m³", si="kg/m^3")
+SPEED = Unit(symbol="mm/s", si="m/s", scale=MILLIMETRE, suffix="mm_s")
+ANGULAR_SPEED = Unit(symbol="rad/s", si="rad/s", suffix="rad_s")
+TIME = Unit(symbol="s", si="s", suffix="s")
