@@ -1,7 +1,11 @@
 """Results of runs on disk, each under a key of its inputs: what is there is not computed again.
 
-Any number of processes may share a store. A run is one file, written whole and renamed, so a
+Any number of processes may share a store. A run is one npz file, written whole and renamed, so a
 killed process leaves at most an unfinished file that nobody reads.
+
+`joblib.Memory` keeps pickles, which run code when they are read, under hashes of pickles, which
+differ between versions of Python. A store may be a folder that several machines share: it holds
+numbers and text only, under keys that every machine computes alike.
 """
 
 from __future__ import annotations
@@ -9,10 +13,9 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import math
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -31,45 +34,37 @@ def run_key(inputs: object, version: str) -> str:
     """Return the key of a run: SHA-256 over its inputs and the solver's version, 64 digits.
 
     Args:
-        inputs: Dataclasses, mappings with text keys, sequences, text, numbers and None, nested
-            at will. The order of keys does not count; a dataclass counts with its name.
+        inputs: As `canonical_text` takes them.
         version: Version of what computes the run, as of `solver_version`.
 
     Raises:
         TypeError: An input has no canonical form.
         ValueError: A number is not finite.
     """
-    content = {"inputs": canonical(inputs), "version": version}
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    text = canonical_text({"inputs": inputs, "version": version})
     return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
-def canonical(value: object) -> Any:
-    """Return a value as plain JSON content that is the same for the same inputs.
+def canonical_text(inputs: object) -> str:
+    """Return inputs as JSON text that is the same for the same inputs.
+
+    Args:
+        inputs: Dataclasses, mappings with text keys, sequences, text, numbers and None, nested
+            at will. The order of keys does not count; a dataclass counts with its name.
 
     Raises:
-        TypeError: The value has no canonical form.
+        TypeError: An input has no canonical form.
         ValueError: A number is not finite.
     """
-    if value is None or isinstance(value, bool | str):
-        return value
-    if isinstance(value, int | np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
-        if not math.isfinite(value):
-            raise ValueError(f"an input of a run must be finite, got {value}")
-        return float(value)
+    return json.dumps(inputs, default=_plain, sort_keys=True, allow_nan=False)
+
+
+def _plain(value: object) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
-        return {"is": type(value).__qualname__, **canonical(fields)}
-    if isinstance(value, Mapping):
-        if not all(isinstance(name, str) for name in value):
-            raise TypeError(f"names of a run's inputs must be text, got {sorted(value, key=str)}")
-        return {name: canonical(item) for name, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return canonical(value.tolist())
-    if isinstance(value, Sequence) and not isinstance(value, bytes | bytearray):
-        return [canonical(item) for item in value]
+        return {"is": type(value).__qualname__, **fields}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
     raise TypeError(f"an input of a run must be numbers and text, got a {type(value).__name__}")
 
 
@@ -81,13 +76,7 @@ class RunStore:
         self.folder = folder
 
     def path(self, key: str) -> Path:
-        """Return where a run's file belongs.
-
-        Raises:
-            ValueError: The key is not 64 hexadecimal digits.
-        """
-        if len(key) != 64 or not set(key) <= set("0123456789abcdef"):
-            raise ValueError(f"a run's key must be 64 hexadecimal digits, got {key!r}")
+        """Return where the file of a run with this `run_key` belongs."""
         return self.folder / key[:2] / f"{key}.npz"
 
     def save(self, key: str, arrays: Mapping[str, ArrayLike]) -> None:
@@ -98,22 +87,15 @@ class RunStore:
             arrays: Numbers and text by name, of any shape.
 
         Raises:
-            ValueError: A result is neither number nor text, or its name is taken.
+            ValueError: A result is neither number nor text.
             OSError: The folder cannot be written.
         """
-        path = self.path(key)
-        content: Arrays = {name: np.asarray(value) for name, value in arrays.items()}
-        for name, array in content.items():
-            if array.dtype.hasobject:
-                raise ValueError(f"result {name} of a run must be numbers or text")
-        if KEY in content:
-            raise ValueError(f"a run has no room for a result named {KEY}")
-        content[KEY] = np.asarray(key)
+        content: dict[str, Any] = {**arrays, KEY: key}
 
         def write(file: BinaryIO) -> None:
-            # Typed as if a result could be named like NumPy's own option allow_pickle.
-            np.savez(file, **content)  # type: ignore[arg-type]
+            np.savez(file, allow_pickle=False, **content)
 
+        path = self.path(key)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, write)
 

@@ -1,54 +1,28 @@
-"""Which solver computed a run: a digest of the sources that a prediction uses."""
+"""Which solver computed a run: a digest of the sources that a prediction may use."""
 
 from __future__ import annotations
 
-import ast
 import hashlib
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 import cable_fem_node
 import winding_core
 
-# Where a prediction begins; all else is found by following imports.
-ENTRIES = ("cable_fem_node.winding.prediction", "cable_fem_node.winding.solid_winding")
-
-FOLDERS = {
-    package.__name__: Path(str(package.__file__)).parent
-    for package in (cable_fem_node, winding_core)
-}
+PACKAGES = (cable_fem_node, winding_core)
+# Neither the adapter to ROS nor the verification problems decide a run's numbers.
+_OUTSIDE = {"ros", "verification", "node.py", "__main__.py"}
 
 
 def solver_sources() -> dict[str, Path]:
-    """Return the modules that decide a run's numbers, with their files, in order of names."""
-    found: dict[str, Path] = {}
-    waiting = list(ENTRIES)
-    while waiting:
-        name = waiting.pop()
-        path = _file(name)
-        if path is not None and name not in found:
-            found[name] = path
-            waiting += _imported(path)
-    return dict(sorted(found.items()))
-
-
-def _imported(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
-
-
-def _file(name: str) -> Path | None:
-    package, *rest = name.split(".")
-    if package not in FOLDERS:
-        return None
-    place = FOLDERS[package].joinpath(*rest)
-    candidates = (place.with_suffix(".py"), place / "__init__.py")
-    return next((path for path in candidates if path.is_file()), None)
+    """Return the files that may decide a run's numbers, by place in their package, in order."""
+    return {
+        f"{package.__name__}/{path.relative_to(folder).as_posix()}": path
+        for package in PACKAGES
+        for folder in [Path(str(package.__file__)).parent]
+        for path in sorted(folder.rglob("*.py"))
+        if path.relative_to(folder).parts[0] not in _OUTSIDE
+    }
 
 
 @cache

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import time
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike
 from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
 from winding_core.markers import is_wound
 from winding_study.runs.planned_run import PlannedRun
-from winding_study.runs.run_store import Arrays, RunStore, canonical
+from winding_study.runs.run_store import Arrays, RunStore, canonical_text
 from winding_study.runs.solver_version import solver_version
 
 OK = "ok"
@@ -39,7 +38,7 @@ def attempt(run: PlannedRun, cpu_clock: Callable[[], float] = time.process_time)
         cable_per_turn, pitch_per_turn: Of complete turns [m], shape (turns,).
         energy_balance_pct, kinetic_over_internal: Of the energy ledger.
     """
-    results: dict[str, ArrayLike] = {"inputs": json.dumps(canonical(run), sort_keys=True)}
+    results: dict[str, ArrayLike] = {"inputs": canonical_text(run)}
     started = cpu_clock()
     try:
         found = run.wind()
