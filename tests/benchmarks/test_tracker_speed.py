@@ -1,4 +1,7 @@
-"""Speed of the tracker beside the classic colour pipeline, in CPU time of one core."""
+"""Speed of the tracker beside the classic colour pipeline, in CPU time of one core.
+
+A bar is a ratio of both on the same frames in the same session, so it holds on any computer.
+"""
 
 from __future__ import annotations
 
@@ -57,18 +60,18 @@ def costs(action: Callable[[int], Any], repeats: int) -> np.ndarray:
 @pytest.mark.parametrize(
     ("name", "camera", "count", "batch_bar", "single_bar"),
     [
-        ("640x96", CameraConfig(), 300, 24_046.0, None),
-        ("1920x1080", CameraConfig().full_frame(), 60, None, 2_000.0),
+        ("640x96", CameraConfig(), 300, 9.0, 1.0),
+        ("1920x1080", CameraConfig().full_frame(), 60, 9.0, 9.0),
     ],
     ids=["640x96", "1920x1080"],
 )
-def test_frames_per_second_of_one_core(
+def test_frames_beside_the_classic_pipeline(
     bench: Any,
     name: str,
     camera: CameraConfig,
     count: int,
-    batch_bar: float | None,
-    single_bar: float | None,
+    batch_bar: float,
+    single_bar: float,
 ) -> None:
     cv2.setNumThreads(1)
     film = films()
@@ -93,12 +96,12 @@ def test_frames_per_second_of_one_core(
     seen = float(((records["flags"] & UNSEEN) == 0).sum(axis=1).mean())
     bench.row(f"tracker_markers_per_frame_{name}", seen, "markers")
     bench.row(f"classic_fps_{name}", 1.0 / old, "frames/s")
+    bench.row(f"tracker_batch_fps_{name}", 1.0 / batch, "frames/s")
+    bench.row(f"tracker_frame_fps_{name}", 1.0 / single, "frames/s")
     rows_with_bars = (
+        bench.row(f"tracker_batch_over_classic_{name}", old / batch, "", batch_bar, at_least=True),
         bench.row(
-            f"tracker_batch_fps_{name}", 1.0 / batch, "frames/s", bar=batch_bar, at_least=True
-        ),
-        bench.row(
-            f"tracker_frame_fps_{name}", 1.0 / single, "frames/s", bar=single_bar, at_least=True
+            f"tracker_frame_over_classic_{name}", old / single, "", single_bar, at_least=True
         ),
     )
     for row in rows_with_bars:
