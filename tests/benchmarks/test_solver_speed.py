@@ -59,9 +59,7 @@ def string_steps(x: np.ndarray, v: np.ndarray, f: np.ndarray, length: float, ste
 
 def drive_to(model: RodWinding | SolidWinding, t: float) -> None:
     """Advance a model along the paper's drive."""
-    angle, guide = DRIVE.positions(t)
-    speed, feed = DRIVE.speeds(t)
-    model.advance_to(t, cylinder_angle=angle, angular_speed=speed, guide_z=guide, feed_speed=feed)
+    model.advance_to(t, DRIVE.reading_at(t))
 
 
 def string_of(elements: int, steps: int) -> Callable[[], float]:

@@ -15,7 +15,6 @@ from cable_fem_node.identification import (
     IdentificationError,
     Readings,
     TrackedRun,
-    identify_constants,
     identify_modulus,
     with_young,
 )
@@ -27,6 +26,7 @@ from winding_core.drive import DriveProfile
 from winding_core.markers import is_wound
 from winding_core.quasi_static import QuasiStaticLay
 from winding_core.tension import DeadWeight
+from winding_study.identification.constants import identify_constants
 
 DRIVE = DriveProfile()
 # P1 and P2 have landed by then, on either cylinder.

@@ -20,6 +20,7 @@ from cable_fem_node.solid.solid_mesh import block
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
+from winding_core.readings import AxisReading
 
 line = np.column_stack([np.linspace(0.0, 0.02, 5), np.zeros(5), np.zeros(5)])
 rod = Rod(line, RodSection(diameter=4e-3, law="neo_hookean"), twist=True)
@@ -32,7 +33,9 @@ solid.fix(range(4))
 solid.apply(range(8, 12), (0.2, 0.1, 0.0))
 solid.advance(5e-5)
 model = RodWinding(WindingConfig(case=paper_case(4), segment_length=20e-3))
-model.advance_to(0.03, cylinder_angle=0.02, angular_speed=0.7, guide_z=1e-4, feed_speed=3e-3)
+model.advance_to(0.03, AxisReading(
+    cylinder_angle=0.02, angular_speed=0.7, carriage_position=1e-4, feed_speed=3e-3
+))
 print(json.dumps([rod.nodes.tolist(), solid.nodes.tolist(), model.cable()["x"].tolist(),
                   model.energy.balance_pct]))
 """

@@ -14,24 +14,16 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
-from winding_core.readings import AxisReading
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.rig_messages import encode_joint_state, encode_tension
 
 DURATION = 0.5
+DRIVE = DriveProfile()
 
 
 def overrides(**values: object) -> list[Parameter]:
     return [Parameter(name, value=value) for name, value in values.items()]
-
-
-def reading_at(t: float) -> AxisReading:
-    drive = DriveProfile()
-    (angle, guide), (speed, feed) = drive.positions(t), drive.speeds(t)
-    return AxisReading(
-        cylinder_angle=angle, angular_speed=speed, carriage_position=guide, feed_speed=feed
-    )
 
 
 class Heard:
@@ -63,7 +55,7 @@ def follows(ros: Any) -> tuple[Any, Heard]:
     ros.spin_until(lambda: node.matched("fem/markers") == node.matched("fem/cable") == 1)
     tension.publish(encode_tension(0.0, paper_case(4).weight))
     for sample in range(int(DURATION * 1000) + 1):
-        joints.publish(encode_joint_state(sample * 1e-3, reading_at(sample * 1e-3)))
+        joints.publish(encode_joint_state(sample * 1e-3, DRIVE.reading_at(sample * 1e-3)))
     ros.spin_until(lambda: len(heard.markers) == 26 and len(heard.cable) == 11)
     return node, heard
 
@@ -84,15 +76,8 @@ def test_markers_come_at_fifty_hertz_with_the_machine_s_stamps(follows: Any) -> 
 def test_published_markers_are_those_of_the_core(follows: Any) -> None:
     model = RodWinding(WindingConfig(case=paper_case(4)))
     for sample in range(int(DURATION * 1000) + 1):
-        at = reading_at(sample * 1e-3)
-        model.advance_to(
-            sample * 1e-3,
-            cylinder_angle=at.cylinder_angle,
-            angular_speed=at.angular_speed,
-            guide_z=at.carriage_position,
-            feed_speed=at.feed_speed,
-            tension=paper_case(4).weight,
-        )
+        t = sample * 1e-3
+        model.advance_to(t, DRIVE.reading_at(t), paper_case(4).weight)
     _, markers = decode_cloud(follows[1].markers[-1], MARKER_DTYPE)
     np.testing.assert_allclose(markers["theta"], model.markers()["theta"], rtol=1e-12)
 

@@ -26,11 +26,8 @@ def message_pairs() -> list[tuple[float, AxisReading, float | None]]:
     for k in range(600):
         # As a stamp says it: in whole nanoseconds.
         t = decode_stamp(encode_stamp(2.0 + 1.0e-3 * k))
-        (angle, guide), (speed, feed) = drive.positions(t - 2.0), drive.speeds(t - 2.0)
-        reading = AxisReading(
-            cylinder_angle=angle, angular_speed=speed, carriage_position=guide, feed_speed=feed
-        )
-        rows.append((t, reading, 3.9 + 0.01 * (k // 10 % 7) if k % 10 == 0 else None))
+        tension = 3.9 + 0.01 * (k // 10 % 7) if k % 10 == 0 else None
+        rows.append((t, drive.reading_at(t - 2.0), tension))
     return rows
 
 

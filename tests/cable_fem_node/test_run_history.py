@@ -14,39 +14,23 @@ from cable_fem_node.winding.run_history import (
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
-from winding_core.readings import AxisReading
 
 DRIVE = DriveProfile()
 # Coarse, so that the tests are quick: both sides of a comparison wind the same rod.
 CONFIG = WindingConfig(case=paper_case(4), segment_length=0.01)
 
 
-def reading_at(t: float) -> AxisReading:
-    (angle, guide), (speed, feed) = DRIVE.positions(t), DRIVE.speeds(t)
-    return AxisReading(
-        cylinder_angle=angle, angular_speed=speed, carriage_position=guide, feed_speed=feed
-    )
-
-
 def recorded(duration: float, **how: float) -> RunHistory:
     history = RunHistory(**how)  # type: ignore[arg-type]
     for sample in range(round(duration * 1000) + 1):
-        history.record(sample * 1e-3, reading_at(sample * 1e-3), CONFIG.case.weight)
+        history.record(sample * 1e-3, DRIVE.reading_at(sample * 1e-3), CONFIG.case.weight)
     return history
 
 
 def test_replay_lays_the_cable_where_every_sample_laid_it() -> None:
     live = RodWinding(CONFIG)
     for sample in range(1, 3001):
-        at = reading_at(sample * 1e-3)
-        live.advance_to(
-            sample * 1e-3,
-            cylinder_angle=at.cylinder_angle,
-            angular_speed=at.angular_speed,
-            guide_z=at.carriage_position,
-            feed_speed=at.feed_speed,
-            tension=CONFIG.case.weight,
-        )
+        live.advance_to(sample * 1e-3, DRIVE.reading_at(sample * 1e-3), CONFIG.case.weight)
     again = RodWinding(CONFIG)
     recorded(3.0).replay(again)
     assert again.time == pytest.approx(3.0, abs=1e-9)
@@ -80,7 +64,9 @@ def test_kept_tension_is_the_mean_since_the_sample_before() -> None:
     rng = np.random.default_rng(0)
     history = RunHistory(period=0.02, capacity=64)
     for sample in range(10001):
-        history.record(sample * 1e-3, reading_at(sample * 1e-3), 3.0 + 0.1 * rng.standard_normal())
+        history.record(
+            sample * 1e-3, DRIVE.reading_at(sample * 1e-3), 3.0 + 0.1 * rng.standard_normal()
+        )
     tensions = history.inputs["tension"][1:]
     # 160 readings stand behind most: 0.1 / sqrt(160) = 0.008; single readings would spread by 0.1.
     assert tensions.std() < 0.02
@@ -89,8 +75,8 @@ def test_kept_tension_is_the_mean_since_the_sample_before() -> None:
 
 def test_missing_tension_leaves_the_model_to_its_own_law() -> None:
     history = RunHistory()
-    history.record(0.0, reading_at(0.0), None)
-    history.record(1.0, reading_at(1.0), None)
+    history.record(0.0, DRIVE.reading_at(0.0), None)
+    history.record(1.0, DRIVE.reading_at(1.0), None)
     model = RodWinding(CONFIG)
     history.replay(model)
     assert model.span_tension == CONFIG.case.weight
@@ -104,7 +90,7 @@ def test_stored_inputs_make_the_same_history() -> None:
 def test_time_that_does_not_ascend_is_refused() -> None:
     history = recorded(0.1)
     with pytest.raises(ValueError, match=r"must ascend: after 0\.1 s came 0\.1 s"):
-        history.record(0.1, reading_at(0.1), None)
+        history.record(0.1, DRIVE.reading_at(0.1), None)
 
 
 @pytest.mark.parametrize(("name", "value"), [("period", 0.0), ("capacity", 3)])

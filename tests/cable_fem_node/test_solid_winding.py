@@ -16,11 +16,7 @@ from winding_core.drive import DriveProfile
 def wind(model, duration):
     drive = DriveProfile()
     for t in np.arange(0.1, duration, 0.1):
-        angle, guide = drive.positions(t)
-        speed, feed = drive.speeds(t)
-        model.advance_to(
-            t, cylinder_angle=angle, angular_speed=speed, guide_z=guide, feed_speed=feed
-        )
+        model.advance_to(t, drive.reading_at(t))
 
 
 @pytest.mark.slow

@@ -30,11 +30,7 @@ def reference_of(config, radius=None):
 
 
 def drive_to(model, t, **more):
-    angle, guide = DRIVE.positions(t)
-    speed, feed = DRIVE.speeds(t)
-    model.advance_to(
-        t, cylinder_angle=angle, angular_speed=speed, guide_z=guide, feed_speed=feed, **more
-    )
+    model.advance_to(t, DRIVE.reading_at(t), **more)
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +79,7 @@ def test_tension_is_the_weight_in_the_span_and_less_on_the_drum(run):
     assert run.cable["tension"][-1] == weight
     wound = run.cable["tension"][5:50].mean()
     # Bending costs EI l / (2 rho^2) = 0.063 N; contact at nodes resolves two thirds of it.
-    assert wound == pytest.approx(run.config.wound_tension(weight), abs=0.025)
+    assert wound == pytest.approx(run.config.resolved.wound_tension(weight), abs=0.025)
     assert wound < weight - 0.035
 
 
@@ -111,27 +107,6 @@ def test_wound_length_converges_with_the_segment_length():
     # The closed form has no mesh: 0.05 % of the length is left at 2.5 mm.
     exact = runs[-1].stretch_closed_form * runs[-1].config.case.marker_spacing
     assert runs[-1].markers["s"][1] == pytest.approx(exact, rel=5.0e-4)
-
-
-def test_saved_run_resumes_bit_for_bit(tmp_path):
-    config = WindingConfig(case=paper_case(4))
-    whole = RodWinding(config)
-    drive_to(whole, 1.5)
-    whole.save(tmp_path / "run.npz")
-    resumed = RodWinding.load(tmp_path / "run.npz", config)
-    for t in (1.6, 1.7, 2.4):
-        drive_to(whole, t)
-        drive_to(resumed, t)
-    assert resumed.markers().tobytes() == whole.markers().tobytes()
-    assert resumed.cable().tobytes() == whole.cable().tobytes()
-    assert resumed.energy == whole.energy
-
-
-def test_state_of_another_configuration_is_refused(tmp_path):
-    model = RodWinding(WindingConfig(case=paper_case(4)))
-    model.save(tmp_path / "run.npz")
-    with pytest.raises(ValueError, match="another configuration"):
-        RodWinding.load(tmp_path / "run.npz", WindingConfig(case=paper_case(3)))
 
 
 def test_small_and_large_advances_agree():

@@ -91,6 +91,11 @@ class Case:
         return math.pi * self.cable_radius**2
 
     @property
+    def axial_area(self) -> float:
+        """Area that carries tension [m^2]: E times it is EA, with the material's factor."""
+        return self.material.axial_factor * self.section_area
+
+    @property
     def bending_stiffness(self) -> float:
         """EI of the undeformed section [N m^2], with the material's factor."""
         own = self.material.young * math.pi * self.cable_radius**4 / 4.0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from winding_core.helix import FloatOrArray, like
+from winding_core.readings import AxisReading
 
 PAPER_ANGULAR_SPEED = 1.74
 PAPER_FEED_SPEED = 5.0e-3
@@ -79,6 +80,13 @@ class DriveProfile:
         """Return (cylinder angle Theta [rad], carriage position [m]) at time t."""
         way = self.full_speed_time(t)
         return self.angular_speed * way, self.feed_speed * way
+
+    def reading_at(self, t: float) -> AxisReading:
+        """Return both axes at time t [s]."""
+        (angle, carriage), (speed, feed) = self.positions(t), self.speeds(t)
+        return AxisReading(
+            cylinder_angle=angle, angular_speed=speed, carriage_position=carriage, feed_speed=feed
+        )
 
     def time_at_angle(self, angle: float) -> float:
         """Return the time [s] at which the cylinder reaches an angle [rad].

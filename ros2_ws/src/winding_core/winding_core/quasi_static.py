@@ -38,7 +38,7 @@ class QuasiStaticLay:
         self._stretch, self._stress, self._lateral = _tabulated(
             MaterialLaw(
                 law=law,
-                young=case.material.young * case.material.axial_factor,
+                young=case.material.young,
                 poisson=case.material.poisson,
             )
         )
@@ -75,7 +75,7 @@ class QuasiStaticLay:
         return np.asarray(curve_length(self.case.centreline_radius, theta, self._path.z(theta)))
 
     def _at(self, force: Array) -> Array:
-        return np.interp(force / self.case.section_area, self._stress, self._stretch)
+        return np.interp(force / self.case.axial_area, self._stress, self._stretch)
 
     def _radius(self, stretch: Array) -> Array:
         lateral = np.interp(stretch, self._stretch, self._lateral)

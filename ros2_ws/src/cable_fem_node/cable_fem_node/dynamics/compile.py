@@ -9,13 +9,15 @@ from typing import ParamSpec, TypeVar
 
 from numba import config, njit
 
-from winding_core import material_law as uniaxial
+from winding_core import material_law
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 # NaN must stay visible to the divergence check, so "nnan" and "ninf" are left out.
 _REORDER = {"reassoc", "contract", "arcp", "nsz"}
+
+_PACKAGE = Path(__file__).parent.parent
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
@@ -27,17 +29,17 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def drop_stale_code(folder: Path, *shared: Path) -> None:
-    """Delete cached machine code that is older than any source in a folder.
+    """Delete cached machine code that is older than any source below a folder.
 
     Numba compares code only with the file that holds the function, not with the files of the
     functions it calls: an edited kernel would live on inside its callers.
 
     Args:
-        folder: Holds the kernels and what they call.
+        folder: Holds the kernels and what they call, at any depth.
         shared: Files elsewhere whose constants are compiled into the kernels.
     """
-    newest = max(source.stat().st_mtime for source in (*folder.glob("*.py"), *shared))
-    for cached in (folder / "__pycache__").glob("*.nb[ci]"):
+    newest = max(source.stat().st_mtime for source in (*folder.rglob("*.py"), *shared))
+    for cached in folder.rglob("__pycache__/*.nb[ci]"):
         with contextlib.suppress(FileNotFoundError, PermissionError):
             if cached.stat().st_mtime < newest:
                 cached.unlink()
@@ -50,8 +52,8 @@ def is_compiled() -> bool:
     """
     if config.DISABLE_JIT:
         return True
-    folder = Path(config.CACHE_DIR) if config.CACHE_DIR else Path(__file__).parent / "__pycache__"
+    folder = Path(config.CACHE_DIR) if config.CACHE_DIR else _PACKAGE
     return any(folder.rglob("*.nbi"))
 
 
-drop_stale_code(Path(__file__).parent, Path(uniaxial.__file__))
+drop_stale_code(_PACKAGE, Path(material_law.__file__))

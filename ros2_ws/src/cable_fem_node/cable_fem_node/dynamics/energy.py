@@ -4,6 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.dynamics.points import (
+    LOSS_CONTACT,
+    LOSS_DAMPING,
+    LOSS_FRICTION,
+    WORK_INFLOW,
+    WORK_SPAN,
+    WORK_SURFACE,
+    WORK_TIE,
+    ContactLaw,
+    Points,
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class EnergyLedger:
@@ -26,6 +41,28 @@ class EnergyLedger:
     friction: float
     damping: float
     initial: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        entries: NDArray[np.float64],
+        *,
+        kinetic: float,
+        internal: float,
+        contact: float,
+        initial: float,
+    ) -> EnergyLedger:
+        """Return the ledger of what is stored and of a kernel's entries, shape (LEDGER_SIZE,)."""
+        work = entries[WORK_TIE] + entries[WORK_SURFACE] + entries[WORK_SPAN] + entries[WORK_INFLOW]
+        return cls(
+            kinetic=kinetic,
+            internal=internal,
+            contact=contact,
+            external=float(work),
+            friction=float(entries[LOSS_FRICTION]),
+            damping=float(entries[LOSS_CONTACT] + entries[LOSS_DAMPING]),
+            initial=initial,
+        )
 
     @property
     def residual(self) -> float:
@@ -53,3 +90,13 @@ class EnergyLedger:
     def kinetic_over_internal(self) -> float:
         """Kinetic over internal energy; small in a quasi-static run."""
         return self.kinetic / self.internal if self.internal > 0.0 else 0.0
+
+
+def contact_energy(points: Points, touch: ContactLaw, nodes: int | None = None) -> float:
+    """Return the energy [J] in the normal and stick springs of the first nodes, or of all."""
+    touching = np.flatnonzero(points.touching[:nodes])
+    radius = np.hypot(points.position[0, touching], points.position[1, touching])
+    depth = np.maximum(points.contact_radius[touching] - radius, 0.0)
+    normal = 0.5 * touch.normal_stiffness * float((depth**2).sum())
+    stick = 0.5 * touch.stick_stiffness * float((points.slip[:, touching] ** 2).sum())
+    return normal + stick

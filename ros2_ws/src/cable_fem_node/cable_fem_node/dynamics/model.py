@@ -8,56 +8,18 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_fem_node.dynamics.energy import EnergyLedger
-from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
-from cable_fem_node.dynamics.points import (
-    LEDGER_SIZE,
-    LOSS_CONTACT,
-    LOSS_DAMPING,
-    LOSS_FRICTION,
-    WORK_SPAN,
-    WORK_SURFACE,
-    WORK_TIE,
-    Points,
-    empty_points,
-)
-from cable_fem_node.dynamics.surroundings import Surroundings, Touch
+from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
+from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.dynamics.points import LEDGER_SIZE, Points, empty_points
+from cable_fem_node.dynamics.surroundings import CylinderContact, Surroundings, Touch
 
 FloatArray = NDArray[np.float64]
 
 AXES = "xyz"
-
-
-@dataclass(frozen=True, kw_only=True)
-class CylinderContact:
-    """A rigid cylinder about the z axis that nodes cannot enter.
-
-    Attributes:
-        reach: Distance of a touching node from the axis [m]: R + r for a rod's centreline, R for
-            the nodes of a solid's surface.
-        friction: Coulomb friction; acts where the node is.
-        angular_speed: Of the cylinder about +z [rad/s].
-        stiffness: Normal penalty per node [N/m]; None takes the model's own.
-        damping: Normal dashpot as a share of the critical one.
-    """
-
-    reach: float
-    friction: float = 0.1
-    angular_speed: float = 0.0
-    stiffness: float | None = None
-    damping: float = 0.2
-
-    def __post_init__(self) -> None:
-        if not self.reach > 0.0:
-            raise ValueError(f"reach must be positive, got {self.reach} m")
-        if not self.friction >= 0.0:
-            raise ValueError(f"friction must not be negative, got {self.friction}")
 
 
 class ExplicitModel(ABC):
@@ -79,7 +41,6 @@ class ExplicitModel(ABC):
         self.points: Points = empty_points(count)
         self.points.position[:] = place.T
         self.time = 0.0
-        self.steps = 0
         self.mass = mass
         self.gravity = np.zeros(3)
         self.load = np.zeros((3, count))
@@ -87,10 +48,8 @@ class ExplicitModel(ABC):
         self._free = np.ones((3, count))
         self._driven = np.zeros((3, count))
         self._load_curve = (np.zeros(1), np.ones(1))
-        self._drive_curve = (np.zeros(1), np.ones(1))
         self._contact: CylinderContact | None = None
         self._ledger = np.zeros(LEDGER_SIZE)
-        self._turned = 0.0
         self._kinetic = 0.0
         self._initial: float | None = None
 
@@ -127,7 +86,7 @@ class ExplicitModel(ABC):
         velocity: ArrayLike,
         axes: str = AXES,
     ) -> None:
-        """Move nodes with a given velocity (3,) [m/s] times the drive's amplitude."""
+        """Move nodes with a given velocity (3,) [m/s]."""
         given = np.asarray(velocity, dtype=float)
         for axis in axes:
             row = AXES.index(axis)
@@ -142,10 +101,6 @@ class ExplicitModel(ABC):
     def ramp_loads(self, times: ArrayLike, values: ArrayLike) -> None:
         """Give the amplitude of all loads over time: a piecewise linear curve."""
         self._load_curve = _curve(times, values)
-
-    def ramp_drives(self, times: ArrayLike, values: ArrayLike) -> None:
-        """Give the amplitude of all driven velocities over time: a piecewise linear curve."""
-        self._drive_curve = _curve(times, values)
 
     def touch(self, contact: CylinderContact | None) -> None:
         """Put a cylinder into the model, or take it out."""
@@ -187,39 +142,21 @@ class ExplicitModel(ABC):
     @property
     def energy(self) -> EnergyLedger:
         """The ledger since the first advance."""
-        contact = 0.0
-        if self._contact is not None:
-            touch = self._touch_constants()
-            force = self.contact_forces()
-            slip = self.points.slip[:, self.touching]
-            contact = 0.5 * float((force**2).sum()) / touch.normal_stiffness
-            contact += 0.5 * touch.stick_stiffness * float((slip**2).sum())
-        ledger = self._ledger
-        return EnergyLedger(
+        touching = self._contact is not None
+        return EnergyLedger.of(
+            self._ledger,
             kinetic=self._kinetic,
             internal=self.internal_energy(),
-            contact=contact,
-            external=float(ledger[WORK_TIE] + ledger[WORK_SURFACE] + ledger[WORK_SPAN]),
-            friction=float(ledger[LOSS_FRICTION]),
-            damping=float(ledger[LOSS_CONTACT] + ledger[LOSS_DAMPING]),
+            contact=contact_energy(self.points, self._touch_constants()) if touching else 0.0,
             initial=self._initial or 0.0,
         )
 
-    def advance(
-        self,
-        duration: float,
-        step: float | None = None,
-        *,
-        balance_limit_pct: float | None = None,
-    ) -> None:
+    def advance(self, duration: float, step: float | None = None) -> None:
         """Advance by a time [s] in equal steps no longer than `step` (0.8 of the critical one).
-
-        `balance_limit_pct` stops a run whose energy balance is open by more.
 
         Raises:
             ValueError: The duration is negative or the step exceeds the critical step.
             DivergenceError: The integration failed; says when, at which element and why.
-            EnergyBalanceError: The energy balance is open.
         """
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration must not be negative, got {duration} s")
@@ -234,12 +171,6 @@ class ExplicitModel(ABC):
         if count > 0:
             self._march(count, duration / count, False)
             self.time += duration
-            self.steps += count
-        if balance_limit_pct is not None and self.energy.balance_pct > balance_limit_pct:
-            raise EnergyBalanceError(
-                f"energy balance open by {self.energy.balance_pct:.3g} % at t = {self.time:.6g} s "
-                f"(limit {balance_limit_pct:g} %)"
-            )
 
     def settle(self, tolerance: float = 1.0e-6, batches: int = 400, length: int = 2000) -> float:
         """Come to rest by kinetic damping; loads and drives stand at their present amplitude.
@@ -257,9 +188,9 @@ class ExplicitModel(ABC):
         """
         held = self.time
         step = 0.8 * self.critical_step()
-        load, drive = self._load_curve, self._drive_curve
+        load, driven = self._load_curve, self._driven
         self._load_curve = (np.zeros(1), np.array([_value(load, held)]))
-        self._drive_curve = (np.zeros(1), np.zeros(1))
+        self._driven = np.zeros_like(driven)
         self.points.velocity[:] = 0.0
         try:
             for _ in range(batches):
@@ -273,48 +204,10 @@ class ExplicitModel(ABC):
                     f"is unbalanced after {batches * length} steps (tolerance {tolerance:g})"
                 )
         finally:
-            self._load_curve, self._drive_curve = load, drive
+            self._load_curve, self._driven = load, driven
             self.points.velocity[:] = 0.0
             self._kinetic = 0.0
         return left
-
-    def save(self, path: Path) -> None:
-        """Write the state; `restore` resumes bit for bit on a model built the same way."""
-        arrays = {f"points_{name}": getattr(self.points, name) for name in Points._fields}
-        arrays |= {f"own_{name}": value for name, value in self._own_state().items()}
-        scalars = np.array(
-            [self.time, self.steps, self._turned, self._kinetic, self._initial or 0.0]
-        )
-        with path.open("wb") as file:
-            np.savez(
-                file,
-                scalars=scalars,
-                started=np.array(self._initial is not None),
-                ledger=self._ledger,
-                **arrays,
-            )
-
-    def restore(self, path: Path) -> None:
-        """Read a state that `save` wrote.
-
-        Raises:
-            ValueError: The state belongs to a model of another size.
-        """
-        with np.load(path) as stored:
-            if stored["points_position"].shape != self.points.position.shape:
-                raise ValueError(f"{path} holds {stored['points_position'].shape[1]} nodes, not "
-                                 f"{self.mass.size}")  # fmt: skip
-            time, steps, self._turned, self._kinetic, initial = map(float, stored["scalars"])
-            self.time, self.steps = time, int(steps)
-            self._initial = initial if stored["started"] else None
-            self._ledger[:] = stored["ledger"]
-            for name in Points._fields:
-                getattr(self.points, name)[:] = stored[f"points_{name}"]
-            for name, value in self._own_state().items():
-                value[:] = stored[f"own_{name}"]
-
-    def _own_state(self) -> dict[str, FloatArray]:
-        return {}
 
     def _kinetic_energy(self) -> float:
         return 0.5 * float((self.mass * (self._free * self.points.velocity) ** 2).sum())
@@ -349,7 +242,7 @@ class ExplicitModel(ABC):
         contact = self._contact
         if contact is None:
             return Touch(1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-        normal = self.contact_stiffness() if contact.stiffness is None else contact.stiffness
+        normal = self.contact_stiffness()
         typical = float(np.median(self.mass))
         return Touch(
             normal_stiffness=normal,
@@ -370,12 +263,9 @@ class ExplicitModel(ABC):
             gravity=np.asarray(self.gravity, dtype=float),
             load_times=self._load_curve[0],
             load_values=self._load_curve[1],
-            drive_times=self._drive_curve[0],
-            drive_values=self._drive_curve[1],
             damping_rate=0.0 if calming else self.damping_rate,
             calming=calming,
             reach=-1.0 if contact is None else contact.reach,
-            angular_speed=0.0 if contact is None or calming else contact.angular_speed,
         )
 
 

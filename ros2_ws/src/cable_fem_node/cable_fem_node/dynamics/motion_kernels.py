@@ -6,14 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.compile import kernel
-from cable_fem_node.dynamics.points import LOSS_DAMPING, WORK_SPAN, WORK_TIE
+from cable_fem_node.dynamics.contact_kernels import touch_cylinder
+from cable_fem_node.dynamics.points import LOSS_DAMPING, WORK_SPAN, WORK_TIE, Points
+from cable_fem_node.dynamics.surroundings import Surroundings, Touch
 
 FloatArray = NDArray[np.float64]
 
 
 @kernel
 def amplitude_at(t: float, times: FloatArray, values: FloatArray) -> float:
-    """Return the piecewise linear amplitude of loads and driven nodes; constant beyond its ends."""
+    """Return the piecewise linear amplitude of the loads; constant beyond its ends."""
     last = times.shape[0] - 1
     if t <= times[0]:
         value: float = values[0]
@@ -29,55 +31,53 @@ def amplitude_at(t: float, times: FloatArray, values: FloatArray) -> float:
 
 @kernel
 def move(
-    nodes: int,
     dt: float,
     kick: float,
-    position: FloatArray,
-    velocity: FloatArray,
+    points: Points,
     net: FloatArray,
-    load: FloatArray,
+    couple: FloatArray,
+    around: Surroundings,
     load_factor: float,
-    gravity: FloatArray,
-    mass: FloatArray,
-    free: FloatArray,
-    driven: FloatArray,
-    drive_factor: float,
-    damping_rate: float,
+    touch: Touch,
     ledger: FloatArray,
 ) -> float:
-    """Move every node by one step; return the kinetic energy [J] at the middle of the step.
+    """Add the cylinder's push and move every node by one step.
 
     Args:
-        nodes: Number of nodes.
         dt: Step [s].
         kick: Share of a step: 1, or 1/2 from rest, as velocities live at half steps.
-        position: (3, nodes) [m], changed.
-        velocity: (3, nodes) [m/s], changed.
-        net: Internal and contact forces (3, nodes) [N].
-        load: Nodal loads (3, nodes) [N] at amplitude one.
+        points: State, changed.
+        net: Internal forces (3, nodes) [N]; contact is added.
+        couple: Friction's torque about the cable's axis (nodes,) [N m], set.
+        around: Loads, constraints, damping.
         load_factor: Amplitude of the loads.
-        gravity: (3,) [m/s^2].
-        mass: (nodes,) [kg].
-        free: (3, nodes), 1 where free, 0 where the motion is given.
-        driven: Given velocities (3, nodes) [m/s] at amplitude one.
-        drive_factor: Amplitude of the given velocities.
-        damping_rate: Mass-proportional damping [1/s].
+        touch: Constants of the contact.
         ledger: Energies [J], added to.
+
+    Returns:
+        the kinetic energy [J] at the middle of the step.
     """
-    half = 0.5 * damping_rate * dt
+    nodes = around.mass.shape[0]
+    if around.reach > 0.0:
+        touch_cylinder(
+            0, nodes, dt, 0.0, 0.0, around.reach, points, net, couple, touch, ledger, False
+        )
+    position, velocity = points.position, points.velocity
+    load, mass, free, driven = around.load, around.mass, around.free, around.driven
+    half = 0.5 * around.damping_rate * dt
     loads = 0.0
     ties = 0.0
     damping = 0.0
     kinetic = 0.0
     for c in range(3):
-        pull = gravity[c]
+        pull = around.gravity[c]
         for i in range(nodes):
             before = velocity[c, i]
             given = load_factor * load[c, i] + mass[i] * pull
             force = net[c, i] + given
             moved = (before * (1.0 - half) + kick * dt * force / mass[i]) / (1.0 + half)
             held = 1.0 - free[c, i]
-            after = free[c, i] * moved + held * drive_factor * driven[c, i]
+            after = free[c, i] * moved + held * driven[c, i]
             middle = 0.5 * (before + after)
             loads += given * after
             ties -= held * force * after
@@ -87,5 +87,5 @@ def move(
             position[c, i] += dt * after
     ledger[WORK_SPAN] += dt * loads
     ledger[WORK_TIE] += dt * ties
-    ledger[LOSS_DAMPING] += dt * damping_rate * damping
+    ledger[LOSS_DAMPING] += dt * around.damping_rate * damping
     return 0.5 * kinetic

@@ -2,12 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CylinderContact:
+    """A rigid cylinder at rest about the z axis that nodes cannot enter.
+
+    Attributes:
+        reach: Distance of a touching node from the axis [m]: R + r for a rod's centreline, R for
+            the nodes of a solid's surface.
+        friction: Coulomb friction; acts where the node is.
+        damping: Normal dashpot as a share of the critical one.
+    """
+
+    reach: float
+    friction: float = 0.1
+    damping: float = 0.2
+
+    def __post_init__(self) -> None:
+        if not self.reach > 0.0:
+            raise ValueError(f"reach must be positive, got {self.reach} m")
+        if not self.friction >= 0.0:
+            raise ValueError(f"friction must not be negative, got {self.friction}")
 
 
 class Surroundings(NamedTuple):
@@ -20,12 +43,9 @@ class Surroundings(NamedTuple):
     gravity: FloatArray  # (3,)
     load_times: FloatArray
     load_values: FloatArray
-    drive_times: FloatArray
-    drive_values: FloatArray
     damping_rate: float
     calming: bool  # kinetic damping: stand still whenever the kinetic energy has passed a peak
     reach: float  # radius at which nodes touch the cylinder; negative without one
-    angular_speed: float
 
 
 class Touch(NamedTuple):

@@ -1,6 +1,5 @@
-"""From where markers lie, or from a tensile test, back to the material of the cable."""
+"""From where markers lie back to the material of the cable."""
 
-from cable_fem_node.identification.constants import ConstantsEstimate, identify_constants
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.fit import Fit, MarkerResidual
 from cable_fem_node.identification.modulus import (
@@ -9,12 +8,6 @@ from cable_fem_node.identification.modulus import (
     with_young,
 )
 from cable_fem_node.identification.search import FitConfig
-from cable_fem_node.identification.tensile import (
-    LawFit,
-    TensileTest,
-    fit_laws,
-    judgement,
-)
 from cable_fem_node.identification.tracked_run import (
     DEFAULT_SIGMA_THETA,
     DEFAULT_SIGMA_Z,
@@ -25,19 +18,13 @@ from cable_fem_node.identification.tracked_run import (
 __all__ = [
     "DEFAULT_SIGMA_THETA",
     "DEFAULT_SIGMA_Z",
-    "ConstantsEstimate",
     "Fit",
     "FitConfig",
     "IdentificationError",
-    "LawFit",
     "MarkerResidual",
     "ModulusEstimate",
     "Readings",
-    "TensileTest",
     "TrackedRun",
-    "fit_laws",
-    "identify_constants",
     "identify_modulus",
-    "judgement",
     "with_young",
 ]

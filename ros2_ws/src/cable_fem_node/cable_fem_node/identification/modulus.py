@@ -77,7 +77,7 @@ class ModulusEstimate:
 
 def with_young(config: WindingConfig, young: float) -> WindingConfig:
     """Return a configuration with another Young's modulus [Pa]."""
-    return with_law(config, dataclasses.replace(config.uniaxial, young=young))
+    return with_law(config, dataclasses.replace(config.resolved.law, young=young))
 
 
 def identify_modulus(
@@ -104,7 +104,7 @@ def identify_modulus(
         raise IdentificationError("all runs of one cable must be fitted with one law")
 
     def family(p: FloatArray) -> MaterialLaw:
-        return dataclasses.replace(first.uniaxial, young=math.exp(float(p[0])))
+        return dataclasses.replace(first.resolved.law, young=math.exp(float(p[0])))
 
     softest = max(softest_young(run, run.config.law) for run in runs)
     low = math.log(max(PLAUSIBLE_YOUNG[0], softest))

@@ -38,16 +38,16 @@ def lay(run: TrackedRun, law: MaterialLaw) -> tuple[FloatArray, FloatArray]:
     """
     config, case = run.config, run.config.case
     longest = float(run.readings.ids[-1]) * case.marker_spacing
-    top = _stretch_at(law, np.array([run.highest_tension]) / case.section_area)[0]
+    top = _stretch_at(law, np.array([run.highest_tension]) / case.axial_area)[0]
     reach = 1.05 * longest * top / case.cylinder_radius + 0.5
     inputs = _turning(continued_inputs(run.inputs, reach))
     theta = inputs["cylinder_angle"]
     pull = run.tensions(inputs)
-    stretch = _stretch_at(law, pull / case.section_area)
+    stretch = _stretch_at(law, pull / case.axial_area)
     radius = _radius(config, law, stretch)
     bending = case.bending_stiffness * law.young / case.material.young
     bent = 0.5 * bending * stretch / radius**2
-    stretch = _stretch_at(law, (pull - bent) / case.section_area)
+    stretch = _stretch_at(law, (pull - bent) / case.axial_area)
     radius = _radius(config, law, stretch)
     step = np.diff(theta)
     z = _axial(theta, inputs["carriage_position"], config.free_length / case.centreline_radius)
@@ -66,7 +66,7 @@ def lay(run: TrackedRun, law: MaterialLaw) -> tuple[FloatArray, FloatArray]:
 
 def strain(run: TrackedRun, law: MaterialLaw) -> float:
     """Return the strain of the span under the run's mean tension."""
-    stress = run.tensions(run.inputs).mean() / run.config.case.section_area
+    stress = run.tensions(run.inputs).mean() / run.config.case.axial_area
     return float(_stretch_at(law, np.array([stress]))[0]) - 1.0
 
 
@@ -74,7 +74,7 @@ def softest_young(run: TrackedRun, law: str) -> float:
     """Return the smallest Young's modulus [Pa] that carries the run's greatest tension."""
     config = run.config
     _, stress, _ = _unit_law(law, config.case.material.poisson, config.mooney_ratio)
-    return run.highest_tension / config.case.section_area / (_TABLE_SHARE * float(stress[-1]))
+    return run.highest_tension / config.case.axial_area / (_TABLE_SHARE * float(stress[-1]))
 
 
 def _stretch_at(law: MaterialLaw, stress: FloatArray) -> FloatArray:
@@ -84,7 +84,7 @@ def _stretch_at(law: MaterialLaw, stress: FloatArray) -> FloatArray:
 
 def _radius(config: WindingConfig, law: MaterialLaw, stretch: FloatArray) -> FloatArray:
     case = config.case
-    # As WindingConfig.thins, for the law that is tried.
+    # As ResolvedModel.thins, for the law that is tried.
     thins = law.law != "linear" if config.thinning is None else config.thinning
     if not thins:
         return np.full_like(stretch, case.centreline_radius)

@@ -35,7 +35,6 @@ class RodSection:
         poisson: nu.
         density: [kg/m^3]
         bending_factor: Factor on EI, e.g. 1e-3 for a cable that shall only pull.
-        incompressible: See `MaterialLaw`.
     """
 
     diameter: float
@@ -44,7 +43,6 @@ class RodSection:
     poisson: float = 0.47
     density: float = 1337.0
     bending_factor: float = 1.0
-    incompressible: bool = False
 
     def __post_init__(self) -> None:
         for name in ("diameter", "young", "density"):
@@ -58,7 +56,6 @@ class RodSection:
             law=self.law,
             young=self.young,
             poisson=self.poisson,
-            incompressible=self.incompressible,
         )
 
     @property
@@ -87,7 +84,6 @@ class Rod(ExplicitModel):
         twist: Give every element a twist angle and material frames. Needed for torsion, for
             rods that are curved when unstressed, and for bending coupled with torsion.
         curved: With `twist`: the nodes' shape is the unstressed one; else a straight rod is.
-        viscosity: Axial viscosity over Young's modulus [s].
     """
 
     def __init__(
@@ -98,7 +94,6 @@ class Rod(ExplicitModel):
         reference: ArrayLike | None = None,
         twist: bool = False,
         curved: bool = False,
-        viscosity: float = 0.0,
     ) -> None:
         place = np.asarray(nodes, dtype=float)
         if place.ndim != 2 or place.shape[0] < 3:
@@ -131,7 +126,6 @@ class Rod(ExplicitModel):
             area=section.area,
             bending=section.bending,
             torsion=section.torsion,
-            viscosity=viscosity * section.young * section.area,
             spin_inertia=np.concatenate([spin[:1], spin, spin[-1:]]),
             framed=twist,
         )
@@ -143,7 +137,6 @@ class Rod(ExplicitModel):
             last=tangents[:, -1].copy(),
             moment=np.zeros((3, 2)),
             spin_free=np.concatenate([[0.0], np.ones(count), [0.0]]),
-            spin_rate=np.zeros(count + 2),
         )
         self._scratch = _scratch(count, walled)
         self._curved = curved
@@ -170,17 +163,6 @@ class Rod(ExplicitModel):
         if self._curved:
             self._take_shape()
 
-    def turn_clamp(self, end: str, rate: float) -> None:
-        """Twist a clamped end about its axis with a rate [rad/s] times the drive's amplitude."""
-        side, _ = _side(end, self.mass.size)
-        self._ends.spin_rate[0 if side == 0 else -1] = rate
-
-    def point_clamp(self, end: str, direction: ArrayLike) -> None:
-        """Point an end's clamp in another direction (3,)."""
-        side, _ = _side(end, self.mass.size)
-        given = np.asarray(direction, dtype=float)
-        (self._ends.first if side == 0 else self._ends.last)[:] = given / np.linalg.norm(given)
-
     def apply_moment(self, end: str, moment: ArrayLike) -> None:
         """Load an end with a moment vector (3,) [N m] at amplitude one."""
         side, _ = _side(end, self.mass.size)
@@ -198,14 +180,6 @@ class Rod(ExplicitModel):
         """Return the tension of the elements (n - 1,) [N]."""
         return self.section.area * self._law.nominal_stress(self.stretch())
 
-    def twist_moment(self) -> FloatArray:
-        """Return the twisting moment at the nodes (n,) [N m]; zero at free ends."""
-        self.internal_forces()
-        turn = self._scratch.curvature[2] - self._mesh.natural[2]
-        inside = np.ones(turn.size)
-        inside[0], inside[-1] = self._ends.clamped
-        return np.asarray(inside * self._mesh.torsion * turn / self._mesh.voronoi)
-
     def internal_forces(self, nodes: ArrayLike | None = None) -> FloatArray:
         """Return the elements' forces on the nodes, shape (n, 3) [N], end moments included."""
         place = self.points.position
@@ -215,18 +189,12 @@ class Rod(ExplicitModel):
         rod_forces(
             self.mass.size,
             place,
-            np.zeros_like(place),
             self._mesh,
             self._ends,
             self._scratch,
             factor,
         )
         return self._scratch.net.T.copy()
-
-    def spin_torques(self) -> FloatArray:
-        """Return the torque on every element's twist angle (n - 1,) [N m]."""
-        self.internal_forces()
-        return self._scratch.torque[1:-1].copy()
 
     @property
     def spin_angles(self) -> FloatArray:
@@ -316,9 +284,6 @@ class Rod(ExplicitModel):
                 / math.sqrt(touch.normal_stiffness * float(self.mass.min()))
             )
             step *= math.sqrt(1.0 + ratio**2) - ratio
-        if mesh.viscosity > 0.0:
-            ratio = 2.0 * mesh.viscosity / (shortest * math.sqrt(along * lightest))
-            step *= math.sqrt(1.0 + ratio**2) - ratio
         if mesh.framed:
             twisting = 8.0 * mesh.torsion / shortest
             step = min(step, 2.0 * math.sqrt(float(mesh.spin_inertia.min()) / twisting))
@@ -328,28 +293,17 @@ class Rod(ExplicitModel):
         """Return the normal penalty: six times the stiffness of the shortest element [N/m]."""
         return 6.0 * self.section.young * self.section.area / float(self._mesh.reference.min())
 
-    def _own_state(self) -> dict[str, FloatArray]:
-        s = self._scratch
-        return {
-            "director": s.director,
-            "carried": s.carried,
-            "angle": s.angle,
-            "spin": s.spin,
-            "own_twist": s.own_twist,
-        }
-
     def _take_shape(self) -> None:
         self._mesh.natural[:] = 0.0
         self.internal_forces()
         self._mesh.natural[:] = self._scratch.curvature
 
     def _march(self, steps: int, dt: float, calming: bool) -> None:
-        at, self._turned, self._kinetic = advance_rod(
+        at, self._kinetic = advance_rod(
             self.mass.size,
             steps,
             dt,
             self.time,
-            self._turned,
             self.points,
             self._mesh,
             self._ends,

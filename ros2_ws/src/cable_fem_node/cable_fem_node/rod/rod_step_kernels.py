@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.compile import kernel
-from cable_fem_node.dynamics.contact_kernels import touch_cylinder
 from cable_fem_node.dynamics.motion_kernels import amplitude_at, move
-from cable_fem_node.dynamics.points import LOSS_DAMPING, WORK_SPAN, WORK_TIE, Points
+from cable_fem_node.dynamics.points import WORK_SPAN, Points
 from cable_fem_node.dynamics.surroundings import Surroundings, Touch
 from cable_fem_node.rod.frame_kernels import carry_frames, frame_forces, reference_twist
 from cable_fem_node.rod.rod_kernels import bend_end, bend_nodes, element_force, stretch_elements
@@ -32,20 +31,18 @@ class RodMesh(NamedTuple):
     area: float
     bending: float
     torsion: float
-    viscosity: float  # axial damping force per stretch rate [N s]
     spin_inertia: FloatArray  # (elements,) [kg m^2]
     framed: bool
 
 
 class RodEnds(NamedTuple):
-    """Clamps, end moments and given rotations of a rod."""
+    """Clamps and end moments of a rod."""
 
     clamped: FloatArray  # (2,)
     first: FloatArray  # (3,) direction of the start's clamp
     last: FloatArray  # (3,) direction of the end's clamp
     moment: FloatArray  # (3, 2) at the start, at the end [N m] at amplitude one
     spin_free: FloatArray  # (elements + 2,) 1 where theta is free
-    spin_rate: FloatArray  # (elements + 2,) given rates of theta [rad/s] at amplitude one
 
 
 class RodScratch(NamedTuple):
@@ -75,13 +72,12 @@ class RodScratch(NamedTuple):
 def rod_forces(
     nodes: int,
     position: FloatArray,
-    velocity: FloatArray,
     mesh: RodMesh,
     ends: RodEnds,
     s: RodScratch,
     load_factor: float,
-) -> float:
-    """Fill the net internal force on every node (and end moments); return the viscous power [W].
+) -> None:
+    """Fill the net internal force on every node, end moments included.
 
     Frames are carried to the present tangents.
     """
@@ -90,15 +86,6 @@ def rod_forces(
         elements, position, mesh.reference, mesh.table, mesh.table_low, mesh.table_per_spacing,
         mesh.area, s.tangent, s.inverse, s.tension,
     )  # fmt: skip
-    lost = 0.0
-    if mesh.viscosity > 0.0:
-        for i in range(elements):
-            rate = 0.0
-            for c in range(3):
-                rate += (velocity[c, i + 1] - velocity[c, i]) * s.tangent[c, i]
-            drag = mesh.viscosity * rate / mesh.reference[i]
-            s.tension[i] += drag
-            lost += drag * rate
     for i in range(nodes):
         s.cosine[i] = 0.0
         s.slope[i] = 0.0
@@ -163,7 +150,6 @@ def rod_forces(
         s.net[c, elements] = -s.force[c, elements - 1]
         for i in range(1, elements):
             s.net[c, i] = s.force[c, i] - s.force[c, i - 1]
-    return lost
 
 
 @kernel
@@ -172,7 +158,6 @@ def advance_rod(
     steps: int,
     dt: float,
     start: float,
-    turned: float,
     points: Points,
     mesh: RodMesh,
     ends: RodEnds,
@@ -180,11 +165,11 @@ def advance_rod(
     around: Surroundings,
     touch: Touch,
     ledger: FloatArray,
-) -> tuple[int, float, float]:
+) -> tuple[int, float]:
     """Advance a rod by equal steps.
 
     Returns:
-        the element at fault or -1, the last step's rotation, the kinetic energy [J].
+        the element at fault or -1, the kinetic energy [J].
     """
     peak = 0.0
     kinetic = 0.0
@@ -193,21 +178,8 @@ def advance_rod(
     for step in range(steps):
         t = start + step * dt
         factor = amplitude_at(t, around.load_times, around.load_values)
-        lost = rod_forces(nodes, points.position, points.velocity, mesh, ends, scratch, factor)
-        ledger[LOSS_DAMPING] += dt * lost
-        turning = around.angular_speed * dt
-        if around.reach > 0.0:
-            touch_cylinder(
-                0, nodes, dt, turned, turning, around.reach, points, scratch.net, scratch.couple,
-                touch, ledger, False,
-            )  # fmt: skip
-        turned = turning
-        drive = amplitude_at(t + 0.5 * dt, around.drive_times, around.drive_values)
-        kinetic = move(
-            nodes, dt, kick, points.position, points.velocity, scratch.net, around.load, factor,
-            around.gravity, around.mass, around.free, around.driven, drive, around.damping_rate,
-            ledger,
-        )  # fmt: skip
+        rod_forces(nodes, points.position, mesh, ends, scratch, factor)
+        kinetic = move(dt, kick, points, scratch.net, scratch.couple, around, factor, touch, ledger)
         for side in range(2):
             e = 0 if side == 0 else elements - 1
             mx, my, mz = ends.moment[0, side], ends.moment[1, side], ends.moment[2, side]
@@ -226,25 +198,22 @@ def advance_rod(
                     scratch.spin[i] * (1.0 - half)
                     + kick * dt * scratch.torque[i] / mesh.spin_inertia[i]
                 ) / (1.0 + half)
-                given = drive * ends.spin_rate[i]
-                scratch.spin[i] = ends.spin_free[i] * spun + (1.0 - ends.spin_free[i]) * given
+                scratch.spin[i] = ends.spin_free[i] * spun
                 scratch.angle[i] += dt * scratch.spin[i]
-                held = (1.0 - ends.spin_free[i]) * scratch.torque[i]
-                ledger[WORK_TIE] -= dt * held * scratch.spin[i]
                 kinetic += 0.5 * ends.spin_free[i] * mesh.spin_inertia[i] * scratch.spin[i] ** 2
         kick = 1.0
         if around.calming:
             if kinetic < peak:
                 kick = 0.5
                 points.velocity[:, :nodes] *= 1.0 - around.free
-                scratch.spin[:] *= 1.0 - ends.spin_free
+                scratch.spin[:] = 0.0
                 peak = 0.0
             else:
                 peak = kinetic
     for i in range(elements):
         stretch = 1.0 / (scratch.inverse[i] * mesh.reference[i])
         if not TABLE_LOW < stretch < TABLE_HIGH:
-            return i, turned, kinetic
+            return i, kinetic
     if not math.isfinite(kinetic):
-        return 0, turned, kinetic
-    return -1, turned, kinetic
+        return 0, kinetic
+    return -1, kinetic

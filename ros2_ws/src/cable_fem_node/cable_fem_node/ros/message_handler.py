@@ -141,14 +141,7 @@ class FemHandler:
             self._markers_due = self._cable_due = t
         if t - self._start > self.history.latest:
             self.history.record(t - self._start, reading, loaded.tension)
-        model.advance_to(
-            t - self._start,
-            cylinder_angle=reading.cylinder_angle,
-            angular_speed=reading.angular_speed,
-            guide_z=reading.carriage_position,
-            feed_speed=reading.feed_speed,
-            tension=loaded.tension,
-        )
+        model.advance_to(t - self._start, reading, loaded.tension)
 
     def _catch_up(self, model: RodWinding, inputs: RunInputs) -> None:
         """Wind what the machine has wound before this node was there; nothing is published."""

@@ -152,11 +152,10 @@ class Solid(ExplicitModel):
 
     def _march(self, steps: int, dt: float, calming: bool) -> None:
         couple = np.zeros(self.mass.size)
-        at, self._turned, self._kinetic = advance_solid(
+        at, self._kinetic = advance_solid(
             steps,
             dt,
             self.time,
-            self._turned,
             self.points,
             self._mesh,
             self._net,

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.compile import kernel
-from cable_fem_node.dynamics.contact_kernels import touch_cylinder
 from cable_fem_node.dynamics.motion_kernels import amplitude_at, move
 from cable_fem_node.dynamics.points import LOSS_DAMPING, Points
 from cable_fem_node.dynamics.surroundings import Surroundings, Touch
@@ -22,7 +21,6 @@ def advance_solid(
     steps: int,
     dt: float,
     start: float,
-    turned: float,
     points: Points,
     mesh: HexMesh,
     net: FloatArray,
@@ -30,11 +28,11 @@ def advance_solid(
     around: Surroundings,
     touch: Touch,
     ledger: FloatArray,
-) -> tuple[int, float, float]:
+) -> tuple[int, float]:
     """Advance a solid by equal steps.
 
     Returns:
-        the element at fault or -1, the last step's rotation, the kinetic energy [J].
+        the element at fault or -1, the kinetic energy [J].
     """
     nodes = net.shape[1]
     peak = 0.0
@@ -45,21 +43,9 @@ def advance_solid(
         factor = amplitude_at(t, around.load_times, around.load_values)
         at, _, _, lost = hex_forces(points.position, points.velocity, mesh, True, net)
         if at >= 0:
-            return at, turned, kinetic
+            return at, kinetic
         ledger[LOSS_DAMPING] += dt * lost
-        turning = around.angular_speed * dt
-        if around.reach > 0.0:
-            touch_cylinder(
-                0, nodes, dt, turned, turning, around.reach, points, net, couple, touch, ledger,
-                False,
-            )  # fmt: skip
-        turned = turning
-        drive = amplitude_at(t + 0.5 * dt, around.drive_times, around.drive_values)
-        kinetic = move(
-            nodes, dt, kick, points.position, points.velocity, net, around.load, factor,
-            around.gravity, around.mass, around.free, around.driven, drive, around.damping_rate,
-            ledger,
-        )  # fmt: skip
+        kinetic = move(dt, kick, points, net, couple, around, factor, touch, ledger)
         kick = 1.0
         if around.calming:
             if kinetic < peak:
@@ -69,5 +55,5 @@ def advance_solid(
             else:
                 peak = kinetic
     if not math.isfinite(kinetic):
-        return 0, turned, kinetic
-    return -1, turned, kinetic
+        return 0, kinetic
+    return -1, kinetic

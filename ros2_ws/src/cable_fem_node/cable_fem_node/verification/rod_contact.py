@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.model import CylinderContact
+from cable_fem_node.dynamics.surroundings import CylinderContact
 from cable_fem_node.rod.rod import Rod, RodSection
 from cable_fem_node.verification.rod_statics import GRAVITY, Values, line
-from cable_fem_node.winding.winding_setup import chord_radius
+from cable_fem_node.winding.resolved_model import chord_radius
 
 FloatArray = NDArray[np.float64]
 

@@ -62,7 +62,7 @@ def quasi_static() -> Values:
     for number in (1, 4, 6, 9, 11):
         run = predict(WindingConfig(case=paper_case(number), law="neo_hookean"), rate=5.0)
         values[f"stretch_{number}"] = run.stretch
-        values[f"radius_{number}"] = run.config.wound_radius(run.stretch)
+        values[f"radius_{number}"] = run.config.resolved.radius_at(run.stretch)
         for row in run.markers[1:]:
             values[f"theta_{number}_{row['id']}"] = float(row["theta"])
             values[f"z_{number}_{row['id']}"] = float(row["z"])
@@ -71,12 +71,12 @@ def quasi_static() -> Values:
 
 def radius_convention() -> Values:
     """W05: the first marker's angle with the thinned radius and with the undeformed one."""
-    law = WindingConfig(case=paper_case(2), law="neo_hookean")
-    stretch = law.uniaxial.stretch_at(1.249e6)
+    model = WindingConfig(case=paper_case(2), law="neo_hookean").resolved
+    stretch = model.law.stretch_at(1.249e6)
     length = 0.1 * stretch
     return {
-        "thinned": length / law.wound_radius(stretch),
-        "undeformed": length / law.case.centreline_radius,
+        "thinned": length / model.radius_at(stretch),
+        "undeformed": length / model.case.centreline_radius,
     }
 
 

@@ -12,14 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.failure import EnergyBalanceError
-from cable_fem_node.winding.followed_run import follow, refuse_length
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
+from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
 from winding_core.units import MILLIMETRE
 
 FloatArray = NDArray[np.float64]
+Progress = Callable[[float], None]
+Clock = Callable[[], float]
 
 FULL_TURN = 2.0 * math.pi
 
@@ -106,15 +108,36 @@ def predict(
     config: WindingConfig,
     drive: DriveProfile | None = None,
     duration: float = PAPER_DURATION,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
     *,
     rate: float = 50.0,
-    cpu_clock: Callable[[], float] = time.process_time,
+    cpu_clock: Clock = time.process_time,
 ) -> Prediction:
-    """Wind a whole run ahead with the rod.
+    """Wind a whole run ahead with the rod; arguments and errors as `wind_ahead`."""
+
+    def build() -> RodWinding:
+        model = RodWinding(config)
+        model.compile()
+        return model
+
+    return wind_ahead(build, config, drive, duration, progress, rate=rate, cpu_clock=cpu_clock)
+
+
+def wind_ahead(
+    build: Callable[[], WindingModel],
+    config: WindingConfig,
+    drive: DriveProfile | None,
+    duration: float,
+    progress: Progress | None,
+    *,
+    rate: float,
+    cpu_clock: Clock,
+) -> Prediction:
+    """Take a model along the machine's plan from start to finish, with its markers on the way.
 
     Args:
-        config: The model.
+        build: Makes the model, at the start of the run; called once nothing speaks against it.
+        config: What is wound.
         drive: The machine's motion; the paper's by default.
         duration: Time to wind [s].
         progress: Called with the share done, 0..1.
@@ -128,31 +151,41 @@ def predict(
         ValueError: Duration or rate is not positive.
     """
     drive = DriveProfile() if drive is None else drive
-    refuse_length(duration, rate)
+    for name, value in (("duration", duration), ("rate", rate)):
+        if not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} must be positive and finite, got {value}")
     refuse_overlap(config, drive)
-    model = RodWinding(config)
-    model.compile()
-    run = follow(model, drive, duration, progress, rate=rate, cpu_clock=cpu_clock)
+    model = build()
+    frames = max(1, math.ceil(duration * rate - 1.0e-9))
+    times = duration * np.arange(frames + 1) / frames
+    start = model.markers()
+    history = np.empty((frames + 1, start.size), dtype=start.dtype)
+    history[0] = start
+    started = cpu_clock()
+    for i, t in enumerate(times[1:].tolist(), start=1):
+        model.advance_to(t, drive.reading_at(t))
+        history[i] = model.markers()
+        if progress is not None:
+            progress(i / frames)
+    cpu_seconds = cpu_clock() - started
     energy = model.energy
     refuse_open_balance(energy, duration)
     arc, theta, z = model.wound_path()
-    stretch = model.stretch()
-    wound = stretch[: arc.size - 1]
     span = model.span_tension
     return Prediction(
         config=config,
         drive=drive,
-        times=run.times,
-        history=run.history,
+        times=times,
+        history=history,
         arc=arc,
         theta=theta,
         z=z,
         cable=model.cable(),
         energy=energy,
-        stretch=float(wound.mean()) if wound.size else float(stretch[0]),
-        stretch_closed_form=config.wound_stretch(span),
-        span_stretch=config.uniaxial.stretch_at(span / config.case.section_area),
-        cpu_seconds=run.cpu_seconds,
+        stretch=model.wound_stretch(),
+        stretch_closed_form=config.resolved.wound_stretch(span),
+        span_stretch=config.resolved.stretch_at(span),
+        cpu_seconds=cpu_seconds,
         element_steps=model.element_steps,
     )
 
@@ -179,9 +212,7 @@ def refuse_overlap(config: WindingConfig, drive: DriveProfile) -> None:
     Raises:
         OverlapError: The pitch is below the diameter of the stretched cable.
     """
-    stretch = config.uniaxial.stretch_at(config.weight_tension / config.case.section_area)
-    lateral = float(config.uniaxial.lateral_stretch(stretch))
-    width = config.case.cable_diameter * lateral
+    width = config.case.cable_diameter * config.resolved.lateral
     if drive.pitch < width:
         raise OverlapError(
             f"the guide advances {drive.pitch / MILLIMETRE:.3g} mm per turn, less than the cable's "

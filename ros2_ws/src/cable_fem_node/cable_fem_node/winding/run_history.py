@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from winding_core.drive import DriveProfile
 from winding_core.readings import AxisReading
-from winding_core.run_inputs import INPUT_DTYPE
+from winding_core.run_inputs import INPUT_DTYPE, RunInputs
 
 # Shape (n,) of INPUT_DTYPE; t since the start of the run, a tension of nan is the model's own.
 Inputs = NDArray[np.void]
@@ -22,17 +22,8 @@ class Follower(Protocol):
 
     time: float
 
-    def advance_to(
-        self,
-        t: float,
-        *,
-        cylinder_angle: float,
-        angular_speed: float,
-        guide_z: float,
-        feed_speed: float,
-        tension: float | None = None,
-    ) -> None:
-        """Advance to a time [s] at which the machine stands and moves as given."""
+    def advance_to(self, t: float, reading: AxisReading, tension: float | None = None) -> None:
+        """Advance to a time [s] at which the machine stands and moves as read."""
 
 
 class AbandonedError(RuntimeError):
@@ -69,8 +60,8 @@ class RunHistory:
     def of(cls, inputs: Inputs, *, period: float = 0.02, capacity: int = 4096) -> RunHistory:
         """Return a history of stored inputs, shape (n,) of INPUT_DTYPE, ascending in time."""
         history = cls(period=period, capacity=capacity)
-        for row in inputs:
-            history.record(float(row["t"]), reading_of(row), tension_of(row))
+        for t, reading, tension in RunInputs(samples=inputs):
+            history.record(t, reading, tension)
         return history
 
     @property
@@ -155,17 +146,10 @@ def replay(inputs: Inputs, model: Follower, going: Callable[[], bool] = lambda: 
     Raises:
         AbandonedError: `going` said no.
     """
-    for row in inputs[inputs["t"] > model.time]:
+    for t, reading, tension in RunInputs(samples=inputs[inputs["t"] > model.time]):
         if not going():
             raise AbandonedError(f"the replay was abandoned at t = {model.time:.6g} s")
-        model.advance_to(
-            float(row["t"]),
-            cylinder_angle=float(row["cylinder_angle"]),
-            angular_speed=float(row["angular_speed"]),
-            guide_z=float(row["carriage_position"]),
-            feed_speed=float(row["feed_speed"]),
-            tension=tension_of(row),
-        )
+        model.advance_to(t, reading, tension)
 
 
 def planned_inputs(
@@ -212,19 +196,3 @@ def continued_inputs(inputs: Inputs, angle: float, *, period: float = 0.02) -> I
     more["angular_speed"], more["feed_speed"] = speed, feed
     more["tension"] = inputs["tension"][inputs["t"] >= last["t"] - 1.0].mean()
     return np.concatenate([inputs, more])
-
-
-def reading_of(row: np.void) -> AxisReading:
-    """Return both axes of one sample."""
-    return AxisReading(
-        cylinder_angle=float(row["cylinder_angle"]),
-        angular_speed=float(row["angular_speed"]),
-        carriage_position=float(row["carriage_position"]),
-        feed_speed=float(row["feed_speed"]),
-    )
-
-
-def tension_of(row: np.void) -> float | None:
-    """Return the span tension [N] of one sample; None where the model's own law holds."""
-    tension = float(row["tension"])
-    return None if math.isnan(tension) else tension

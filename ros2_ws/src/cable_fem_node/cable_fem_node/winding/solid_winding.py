@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.energy import EnergyLedger
+from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import (
-    LEDGER_SIZE,
-    LOSS_CONTACT,
-    LOSS_DAMPING,
-    LOSS_FRICTION,
-    WORK_INFLOW,
-    WORK_SPAN,
-    WORK_SURFACE,
-    WORK_TIE,
-)
 from cable_fem_node.dynamics.surroundings import Touch
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import round_bar
-from cable_fem_node.winding.followed_run import follow, refuse_length
-from cable_fem_node.winding.prediction import Prediction, refuse_open_balance, refuse_overlap
-from cable_fem_node.winding.rod_winding import NODE_DTYPE
+from cable_fem_node.winding.prediction import Clock, Prediction, Progress, wind_ahead
+from cable_fem_node.winding.resolved_model import chord_radius
 from cable_fem_node.winding.solid_winding_kernels import (
     INSIDE_OUT,
     RAN_OUT,
@@ -35,10 +23,9 @@ from cable_fem_node.winding.solid_winding_kernels import (
     advance_solid_winding,
 )
 from cable_fem_node.winding.winding_config import WindingConfig
-from cable_fem_node.winding.winding_setup import chord_radius
-from cable_fem_node.winding.winding_state import ANGLE, FEED, GUIDE, SPEED, TENSION
+from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel, wound_angles
 from winding_core.drive import PAPER_DURATION, DriveProfile
-from winding_core.markers import MarkerFlag, Markers, wound_markers
+from winding_core.markers import Markers
 
 FloatArray = NDArray[np.float64]
 
@@ -49,7 +36,7 @@ RIM_NODES = 12
 SINK_SHARE = 0.002
 
 
-class SolidWinding:
+class SolidWinding(WindingModel):
     """A cable of C3D8R elements, wound from its pre-stretched straight state.
 
     The whole cable is meshed, the part that hangs behind the guide included; sections are
@@ -64,12 +51,11 @@ class SolidWinding:
     """
 
     def __init__(self, config: WindingConfig, wind: float) -> None:
-        case, law = config.case, config.uniaxial
-        self.config = config
-        pull = config.weight_tension
-        stretch = law.stretch_at(pull / case.section_area)
-        radius = config.wound_radius(stretch)
-        lateral = float(law.lateral_stretch(stretch))
+        config.refuse_stiffness_factors()
+        super().__init__(config)
+        resolved, case = config.resolved, config.case
+        law, stretch, lateral = resolved.law, resolved.stretch, resolved.lateral
+        radius = resolved.wound_radius
         spacing = config.segment_length
         length = (radius * wind + config.free_length) / stretch
         count = math.ceil(length / spacing) + 3
@@ -85,7 +71,7 @@ class SolidWinding:
         solid.set_nodes(np.column_stack([radius + lateral * u, -stretch * w, lateral * v]))
         flat = lateral * float(u[bar.rim[0]].max())
         arc = stretch * spacing
-        load = max(0.0, config.wound_tension(pull)) * arc / radius
+        load = max(0.0, resolved.wound_tension(resolved.tension)) * arc / radius
         normal = 0.5 * load / (SINK_SHARE * radius)
         lightest = float(solid.mass.min())
         self._touch = Touch(
@@ -113,53 +99,17 @@ class SolidWinding:
             solid.critical_step(),
             2.0 * math.sqrt(lightest / (normal + float(solid._stiffest.max()))),
         )
-        self.time = 0.0
-        self.element_steps = 0
-        self._surface_step = 0.0
-        self._drive = np.zeros(7)
-        self._drive[TENSION] = pull
-        self._ledger = np.zeros(LEDGER_SIZE)
         self._report = np.zeros(5)
         self._report[0] = self._initial_energy = solid.internal_energy()
         self._net = np.zeros_like(solid.points.position)
         self._couple = np.zeros(solid.mass.size)
         self._grip = np.zeros((3, bar.sections.shape[0]))
 
-    def advance_to(
-        self,
-        t: float,
-        *,
-        cylinder_angle: float,
-        angular_speed: float,
-        guide_z: float,
-        feed_speed: float,
-    ) -> None:
-        """Advance to a time at which the machine stands and moves as given.
+    def _response(self, tension: float) -> tuple[float, float]:
+        """Return zeros: the solid's own elements say how far they stretch and where they land."""
+        return 0.0, 0.0
 
-        Args:
-            t: [s], not before the last one.
-            cylinder_angle: Theta [rad].
-            angular_speed: [rad/s].
-            guide_z: [m].
-            feed_speed: [m/s].
-
-        Raises:
-            DivergenceError: An element turned inside out, or the cable has run out.
-            ValueError: Time runs backwards or is not finite.
-        """
-        span = t - self.time
-        if not (math.isfinite(span) and span >= 0.0):
-            raise ValueError(f"time must not run backwards: at {self.time} s, asked for {t} s")
-        if span == 0.0:
-            return
-        case = self.config.case
-        drive = np.empty((7, 2))
-        drive[:, 0] = drive[:, 1] = self._drive
-        drive[ANGLE, 1], drive[SPEED, 1] = cylinder_angle, angular_speed
-        drive[GUIDE, 1], drive[FEED, 1] = guide_z, feed_speed
-        drive[TENSION, 1] = self.config.tension_law(
-            case.weight, case.cylinder_diameter, self._machine.contact_line * cylinder_angle
-        )
+    def _run(self, t: float, span: float, drive: FloatArray) -> None:
         steps = max(1, math.ceil(span / self.step_limit))
         status, at, self._surface_step = advance_solid_winding(
             steps,
@@ -187,36 +137,19 @@ class SolidWinding:
             raise DivergenceError(
                 f"the cable's end reached the guide before t = {t:.6g} s: at section {at}"
             )
-        self.time = t
         self.element_steps += steps * self._solid.volumes.size
-        self._drive = drive[:, 1].copy()
 
-    def path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def wound_path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (reference arc length [m], theta [rad], z [m]) of the laid sections."""
         laid = self._laid()
         middle = self._middle()
-        turn = np.arctan2(
-            middle[:-1, 0] * middle[1:, 1] - middle[:-1, 1] * middle[1:, 0],
-            middle[:-1, 0] * middle[1:, 0] + middle[:-1, 1] * middle[1:, 1],
-        )
-        theta = np.concatenate([[0.0], np.cumsum(-turn)])
+        theta = wound_angles(middle[:, 0], middle[:, 1])
         return self._bar.axial[:laid], theta[:laid], middle[:laid, 2]
 
     def markers(self) -> Markers:
         """Return the records of P0..Pn; those not yet on the cylinder carry NOT_WOUND."""
-        case = self.config.case
-        ids = np.arange(case.marker_count + 1)
-        place = ids * case.marker_spacing
-        arc, theta, z = self.path()
-        loose = place > arc[-1]
-        return wound_markers(
-            ids=ids,
-            theta=np.interp(place, arc, theta),
-            z=np.interp(place, arc, z),
-            radius=case.centreline_radius,
-            cylinder_angle=float(self._drive[ANGLE]),
-            flags=np.where(loose, int(MarkerFlag.NOT_WOUND), 0),
-        )
+        arc, theta, z = self.wound_path()
+        return self._marker_records(arc, theta, z, float(arc[-1]))
 
     def cable(self) -> NDArray[np.void]:
         """Return the sections' centres as records x y z s tension strain, from P0 on.
@@ -241,34 +174,23 @@ class SolidWinding:
         records["tension"][0], records["strain"][0] = records["tension"][1], records["strain"][1]
         return records
 
+    def wound_stretch(self) -> float:
+        """Return the mean stretch between the laid sections."""
+        return float(self.cable()["strain"][1 : max(2, self._laid())].mean() + 1.0)
+
     @property
     def energy(self) -> EnergyLedger:
         """The ledger since the start; internal energy includes hourglass energy."""
         stored, wavy, kinetic, springs, _ = self._report
-        points, touch = self._solid.points, self._touch
-        touching = points.touching == 1
-        radius = np.hypot(points.position[0, touching], points.position[1, touching])
-        depth = np.maximum(points.contact_radius[touching] - radius, 0.0)
-        contact = 0.5 * touch.normal_stiffness * float((depth**2).sum())
-        contact += 0.5 * touch.stick_stiffness * float((points.slip[:, touching] ** 2).sum())
-        contact += touch.stick_stiffness * float((self._grip[:2] ** 2).sum())
-        ledger = self._ledger
-        return EnergyLedger(
+        contact = contact_energy(self._solid.points, self._touch)
+        contact += self._touch.stick_stiffness * float((self._grip[:2] ** 2).sum())
+        return EnergyLedger.of(
+            self._ledger,
             kinetic=float(kinetic),
             internal=float(stored + wavy),
             contact=contact + float(springs),
-            external=float(
-                ledger[WORK_TIE] + ledger[WORK_SURFACE] + ledger[WORK_SPAN] + ledger[WORK_INFLOW]
-            ),
-            friction=float(ledger[LOSS_FRICTION]),
-            damping=float(ledger[LOSS_CONTACT] + ledger[LOSS_DAMPING]),
             initial=self._initial_energy,
         )
-
-    @property
-    def hourglass_share(self) -> float:
-        """Hourglass energy over internal energy."""
-        return float(self._report[1] / (self._report[0] + self._report[1]))
 
     def _middle(self) -> FloatArray:
         return np.asarray(self._solid.points.position[:, self._bar.sections].mean(axis=2).T)
@@ -282,39 +204,15 @@ def predict_solid(
     config: WindingConfig,
     drive: DriveProfile | None = None,
     duration: float = PAPER_DURATION,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
     *,
     rate: float = 50.0,
-    cpu_clock: Callable[[], float] = time.process_time,
+    cpu_clock: Clock = time.process_time,
 ) -> Prediction:
-    """Wind a whole run ahead with solid elements; arguments and errors as `predict`.
+    """Wind a whole run ahead with solid elements; arguments and errors as `wind_ahead`."""
 
-    Raises:
-        ValueError: Duration [s] or rate [Hz] is not positive and finite.
-    """
-    drive = DriveProfile() if drive is None else drive
-    refuse_length(duration, rate)
-    refuse_overlap(config, drive)
-    model = SolidWinding(config, drive.positions(duration)[0])
-    run = follow(model, drive, duration, progress, rate=rate, cpu_clock=cpu_clock)
-    energy = model.energy
-    refuse_open_balance(energy, duration)
-    arc, theta, z = model.path()
-    cable = model.cable()
-    weight = float(model._drive[TENSION])
-    return Prediction(
-        config=config,
-        drive=drive,
-        times=run.times,
-        history=run.history,
-        arc=arc,
-        theta=theta,
-        z=z,
-        cable=cable,
-        energy=energy,
-        stretch=float(cable["strain"][1 : max(2, arc.size)].mean() + 1.0),
-        stretch_closed_form=config.wound_stretch(weight),
-        span_stretch=config.uniaxial.stretch_at(weight / config.case.section_area),
-        cpu_seconds=run.cpu_seconds,
-        element_steps=model.element_steps,
-    )
+    def build() -> SolidWinding:
+        wanted = DriveProfile() if drive is None else drive
+        return SolidWinding(config, wanted.positions(duration)[0])
+
+    return wind_ahead(build, config, drive, duration, progress, rate=rate, cpu_clock=cpu_clock)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
+from cable_fem_node.winding.resolved_model import ResolvedModel
 from winding_core.cases import Case
 from winding_core.condition import Condition
 from winding_core.fleet_angle import PAPER_FREE_LENGTH
-from winding_core.material_law import MOONEY_RATIO, MaterialLaw
+from winding_core.material_law import MOONEY_RATIO
 from winding_core.tension import DeadWeight, TensionLaw
 
 
@@ -19,7 +21,7 @@ class WindingConfig:
     Attributes:
         case: Cable, cylinder, weight and marker spacing.
         friction: Coulomb friction between cable and cylinder, acting on the centreline.
-        law: Material law, one of uniaxial.LAWS.
+        law: Material law, one of material_law.LAWS.
         mooney_ratio: C01 / C10 of law ``mooney_rivlin``.
         segment_length: Reference length of an element [m].
         free_length: Tangent span between contact line and guide [m], L_xy.
@@ -57,49 +59,24 @@ class WindingConfig:
                 f"segment_length must be at most 0.3 of the free length "
                 f"{self.free_length:g} m, got {self.segment_length:g} m"
             )
-        self.uniaxial.stretch_at(self.weight_tension / self.case.section_area)
+        # Refuses a material that cannot carry the weight.
+        _ = self.resolved
 
-    @property
-    def uniaxial(self) -> MaterialLaw:
-        """The material law in uniaxial tension."""
-        material = self.case.material
-        return MaterialLaw(
-            law=self.law,
-            young=material.young,
-            poisson=material.poisson,
-            mooney_ratio=self.mooney_ratio,
-        )
+    @cached_property
+    def resolved(self) -> ResolvedModel:
+        """What follows from the configuration, computed once."""
+        return ResolvedModel.of(self)
 
-    @property
-    def weight_tension(self) -> float:
-        """Span tension at the start [N]."""
-        return self.tension_law(self.case.weight, self.case.cylinder_diameter, 0.0)
+    def refuse_stiffness_factors(self) -> None:
+        """Refuse factors on the stiffnesses, which a solid element does not have.
 
-    @property
-    def thins(self) -> bool:
-        """Whether the wound radius follows the cable's lateral stretch."""
-        return self.law != "linear" if self.thinning is None else self.thinning
-
-    @property
-    def bending_stiffness(self) -> float:
-        """EI of the undeformed section [N m^2]."""
-        return self.case.bending_stiffness
-
-    def wound_radius(self, stretch: float) -> float:
-        """Return the centreline radius [m] of cable wound at a stretch."""
-        lateral = float(self.uniaxial.lateral_stretch(stretch)) if self.thins else 1.0
-        return self.case.cylinder_radius + self.case.cable_radius * lateral
-
-    def wound_tension(self, span_tension: float) -> float:
-        """Return the tension [N] of the wound cable: F - EI l / (2 rho^2).
-
-        The cable bends at the cost of its own tension where it comes to lie on the cylinder
-        (l stretch, rho centreline radius); curvature counts per reference length.
+        Raises:
+            ValueError: A factor is not 1.
         """
-        stretch = self.uniaxial.stretch_at(span_tension / self.case.section_area)
-        radius = self.wound_radius(stretch)
-        return span_tension - 0.5 * self.bending_stiffness * stretch / radius**2
-
-    def wound_stretch(self, span_tension: float) -> float:
-        """Return the closed-form stretch of the wound cable under a span tension [N]."""
-        return self.uniaxial.stretch_at(self.wound_tension(span_tension) / self.case.section_area)
+        material = self.case.material
+        for name in ("axial_factor", "bending_factor"):
+            value = getattr(material, name)
+            if value != 1.0:
+                raise ValueError(
+                    f"the solid element has no separate stiffnesses: {name} must be 1, got {value}"
+                )

@@ -38,7 +38,7 @@ class Constants(NamedTuple):
 
     segment: float
     mass: float
-    area: float
+    area: float  # that carries tension, see Case.axial_area
     bending: float
     table_low: float
     table_per_spacing: float
@@ -58,3 +58,32 @@ class Constants(NamedTuple):
 
 # Rows of the drive: value at the beginning, value at the end of the advance.
 ANGLE, SPEED, GUIDE, FEED, TENSION, STRETCH, LANDING = range(7)
+
+
+def part_way(drive: FloatArray, u: float, span: float) -> FloatArray:
+    """Return the drive with its first column moved to the share u of the way."""
+    part = drive.copy()
+    for value, slope in ((ANGLE, SPEED), (GUIDE, FEED)):
+        a, b = drive[value]
+        da, db = drive[slope] * span
+        step = b - a
+        second, third = 3.0 * step - 2.0 * da - db, da + db - 2.0 * step
+        part[value, 0] = a + u * (da + u * (second + u * third))
+        part[slope, 0] = (da + u * (2.0 * second + 3.0 * u * third)) / span
+    for value in (TENSION, STRETCH, LANDING):
+        part[value, 0] = drive[value, 0] + u * (drive[value, 1] - drive[value, 0])
+    return part
+
+
+def empty_work(capacity: int) -> Work:
+    """Return scratch arrays for so many nodes."""
+    return Work(
+        tangent=np.zeros((3, capacity)),
+        inverse=np.zeros(capacity),
+        tension=np.zeros(capacity),
+        cosine=np.zeros(capacity),
+        slope=np.zeros(capacity),
+        force=np.zeros((3, capacity)),
+        net=np.zeros((3, capacity)),
+        couple=np.zeros(capacity),
+    )

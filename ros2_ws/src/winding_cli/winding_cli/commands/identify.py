@@ -19,15 +19,11 @@ from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE, MILLIRADIAN
 from winding_study.runs.run_parameters import RunParameters
 
 if TYPE_CHECKING:
-    from cable_fem_node.identification import (
-        ConstantsEstimate,
-        Fit,
-        LawFit,
-        ModulusEstimate,
-        TrackedRun,
-    )
+    from cable_fem_node.identification import Fit, ModulusEstimate, TrackedRun
     from cable_fem_node.winding.winding_config import WindingConfig
     from winding_core.markers import Markers
+    from winding_study.identification.constants import ConstantsEstimate
+    from winding_study.identification.tensile import LawFit
 
 
 @with_options(RunParameters)
@@ -125,7 +121,8 @@ def _runs(sources: list[Path], weights: list[float], typed: Typed) -> list[Track
 
 
 def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
-    from cable_fem_node.identification import identify_constants, identify_modulus, with_young
+    from cable_fem_node.identification import identify_modulus, with_young
+    from winding_study.identification.constants import identify_constants
 
     used, law = runs, runs[0].config.law
     if use is not None:
@@ -282,8 +279,8 @@ def _print_rest(
 
 
 def _tensile(path: Path, parameters: RunParameters) -> dict[str, Any]:
-    from cable_fem_node.identification import fit_laws, judgement
     from winding_cli.commands.identify_sources import read_tensile_test
+    from winding_study.identification.tensile import fit_laws, judgement
 
     poisson = parameters.poisson
     fits = fit_laws(read_tensile_test(path), poisson)

@@ -14,9 +14,10 @@ import numpy as np
 from winding_core.units import KILOPASCAL, MEGAPASCAL
 
 if TYPE_CHECKING:
-    from cable_fem_node.identification import Readings, TensileTest, TrackedRun
+    from cable_fem_node.identification import Readings, TrackedRun
     from cable_fem_node.winding.run_history import Inputs
     from cable_fem_node.winding.winding_config import WindingConfig
+    from winding_study.identification.tensile import TensileTest
 
 MARKER_COLUMNS = ("marker", "theta_rad", "z_m")
 _STRAIN = {"strain": 1.0, "strain_pct": 0.01}
@@ -75,7 +76,7 @@ def read_tensile_test(path: Path) -> TensileTest:
         SourceError: It cannot be read, or a column is missing or holds no number.
         IdentificationError: The points are too few, negative or not finite.
     """
-    from cable_fem_node.identification import TensileTest
+    from winding_study.identification.tensile import TensileTest
 
     rows = _rows(path)
     strain, strain_unit = _column(path, rows, _STRAIN)

@@ -26,8 +26,8 @@ class PlannedRun:
         element: One of ELEMENTS.
 
     Raises:
-        ValueError: The duration is not positive, the element is unknown, or the feed would lay
-            the cable over itself.
+        ValueError: The duration is not positive, the element is unknown or has no stiffness
+            factors, or the feed would lay the cable over itself.
     """
 
     config: WindingConfig
@@ -40,6 +40,8 @@ class PlannedRun:
             raise ValueError(f"element must be {' or '.join(ELEMENTS)}, got {self.element!r}")
         if not (math.isfinite(self.duration) and self.duration > 0.0):
             raise ValueError(f"duration must be positive and finite, got {self.duration}")
+        if self.element == "solid":
+            self.config.refuse_stiffness_factors()
         refuse_overlap(self.config, self.drive)
 
     @property

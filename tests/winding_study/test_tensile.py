@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from cable_fem_node.identification import IdentificationError, TensileTest, fit_laws, judgement
+from cable_fem_node.identification import IdentificationError
 from winding_core.material_law import LAWS, MaterialLaw
+from winding_study.identification.tensile import TensileTest, fit_laws, judgement
 
 POISSON = 0.47
 NOISE = 2.0e3

@@ -1,0 +1,191 @@
+"""What follows from a winding configuration: law, span state, constants, step, response tables."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.winding.winding_state import MERGE_AT, Constants
+from winding_core.material_law import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, MaterialLaw
+
+if TYPE_CHECKING:
+    from cable_fem_node.winding.winding_config import WindingConfig
+    from winding_core.cases import Case
+
+FloatArray = NDArray[np.float64]
+
+# Share of the critical step that is taken; the rest covers damping and large rotations.
+STEP_SAFETY = 0.8
+
+# Points of the table of stretch and landing radius over tension: errors below 1e-6.
+RESPONSE_POINTS = 4001
+
+# The contact spring is six times as stiff as a segment, or stiffer where the cable would sink in
+# by more than this share of the radius.
+SINK_SHARE = 0.005
+
+
+def chord_radius(radius: float, length: float) -> float:
+    """Return the radius of nodes whose chords are as long as the arcs of the circle [m]."""
+    half = 0.5 * length / radius
+    return radius * half / math.sin(half)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResolvedModel:
+    """Everything that a winding needs to know of its configuration.
+
+    Attributes:
+        case: What is wound.
+        law: Material law in uniaxial tension.
+        thins: Whether the wound radius follows the cable's lateral stretch.
+        tension: Span tension at the start [N].
+        stretch: Of the span at the start.
+        lateral: Lateral stretch of the span at the start.
+        wound_radius: Centreline radius of cable wound at that stretch [m].
+        constants: Of the rod's kernel.
+        step: Of the rod [s]: a share of 2 / omega of the stiffest axial and transverse motion.
+    """
+
+    case: Case
+    law: MaterialLaw
+    thins: bool
+    tension: float
+    stretch: float
+    lateral: float
+    wound_radius: float
+    constants: Constants
+    step: float
+
+    @classmethod
+    def of(cls, config: WindingConfig) -> ResolvedModel:
+        """Resolve a configuration.
+
+        Raises:
+            NoEquilibriumError: The law cannot carry the weight at any stretch.
+            ValueError: The weight stretches the cable beyond the tables.
+        """
+        case = config.case
+        law = MaterialLaw(
+            law=config.law,
+            young=case.material.young,
+            poisson=case.material.poisson,
+            mooney_ratio=config.mooney_ratio,
+        )
+        tension = config.tension_law(case.weight, case.cylinder_diameter, 0.0)
+        stretch = law.stretch_at(tension / case.axial_area)
+        lateral = float(law.lateral_stretch(stretch))
+        thins = config.law != "linear" if config.thinning is None else config.thinning
+        radius = case.cylinder_radius + case.cable_radius * (lateral if thins else 1.0)
+        constants = _constants(config, law, tension, stretch, radius)
+        return cls(
+            case=case,
+            law=law,
+            thins=thins,
+            tension=tension,
+            stretch=stretch,
+            lateral=lateral,
+            wound_radius=radius,
+            constants=constants,
+            step=_stable_step(law, tension, stretch, constants),
+        )
+
+    @cached_property
+    def table(self) -> FloatArray:
+        """The law's table for the kernels, see `MaterialLaw.table`."""
+        return self.law.table()
+
+    @cached_property
+    def responses(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Tensions [N] up to the law's limit, their stretches and landing radii [m].
+
+        Tabulated, because a measured tension changes a thousand times a second.
+        """
+        law, k, case = self.law, self.constants, self.case
+        highest = min(law.limit()[1], TABLE_HIGH)
+        stretch = np.linspace(0.8, highest, RESPONSE_POINTS)
+        tension = k.area * law.nominal_stress(stretch)
+        lateral = law.lateral_stretch(stretch) if self.thins else np.ones_like(stretch)
+        radius = case.cylinder_radius + case.cable_radius * np.maximum(lateral, 0.1)
+        length = stretch * k.segment
+        wound = np.maximum(tension - 0.5 * k.bending * stretch / radius**2, 0.0)
+        half = np.minimum(0.5 * length / radius, 1.5)
+        landing = radius * half / np.sin(half) + wound * length / radius / k.normal_stiffness
+        return tension, stretch, landing
+
+    def stretch_at(self, tension: float) -> float:
+        """Return the stretch of straight cable under a tension [N]."""
+        return self.law.stretch_at(tension / self.case.axial_area)
+
+    def radius_at(self, stretch: float) -> float:
+        """Return the centreline radius [m] of cable wound at a stretch."""
+        lateral = float(self.law.lateral_stretch(stretch)) if self.thins else 1.0
+        return self.case.cylinder_radius + self.case.cable_radius * lateral
+
+    def wound_tension(self, span_tension: float) -> float:
+        """Return the tension [N] of the wound cable: F - EI l / (2 rho^2).
+
+        The cable bends at the cost of its own tension where it comes to lie on the cylinder
+        (l stretch, rho centreline radius); curvature counts per reference length.
+        """
+        stretch = self.stretch_at(span_tension)
+        radius = self.radius_at(stretch)
+        return span_tension - 0.5 * self.case.bending_stiffness * stretch / radius**2
+
+    def wound_stretch(self, span_tension: float) -> float:
+        """Return the closed-form stretch of the wound cable under a span tension [N]."""
+        return self.stretch_at(self.wound_tension(span_tension))
+
+
+def _constants(
+    config: WindingConfig, law: MaterialLaw, tension: float, stretch: float, radius: float
+) -> Constants:
+    case, h = config.case, config.segment_length
+    mass = config.mass_scaling * case.material.density * case.section_area * h
+    axial = case.material.young * case.axial_area / h
+    normal = max(6.0 * axial, tension * stretch * h / (SINK_SHARE * radius**2))
+    stick = 0.25 * normal
+    wave = math.sqrt(
+        case.material.axial_factor
+        * case.material.young
+        / (config.mass_scaling * case.material.density)
+    )
+    first_mode = 0.5 * math.pi * wave / config.free_length
+    polar = 0.5 * math.pi * case.cable_radius**4
+    return Constants(
+        segment=h,
+        mass=mass,
+        area=case.axial_area,
+        bending=case.bending_stiffness,
+        table_low=TABLE_LOW,
+        table_per_spacing=TABLE_INTERVALS / (TABLE_HIGH - TABLE_LOW),
+        normal_stiffness=normal,
+        normal_damping=0.4 * math.sqrt(normal * mass),
+        stick_stiffness=stick,
+        stick_damping=0.2 * math.sqrt(stick * mass),
+        friction=config.friction,
+        damping_rate=2.0 * config.damping_ratio * first_mode,
+        start_radius=chord_radius(radius, stretch * h),
+        contact_line=radius,
+        free_length=config.free_length,
+        cable_radius=case.cable_radius,
+        roll_inertia=0.5 * mass * case.cable_radius**2,
+        torsion=law.shear_modulus * polar,
+    )
+
+
+def _stable_step(law: MaterialLaw, tension: float, stretch: float, k: Constants) -> float:
+    tangent = max(law.tangent(1.0), law.tangent(stretch))
+    along = 4.0 * tangent * k.area / k.segment + k.stick_stiffness
+    short = 0.5 * (1.0 + MERGE_AT)
+    across = (
+        k.normal_stiffness
+        + 16.0 * k.bending / (short * k.segment**3)
+        + 8.0 * tension / (stretch * k.segment)
+    )
+    return STEP_SAFETY * 2.0 * math.sqrt(k.mass / max(along, across))

@@ -1,0 +1,158 @@
+"""What the rod and the solid have in common when they are wound: motion, markers, energies."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.dynamics.energy import EnergyLedger
+from cable_fem_node.dynamics.points import LEDGER_SIZE
+from cable_fem_node.winding.winding_config import WindingConfig
+from cable_fem_node.winding.winding_state import (
+    ANGLE,
+    FEED,
+    GUIDE,
+    LANDING,
+    SPEED,
+    STRETCH,
+    TENSION,
+)
+from winding_core.markers import MarkerFlag, Markers, wound_markers
+from winding_core.readings import AxisReading
+
+FloatArray = NDArray[np.float64]
+
+NODE_DTYPE = np.dtype([(name, "<f8") for name in ("x", "y", "z", "s", "tension", "strain")])
+
+
+class WindingModel(ABC):
+    """A cable between the turning cylinder and the guide, advanced along the machine's motion.
+
+    Args:
+        config: The model.
+
+    Attributes:
+        config: The model.
+        time: [s]
+        element_steps: Elements times steps so far.
+    """
+
+    def __init__(self, config: WindingConfig) -> None:
+        self.config = config
+        self.time = 0.0
+        self.element_steps = 0
+        self._surface_step = 0.0
+        self._initial_energy = 0.0
+        self._ledger = np.zeros(LEDGER_SIZE)
+        self._drive = np.zeros(7)
+        self._drive[TENSION] = config.resolved.tension
+        self._drive[STRETCH], self._drive[LANDING] = self._response(config.resolved.tension)
+
+    def advance_to(self, t: float, reading: AxisReading, tension: float | None = None) -> None:
+        """Advance to a time at which the machine stands and moves as read.
+
+        In between, angle and guide follow the cubic through both ends' positions and speeds,
+        the tension a straight line.
+
+        Args:
+            t: Time [s], not before the model's own.
+            reading: Both axes at that time.
+            tension: Measured span tension [N]; None takes the configured tension law.
+
+        Raises:
+            ValueError: Time runs backwards or a number is not finite.
+            DivergenceError: The integration failed; says when, at which element and why.
+        """
+        angle = reading.cylinder_angle
+        inputs = (t, angle, reading.angular_speed, reading.carriage_position, reading.feed_speed)
+        if not all(map(math.isfinite, inputs)):
+            raise ValueError(f"drive must be finite, got {inputs}")
+        span = t - self.time
+        if span < 0.0:
+            raise ValueError(f"time must not run backwards: at {self.time} s, asked for {t} s")
+        if span == 0.0:
+            return
+        case = self.config.case
+        if tension is None:
+            wound = self.config.resolved.wound_radius * max(angle, 0.0)
+            tension = self.config.tension_law(case.weight, case.cylinder_diameter, wound)
+        elif not (math.isfinite(tension) and tension >= 0.0):
+            raise ValueError(f"tension must not be negative, got {tension} N")
+        drive = np.empty((7, 2))
+        drive[:, 0] = self._drive
+        drive[ANGLE, 1], drive[SPEED, 1] = angle, reading.angular_speed
+        drive[GUIDE, 1], drive[FEED, 1] = reading.carriage_position, reading.feed_speed
+        drive[TENSION, 1] = tension
+        drive[STRETCH, 1], drive[LANDING, 1] = self._response(tension)
+        self._run(t, span, drive)
+        self._drive = drive[:, 1].copy()
+        self.time = t
+
+    @property
+    def cylinder_angle(self) -> float:
+        """Theta of the cylinder [rad]."""
+        return float(self._drive[ANGLE])
+
+    @property
+    def span_tension(self) -> float:
+        """Tension of the span [N]."""
+        return float(self._drive[TENSION])
+
+    @property
+    @abstractmethod
+    def energy(self) -> EnergyLedger:
+        """The energy ledger since the start."""
+
+    @abstractmethod
+    def markers(self) -> Markers:
+        """Return the records of P0..Pn; those not yet on the cylinder carry NOT_WOUND."""
+
+    @abstractmethod
+    def cable(self) -> NDArray[np.void]:
+        """Return records of NODE_DTYPE from P0 on: x y z [m], s [m] (reference), tension [N].
+
+        Tension and strain of a record are those of the element towards P0 (of P0: its own).
+        """
+
+    @abstractmethod
+    def wound_path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return (s reference arc length [m], theta [rad], z [m]) of the laid cable from P0 on."""
+
+    @abstractmethod
+    def wound_stretch(self) -> float:
+        """Return the mean stretch of the laid cable; of the first element before any is laid."""
+
+    @abstractmethod
+    def _response(self, tension: float) -> tuple[float, float]:
+        """Return (stretch of the span, radius at which it lands [m]) at a tension [N]."""
+
+    @abstractmethod
+    def _run(self, t: float, span: float, drive: FloatArray) -> None:
+        """Advance by a span [s] to t, drive (7, 2) from its first to its second column."""
+
+    def _marker_records(
+        self, arc: FloatArray, theta: FloatArray, z: FloatArray, wound_to: float
+    ) -> Markers:
+        """Return the records of markers on cable at arc [m], theta [rad], z [m], laid to an arc."""
+        case = self.config.case
+        ids = np.arange(case.marker_count + 1)
+        place = ids * case.marker_spacing
+        return wound_markers(
+            ids=ids,
+            theta=np.interp(place, arc, theta),
+            z=np.interp(place, arc, z),
+            radius=case.centreline_radius,
+            cylinder_angle=self.cylinder_angle,
+            flags=np.where(place > wound_to, int(MarkerFlag.NOT_WOUND), 0),
+        )
+
+
+def wound_angles(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the angle wound backwards about the origin along a path (n,) [rad], from zero on."""
+    turn = np.arctan2(x[:-1] * y[1:] - y[:-1] * x[1:], x[:-1] * x[1:] + y[:-1] * y[1:])
+    theta = np.zeros(x.size)
+    np.cumsum(-turn, out=theta[1:])
+    return theta
