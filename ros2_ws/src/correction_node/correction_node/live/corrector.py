@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from correction_node.live.neighbours import Neighbours, Resemblance
+from correction_node.live.neighbours import MARKERS, Neighbours, Resemblance
 from correction_node.live.plausibility import implausible
 from correction_node.models.weights import Factor, TrainedWeight
 from winding_core.cases import Case
@@ -20,10 +20,18 @@ class Corrector:
     Args:
         weight: The trained weight.
         neighbours: The known conditions.
+        law: Material law of the solver that predicts; None for the weight's own.
     """
 
-    def __init__(self, weight: TrainedWeight, neighbours: Neighbours | None = None) -> None:
+    def __init__(
+        self,
+        weight: TrainedWeight,
+        neighbours: Neighbours | None = None,
+        *,
+        law: str | None = None,
+    ) -> None:
         self._weight = weight
+        self._law = law
         self._neighbours = neighbours or Neighbours()
         self._factors: dict[Case, Factor] = {}
 
@@ -33,7 +41,7 @@ class Corrector:
         The first call for a condition works it out; ask before the run.
         """
         if condition not in self._factors:
-            self._factors[condition] = self._weight.factor(condition)
+            self._factors[condition] = self._weight.factor(condition, self._law)
         return self._factors[condition]
 
     def correct(self, fem_markers: Markers, condition: Case) -> Markers:
@@ -80,5 +88,12 @@ class Corrector:
         )
 
     def classify(self, lengths: ArrayLike) -> Resemblance:
-        """Return the known condition that measured lengths S_1..S_4 [m] resemble; NaN: missing."""
-        return self._neighbours.classify(lengths)
+        """Return the known condition that measured lengths S_1, S_2, ... [m] resemble.
+
+        Args:
+            lengths: NaN where a marker is not measured; the known conditions have four markers.
+
+        Raises:
+            ValueError: None of the four is measured.
+        """
+        return self._neighbours.classify(np.asarray(lengths)[:MARKERS])

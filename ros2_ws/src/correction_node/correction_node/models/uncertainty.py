@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from correction_node.models.dataset import Array, LengthCell, case_numbers, lengths
 from correction_node.models.inputs import turns
-from winding_core.cases import Case
+from winding_core.cases import Case, Material
 
 LEVEL = 0.9
 # Table 1 prints four digits; the weights behind it differ by up to 0.03 %.
@@ -110,6 +110,11 @@ class TrainingBox:
                     f"{name} {value:.4g} {unit} lies outside the trained range "
                     f"{low:.4g} to {high:.4g} {unit}: no correction"
                 )
+        trained = Material()
+        for item in fields(trained):
+            value, known = (getattr(one, item.name) for one in (case.material, trained))
+            if value != known:
+                return f"{item.name} {value:.4g} is not the trained {known:.4g}: no correction"
         wound = case.original_length(case.marker_count) / (math.pi * case.cylinder_diameter)
         if self.turns is not None and wound > self.turns * (1.0 + ROUNDING):
             return (

@@ -79,9 +79,16 @@ class TrainedWeight:
         """The model's own errors in percent: in_sample_pct, leave_one_case_out_pct, .."""
         return dict(self.card["errors"][self.name])
 
-    def factor(self, case: Case) -> Factor:
-        """Return the factor for a condition."""
+    def factor(self, case: Case, law: str | None = None) -> Factor:
+        """Return the factor for a condition.
+
+        Args:
+            case: What is wound.
+            law: Material law of the solver that predicts; None for the trained one.
+        """
         outside = self.box.outside(case)
+        if outside is None and law not in (None, self.law):
+            outside = f"law {law} is not the trained {self.law}: no correction"
         if outside is not None:
             return Factor(
                 by_marker=(1.0,) * case.marker_count,

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from correction_node.live.corrector import Corrector
+from correction_node.live.neighbours import MARKERS
 from correction_node.live.run_corrector import RunCorrector
 from correction_node.live.within_run import published_within_run
 from correction_node.models.weights import load_weight, weights_directory
@@ -28,10 +31,11 @@ class CorrectionHandler:
     """
 
     def __init__(self, wanted: CorrectionParameters) -> None:
-        condition = wanted.resolved().case
+        what = wanted.resolved()
+        condition = what.case
         weight = load_weight(weights_directory(wanted.weights))
         self.errors = weight.errors
-        self._corrector = Corrector(weight)
+        self._corrector = Corrector(weight, law=what.law)
         self.factor = self._corrector.factor(condition)
         self.run = RunCorrector(self._corrector, published_within_run(), condition)
         self._told: tuple[frozenset[int], frozenset[int], Mapping[int, float]]
@@ -63,7 +67,10 @@ class CorrectionHandler:
         seen, settled, votes = self._told
         if not measured.seen or (measured.seen, measured.settled) == (seen, settled):
             return
-        now = self._corrector.classify(measured.lengths()).votes
+        lengths = measured.lengths()
+        if not np.isfinite(lengths[:MARKERS]).any():
+            return
+        now = self._corrector.classify(lengths).votes
         self._told = (measured.seen, measured.settled, now)
         if measured.seen != seen or now != votes:
             yield Answer(topic=topics.CORRECTION_CASE, message=encode_case_votes(t, now))
