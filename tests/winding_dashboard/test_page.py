@@ -10,6 +10,7 @@ import pytest
 from nicegui import ui
 from nicegui.testing import User, UserInteraction, user_simulation
 
+from winding_core.condition import OWN, Condition
 from winding_core.markers import CORRECTED_DTYPE, wound_markers
 from winding_core.readings import AxisReading
 from winding_core.status import Level, Status
@@ -45,15 +46,16 @@ class Machine:
         return self.missing
 
     async def choice(self) -> Choice:
-        return Choice(case=4, law="linear", laws=("linear", "hencky"))
+        return Choice(condition=Condition())
 
     async def prepare(self, choice: Choice, tell: Callable[[str], None]) -> str:
         tell("building")
         if self.refusal:
             raise CommandError(self.refusal)
-        own = " ".join(f"{name}={value:g}" for name, value in choice.own.items())
+        what = choice.condition
+        own = " ".join(f"{name}={getattr(what, name):g}" for name in OWN if getattr(what, name))
         take_up = "take up" if choice.take_up else ""
-        self.done.append(f"prepare {choice.case} {choice.law} {own} {take_up}".strip())
+        self.done.append(f"prepare {what.case} {what.law} {own} {take_up}".strip())
         return ""
 
     def unrecorded(self) -> str:
@@ -271,10 +273,12 @@ async def test_wrong_own_condition_is_refused_with_value_and_limits() -> None:
         await user.open("/")
         fields = await form(user)
         click(user, button(user, "Prepare"))
-        await user.should_see("cylinder diameter is missing; it must be 5 to 500 mm", retries=50)
+        await user.should_see(
+            "say what to wind: Case 1 to 12, or Cylinder", retries=50
+        )
         fields["Cylinder diameter, mm"].value = 3000.0
         click(user, button(user, "Prepare"))
-        await user.should_see("cylinder diameter must be 5 to 500 mm, got 3000 mm", retries=50)
+        await user.should_see("Cylinder diameter, mm must be at most 2000, got 3000", retries=50)
         assert machine.done == []
 
 

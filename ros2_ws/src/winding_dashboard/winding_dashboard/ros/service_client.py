@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import SetBool, Trigger
 
+from winding_core.cases import Case
+from winding_core.condition import Condition
+from winding_core.parameters import ParameterError, build, declarations
 from winding_dashboard.views import commands
 from winding_dashboard.views.commands import Choice, CommandError
 from winding_dashboard.views.health import Health
-from winding_dashboard.views.own_condition import OWN_VALUES, condition_parameters
 from winding_ros import services, topics
 from winding_ros.topic_status import subscribers_of
 
@@ -35,7 +38,7 @@ _QUICK = 0.9
 # Kernels may be compiled in between.
 _TRANSITION = 300.0
 _EMERGENCY_REPEAT = 0.5
-_ONE_OF = "one of "
+_TAKE_UP = "take_up_material"
 _CANNOT = "cannot "
 _LAY, _OWN_LAY = "lay", "fem"
 # Discovery takes a second on a busy machine; readers of other tools may never come back.
@@ -83,7 +86,6 @@ class ServiceClient:
                 ("get_state", GetState),
                 ("change_state", ChangeState),
                 ("get_parameters", GetParameters),
-                ("describe_parameters", DescribeParameters),
                 ("set_parameters_atomically", SetParametersAtomically),
             )
         }
@@ -118,38 +120,31 @@ class ServiceClient:
         return str(response.message)
 
     async def choice(self) -> Choice:
-        """Return what the solver is set to wind, and the laws that it knows."""
-        own = [item.name for item in OWN_VALUES]
-        names = ["case", "law", "take_up_material", *own]
-        got = await self._parameters(topics.FEM, names)
-        told = await self._call(
-            self._services[topics.FEM, "describe_parameters"],
-            DescribeParameters.Request(names=["law"]),
-            _ANSWER,
-        )
-        law = str(got["law"])
-        stated = told.descriptors[0].additional_constraints
-        laws = tuple(stated.removeprefix(_ONE_OF).split(", ")) if stated else (law,)
-        return Choice(
-            case=int(str(got["case"])),
-            law=law,
-            own={name: float(str(got[name])) for name in own},
-            take_up=bool(got["take_up_material"]),
-            laws=laws,
-        )
+        """Return what the solver is set to wind.
+
+        Raises:
+            CommandError: It does not answer, or with something else.
+        """
+        names = [item.name for item in declarations(Condition)]
+        got = await self._parameters(topics.FEM, [*names, _TAKE_UP])
+        take_up = bool(got.pop(_TAKE_UP))
+        try:
+            return Choice(condition=build(Condition, got, owner=topics.FEM), take_up=take_up)
+        except ParameterError as error:
+            raise CommandError(f"{topics.FEM}: {error}") from error
 
     async def prepare(self, choice: Choice, tell: Callable[[str], None]) -> str:
         """Set a choice on every node, bring all nodes up and wait until they hear each other."""
-        condition = condition_parameters(choice.case, choice.own)
+        condition = asdict(choice.condition)
         values: dict[str, dict[str, object]] = {name: dict(condition) for name in NODES}
-        values[topics.FEM] |= {"law": choice.law, "take_up_material": choice.take_up}
-        values[topics.RIG] |= await self._lay(choice.case)
+        values[topics.FEM] |= {_TAKE_UP: choice.take_up}
+        values[topics.RIG] |= await self._lay(choice.condition.resolved().case)
         before = readers(self._health, NODES)
         await commands.prepare(self, NODES, values, tell)
         tell("waiting until the nodes hear each other")
         return await self._heard_by(before)
 
-    async def _lay(self, case: int) -> dict[str, object]:
+    async def _lay(self, case: Case) -> dict[str, object]:
         """Return where a simulated machine lays the cable; a real one is not asked.
 
         What nobody published can only be laid by the model with hidden properties.
@@ -158,7 +153,7 @@ class ServiceClient:
         if lay is None:
             return {}
         self._first_lay = self._first_lay or str(lay)
-        return {_LAY: _OWN_LAY if case == 0 else self._first_lay}
+        return {_LAY: self._first_lay if case.is_published else _OWN_LAY}
 
     async def _heard_by(self, before: Mapping[str, int]) -> str:
         """Wait until every topic has as many readers as before; return what is missing."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
+
+from winding_core.condition import Condition
 
 UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
 START, STOP, RESET, EMERGENCY_STOP = "start", "stop", "reset", "emergency_stop"
@@ -17,21 +19,15 @@ class CommandError(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """What is wound.
+    """What is wound, and whether the model follows what is found of it.
 
     Attributes:
-        case: Row of the paper's Table 1; 0 for a condition of one's own.
-        law: Material law of the solver.
-        own: Values [SI] of a condition of one's own, by parameter name; none with another case.
+        condition: As every node takes it.
         take_up: Whether the solver goes on with the modulus that the markers tell.
-        laws: The laws that the solver knows.
     """
 
-    case: int
-    law: str
-    own: Mapping[str, float] = field(default_factory=dict)
+    condition: Condition
     take_up: bool = False
-    laws: tuple[str, ...] = ()
 
 
 class Graph(Protocol):

@@ -10,7 +10,15 @@ from nicegui.elements.mixins.disableable_element import DisableableElement
 from winding_core.cases import paper_cases
 from winding_core.units import MILLIMETRE
 from winding_dashboard.views.commands import Choice, CommandError, Graph
-from winding_dashboard.views.own_condition import OWN_VALUES, own_condition
+from winding_dashboard.views.condition_form import (
+    FIELDS,
+    LAWS,
+    OWN_FIELDS,
+    filled_condition,
+    form_values,
+    hint,
+    label,
+)
 from winding_dashboard.views.view_state import ViewState
 
 _OWN = 0
@@ -40,15 +48,17 @@ class SetupPanel:
             ui.label("Next run").classes("heading").props("role=heading aria-level=2")
             with ui.element("div").classes("row"):
                 self._case = ui.select(_cases(), label="Case", value=None).props("dense outlined")
-                self._law = ui.select({}, label="Material law", value=None).props("dense outlined")
-            with ui.element("div").classes("row own") as self._form:
-                self._own = {
-                    item.name: ui.number(
-                        f"{item.label}, {item.unit}", on_change=lambda: self._refuse("")
-                    ).props(f"dense outlined min={item.low:g} max={item.high:g} step=any")
-                    for item in OWN_VALUES
-                }
-            self._form.bind_visibility_from(self._case, "value", value=_OWN)
+                self._law = ui.select(
+                    {law: law.replace("_", " ") for law in LAWS}, label="Material law", value=None
+                ).props("dense outlined")
+            with ui.element("div").classes("row own") as form:
+                self._fields = {key: self._number(key) for key in OWN_FIELDS}
+            form.bind_visibility_from(self._case, "value", value=_OWN)
+            with (
+                ui.expansion("Material, contact, span and drive").props("dense"),
+                ui.element("div").classes("row own"),
+            ):
+                self._fields |= {key: self._number(key) for key in FIELDS if key not in OWN_FIELDS}
             self._take_up = ui.checkbox("Go on with the identified modulus").props("dense")
             with ui.element("div").classes("row"):
                 self._button = ui.button("Prepare", on_click=self._ask).props(
@@ -71,10 +81,16 @@ class SetupPanel:
             self._law,
             self._take_up,
             self._button,
-            *self._own.values(),
+            *self._fields.values(),
         )
         self._refused = ""
         ui.timer(1.0, self._ask_choice)
+
+    def _number(self, key: str) -> ui.number:
+        item = FIELDS[key]
+        return ui.number(
+            label(key), placeholder=hint(item), on_change=lambda: self._refuse("")
+        ).props(f"dense outlined min={item.low:g} max={item.high:g} step=any")
 
     def update(self) -> None:
         """Enable what can be done now, or say why not."""
@@ -102,13 +118,11 @@ class SetupPanel:
         except CommandError as error:
             self._tell(str(error))
             return
-        self._law.set_options({law: law.replace("_", " ") for law in choice.laws}, value=choice.law)
-        for item in OWN_VALUES:
-            if choice.own.get(item.name):
-                # Parameters are kept in metres: 0.03 is 30 mm and not 29.999999999999996.
-                self._own[item.name].value = round(choice.own[item.name] / item.scale, 6)
+        self._law.value = choice.condition.law
+        for key, value in form_values(choice.condition).items():
+            self._fields[key].value = value
         self._take_up.value = choice.take_up
-        self._case.value = choice.case
+        self._case.value = choice.condition.case
         self._known = True
 
     def _tell(self, sentence: str, *, refused: bool = False) -> None:
@@ -121,18 +135,16 @@ class SetupPanel:
 
     def _chosen(self) -> Choice | None:
         """Return what stands in the form; None when it is refused, which is told."""
-        case = int(self._case.value or _OWN)
-        own: dict[str, float] = {}
-        if case == _OWN:
-            try:
-                own = own_condition({name: field.value for name, field in self._own.items()})
-            except ValueError as error:
-                self._refuse(str(error))
-                return None
+        filled = {key: field.value for key, field in self._fields.items()}
+        try:
+            condition = filled_condition(
+                int(self._case.value or _OWN), str(self._law.value), filled
+            )
+        except ValueError as error:
+            self._refuse(str(error))
+            return None
         self._refuse("")
-        return Choice(
-            case=case, law=str(self._law.value), own=own, take_up=bool(self._take_up.value)
-        )
+        return Choice(condition=condition, take_up=bool(self._take_up.value))
 
     async def _ask(self) -> None:
         if self._chosen() is None:
@@ -156,7 +168,8 @@ class SetupPanel:
             self._refused = str(error)
         else:
             self._state.clear()
-            name = f"case {choice.case}" if choice.case else "a condition of your own"
+            case = choice.condition.resolved().case
+            name = f"case {case.number}" if case.number else "a condition of your own"
             self._say(f"prepare: ready to wind {name}{f'; {remark}' if remark else ''}")
         finally:
             self._busy = False
