@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from winding_ros import topics
-from winding_supervisor.run import RunConfig, run_graph
+from winding_supervisor.run import opened_run
+from winding_supervisor.run_config import RunConfig
 
 DURATION = 10.0
 # A frame's camera_info is sent just before it; the buffer keeps no pictures.
@@ -15,16 +16,15 @@ FRAMES, MARKERS = topics.CAMERA_INFO.name, topics.TRACKED_MARKERS.name
 
 def test_windowed_frames_at_200_hz(bench: Any, tmp_path: Path) -> None:
     condition = {"case": 4, "duration": DURATION}
-    result = run_graph(
-        RunConfig(
-            directory=tmp_path / "run",
-            condition=condition,
-            own={topics.RIG: {"speed": 1.0}},
-            duration=DURATION,
-            namespace="benchmark",
-        ),
-        lambda buffer, wall: None,
+    config = RunConfig(
+        directory=tmp_path / "run",
+        condition=condition,
+        own={topics.RIG: {"speed": 1.0}},
+        duration=DURATION,
+        namespace="benchmark",
     )
+    with opened_run(config) as run:
+        result = run.wind(lambda buffer, wall: None)
     sent = {message.stamp_ns: message.sent_ns for message in result.buffer.messages[FRAMES]}
     came = {message.stamp_ns: message.received_ns for message in result.buffer.messages[MARKERS]}
     assert set(came) == set(sent)

@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from winding_cli.cli import app
+from winding_cli.commands.app import app
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(

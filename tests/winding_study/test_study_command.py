@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from winding_cli.cli import app
-from winding_cli.commands.refusal import FAILED, INTERRUPTED, REFUSED
+from winding_cli.commands.app import app
+from winding_cli.commands.refusal import FAILED, REFUSED
+from winding_cli.commands.termination import INTERRUPTED
 
 # Ten times what a loaded machine needs for imports and a first case.
 PATIENCE = 120.0

@@ -1,60 +1,51 @@
-"""The `winding` command; each subcommand lives in a file of its own and imports its room late."""
+"""The `winding` command: signals are watched before anything heavy is imported."""
 
 from __future__ import annotations
 
-import typer
+import errno
+import os
+import sys
 
-from winding_cli.commands.bag import bag
-from winding_cli.commands.board import board
-from winding_cli.commands.calibrate import calibrate
-from winding_cli.commands.conform import conform
-from winding_cli.commands.dashboard import dashboard
-from winding_cli.commands.doctor import doctor
-from winding_cli.commands.faults import faults
-from winding_cli.commands.graph import graph
-from winding_cli.commands.health import health
-from winding_cli.commands.identify import identify
-from winding_cli.commands.predict import predict
-from winding_cli.commands.render import render
-from winding_cli.commands.run import run
-from winding_cli.commands.study import study
-from winding_cli.commands.sweep import sweep
-from winding_cli.commands.track import track
-from winding_cli.commands.train import train
-from winding_cli.commands.verify import verify
+from winding_cli.commands.termination import INTERRUPTED, end, ignore_signals, watch_signals
 
-app = typer.Typer(
-    help="Predicts, watches and corrects how a flexible cable lays itself on a cylinder.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-)
-for _command in (
-    run,
-    predict,
-    sweep,
-    identify,
-    study,
-    verify,
-    train,
-    render,
-    track,
-    board,
-    calibrate,
-    conform,
-    doctor,
-    faults,
-    dashboard,
-    health,
-    graph,
-):
-    app.command()(_command)
-app.add_typer(bag, name="bag")
+FAILED = 1
+# As a shell reports a program that a closed pipe has ended.
+CLOSED_PIPE = 141
 
 
 def main() -> None:
     """Entry point of the console script."""
-    app()
+    watch_signals()
+    from winding_cli.commands.app import app  # noqa: PLC0415
+
+    code: object = 0
+    try:
+        app()
+    except SystemExit as ended:
+        # Rich and click turn a closed pipe into an exit code of their own.
+        code = CLOSED_PIPE if isinstance(ended.__context__, BrokenPipeError) else ended.code
+    except OSError as error:
+        if error.filename is not None or error.errno != errno.ENOSPC:
+            raise
+        _leave_unwritten(error)
+    if code == INTERRUPTED:
+        end()
+    ignore_signals()
+    if code == CLOSED_PIPE:
+        os._exit(CLOSED_PIPE)
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os._exit(CLOSED_PIPE)
+    except OSError as error:
+        _leave_unwritten(error)
+    sys.exit(code)  # type: ignore[arg-type]
+
+
+def _leave_unwritten(error: OSError) -> None:
+    """End although standard output takes nothing; the interpreter would try it once more."""
+    print(f"winding: cannot write to standard output: {error.strerror}", file=sys.stderr)
+    os._exit(FAILED)
 
 
 if __name__ == "__main__":

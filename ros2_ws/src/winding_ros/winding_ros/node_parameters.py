@@ -21,12 +21,9 @@ from winding_core.parameters import (
     declarations,
     refuse_unknown,
 )
+from winding_ros.parameter_files import declared_names
 
 Configuration = TypeVar("Configuration")
-
-# Names that rclpy itself accepts as overrides on every node.
-_RCLPY_NAMES = ("use_sim_time", "start_type_description_service")
-_RCLPY_PREFIX = "qos_overrides."
 
 
 def declare_parameters(node: Node, configuration: type[Configuration]) -> Configuration:
@@ -37,12 +34,9 @@ def declare_parameters(node: Node, configuration: type[Configuration]) -> Config
     """
     overrides = _overrides(node)
     stated = {item.name: item for item in declarations(configuration)}
-    own = [
-        name
-        for name in overrides
-        if name not in _RCLPY_NAMES and not name.startswith(_RCLPY_PREFIX)
-    ]
-    refuse_unknown(own, stated, owner=f"node {node.get_fully_qualified_name()}")
+    refuse_unknown(
+        declared_names(overrides), stated, owner=f"node {node.get_fully_qualified_name()}"
+    )
     values: dict[str, object] = {}
     for name, item in stated.items():
         if name in overrides:

@@ -129,9 +129,14 @@ class DashboardProcess:
             self._note("restarted", "it is served again" if await self._comes() else "it ended")
 
     async def stop(self) -> None:
-        """End the page."""
+        """End the page, if it was started."""
         if self._process.started:
             await self._process.stop()
+
+    async def kill(self) -> None:
+        """End the page at once."""
+        if self._process.started:
+            await self._process.kill()
 
     def _new(self) -> NodeProcess:
         config = self._config

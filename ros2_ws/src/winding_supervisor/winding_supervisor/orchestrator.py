@@ -75,8 +75,9 @@ class Orchestrator:
         self._adopted: dict[str, dict[str, object]] = {}
 
     async def start(self) -> None:
-        """Start every process; raise GraphError when one ends before it answers."""
-        await asyncio.gather(*(process.start() for process in self.processes))
+        """Start every process."""
+        for process in self.processes:
+            await process.start()
 
     async def bring_up(self) -> None:
         """Configure all nodes, activate them sinks first, wait until all are matched."""
@@ -201,19 +202,25 @@ class Orchestrator:
                 task.cancel()
         return tasks[done.pop()]
 
-    async def stop(self) -> dict[str, int]:
-        """Stop every process, the rig first; return exit codes by node."""
-        codes = {}
+    async def stop(self) -> None:
+        """Stop every process: the active ones in order, the rig first, then the others at once."""
         for process in reversed(self.processes):
-            if process.return_code is None and process.spec.name in self._active:
-                await self._transitions.ask_to_deactivate(process)
-            if process.started:
-                codes[process.spec.name] = await process.stop()
-            elif isinstance(process, AttachedNode) and process.spec.name in self._active:
+            if process.return_code is not None or process.spec.name not in self._active:
+                continue
+            await self._transitions.ask_to_deactivate(process)
+            if isinstance(process, AttachedNode):
                 # One that has gone is not waited for.
                 with contextlib.suppress(TimeoutError):
                     await process.let_go()
-        return codes
+            else:
+                await process.stop()
+        await asyncio.gather(*(process.stop() for process in self.processes if process.started))
+
+    async def kill(self) -> None:
+        """End every process that is left, whatever state it is in."""
+        for process in self.processes:
+            if process.started:
+                await process.kill()
 
     def _process(self, spec: NodeSpec, extra: Mapping[str, object] | None = None) -> Member:
         directory = self.config.log_directory

@@ -11,8 +11,10 @@ from typing import Annotated
 import typer
 
 from winding_cli.commands.console import result_console
-from winding_cli.commands.refusal import FAILED, INTERRUPTED, refuse
+from winding_cli.commands.output_path import check_output_folder, staged
+from winding_cli.commands.refusal import FAILED, refuse
 from winding_cli.commands.space_key import space_key
+from winding_cli.commands.termination import end, interruptible
 from winding_core.units import MILLISECOND
 
 _MEGABYTE = 1.0e6
@@ -89,12 +91,12 @@ def recover(
     from winding_recorder.bags.failure import BagError
     from winding_recorder.bags.recover import recover as salvage
 
+    check_output_folder(target, new=True)
     try:
-        files = salvage(source, target)
+        with staged(target) as place:
+            files = salvage(source, place)
     except BagError as error:
         refuse(error, FAILED)
-    except OSError as error:
-        refuse(f"cannot write {target}: {error.strerror or error}", FAILED)
     for file in files:
         print(f"{file.name}: kept {file.kept} messages of {file.bytes / _MEGABYTE:.2f} MB")
         for loss in file.losses:
@@ -143,7 +145,7 @@ def play(
         refuse(error)
     stopped = threading.Event()
     try:
-        with _player_node() as node:
+        with interruptible(), _player_node() as node:
             player = Player(node, source, pacing, wanted=_names(topics), force=force)
             with space_key(player.toggle, stopped):
                 player.wait_for_subscribers()
@@ -155,7 +157,7 @@ def play(
     except BagError as error:
         refuse(error, FAILED)
     except KeyboardInterrupt:
-        refuse("interrupted", INTERRUPTED)
+        end()
     finally:
         stopped.set()
     print(
@@ -229,14 +231,14 @@ def export(
     from winding_recorder.bags.failure import BagError
     from winding_recorder.bags.tables import export as write
 
+    check_output_folder(out, new=True)
     try:
-        files = write(source, out, form, _names(topics))
+        with staged(out) as place:
+            files = write(source, place, form, _names(topics))
     except BagError as error:
         refuse(error, FAILED)
-    except OSError as error:
-        refuse(f"cannot write {out}: {error.strerror or error}", FAILED)
     for file in files:
-        print(file)
+        print(out / file.name)
 
 
 def _names(text: str) -> frozenset[str]:

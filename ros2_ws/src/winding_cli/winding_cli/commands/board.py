@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from winding_cli.commands.output_path import check_output_file, staged
 from winding_cli.commands.refusal import refuse
 from winding_core.units import MILLIMETRE
 
@@ -26,22 +27,19 @@ def board(
     """Draw the board that `winding calibrate` looks for; print it at its true size."""
     from marker_tracker_node.camera.calibration import Board, write_board
 
+    check_output_file(out)
     try:
-        width, height = write_board(
-            out,
-            Board(
-                columns=columns,
-                rows=rows,
-                square=square_mm * MILLIMETRE,
-                marker=marker_mm * MILLIMETRE if marker_mm else None,
-                dictionary=dictionary,
-            ),
-            dpi,
+        drawn = Board(
+            columns=columns,
+            rows=rows,
+            square=square_mm * MILLIMETRE,
+            marker=marker_mm * MILLIMETRE if marker_mm else None,
+            dictionary=dictionary,
         )
+        with staged(out) as place:
+            width, height = write_board(place, drawn, dpi)
     except ValueError as error:
         refuse(error)
-    except OSError as error:
-        refuse(f"cannot write {out}: {error.strerror}")
     print(
         f"{out}: print at {dpi:g} dots per inch, {width / MILLIMETRE:.1f} x "
         f"{height / MILLIMETRE:.1f} mm, and measure a square before you trust it"

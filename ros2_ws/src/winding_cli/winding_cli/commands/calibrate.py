@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from winding_cli.commands.output_path import check_output_file, staged
 from winding_cli.commands.refusal import refuse
 from winding_core.units import MILLIMETRE
 
@@ -37,6 +38,7 @@ def calibrate(
     ]
     if not files:
         refuse("there is no picture")
+    check_output_file(out)
     try:
         photographs = [read_picture(file) for file in files]
         board = Board(
@@ -47,11 +49,10 @@ def calibrate(
             dictionary=dictionary,
         )
         result = fit(photographs, board)
-        write_camera(out, result.camera, name)
-    except ValueError as error:
+    except (OSError, ValueError) as error:
         refuse(error)
-    except OSError as error:
-        refuse(f"cannot write {out}: {error.strerror}")
+    with staged(out) as place:
+        write_camera(place, result.camera, name)
     print(
         f"{result.views} views ({result.refused} without a board), residual "
         f"{result.residual:.3f} px, focal {result.camera.k[0, 0]:.2f} px, written to {out}"

@@ -11,6 +11,7 @@ import typer
 
 from winding_cli.commands.console import result_console
 from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.termination import interruptible
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def conform(
     ):
         if not value > 0.0:
             refuse(f"--{name} must be positive, got {value}")
-    with tempfile.TemporaryDirectory(prefix="winding-conform-") as folder:
+    with interruptible(), tempfile.TemporaryDirectory(prefix="winding-conform-") as folder:
         set_process_environment(chosen, Path(folder))
         try:
             findings = asyncio.run(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_format
 import os
 import tempfile
 from collections import Counter
@@ -12,7 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from winding_cli.commands.console import result_console
+from winding_cli.commands.output_path import check_output_file, write_json
 from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.termination import interruptible
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -35,6 +36,7 @@ def doctor(
     from winding_supervisor.domain_lock import DomainError, chosen_domain, lock_folder
 
     source = "ROS_DOMAIN_ID" if os.environ.get("ROS_DOMAIN_ID") else "ROS_DOMAIN_ID is not set"
+    check_output_file(json)
     refusal = ""
     try:
         chosen = chosen_domain(domain)
@@ -45,6 +47,7 @@ def doctor(
         chosen, refusal = 0, str(error)
     console = result_console()
     with (
+        interruptible(),
         tempfile.TemporaryDirectory(prefix="winding-doctor-") as logs,
         console.status("looking at this machine"),
     ):
@@ -70,7 +73,7 @@ def doctor(
             "counts": counts,
             "checks": [finding.as_record() for finding in findings],
         }
-        json.write_text(json_format.dumps(record, indent=1) + "\n", encoding="utf-8")
+        write_json(json, record)
     if counts["FAIL"]:
         raise typer.Exit(FAILED)
 

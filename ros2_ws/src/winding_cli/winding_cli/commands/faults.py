@@ -5,18 +5,19 @@ The campaign belongs to the tests: the command finds it in the checkout that it 
 
 from __future__ import annotations
 
-import asyncio
 import importlib
-import json as json_format
 import sys
 import tempfile
+from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from winding_cli.commands.console import result_console
+from winding_cli.commands.output_path import check_output_file, write_json
 from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.termination import interruptible
 
 # commands / winding_cli / winding_cli / src / ros2_ws / the checkout
 _CAMPAIGN = Path(__file__).parents[5] / "tests" / "faults"
@@ -34,25 +35,32 @@ def faults(
     """Kill, hold and mislead a running graph in every way of the table; exit 1 if it fails one."""
     from winding_ros.environment import set_process_environment
     from winding_supervisor.domain_lock import DomainError, chosen_domain, domain_lock
+    from winding_supervisor.interruption import Interruption, run_closing
 
+    check_output_file(json)
     campaign = _campaign(_CAMPAIGN)
     names = {name for name in campaign.row_names() if (only or "") in name}
     if not names:
         refuse(f"no row of the fault table contains {only!r}")
+
+    async def work(_stack: AsyncExitStack, _interruption: Interruption) -> list[Any]:
+        outcomes: list[Any] = await campaign.try_rows(names, Path(folder), _tell)
+        return outcomes
+
     try:
         chosen = chosen_domain(domain)
         with (
             domain_lock(chosen, campaign.NAMESPACE),
+            interruptible(),
             tempfile.TemporaryDirectory(prefix="winding-faults-") as folder,
         ):
             set_process_environment(chosen, Path(folder) / "log")
-            outcomes = asyncio.run(campaign.try_rows(names, Path(folder), _tell))
+            outcomes = run_closing(work)
     except DomainError as error:
         refuse(error)
     campaign.show(outcomes, result_console())
     if json is not None:
-        records = [outcome.as_record() for outcome in outcomes]
-        json.write_text(json_format.dumps(records, indent=1) + "\n", encoding="utf-8")
+        write_json(json, [outcome.as_record() for outcome in outcomes])
     if not all(outcome.passed for outcome in outcomes):
         raise typer.Exit(FAILED)
 

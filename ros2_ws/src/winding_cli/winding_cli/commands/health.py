@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.termination import interruptible
 
 
 def health(
@@ -40,7 +41,7 @@ def health(
         chosen = chosen_domain(domain)
     except DomainError as error:
         refuse(error)
-    with tempfile.TemporaryDirectory(prefix="winding-health-") as folder:
+    with interruptible(), tempfile.TemporaryDirectory(prefix="winding-health-") as folder:
         set_process_environment(chosen, Path(folder))
         found = complaints(wanted, listen(wanted, namespace, patience_s))
     if found:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,6 +13,7 @@ from rich.table import Table
 
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
+from winding_cli.commands.output_path import check_output_file, write_json
 from winding_cli.commands.refusal import FAILED, refuse
 from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE, MILLIRADIAN
 from winding_study.runs.run_parameters import RunParameters
@@ -56,6 +56,7 @@ def identify(
 
     if (tensile is None) == (not sources):
         refuse("give recordings or tables of markers, or --tensile with a stress-strain table")
+    check_output_file(json_file)
     try:
         if tensile is not None:
             record = _tensile(tensile, RunParameters.from_typed(typed, case=RunParameters.case))
@@ -65,10 +66,7 @@ def identify(
     except (IdentificationError, SourceError, BagError, ValueError) as error:
         refuse(error)
     if json_file is not None:
-        try:
-            json_file.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-        except OSError as error:
-            refuse(f"cannot write {json_file}: {error.strerror}")
+        write_json(json_file, record)
     if record.get("refused"):
         refuse(record["refused"], FAILED)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +12,7 @@ from rich.table import Table
 
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
+from winding_cli.commands.output_path import check_output_file, write_json
 from winding_cli.commands.refusal import refuse
 from winding_core.units import MILLIMETRE
 from winding_study.runs.run_parameters import RunParameters
@@ -33,6 +33,7 @@ def predict(
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
     from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
 
+    check_output_file(json_file)
     try:
         run = RunParameters.from_typed(typed, spelling=spelled).plan()
         result = _wind(run)
@@ -40,10 +41,7 @@ def predict(
         refuse(error)
     _print(result, run.element)
     if json_file is not None:
-        try:
-            json_file.write_text(json.dumps(_record(result, run.element), indent=1) + "\n")
-        except OSError as error:
-            refuse(f"cannot write {json_file}: {error.strerror}")
+        write_json(json_file, _record(result, run.element))
 
 
 def _wind(run: PlannedRun) -> Prediction:

@@ -9,7 +9,6 @@ import typer
 
 REFUSED = 2
 FAILED = 1
-INTERRUPTED = 130
 
 
 def refuse(sentence: object, code: int = REFUSED) -> NoReturn:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from winding_cli.commands.output_path import check_output_folder, staged
 from winding_cli.commands.refusal import refuse
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ def render(
 
     if not (fps > 0.0 and duration_s > 0.0 and start_s >= 0.0):
         refuse(f"rate and duration must be positive, got {fps} frames/s and {duration_s} s")
+    check_output_folder(folder)
     try:
         wound, drive = paper_case(case), DriveProfile()
         end = drive.positions(start_s + duration_s)[0]
@@ -68,8 +70,6 @@ def render(
                 ),
             )
 
-    try:
-        count = write_sequence(folder, renderer, instants(), np.random.default_rng(seed))
-    except OSError as error:
-        refuse(f"cannot write {folder}: {error}")
+    with staged(folder) as place:
+        count = write_sequence(place, renderer, instants(), np.random.default_rng(seed))
     print(f"{count} frames of case {case} in {folder}")

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,7 +12,9 @@ import typer
 
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
-from winding_cli.commands.refusal import FAILED, INTERRUPTED, refuse
+from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
+from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.termination import end
 from winding_core.condition import Condition
 from winding_core.options import typed_values
 from winding_core.units import MEGABYTE
@@ -22,7 +22,8 @@ from winding_core.units import MEGABYTE
 if TYPE_CHECKING:
     from winding_recorder.bags.mcap_file import BagConfig
     from winding_recorder.live.recorder import RunBuffer
-    from winding_supervisor.run import RunConfig, RunResult
+    from winding_supervisor.run import RunResult
+    from winding_supervisor.run_config import RunConfig
 
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
@@ -104,11 +105,12 @@ def run(
         refuse("--lay paper is what the paper measured of cases 1 to 12; use --lay fem")
     from winding_cli.commands.page_options import operated_condition, page_parameters
     from winding_ros import topics
-    from winding_supervisor.run import RunConfig
+    from winding_supervisor.run_config import RunConfig
 
     config = RunConfig(
         directory=output
         or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{_label(wound.number)}",
+        numbered=output is None,
         condition=values,
         own={
             topics.RIG: _given(speed=speed, lay=lay, seed=seed),
@@ -123,22 +125,16 @@ def run(
         attach=attach,
         page=page_parameters(dashboard_port, parameters, namespace) if dashboard else None,
     )
-    _check(config)
-    config = replace(config, directory=_claimed(config.directory, exactly=output is not None))
-    result = _session(config, condition)
+    check_output_folder(report)
+    check_output_file(json, make_folder=True)
+    directory, result = _wind(config, condition)
     if dashboard:
         operated = operated_condition(condition, result)
         if operated is None:
             print("the operator ended the run before anything was wound", flush=True)
             return
         condition = operated
-    _deliver(
-        condition,
-        config,
-        result,
-        report or config.directory / "report",
-        json or config.directory / "run.json",
-    )
+    _deliver(condition, result, report or directory / "report", json or directory / "run.json")
     if result.recording_error is not None:
         refuse(f"the recording is incomplete: {result.recording_error}", FAILED)
 
@@ -180,33 +176,32 @@ def _label(case: int) -> str:
 
 
 def _check(config: RunConfig) -> None:
-    from winding_core.parameters import ParameterError
-    from winding_recorder.live.recorder import RecorderError
-    from winding_supervisor.domain_lock import DomainError
-    from winding_supervisor.run import check_run
+    """Refuse what would end the run after its nodes have started."""
+    from winding_supervisor.run_config import check_run
 
     try:
         check_run(config)
-    except (ParameterError, DomainError, RecorderError) as error:
+    except ValueError as error:
         refuse(error)
+    _check_weights(config)
+    check_output_folder(config.bag, new=True)
+    check_output_folder(config.directory, new=not config.numbered)
 
 
-def _claimed(directory: Path, *, exactly: bool) -> Path:
-    """Make the run's folder; two runs that start in one second get two folders."""
-    candidate, count = directory, 1
-    while True:
+def _check_weights(config: RunConfig) -> None:
+    from correction_node.models.weights import load_weight, weights_directory
+    from winding_ros import topics
+
+    name = config.parameters()[topics.CORRECTION].get("weights")
+    if name:
         try:
-            candidate.mkdir(parents=True)
-        except FileExistsError:
-            if exactly:
-                refuse(f"{directory} exists already; a run is never written over another")
-            count += 1
-            candidate = directory.with_name(f"{directory.name}-{count}")
-        else:
-            return candidate
+            load_weight(weights_directory(str(name)))
+        except (OSError, ValueError) as error:
+            refuse(error)
 
 
-def _session(config: RunConfig, condition: Condition) -> RunResult:
+def _wind(config: RunConfig, condition: Condition) -> tuple[Path, RunResult]:
+    """Wind with a live picture on a terminal, and with lines of progress elsewhere."""
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
@@ -215,25 +210,29 @@ def _session(config: RunConfig, condition: Condition) -> RunResult:
     from winding_recorder.live.recorder import RecorderError
     from winding_supervisor.domain_lock import DomainError
     from winding_supervisor.graph_error import GraphError
-    from winding_supervisor.run import run_graph
+    from winding_supervisor.run import opened_run
+    from winding_supervisor.run_config import RunFolderError
 
+    _check(config)
     console = Console(stderr=True)
     try:
-        if not console.is_terminal:
-            return run_graph(config, _ProgressLines(config.duration), _say)
-        with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
+        with opened_run(config) as run:
+            directory = run.config.directory
+            if not console.is_terminal:
+                return directory, run.wind(_ProgressLines(config.duration), _say)
+            with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
 
-            def view(buffer: RunBuffer, wall: float) -> None:
-                picture = LiveView(condition.resolved().case, config.duration, buffer)
-                live.update(picture.render(wall))
+                def view(buffer: RunBuffer, wall: float) -> None:
+                    picture = LiveView(condition.resolved().case, config.duration, buffer)
+                    live.update(picture.render(wall))
 
-            return run_graph(config, view, live.console.print)
-    except (DomainError, RecorderError) as error:
+                return directory, run.wind(view, live.console.print)
+    except (DomainError, RecorderError, RunFolderError) as error:
         refuse(error)
     except (GraphError, TimeoutError, OSError) as error:
         refuse(error, FAILED)
-    except (KeyboardInterrupt, asyncio.CancelledError):
-        refuse("interrupted; the nodes are stopped", INTERRUPTED)
+    except KeyboardInterrupt:
+        end("interrupted; the nodes are stopped")
 
 
 def _say(sentence: str) -> None:
@@ -245,7 +244,7 @@ class _ProgressLines:
 
     def __init__(self, duration: float) -> None:
         self._duration = duration
-        self._told = 0
+        self._printed = 0
         print(_FIRST_WORDS, file=sys.stderr, flush=True)
 
     def __call__(self, buffer: RunBuffer, wall: float) -> None:
@@ -253,8 +252,8 @@ class _ProgressLines:
 
         t = buffer.last_stamp(topics.JOINT_STATES)
         tenth = int(10.0 * t / self._duration)
-        if tenth > self._told:
-            self._told = tenth
+        if tenth > self._printed:
+            self._printed = tenth
             print(
                 f"{t:6.2f} of {self._duration:.2f} s simulated, {wall:.1f} s on the clock",
                 file=sys.stderr,
@@ -262,19 +261,17 @@ class _ProgressLines:
             )
 
 
-def _deliver(
-    condition: Condition, config: RunConfig, result: RunResult, report: Path, json: Path
-) -> None:
+def _deliver(condition: Condition, result: RunResult, report: Path, json: Path) -> None:
     from winding_cli.output.results import results_table, run_record
     from winding_study.reports.report import write_report
     from winding_study.runs.run_record import write_run_json
 
     record = run_record(condition, result)
-    write_run_json(record, json)
-    page = write_report(record, report)
+    with staged(json) as place:
+        write_run_json(record, place)
+    with staged(report) as place:
+        page = report / write_report(record, place).name
     console = result_console()
     console.print(results_table(record))
-    bags = result.bags if config.page is not None else (config.bag,)
-    for name, path in (("report", page), ("numbers", json), *(("bag", bag) for bag in bags)):
-        if path is not None:
-            console.print(f"{name}: {path}", soft_wrap=True)
+    for name, path in (("report", page), ("numbers", json), *(("bag", bag) for bag in result.bags)):
+        console.print(f"{name}: {path}", soft_wrap=True)

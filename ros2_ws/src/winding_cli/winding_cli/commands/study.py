@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from winding_cli.commands.output_path import check_output_file, check_output_folder
 from winding_cli.commands.refusal import refuse
 
 STORE = Path("runs") / "study"
@@ -84,11 +85,9 @@ def study(
     ):
         if number is not None and not 0.0 < number < float("inf"):
             refuse(f"{name} must be positive and finite, got {number}")
-    for path in (json, lengths):
-        if path is not None and not path.absolute().parent.is_dir():
-            refuse(f"there is no folder {path.parent} for {path.name}")
-    if report is not None and report.exists() and not report.is_dir():
-        refuse(f"{report} is not a folder")
+    check_output_file(json)
+    check_output_file(lengths)
+    check_output_folder(report)
     if calibrate_rig:
         if lengths is not None or report is not None:
             refuse("--calibrate-rig winds nothing, so it has no --lengths and no --report")

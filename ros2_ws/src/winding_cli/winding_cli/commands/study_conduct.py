@@ -7,8 +7,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from winding_cli.commands.refusal import FAILED, INTERRUPTED, refuse
-from winding_cli.commands.termination import terminate_as_interrupt
+from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.termination import end, interruptible
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -111,7 +111,7 @@ def _wind(
         _say("compiling the solver's kernels: once after installation, a minute at most")
     shares: dict[int, float] = {}
     try:
-        with terminate_as_interrupt(), _progress() as progress:
+        with interruptible(), _progress() as progress:
             folder.mkdir(parents=True, exist_ok=True)
             store.remove_unfinished(before=time.time() - ABANDONED)
             task = progress.add_task("winding", total=float(len(cases)))
@@ -140,10 +140,9 @@ def _wind(
             return results, there
     except KeyboardInterrupt:
         kept = sum(store.path(key).exists() for key in keys)
-        refuse(
+        end(
             f"interrupted: {kept} of {len(cases)} cases are in {folder}; the same command goes on "
-            "from there",
-            INTERRUPTED,
+            "from there"
         )
     except CaseFailedError as error:
         refuse(f"{error}; the other cases are in {folder}", FAILED)
@@ -156,7 +155,7 @@ def _learn(data: DataSet, seeds: tuple[int, ...], steps: int | None) -> dict[str
     from correction_node.training.training import TrainingConfig
 
     try:
-        with terminate_as_interrupt(), _progress() as progress:
+        with interruptible(), _progress() as progress:
             task = progress.add_task("learning", total=None)
             return compare_models(
                 data,
@@ -165,7 +164,7 @@ def _learn(data: DataSet, seeds: tuple[int, ...], steps: int | None) -> dict[str
                 progress=lambda said: progress.update(task, description=said),
             )
     except KeyboardInterrupt:
-        refuse("interrupted while the models were trained; what is wound is kept", INTERRUPTED)
+        end("interrupted while the models were trained; what is wound is kept")
 
 
 def _keys(config: StudyConfig, cases: tuple[int, ...]) -> list[str]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json as json_text
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from winding_cli.commands.console import result_console
-from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.output_path import staged, write_json
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
@@ -50,22 +49,16 @@ def deliver(
     from correction_node.models.dataset import format_lengths
     from winding_study.paper.study import predicted_lengths
 
-    try:
-        if json is not None:
-            write_json(json, record.as_json())
-        if lengths is not None:
-            _announce(lengths)
-            lengths.write_text(format_lengths(predicted_lengths(record.results)), encoding="utf-8")
-        if report is not None:
-            _report(record, report, stored)
-    except OSError as error:
-        refuse(f"cannot write {error.filename}: {error.strerror}", FAILED)
-
-
-def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write strict JSON and say so when a file is replaced."""
-    _announce(path)
-    path.write_text(json_text.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    if json is not None:
+        _announce(json)
+        write_json(json, record.as_json())
+    if lengths is not None:
+        _announce(lengths)
+        with staged(lengths) as place:
+            text = format_lengths(predicted_lengths(record.results))
+            place.write_text(text, encoding="utf-8")
+    if report is not None:
+        _report(record, report, stored)
 
 
 def calibrate(law: str | None, json: Path | None) -> None:
@@ -97,6 +90,7 @@ def calibrate(law: str | None, json: Path | None) -> None:
         "found on these very cells, so even the left-out number flatters it."
     )
     if json is not None:
+        _announce(json)
         write_json(json, {"calibration": fitted.as_json()})
 
 
@@ -106,13 +100,14 @@ def _report(record: StudyRecord, folder: Path, stored: int) -> None:
 
     duration = 20.0 if record.config is None else record.config.duration
     _announce(folder / "index.html")
-    page = write_study(
-        record,
-        folder,
-        speeds=machine_speeds(record.cases[0], duration),
-        facts=_facts(record, stored),
-    )
-    print(f"Report: {page}")
+    with staged(folder) as place:
+        page = write_study(
+            record,
+            place,
+            speeds=machine_speeds(record.cases[0], duration),
+            facts=_facts(record, stored),
+        )
+    print(f"Report: {folder / page.name}")
 
 
 def _facts(record: StudyRecord, stored: int) -> dict[str, str]:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from winding_cli.commands.refusal import FAILED, INTERRUPTED, refuse
-from winding_cli.commands.termination import terminate_as_interrupt
+from winding_cli.commands.output_path import check_output_file, staged
+from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.termination import end, interruptible
 from winding_core.options import option_kinds
 from winding_study.runs.run_parameters import RunParameters
 
@@ -80,8 +81,7 @@ def sweep(
 
     if out is not None and out.suffix not in SUFFIXES:
         refuse(f"out must end in {' or '.join(SUFFIXES)}, got {out.name}")
-    if out is not None and not out.absolute().parent.is_dir():
-        refuse(f"there is no folder {out.parent} for {out.name}")
+    check_output_file(out)
     try:
         part = Shard() if shard is None else Shard.parse(shard)
         winder = _engine(engine, processes, scheduler, (tls_ca, tls_cert, tls_key))
@@ -197,7 +197,7 @@ def _wind(
     finished, console = len(done), Console(stderr=True)
     try:
         with (
-            terminate_as_interrupt(),
+            interruptible(),
             Progress(
                 TextColumn("{task.description}"),
                 BarColumn(),
@@ -220,7 +220,7 @@ def _wind(
 
             return wind_missing(plan.runs, done, engine=engine, store=store, ended=ended)
     except KeyboardInterrupt:
-        refuse(f"interrupted: {_kept(plan, store)}; {_GO_ON}", INTERRUPTED)
+        end(f"interrupted: {_kept(plan, store)}; {_GO_ON}")
     except EngineError as error:
         refuse(f"{error}; {_kept(plan, store)}; {_GO_ON}", FAILED)
     except SolverMismatchError as error:
@@ -245,10 +245,8 @@ def _deliver(
     print_summary(columns, varied)
     if out is not None:
         replaced = out.exists()
-        try:
-            write_table(out, columns)
-        except OSError as error:
-            refuse(f"cannot write {out}: {error.strerror or error}", FAILED)
+        with staged(out) as place:
+            write_table(place, columns)
         _say(f"{'replaced' if replaced else 'wrote'} {out}: {len(plan.keys)} rows")
 
 

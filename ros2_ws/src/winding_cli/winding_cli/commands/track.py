@@ -12,6 +12,7 @@ from rich.table import Table
 
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
+from winding_cli.commands.output_path import check_output_file, staged
 from winding_cli.commands.refusal import FAILED, refuse
 from winding_core.condition import Condition, ResolvedCondition
 from winding_core.units import MILLIMETRE, MILLIRADIAN
@@ -65,6 +66,7 @@ def track(
 
     if not source.exists():
         refuse(f"{source} does not exist")
+    check_output_file(out)
     try:
         wound = Condition.from_typed(typed, spelling=spelled, case=Condition.case)
         config = _config(wound.resolved(), band_mm, camera_position_mm)
@@ -78,11 +80,10 @@ def track(
             refuse("there is no motion: give --motion")
         tracker = Tracker(config, lens, remember=refined)
         rows = list(_measure(tracker, _frames(source, bag, fps), drive))
-        write_measurements(out, rows)
-    except OSError as error:
-        refuse(f"cannot write {out}: {error.strerror}")
-    except ValueError as error:
+    except (OSError, ValueError) as error:
         refuse(error)
+    with staged(out) as place:
+        write_measurements(place, rows)
     _print(tracker, lens, refined)
     report = tracker.report()
     if not report.known:

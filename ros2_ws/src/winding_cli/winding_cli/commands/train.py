@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from winding_cli.commands.console import result_console
+from winding_cli.commands.output_path import check_output_folder, staged
 from winding_cli.commands.refusal import refuse
 
 if TYPE_CHECKING:
@@ -65,12 +66,14 @@ def train(
         if (data, model) not in shipped:
             refuse(f"give --out: no weights of model {model} on data {data} are shipped")
         out = weights_directory(shipped[data, model])
+    check_output_folder(out)
     try:
         with Console(stderr=True).status("learning") as status:
             learned = learn(data_set, model, TrainingConfig(steps=steps), status.update, seed=seed)
     except ValueError as error:
         refuse(error)
-    save_weight(learned.weight, out)
+    with staged(out) as place:
+        save_weight(learned.weight, place)
     console.print(_table(learned.scores, data))
     console.print(verdict(model, learned.scores), soft_wrap=True)
     bound = learned.weight.bound

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from winding_cli.commands.console import result_console
+from winding_cli.commands.output_path import check_output_file, write_json
 from winding_cli.commands.refusal import FAILED, refuse
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def verify(
     errors = Console(stderr=True)
     if not is_compiled():
         errors.print("compiling the solver's kernels: once after installation, a minute at most")
+    check_output_file(json_file)
     rows: list[Row] = []
     with Progress(
         TextColumn("{task.description}"),
@@ -57,10 +58,7 @@ def verify(
     failed = [row for row in rows if not row.passed]
     console.print(f"{len(rows) - len(failed)} of {len(rows)} quantities within their tolerance")
     if json_file is not None:
-        try:
-            json_file.write_text(json.dumps([_record(row) for row in rows], indent=1) + "\n")
-        except OSError as error:
-            refuse(f"cannot write {json_file}: {error.strerror}")
+        write_json(json_file, [_record(row) for row in rows])
     if failed:
         raise typer.Exit(FAILED)
 

@@ -1,0 +1,123 @@
+"""SIGINT and SIGTERM while an event loop runs: what is open is closed, whatever comes when."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections.abc import Callable, Coroutine
+from contextlib import AsyncExitStack, suppress
+from types import FrameType
+from typing import Any, TypeVar
+
+import psutil  # type: ignore[import-untyped]
+
+Result = TypeVar("Result")
+
+_NUMBERS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interruption:
+    """Counts the signals that end what a process does.
+
+    The first cancels the work, which is then closed in order. The second kills the children of
+    this process, so that closing waits for none of them. A third cancels once more, should the
+    work have missed the first.
+
+    Attributes:
+        hastened: Set by the second signal.
+    """
+
+    def __init__(self) -> None:
+        self.hastened = asyncio.Event()
+        self._count = 0
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._cancel: Callable[[], object] | None = None
+        self._instead: Callable[[], object] | None = None
+
+    @property
+    def happened(self) -> bool:
+        """Whether a signal has come."""
+        return self._count > 0
+
+    def instead_of_sigint(self, act: Callable[[], object]) -> None:
+        """Let the next SIGINT call `act` and count for nothing."""
+        self._instead = act
+
+    async def unless_hastened(self, close: Callable[[], Coroutine[Any, Any, object]]) -> None:
+        """Await a closer, but not beyond the second signal."""
+        closing = asyncio.create_task(close())
+        hastened = asyncio.create_task(self.hastened.wait())
+        await asyncio.wait({closing, hastened}, return_when=asyncio.FIRST_COMPLETED)
+        hastened.cancel()
+        if closing.done():
+            closing.result()
+        closing.cancel()
+
+    def receive(self, number: int, frame: FrameType | None = None) -> None:
+        """Take a signal, in a handler of the interpreter."""
+        act: Callable[[], object] = self._act
+        if number == signal.SIGINT and self._instead is not None:
+            act, self._instead = self._instead, None
+        else:
+            self._count += 1
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(act)
+
+    def begin(self, cancel: Callable[[], object]) -> None:
+        """Act on signals from now on, in the event loop that runs; earlier ones count."""
+        self._cancel, self._loop = cancel, asyncio.get_running_loop()
+        if self._count:
+            cancel()
+            self._act()
+
+    def _act(self) -> None:
+        if self._cancel is not None and (self._count == 1 or self._count > 2):
+            self._cancel()
+        if self._count > 1:
+            self.hastened.set()
+            for child in psutil.Process().children(recursive=True):
+                with suppress(psutil.NoSuchProcess):
+                    child.kill()
+
+
+Work = Callable[[AsyncExitStack, Interruption], Coroutine[Any, Any, Result]]
+
+
+def run_closing(work: Work[Result]) -> Result:
+    """Run a coroutine in a new event loop and close in reverse what it has opened.
+
+    A signal cancels the coroutine and never a closer.
+
+    Args:
+        work: Pushes a closer on the stack for everything that it opens. Closers that wait watch
+            `Interruption.hastened`.
+
+    Raises:
+        KeyboardInterrupt: SIGINT or SIGTERM has come; everything is closed.
+    """
+    interruption = Interruption()
+    before = {number: signal.getsignal(number) for number in _NUMBERS}
+    try:
+        for number, handler in before.items():
+            if handler is not signal.SIG_IGN:
+                signal.signal(number, interruption.receive)
+        result = asyncio.run(_close_after(work, interruption))
+    except BaseException:
+        if interruption.happened:
+            raise KeyboardInterrupt from None
+        raise
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if interruption.happened:
+        raise KeyboardInterrupt
+    return result
+
+
+async def _close_after(work: Work[Result], interruption: Interruption) -> Result:
+    async with AsyncExitStack() as stack:
+        task = asyncio.create_task(work(stack, interruption))
+        interruption.begin(task.cancel)
+        # It ends with the work and not with its error.
+        await asyncio.wait({task})
+    return task.result()

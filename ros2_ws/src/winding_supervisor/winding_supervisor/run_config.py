@@ -1,0 +1,139 @@
+"""What one run of the graph is, and what can be refused before any process starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from winding_core.parameters import ParameterError, build
+from winding_recorder.bags.mcap_file import BagConfig
+from winding_recorder.live.recorder import RecorderError
+from winding_ros import topics
+from winding_ros.graph import DEFAULT_NAMESPACE, GRAPH, PAGE, pace_topics, parameters_of
+from winding_ros.parameter_files import check_readable, declared_names, parameters_for
+from winding_supervisor.domain_lock import chosen_domain
+
+# The machine stops when the orchestrator has given no sign of life for so long.
+_SUPERVISOR_TIMEOUT = 1.5
+
+
+class RunFolderError(ValueError):
+    """The run's folder is there already; nothing is written over another run."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunConfig:
+    """One run of the graph.
+
+    Attributes:
+        directory: New folder of logs and of what the run leaves behind.
+        numbered: Whether a number is added to the folder's name when it is taken.
+        condition: Parameters that every node shares (`Condition`).
+        own: Node name -> parameters of that node alone.
+        duration: Simulated length [s].
+        bag: Where to record, or None.
+        recording: How the bag is stored.
+        parameters_file: The user's own parameter file.
+        domain: DDS domain, or None for the environment's.
+        namespace: Namespace of the graph.
+        attach: Whether somebody else runs the nodes; nothing is started or ended here.
+        page: Parameters of the operator's page; None for a run that starts by itself.
+    """
+
+    directory: Path
+    condition: Mapping[str, object]
+    own: Mapping[str, Mapping[str, object]]
+    duration: float
+    numbered: bool = False
+    bag: Path | None = None
+    recording: BagConfig = field(default_factory=BagConfig)
+    parameters_file: Path | None = None
+    domain: int | None = None
+    namespace: str = DEFAULT_NAMESPACE
+    attach: bool = False
+    page: Mapping[str, object] | None = None
+
+    @property
+    def log_directory(self) -> Path:
+        """Folder of the nodes' output."""
+        return self.directory / "log"
+
+    def own_parameters(self) -> dict[str, dict[str, object]]:
+        """Return what the run itself sets, by node."""
+        parameters = {
+            spec.name: {**self.condition, **self.own.get(spec.name, {})} for spec in GRAPH
+        }
+        parameters[topics.RIG]["pace_topics"] = ",".join(topic.name for topic in pace_topics())
+        parameters[topics.RIG]["supervisor_timeout"] = _SUPERVISOR_TIMEOUT
+        return parameters
+
+    def file_parameters(self, node: str) -> dict[str, object]:
+        """Return what the user's file sets of a node's declared parameters."""
+        if self.parameters_file is None:
+            return {}
+        return declared_names(parameters_for(self.parameters_file, f"/{self.namespace}/{node}"))
+
+    def parameters(self) -> dict[str, dict[str, object]]:
+        """Return what every node is run with; the run's own values go over the file's."""
+        return {
+            name: self.file_parameters(name) | own for name, own in self.own_parameters().items()
+        }
+
+
+def check_run(config: RunConfig) -> None:
+    """Refuse what can be refused before any process starts.
+
+    Raises:
+        ParameterError: A node's parameter has an unknown name or a bad value.
+        ValueError: The parameter file cannot be read.
+        DomainError: The domain is not a domain.
+        RecorderError: The bag exists already.
+        RunFolderError: The folder exists already.
+    """
+    if config.parameters_file is not None:
+        check_readable(config.parameters_file)
+    for spec in GRAPH:
+        kind = parameters_of(spec)
+        try:
+            build(kind, config.file_parameters(spec.name), owner=spec.name)
+        except ParameterError as error:
+            raise ParameterError(
+                f"{config.parameters_file}: {_about(spec.name, str(error))}"
+            ) from None
+        build(kind, config.own_parameters()[spec.name], owner=spec.name)
+    chosen_domain(config.domain)
+    if config.page is not None:
+        build(parameters_of(PAGE), config.page, owner=PAGE.name).check()
+    if config.bag is not None and config.bag.exists():
+        raise RecorderError(f"{config.bag} exists already; a recording is never overwritten")
+    if config.directory.exists() and not config.numbered:
+        raise _taken(config.directory)
+
+
+def claim_folder(config: RunConfig) -> Path:
+    """Make the run's folder and return it; runs that start in one second get one each.
+
+    Raises:
+        RunFolderError: It exists and may have no number.
+        OSError: It cannot be made.
+    """
+    candidate, count = config.directory, 1
+    while True:
+        try:
+            candidate.mkdir(parents=True)
+        except FileExistsError:
+            if not config.numbered:
+                raise _taken(candidate) from None
+            count += 1
+            candidate = config.directory.with_name(f"{config.directory.name}-{count}")
+        else:
+            return candidate
+
+
+def _about(node: str, sentence: str) -> str:
+    return sentence if sentence.startswith(f"{node} ") else f"{node}: {sentence}"
+
+
+def _taken(folder: Path) -> RunFolderError:
+    return RunFolderError(f"{folder} exists already; a run is never written over another")
