@@ -14,6 +14,7 @@ from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.environment import set_process_environment
+from winding_ros.topic import Topic
 from winding_supervisor.completion import Completion
 from winding_supervisor.dashboard_process import DashboardConfig, DashboardProcess
 from winding_supervisor.domain_lock import chosen_domain, domain_lock
@@ -193,7 +194,7 @@ class Run:
             **further,
         )
 
-    def _recorded(self) -> tuple[topics.Topic, ...]:
+    def _recorded(self) -> tuple[Topic, ...]:
         throughout = self.config.bag is not None and self.config.page is None
         return tuple(
             topic
