@@ -1,14 +1,17 @@
 """Bad input: one clear sentence, a non-zero exit, and nothing has moved."""
 
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
+from correction_node.models.weights import weights_directory
+from winding_cli.commands.app import app
+from winding_ros.parameter_files import parameters_for
 from winding_supervisor.domain_lock import domain_lock
-
-pytestmark = pytest.mark.processes
 
 OWN = {
     "--cylinder-diameter-mm": 30,
@@ -23,53 +26,66 @@ def own(**changed: object) -> list[object]:
     return [part for pair in values.items() for part in pair]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["--case", 13], "case must be one of 1 to 12, got 13"),
-        (["--case", 0], "case must be one of 1 to 12, got 0"),
-        (["--case", -4], "case must be one of 1 to 12, got -4"),
-        ([], "say what to wind: --case 1 to 12"),
-        (own(cylinder_diameter_mm=-30), "--cylinder-diameter-mm must be positive, got -30"),
-        (own(cable_diameter_mm="nan"), "--cable-diameter-mm must be finite, got nan"),
-        (own(tension_n=0), "--tension-n must be positive, got 0"),
-        (["--case", 4, "--tension-n", 0], "--tension-n must be positive, got 0"),
-        (["--case", 4, "--duration-s", 0], "--duration-s must be positive, got 0"),
-        (["--case", 4, "--domain", 233], "whole number of 0 to 232, got 233"),
-        (["--case", 4, "--namespace", "a b"], "namespace must be made of letters"),
-        (["--case", 4, "--parameters", "absent.yaml"], "no parameter file at absent.yaml"),
-        (["--case", 4, "--speed", -1], "parameter speed must be at least 0, got -1"),
-        (["--case", 4, "--lay", "silk"], "lay must be one of paper, fem, got 'silk'"),
-    ],
-)
-def test_refused_before_anything_starts(
-    command: Any, tmp_path: Path, arguments: list[object], sentence: str
-) -> None:
-    refused = command("run", *arguments, cwd=tmp_path)
-    assert refused.returncode == 2
-    assert sentence in refused.stderr
-    assert len(refused.stderr.strip().splitlines()) == 1
-    assert list(tmp_path.iterdir()) == []
+REFUSED: list[tuple[list[object], str]] = [
+    (["--case", 13], "case must be one of 1 to 12, got 13"),
+    (["--case", 0], "case must be one of 1 to 12, got 0"),
+    (["--case", -4], "case must be one of 1 to 12, got -4"),
+    ([], "say what to wind: --case 1 to 12"),
+    (own(cylinder_diameter_mm=-30), "--cylinder-diameter-mm must be positive, got -30"),
+    (own(cable_diameter_mm="nan"), "--cable-diameter-mm must be finite, got nan"),
+    (own(tension_n=0), "--tension-n must be positive, got 0"),
+    (["--case", 4, "--tension-n", 0], "--tension-n must be positive, got 0"),
+    (["--case", 4, "--duration-s", 0], "--duration-s must be positive, got 0"),
+    (["--case", 4, "--domain", 233], "whole number of 0 to 232, got 233"),
+    (["--case", 4, "--namespace", "a b"], "namespace must be made of letters"),
+    (["--case", 4, "--parameters", "absent.yaml"], "no parameter file at absent.yaml"),
+    (["--case", 4, "--speed", -1], "parameter speed must be at least 0, got -1"),
+    (["--case", 4, "--lay", "silk"], "lay must be one of paper, fem, got 'silk'"),
+    (["--case", 4, "--weights", "nowhere"], "no trained weights at nowhere"),
+    (["--case", 4, "--weights", "damaged"], "damaged/weights.safetensors does not match its card"),
+    (["--case", 4, "--parameters", "unknown.yaml"], "cable_fem has no parameter frictoin; did you"),
+    (["--case", 4, "--parameters", "range.yaml"], "winding_rig: parameter speed must be at least"),
+    (["--case", 4, "--parameters", "broken.yaml"], "broken.yaml is not a parameter file"),
+    (["--case", 4, "--output", "a_file"], "a_file exists already; a run is never written over"),
+    (["--case", 4, "--report", "a_file"], "a_file is not a folder"),
+    (["--case", 4, "--json", "damaged"], "damaged is a folder, not a file"),
+]
 
 
-def test_missing_weights_are_named_by_the_node_that_needs_them(
-    command: Any, tmp_path: Path
-) -> None:
-    refused = command("run", "--case", 4, "--weights", "nowhere", cwd=tmp_path)
-    assert refused.returncode == 1
-    assert "correction: cannot configure: no trained weights at nowhere" in refused.stderr
+@pytest.fixture
+def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Bring a folder of bad input, in which commands run."""
+    monkeypatch.chdir(tmp_path)
+    texts = {
+        "unknown.yaml": "/**/cable_fem:\n  ros__parameters:\n    frictoin: 0.2\n",
+        "range.yaml": "/winding/winding_rig:\n  ros__parameters:\n    speed: -1e3\n",
+        "broken.yaml": "a: [1, x",
+        "a_file": "",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    shutil.copytree(weights_directory("rod"), tmp_path / "damaged")
+    (tmp_path / "damaged" / "weights.safetensors").write_bytes(b"other")
+    return tmp_path
 
 
-def test_unknown_parameter_in_a_file_is_refused_with_the_nearest(
-    command: Any, tmp_path: Path
-) -> None:
+def test_bad_input_is_refused_in_one_sentence_before_anything_starts(given: Path) -> None:
+    before = sorted(given.rglob("*"))
+    for arguments, sentence in REFUSED:
+        refused = CliRunner().invoke(app, ["run", *map(str, arguments)])
+        assert refused.exit_code == 2, refused.stderr
+        assert sentence in refused.stderr
+        assert refused.stderr.count("\n") == 1, refused.stderr
+    assert sorted(given.rglob("*")) == before
+
+
+def test_parameter_file_is_read_as_rcl_reads_it(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
-    file.write_text("/**/cable_fem:\n  ros__parameters:\n    frictoin: 0.2\n", encoding="utf-8")
-    refused = command("run", "--case", 4, "--parameters", file, cwd=tmp_path)
-    assert refused.returncode == 1
-    assert "has no parameter frictoin; did you mean friction?" in refused.stderr
+    file.write_text("/**:\n  ros__parameters:\n    speed: 1e1\n    use_sim_time: true\n")
+    assert parameters_for(file, "/winding/winding_rig") == {"speed": 10.0, "use_sim_time": True}
 
 
+@pytest.mark.processes
 def test_existing_bag_is_never_overwritten(command: Any, tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     bag.mkdir()
@@ -79,6 +95,7 @@ def test_existing_bag_is_never_overwritten(command: Any, tmp_path: Path) -> None
     assert list(bag.iterdir()) == []
 
 
+@pytest.mark.processes
 def test_domain_and_namespace_in_use_are_refused(command: Any, tmp_path: Path) -> None:
     domain = int(os.environ["ROS_DOMAIN_ID"])
     with domain_lock(domain, "taken"):
