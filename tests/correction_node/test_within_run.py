@@ -11,7 +11,6 @@ from correction_node.live.within_run import (
     expected_lengths,
     fit_build_up,
     held_out_lengths,
-    length_ahead,
     published_within_run,
     run_table,
 )
@@ -169,9 +168,7 @@ def test_nothing_is_left_to_predict_after_the_last_marker() -> None:
 
 
 def test_bound_of_too_few_markers_is_refused() -> None:
-    found = length_ahead(
-        3, build_up_length=0.15, spacing=SPACING, predicted=UNDEFORMED, measured=[0.11, 0.22]
-    )
+    found = LAW.length_ahead(3, spacing=SPACING, predicted=UNDEFORMED, measured=[0.11, 0.22])
     assert found is not None
     lonely = type(found)(s=found.s, ahead=found.ahead, measured=1)
     with pytest.raises(ValueError, match="needs 2 measured markers, got 1"):

@@ -93,7 +93,7 @@ def _record(learned: float = 3.0, plain: float = 5.0) -> StudyRecord:
         },
         noise=noise_table(
             [
-                NoiseAccuracy(noise=noise, kind=kind, accuracy=0.9, spread=0.01, nearest=0.95)
+                NoiseAccuracy(noise=noise, kind=kind, accuracy=0.9)
                 for kind in Noise
                 for noise in (0.01, 0.02)
             ]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.metrics.pairwise import nan_euclidean_distances
 from sklearn.neighbors import KNeighborsClassifier
 
 from correction_node.models.dataset import Array
@@ -21,6 +21,19 @@ REPETITIONS = 10
 REPEATABILITY = 0.006
 
 
+class Noise(Enum):
+    """What differs between two repetitions of one run.
+
+    RUN: All lengths of a repetition are off by one common share. This is what repeating a run
+        means here: the cable is pulled a little harder or less hard, and the whole run is
+        longer or shorter.
+    MARKER: Each length is off by a share of its own, as if each were measured on its own.
+    """
+
+    RUN = "run"
+    MARKER = "marker"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Resemblance:
     """The known condition that a run resembles.
@@ -29,14 +42,11 @@ class Resemblance:
         case: Row of Table 1 with most votes.
         share: Its share of the votes.
         votes: Share of every case that got votes; the shares add up to one.
-        distance: Root mean square relative difference of the run's lengths from that case's
-            published ones; a few hundredths at most when the run really is one of the twelve.
     """
 
     case: int
     share: float
     votes: Mapping[int, float]
-    distance: float
 
 
 def published_lengths() -> tuple[NDArray[np.int64], Array]:
@@ -50,15 +60,16 @@ def published_lengths() -> tuple[NDArray[np.int64], Array]:
     return np.array(numbers), table
 
 
-def simulated_repetitions(
-    table: Array, repetitions: int, noise: float, generator: np.random.Generator
+def repeated_runs(
+    table: Array, repetitions: int, noise: float, kind: Noise, generator: np.random.Generator
 ) -> Array:
-    """Return repeated measurements of each row, shape (rows * repetitions, 4), row after row.
+    """Return repeated measurements of each row, shape (rows * repetitions, n), row after row.
 
-    Simulated: every length gets its own normal relative error of standard deviation `noise`.
+    Simulated: normal relative errors of standard deviation `noise`.
     """
     repeated = np.repeat(table, repetitions, axis=0)
-    return np.asarray(repeated * np.exp(generator.normal(0.0, noise, repeated.shape)))
+    columns = 1 if kind is Noise.RUN else repeated.shape[1]
+    return np.asarray(repeated * np.exp(generator.normal(0.0, noise, (len(repeated), columns))))
 
 
 def classifier_of(
@@ -87,11 +98,9 @@ class Neighbours:
     """
 
     def __init__(self, *, noise: float = REPEATABILITY, seed: int = 0) -> None:
-        cases, self._table = published_lengths()
-        self._cases = cases
-        repeated = simulated_repetitions(
-            self._table, REPETITIONS, noise, np.random.default_rng(seed)
-        )
+        cases, table = published_lengths()
+        generator = np.random.default_rng(seed)
+        repeated = repeated_runs(table, REPETITIONS, noise, Noise.MARKER, generator)
         self._classifier = classifier_of(repeated, np.repeat(cases, REPETITIONS), NEIGHBOURS)
 
     def classify(self, lengths: ArrayLike) -> Resemblance:
@@ -111,11 +120,7 @@ class Neighbours:
             if share > 0.0
         }
         case = max(votes, key=lambda number: votes[number])
-        known = self._table[self._cases == case]
-        gap = nan_euclidean_distances(np.log(run)[np.newaxis], np.log(known))[0, 0]
-        return Resemblance(
-            case=case, share=votes[case], votes=votes, distance=float(gap / np.sqrt(MARKERS))
-        )
+        return Resemblance(case=case, share=votes[case], votes=votes)
 
 
 def _padded(lengths: ArrayLike) -> Array:

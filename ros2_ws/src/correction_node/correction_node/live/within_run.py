@@ -53,11 +53,12 @@ class WithinRun:
     Attributes:
         build_up_length: L_c [m] of undeformed cable.
         relative_bounds: Largest error over `ahead` of the left-out cases, with two measured
-            markers and with three; more markers than that keep the last.
+            markers and with three; more markers than that keep the last. Empty for a law that is
+            only fitted.
     """
 
     build_up_length: float
-    relative_bounds: tuple[float, ...]
+    relative_bounds: tuple[float, ...] = ()
 
     def length_ahead(
         self, marker: int, *, spacing: float, predicted: ArrayLike, measured: ArrayLike
@@ -72,13 +73,21 @@ class WithinRun:
             predicted: S_FEM of P1, P2, ... [m], at least n of them; NaN where there is none.
             measured: S of P1, P2, ... [m]; NaN where it is not measured.
         """
-        return length_ahead(
-            marker,
-            build_up_length=self.build_up_length,
-            spacing=spacing,
-            predicted=predicted,
-            measured=measured,
-        )
+        s_fem = np.concatenate([[0.0], np.asarray(predicted, dtype=float)])
+        s = np.concatenate([[0.0], np.asarray(measured, dtype=float)])[:marker]
+        known = np.flatnonzero(np.isfinite(s) & np.isfinite(s_fem[: len(s)]))
+        if len(known) <= FEWEST or not math.isfinite(s_fem[marker]):
+            return None
+        # exp(-s / L_c) at the start of each spacing, and its sum up to each marker.
+        decay = np.exp(-spacing / self.build_up_length * np.arange(marker))
+        decayed = np.concatenate([[0.0], np.cumsum(decay)])
+        grown = np.diff(decayed[known]) / np.diff(known)
+        ratio = np.diff(s[known]) / np.diff(s_fem[known])
+        slope, final = _line(grown, ratio)
+        last = int(known[-1])
+        mean_decay = (decayed[marker] - decayed[last]) / (marker - last)
+        ahead = float((final + slope * mean_decay) * (s_fem[marker] - s_fem[last]))
+        return LengthAhead(s=float(s[last]) + ahead, ahead=ahead, measured=len(known) - 1)
 
     def half_width(self, expected: LengthAhead) -> float:
         """Return the half-width of the interval around an expected length [m].
@@ -90,32 +99,6 @@ class WithinRun:
             raise ValueError(f"a bound needs {FEWEST} measured markers, got {expected.measured}")
         last = len(self.relative_bounds) - 1
         return self.relative_bounds[min(expected.measured - FEWEST, last)] * expected.ahead
-
-
-def length_ahead(
-    marker: int,
-    *,
-    build_up_length: float,
-    spacing: float,
-    predicted: ArrayLike,
-    measured: ArrayLike,
-) -> LengthAhead | None:
-    """Return `WithinRun.length_ahead` for a build-up length L_c [m]."""
-    s_fem = np.concatenate([[0.0], np.asarray(predicted, dtype=float)])
-    s = np.concatenate([[0.0], np.asarray(measured, dtype=float)])[:marker]
-    known = np.flatnonzero(np.isfinite(s) & np.isfinite(s_fem[: len(s)]))
-    if len(known) <= FEWEST or not math.isfinite(s_fem[marker]):
-        return None
-    # exp(-s / L_c) at the start of each spacing, and its sum up to each marker.
-    decay = np.exp(-spacing / build_up_length * np.arange(marker))
-    decayed = np.concatenate([[0.0], np.cumsum(decay)])
-    grown = np.diff(decayed[known]) / np.diff(known)
-    ratio = np.diff(s[known]) / np.diff(s_fem[known])
-    slope, final = _line(grown, ratio)
-    last = int(known[-1])
-    mean_decay = (decayed[marker] - decayed[last]) / (marker - last)
-    ahead = float((final + slope * mean_decay) * (s_fem[marker] - s_fem[last]))
-    return LengthAhead(s=float(s[last]) + ahead, ahead=ahead, measured=len(known) - 1)
 
 
 def _line(x: Array, y: Array) -> tuple[float, float]:
@@ -178,13 +161,13 @@ def expected_lengths(runs: RunTable, build_up_length: float, measured: int) -> t
     Returns:
         Two arrays of the table's shape; NaN at given markers and where nothing is predicted.
     """
+    law = WithinRun(build_up_length=build_up_length)
     s = np.full(runs.measured.shape, np.nan)
     ahead = np.full(runs.measured.shape, np.nan)
     for row, spacing in enumerate(runs.spacing):
         for column in range(measured, len(s[row])):
-            found = length_ahead(
+            found = law.length_ahead(
                 column + 1,
-                build_up_length=build_up_length,
                 spacing=float(spacing),
                 predicted=runs.predicted[row],
                 measured=runs.measured[row, :measured],

@@ -118,8 +118,8 @@ def _networks(
     problems: Sequence[Problem], inputs: str, config: TrainingConfig, seeds: Sequence[int]
 ) -> tuple[NetworkModel, ...]:
     return tuple(
-        NetworkModel(inputs=inputs, perceptron=training.perceptron)
-        for training in train(problems, config, seeds)
+        NetworkModel(inputs=inputs, perceptron=perceptron)
+        for perceptron in train(problems, config, seeds)
     )
 
 

@@ -4,34 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
 from correction_node.live.neighbours import (
     NEIGHBOURS,
     REPETITIONS,
+    Noise,
     classifier_of,
     published_lengths,
+    repeated_runs,
 )
-from correction_node.models.dataset import Array
 
 LABEL = "simulated: the paper's ten repetitions of each case were not published"
 NOISES = (0.01, 0.02, 0.04)
 CAMPAIGNS = 20
-
-
-class Noise(Enum):
-    """What differs between two repetitions of one run.
-
-    RUN: All lengths of a repetition are off by one common share. This is what repeating a run
-        means here: the cable is pulled a little harder or less hard, and the whole run is
-        longer or shorter.
-    MARKER: Each length is off by a share of its own, as if each were measured on its own.
-    """
-
-    RUN = "run"
-    MARKER = "marker"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,16 +29,11 @@ class NoiseAccuracy:
         noise: Relative standard deviation of a length between repetitions.
         kind: What is common to a repetition.
         accuracy: Share of the fresh repetitions whose case was named.
-        spread: Standard deviation of that share between simulated campaigns of 120 runs.
-        nearest: Share that the nearest of the twelve exact cases names: the same distance, but
-            the cases are known without any noise.
     """
 
     noise: float
     kind: Noise
     accuracy: float
-    spread: float
-    nearest: float
 
 
 def accuracy_by_noise(
@@ -97,35 +79,16 @@ def accuracy_by_noise(
             shares = [
                 _campaign(noise, kind, neighbours, repetitions, generator) for _ in range(campaigns)
             ]
-            named, nearest = np.array(shares).T
-            results.append(
-                NoiseAccuracy(
-                    noise=noise,
-                    kind=kind,
-                    accuracy=float(named.mean()),
-                    spread=float(named.std(ddof=1)) if campaigns > 1 else float("nan"),
-                    nearest=float(nearest.mean()),
-                )
-            )
+            results.append(NoiseAccuracy(noise=noise, kind=kind, accuracy=float(np.mean(shares))))
     return tuple(results)
-
-
-def repeated_runs(
-    table: Array, repetitions: int, noise: float, kind: Noise, generator: np.random.Generator
-) -> Array:
-    """Return repeated measurements of each row, shape (rows * repetitions, n), row after row."""
-    repeated = np.repeat(table, repetitions, axis=0)
-    columns = 1 if kind is Noise.RUN else repeated.shape[1]
-    return np.asarray(repeated * np.exp(generator.normal(0.0, noise, (len(repeated), columns))))
 
 
 def _campaign(
     noise: float, kind: Noise, neighbours: int, repetitions: int, generator: np.random.Generator
-) -> tuple[float, float]:
+) -> float:
     cases, table = published_lengths()
     known = repeated_runs(table, repetitions, noise, kind, generator)
     fresh = repeated_runs(table, repetitions, noise, kind, generator)
     truth = np.repeat(cases, repetitions)
     named = classifier_of(known, truth, neighbours).predict(np.log(fresh))
-    nearest = classifier_of(table, cases, 1).predict(np.log(fresh))
-    return float(np.mean(named == truth)), float(np.mean(nearest == truth))
+    return float(np.mean(named == truth))

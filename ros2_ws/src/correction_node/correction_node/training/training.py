@@ -53,19 +53,6 @@ class Problem:
     target: Array
 
 
-@dataclass(frozen=True, kw_only=True)
-class Training:
-    """A fitted network and the way there.
-
-    Attributes:
-        perceptron: The fitted network as plain arrays.
-        loss: Mean square misfit before each step, in the problem's units, shape (steps,).
-    """
-
-    perceptron: Perceptron
-    loss: Array
-
-
 @contextmanager
 def _one_thread() -> Iterator[None]:
     # Waking a second thread costs more than products of ten by ten numbers.
@@ -80,7 +67,7 @@ def _one_thread() -> Iterator[None]:
 @_one_thread()
 def train(
     problems: Sequence[Problem], config: TrainingConfig, seeds: Sequence[int]
-) -> tuple[Training, ...]:
+) -> tuple[Perceptron, ...]:
     """Return one fitted network for each problem, all trained side by side.
 
     Double precision, full batch, no randomness but the start: the same arguments give the
@@ -113,23 +100,18 @@ def train(
     networks = WeightNetworks(x.shape[2], seeds)
     optimiser = torch.optim.Adam(networks.parameters(), lr=config.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, config.steps)
-    loss = np.empty((config.steps, len(problems)))
-    for step in range(config.steps):
+    for _ in range(config.steps):
         optimiser.zero_grad()
         misfit = (networks(x) * gain - target).square().sum(dim=1) / count
         torch.autograd.backward((misfit + config.weight_decay * networks.size()).sum())
         optimiser.step()
         schedule.step()
-        loss[step] = misfit.detach().numpy()
     return tuple(
-        Training(
-            perceptron=Perceptron(
-                weights=tuple(weight.detach().numpy()[n].copy() for weight in networks.weights),
-                biases=tuple(bias.detach().numpy()[n].copy() for bias in networks.biases),
-                low=low[n],
-                high=high[n],
-            ),
-            loss=loss[:, n],
+        Perceptron(
+            weights=tuple(weight.detach().numpy()[n].copy() for weight in networks.weights),
+            biases=tuple(bias.detach().numpy()[n].copy() for bias in networks.biases),
+            low=low[n],
+            high=high[n],
         )
         for n in range(len(problems))
     )

@@ -13,14 +13,11 @@ class LossCount:
     def __init__(self) -> None:
         self.received = 0
         self.lost = 0
-        self.before = 0
         self._last: int | None = None
 
     def take(self, sequence: int) -> None:
         """Count a message that arrived, and those that should have arrived before it."""
         self.received += 1
-        if self._last is None:
-            self.before = max(0, sequence - 1)
-        elif sequence > self._last:
+        if self._last is not None and sequence > self._last:
             self.lost += sequence - self._last - 1
         self._last = sequence
