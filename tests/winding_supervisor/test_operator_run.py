@@ -17,11 +17,11 @@ from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.environment import set_process_environment
+from winding_ros.graph_error import GraphError
 from winding_ros.rig_messages import encode_joint_state
 from winding_supervisor.dashboard_process import DashboardConfig, DashboardProcess
 from winding_supervisor.discovery import outsiders
 from winding_supervisor.event_log import EventLog
-from winding_supervisor.graph_error import GraphError
 from winding_supervisor.operator_run import RunStart
 
 NAMESPACE = "attended"

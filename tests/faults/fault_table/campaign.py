@@ -12,7 +12,7 @@ from rich.table import Table
 from fault_table.cell import CellError, FaultCell
 from fault_table.outcome import STAND_WITHIN, Outcome, ProcessorWatch
 from fault_table.table import LONE_ROWS, ROWS
-from winding_supervisor.graph_error import GraphError
+from winding_ros.graph_error import GraphError
 
 NAMESPACE = "faults"
 

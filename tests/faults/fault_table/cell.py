@@ -20,10 +20,10 @@ from winding_recorder.live.recorder import Recorder
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph import GRAPH, pace_topics
+from winding_ros.graph_error import GraphError
 from winding_ros.rig_messages import MessageError, decode_joint_state
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog
-from winding_supervisor.graph_error import GraphError
 from winding_supervisor.orchestrator import GraphConfig, Orchestrator
 from winding_supervisor.supervision import Supervisor, replay_parameters
 

@@ -17,15 +17,14 @@ from winding_ros import topics
 from winding_ros.diagnostic_messages import decode_diagnostics, encode_diagnostics
 from winding_ros.environment import enclave_arguments, ros_arguments
 from winding_ros.heartbeat import Heartbeat, Sign, heartbeat_topic, watch_heartbeat
+from winding_ros.service_calls import ServiceCaller
 from winding_ros.topic_status import subscribers_of
 
 _SPIN_PERIOD = 0.1
-# A request sent before the server is matched is lost, so requests are repeated.
-_RETRY_PERIOD = 0.5
 NAME = topics.ORCHESTRATOR
 
 
-class AsyncClient:
+class AsyncClient(ServiceCaller):
     """Node `orchestrator`: calls services, remembers what every node says of itself."""
 
     def __init__(self, namespace: str) -> None:
@@ -41,18 +40,14 @@ class AsyncClient:
             context=self._context,
             signal_handler_options=rclpy.SignalHandlerOptions.NO,
         )
-        self.node = Node(
-            NAME,
-            context=self._context,
-            cli_args=ros_arguments(namespace),
-        )
+        node = Node(NAME, context=self._context, cli_args=ros_arguments(namespace))
+        self._executor = EventsExecutor(context=self._context)
+        super().__init__(node, self._executor.wake)
         self._hardware_id = f"/{namespace}"
         self._statuses: dict[str, Status] = {}
-        self._clients: dict[str, Any] = {}
         topics.DIAGNOSTICS.subscribe(self.node, self._note)
         self._diagnostics = topics.DIAGNOSTICS.advertise(self.node)
         self._heartbeat = Heartbeat(self.node, NAME)
-        self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._quit = threading.Event()
         self._thread = threading.Thread(target=self._spin, name="orchestrator")
@@ -103,60 +98,6 @@ class AsyncClient:
         """Return how many subscriptions a node's publisher says it has."""
         status = self._statuses.get(f"{node}: topics")
         return subscribers_of(status.values).get(topic, 0) if status else 0
-
-    async def call(
-        self, service: type, name: str, request: Any, timeout: float, *, retry: bool = True
-    ) -> Any:
-        """Return a service's response.
-
-        Raises:
-            TimeoutError: No response within timeout [s].
-        """
-        client = self._client(service, name)
-        asked: set[asyncio.Future[Any]] = set()
-        try:
-            async with asyncio.timeout(timeout):
-                while not client.service_is_ready():
-                    await asyncio.sleep(0.02)
-                while True:
-                    asked.add(self._awaitable(client.call_async(request)))
-                    # A busy server may answer the first request after the second was sent.
-                    answered, _ = await asyncio.wait(
-                        asked,
-                        timeout=_RETRY_PERIOD if retry else None,
-                        return_when=asyncio.FIRST_COMPLETED,
-                    )
-                    if answered:
-                        return answered.pop().result()
-        except TimeoutError:
-            raise TimeoutError(f"no answer from {name} in {timeout:g} s") from None
-
-    async def try_call(self, service: type, name: str, request: Any, timeout: float) -> Any | None:
-        """Return a service's response, or None when there is none within timeout [s]."""
-        try:
-            return await self.call(service, name, request, timeout, retry=False)
-        except TimeoutError:
-            return None
-
-    def _client(self, service: type, name: str) -> Any:
-        if name not in self._clients:
-            self._clients[name] = self.node.create_client(service, name)
-            self._executor.wake()
-        return self._clients[name]
-
-    def _awaitable(self, future: Any) -> asyncio.Future[Any]:
-        loop = asyncio.get_running_loop()
-        result: asyncio.Future[Any] = loop.create_future()
-
-        def hand_over(done: Any) -> None:
-            def settle() -> None:
-                if not result.done():
-                    result.set_result(done.result())
-
-            loop.call_soon_threadsafe(settle)
-
-        future.add_done_callback(hand_over)
-        return result
 
     def _note(self, message: Any) -> None:
         if any(status.hardware_id == self._hardware_id for status in message.status):

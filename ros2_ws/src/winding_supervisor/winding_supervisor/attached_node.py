@@ -6,20 +6,12 @@ import asyncio
 from collections.abc import Mapping
 from dataclasses import fields
 
-from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
-
-from winding_ros.async_client import AsyncClient
+from winding_ros.deadline import deadline
 from winding_ros.graph import NodeSpec, parameters_of
+from winding_ros.graph_error import GraphError
+from winding_ros.lifecycle import LifecycleDriver
 
-_ANSWER_TIMEOUT = 30.0
-# What leads back to unconfigured.
-_BACK = {
-    State.PRIMARY_STATE_ACTIVE: Transition.TRANSITION_DEACTIVATE,
-    State.PRIMARY_STATE_INACTIVE: Transition.TRANSITION_CLEANUP,
-}
+_RETURN_TIMEOUT = 30.0
 
 
 class AttachedNode:
@@ -27,21 +19,19 @@ class AttachedNode:
 
     Args:
         spec: Which node.
-        client: Calls its services.
-        name: Full name.
+        driver: Sets its state and its parameters.
         parameters: What it is to be run with.
     """
 
     def __init__(
-        self, spec: NodeSpec, client: AsyncClient, name: str, parameters: Mapping[str, object]
+        self, spec: NodeSpec, driver: LifecycleDriver, parameters: Mapping[str, object]
     ) -> None:
         self.spec = spec
         self.started = False
         self.return_code: int | None = None
         # Without its process to look at, silence is all there is to tell a hang by.
         self.stopped = True
-        self._client = client
-        self._name = name
+        self._driver = driver
         self._parameters = dict(parameters)
         self._declared = {field.name for field in fields(parameters_of(spec))} | {"use_sim_time"}
 
@@ -52,7 +42,7 @@ class AttachedNode:
         Raises:
             ProcessLookupError: Always.
         """
-        raise ProcessLookupError(f"{self._name} runs elsewhere")
+        raise ProcessLookupError(f"{self.spec.name} runs elsewhere")
 
     async def start(self) -> None:
         """Leave the start to whoever runs the node; its services are waited for."""
@@ -78,43 +68,26 @@ class AttachedNode:
         """Return nothing: the output is elsewhere."""
         return ""
 
-    async def take_parameters(self) -> str:
-        """Bring the node to unconfigured and give it its parameters; return why it refused."""
+    async def take_parameters(self) -> None:
+        """Bring the node to unconfigured and give it its parameters.
+
+        Raises:
+            GraphError: It refused.
+            TimeoutError: It does not answer.
+        """
         await self.let_go()
         unknown = sorted(set(self._parameters) - self._declared)
         if unknown:
-            return f"there is no parameter {unknown[0]!r}"
-        request = SetParametersAtomically.Request(
-            parameters=[
-                Parameter(name, value=value).to_parameter_msg()
-                for name, value in self._parameters.items()
-            ]
-        )
-        answer = await self._client.call(
-            SetParametersAtomically,
-            f"{self._name}/set_parameters_atomically",
-            request,
-            _ANSWER_TIMEOUT,
-        )
-        return "" if answer.result.successful else str(answer.result.reason)
+            raise GraphError(f"{self.spec.name}: there is no parameter {unknown[0]!r}")
+        await self._driver.set_parameters(self.spec.name, self._parameters)
 
     async def let_go(self) -> None:
         """Bring the node back to unconfigured, from wherever it is.
 
         Raises:
+            GraphError: It refused.
             TimeoutError: It does not answer.
         """
-        async with asyncio.timeout(_ANSWER_TIMEOUT):
-            while (step := _BACK.get(await self._state())) is not None:
-                await self._client.try_call(
-                    ChangeState,
-                    f"{self._name}/change_state",
-                    ChangeState.Request(transition=Transition(id=step)),
-                    _ANSWER_TIMEOUT,
-                )
-
-    async def _state(self) -> int:
-        answer = await self._client.call(
-            GetState, f"{self._name}/get_state", GetState.Request(), _ANSWER_TIMEOUT
-        )
-        return int(answer.current_state.id)
+        late = f"{self.spec.name} did not go back to unconfigured in {_RETURN_TIMEOUT:g} s"
+        async with deadline(_RETURN_TIMEOUT, late):
+            await self._driver.take_down(self.spec.name)

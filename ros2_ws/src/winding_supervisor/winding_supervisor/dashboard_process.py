@@ -14,10 +14,10 @@ import yaml
 from winding_ros.async_client import AsyncClient
 from winding_ros.environment import child_environment, enclave_arguments, ros_arguments
 from winding_ros.graph import PAGE
+from winding_ros.graph_error import GraphError
 from winding_ros.heartbeat import Sign
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog
-from winding_supervisor.graph_error import GraphError
 from winding_supervisor.node_process import NodeProcess
 
 # First starts import NiceGUI on a busy machine.

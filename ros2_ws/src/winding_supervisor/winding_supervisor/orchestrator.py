@@ -10,34 +10,36 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from lifecycle_msgs.msg import Transition
-from rcl_interfaces.srv import GetParameters
-from rclpy.parameter import parameter_value_to_python
 from std_srvs.srv import Trigger
 
 from winding_core.parameters import declarations
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
+from winding_ros.deadline import deadline
 from winding_ros.environment import child_environment, enclave_arguments, ros_arguments
 from winding_ros.graph import GRAPH, NodeSpec, parameters_of
-from winding_ros.parameter_files import parameters_for
-from winding_supervisor.attached_node import AttachedNode
-from winding_supervisor.deadline import deadline
-from winding_supervisor.discovery import PATIENCE, Discovery
-from winding_supervisor.graph_error import GraphError
-from winding_supervisor.lifecycle import (
+from winding_ros.graph_error import GraphError
+from winding_ros.lifecycle import (
+    ACTIVATE,
     ANSWER_PATIENCE,
     CONFIGURE_TIMEOUT,
+    DEACTIVATE,
     START_TIMEOUT,
     LifecycleDriver,
-    Member,
 )
+from winding_ros.parameter_files import parameters_for
+from winding_supervisor.attached_node import AttachedNode
+from winding_supervisor.discovery import PATIENCE, Discovery
+from winding_supervisor.lifecycle import Member, configure
 from winding_supervisor.node_process import NodeProcess
 
 # A successor may hang as its predecessor did; one that replays a long run only takes long.
 _RESTART_PATIENCE = (20.0, 60.0, CONFIGURE_TIMEOUT)
 _POLL = 0.02
 _FORGETTING = 0.5
+# The answer to a transition may overtake the sentence on the node's own output.
+_REFUSAL_PATIENCE = 5.0
+_FAREWELL_PATIENCE = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +69,7 @@ class Orchestrator:
     def __init__(self, config: GraphConfig, client: AsyncClient) -> None:
         self.config = config
         self._client = client
-        self._transitions = LifecycleDriver(client, config.namespace)
+        self._transitions = LifecycleDriver(client, config.namespace, self._reason)
         self.processes: list[Member] = [self._process(spec) for spec in GRAPH]
         self._active: set[str] = set()
         self._matching = Discovery(client, config.recorded)
@@ -84,7 +86,7 @@ class Orchestrator:
         await self._while_alive(self._configure_all())
         for process in self.processes:
             await self._while_alive(
-                self._transitions.change(process, Transition.TRANSITION_ACTIVATE, START_TIMEOUT)
+                self._transitions.change(process.spec.name, ACTIVATE, START_TIMEOUT)
             )
             self._active.add(process.spec.name)
         await self._while_alive(self._matched())
@@ -135,10 +137,8 @@ class Orchestrator:
         new = self._process(old.spec, {**self._adopted.get(name, {}), **extra})
         self.processes[self.processes.index(old)] = new
         await new.start()
-        await self._while_alive(self._transitions.configure(new), [new])
-        await self._while_alive(
-            self._transitions.change(new, Transition.TRANSITION_ACTIVATE, CONFIGURE_TIMEOUT), [new]
-        )
+        await self._while_alive(configure(self._transitions, new), [new])
+        await self._while_alive(self._transitions.change(name, ACTIVATE, CONFIGURE_TIMEOUT), [new])
         self._active.add(name)
 
     async def rematch(self, names: Collection[str]) -> None:
@@ -158,26 +158,16 @@ class Orchestrator:
         for process in self.processes:
             name = process.spec.name
             stated = [item.name for item in declarations(parameters_of(process.spec))]
-            answer = await self._client.try_call(
-                GetParameters,
-                self._transitions.service(process, "get_parameters"),
-                GetParameters.Request(names=stated),
-                ANSWER_PATIENCE,
-            )
-            if answer is not None and len(answer.values) == len(stated):
-                values = map(parameter_value_to_python, answer.values)
-                self._adopted[name] = dict(zip(stated, values, strict=True))
+            with contextlib.suppress(TimeoutError):
+                values = await self._transitions.parameters(name, stated, ANSWER_PATIENCE)
+                if len(values) == len(stated):
+                    self._adopted[name] = values
         return dict(self._adopted)
 
     async def begin_anew(self) -> None:
         """Let every node but the rig begin a new run: what it knew of the last one is gone."""
-        for process in self.processes:
-            if process.spec.name == topics.RIG:
-                continue
-            for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
-                await self._while_alive(
-                    self._transitions.change(process, transition, START_TIMEOUT)
-                )
+        names = (spec.name for spec in GRAPH if spec.name != topics.RIG)
+        await self._while_alive(self._transitions.renew(names))
 
     async def command(self, service: str) -> None:
         """Call one of the rig's commands, such as rig/start.
@@ -205,12 +195,20 @@ class Orchestrator:
     async def stop(self) -> None:
         """Stop every process: the active ones in order, the rig first, then the others at once."""
         for process in reversed(self.processes):
+<<<<<<< HEAD
             if process.return_code is not None or process.spec.name not in self._active:
                 continue
             await self._transitions.ask_to_deactivate(process)
             if isinstance(process, AttachedNode):
+=======
+            if process.return_code is None and process.spec.name in self._active:
+                await self._transitions.request(process.spec.name, DEACTIVATE, _FAREWELL_PATIENCE)
+            if process.started:
+                codes[process.spec.name] = await process.stop()
+            elif isinstance(process, AttachedNode) and process.spec.name in self._active:
+>>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
                 # One that has gone is not waited for.
-                with contextlib.suppress(TimeoutError):
+                with contextlib.suppress(TimeoutError, GraphError):
                     await process.let_go()
             else:
                 await process.stop()
@@ -231,7 +229,7 @@ class Orchestrator:
         if self.config.attach:
             if self.config.parameters_file is not None:
                 values = parameters_for(self.config.parameters_file, full_name) | values
-            return AttachedNode(spec, self._client, full_name, values)
+            return AttachedNode(spec, self._transitions, values)
         # The node's output is kept already, and kept short.
         arguments = enclave_arguments(namespace, spec.name)
         arguments += ros_arguments(namespace) or ["--ros-args"]
@@ -248,8 +246,11 @@ class Orchestrator:
             directory / f"{spec.name}.log",
         )
 
+    async def _reason(self, name: str) -> str:
+        return await self.process(name).refusal(_REFUSAL_PATIENCE)
+
     async def _configure_all(self) -> None:
-        await asyncio.gather(*(self._transitions.configure(process) for process in self.processes))
+        await asyncio.gather(*(configure(self._transitions, process) for process in self.processes))
 
     async def _matched(self) -> None:
         try:

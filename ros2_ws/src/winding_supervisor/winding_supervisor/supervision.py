@@ -22,11 +22,11 @@ from winding_recorder.live.recorder import RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import NAME, AsyncClient
 from winding_ros.graph import GRAPH, Policy
+from winding_ros.graph_error import GraphError
 from winding_ros.heartbeat import Sign
 from winding_ros.rig_messages import MessageError, decode_joint_state
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog
-from winding_supervisor.graph_error import GraphError
 from winding_supervisor.load_monitor import LoadMonitor
 from winding_supervisor.orchestrator import Orchestrator
 from winding_supervisor.sensor_watch import SensorWatch

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+<<<<<<< HEAD
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -10,9 +11,13 @@ from typing import Any
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+=======
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+from typing import Any
+
+>>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
 from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
-from std_srvs.srv import SetBool, Trigger
 
 from winding_core.cases import Case
 from winding_core.condition import Condition
@@ -21,24 +26,30 @@ from winding_dashboard.views import commands
 from winding_dashboard.views.commands import Choice, CommandError
 from winding_dashboard.views.health import Health
 from winding_ros import services, topics
+from winding_ros.graph import GRAPH
+from winding_ros.graph_error import GraphError
+from winding_ros.lifecycle import LifecycleDriver
+from winding_ros.service_calls import ServiceCaller
+from winding_ros.services import Service
 from winding_ros.topic_status import subscribers_of
 
-# Listeners first, the machine last, as the orchestrator activates them.
-NODES = (topics.CORRECTION, topics.FEM, topics.TRACKER, topics.RIG)
-_LISTENERS = NODES[:-1]
-_RIG_COMMANDS = (commands.START, commands.STOP, commands.RESET, commands.EMERGENCY_STOP)
-_TRANSITIONS = {
-    "configure": Transition.TRANSITION_CONFIGURE,
-    "activate": Transition.TRANSITION_ACTIVATE,
-    "deactivate": Transition.TRANSITION_DEACTIVATE,
-    "cleanup": Transition.TRANSITION_CLEANUP,
+NODES = tuple(spec.name for spec in GRAPH)
+_COMMANDS = {
+    commands.START: services.START,
+    commands.STOP: services.STOP,
+    commands.RESET: services.RESET,
+    commands.EMERGENCY_STOP: services.EMERGENCY_STOP,
 }
 _ANSWER = 3.0
 _QUICK = 0.9
+<<<<<<< HEAD
 # Kernels may be compiled in between.
 _TRANSITION = 300.0
 _EMERGENCY_REPEAT = 0.5
 _TAKE_UP = "take_up_material"
+=======
+_ONE_OF = "one of "
+>>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
 _CANNOT = "cannot "
 _LAY, _OWN_LAY = "lay", "fem"
 # Discovery takes a second on a busy machine; readers of other tools may never come back.
@@ -48,16 +59,8 @@ _LOOK = 0.1
 _CLOSING = 120.0
 
 
-def readers(health: Health, nodes: Sequence[str]) -> dict[str, int]:
-    """Return how many subscribers the nodes' publishers say they have, by topic."""
-    found: dict[str, int] = {}
-    for node in nodes:
-        found |= subscribers_of(health.values(f"{node}: topics"))
-    return found
-
-
 class ServiceClient:
-    """The graph as the page commands it (`commands.Graph` and `commands.Lifecycle`).
+    """The graph as the page commands it (`commands.Graph`).
 
     Args:
         node: A node that an executor spins.
@@ -77,6 +80,7 @@ class ServiceClient:
         self._health = health
         self._clock = clock
         self._first_lay: str | None = None
+<<<<<<< HEAD
         self._recorder = services.RECORD.client(node)
         self._rig = {name: node.create_client(Trigger, f"rig/{name}") for name in _RIG_COMMANDS}
         self._services = {
@@ -90,19 +94,18 @@ class ServiceClient:
             )
         }
         wake()
+=======
+        self._calls = ServiceCaller(node, wake)
+        self._driver = LifecycleDriver(self._calls, self._namespace, self._refusal)
+>>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
 
     def unavailable(self, command: str) -> str:
         """Return why a command cannot be given now; empty when it can."""
-        if self._rig[command].service_is_ready():
-            return ""
-        return f"nobody serves rig/{command} in {self._namespace}"
+        return self._unserved(_COMMANDS[command])
 
     def unprepared(self) -> str:
         """Return why no other case can be chosen now; empty when it can."""
-        for (name, service), client in self._services.items():
-            if not client.service_is_ready():
-                return f"{name} does not serve {service} in {self._namespace}"
-        return ""
+        return self._driver.unserved(NODES)
 
     async def command(self, command: str) -> str:
         """Give one of the rig's commands; return its answer.
@@ -110,16 +113,16 @@ class ServiceClient:
         Raises:
             CommandError: The rig refused, or did not answer in time.
         """
-        client, request = self._rig[command], Trigger.Request()
-        if command == commands.EMERGENCY_STOP:
-            response = await self._insist(client, request)
-        else:
-            response = await self._call(client, request, _ANSWER)
-        if not response.success:
-            raise CommandError(response.message or f"rig/{command} was refused")
-        return str(response.message)
+        service = _COMMANDS[command]
+        emergency = command == commands.EMERGENCY_STOP
+        try:
+            return await self._ask(service, service.type.Request(), _ANSWER, retry=emergency)
+        except TimeoutError as error:
+            advice = ": use the machine's own button" if emergency else ""
+            raise CommandError(f"{error}{advice}") from None
 
     async def choice(self) -> Choice:
+<<<<<<< HEAD
         """Return what the solver is set to wind.
 
         Raises:
@@ -176,12 +179,52 @@ class ServiceClient:
             for name, value in zip(names, got.values, strict=False)
         }
 
+=======
+        """Return what the solver is set to wind, and the laws that it knows.
+
+        Raises:
+            CommandError: The solver does not answer.
+        """
+        own = [item.name for item in OWN_VALUES]
+        names = ["case", "law", "take_up_material", *own]
+        async with _as_commands():
+            got = await self._driver.parameters(topics.FEM, names)
+            described = await self._driver.describe(topics.FEM, "law")
+        law = str(got["law"])
+        stated = described.additional_constraints
+        laws = tuple(stated.removeprefix(_ONE_OF).split(", ")) if stated else (law,)
+        return Choice(
+            case=int(str(got["case"])),
+            law=law,
+            own={name: float(str(got[name])) for name in own},
+            take_up=bool(got["take_up_material"]),
+            laws=laws,
+        )
+
+    async def prepare(self, choice: Choice, tell: Callable[[str], None]) -> str:
+        """Set a choice on every node, bring all nodes up and wait until they hear each other.
+
+        Returns:
+            What the operator should know of it, or nothing.
+
+        Raises:
+            CommandError: A node refused, or did not answer in time.
+        """
+        condition = condition_parameters(choice.case, choice.own)
+        values: dict[str, dict[str, object]] = {name: dict(condition) for name in NODES}
+        values[topics.FEM] |= {"law": choice.law, "take_up_material": choice.take_up}
+        async with _as_commands():
+            values[topics.RIG] |= await self._lay(choice.case)
+            before = self._readers()
+            await self._driver.rebuild(NODES, values, tell)
+        tell("waiting until the nodes hear each other")
+        return await self._heard_by(before)
+
+>>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
     def unrecorded(self) -> str:
         """Return why the recording cannot be switched now; empty when it can."""
-        if self._recorder.service_is_ready():
-            return ""
-        name = services.RECORD.name
-        return f"nobody serves {name} in {self._namespace}; `winding run --dashboard` does"
+        missing = self._unserved(services.RECORD)
+        return f"{missing}; `winding run --dashboard` does" if missing else ""
 
     async def record(self, on: bool) -> str:
         """Begin a recording or end it.
@@ -189,39 +232,68 @@ class ServiceClient:
         Raises:
             CommandError: The recorder refused, or did not answer in time.
         """
-        response = await self._call(self._recorder, SetBool.Request(data=on), _CLOSING)
-        if not response.success:
-            raise CommandError(response.message or f"{services.RECORD.name} was refused")
-        return str(response.message)
+        request = services.RECORD.type.Request(data=on)
+        async with _as_commands():
+            return await self._ask(services.RECORD, request, _CLOSING)
 
     async def renew(self) -> None:
-        """Let the listeners begin a new run."""
-        await commands.renew(self, _LISTENERS)
+        """Let the listeners begin a new run.
+
+        Raises:
+            CommandError: One of them refused, or did not answer in time.
+        """
+        async with _as_commands():
+            await self._driver.renew(name for name in NODES if name != topics.RIG)
 
     async def lifecycle(self) -> dict[str, str]:
         """Return the state of every node that answers, by name."""
-        states = await asyncio.gather(*(self._quick_state(name) for name in NODES))
+        states = await asyncio.gather(*(self._state(name) for name in NODES))
         return {name: state for name, state in zip(NODES, states, strict=True) if state}
 
-    async def state(self, node: str) -> str:
-        """Return the node's lifecycle state."""
-        response = await self._call(
-            self._services[node, "get_state"], GetState.Request(), _TRANSITION
-        )
-        return str(response.current_state.label)
+    def _unserved(self, service: Service) -> str:
+        if self._calls.ready(service.type, service.name):
+            return ""
+        return f"nobody serves {service.name} in {self._namespace}"
 
-    async def change(self, node: str, transition: str) -> None:
-        """Ask for a transition and wait for its end.
-
-        Raises:
-            CommandError: The node refused, or did not answer in time.
-        """
-        request = ChangeState.Request(transition=Transition(id=_TRANSITIONS[transition]))
-        response = await self._call(self._services[node, "change_state"], request, _TRANSITION)
+    async def _ask(
+        self, service: Service, request: Any, timeout: float, *, retry: bool = False
+    ) -> str:
+        response = await self._calls.call(service.type, service.name, request, timeout, retry=retry)
         if not response.success:
-            raise CommandError(f"{node} {await self._refusal(node, transition)}")
+            raise CommandError(response.message or f"{service.name} was refused")
+        return str(response.message)
 
-    async def _refusal(self, node: str, transition: str) -> str:
+    async def _lay(self, case: int) -> dict[str, object]:
+        """Return where a simulated machine lays the cable; a real one is not asked.
+
+        What nobody published can only be laid by the model with hidden properties.
+        """
+        lay = (await self._driver.parameters(topics.RIG, [_LAY])).get(_LAY)
+        if lay is None:
+            return {}
+        self._first_lay = self._first_lay or str(lay)
+        return {_LAY: _OWN_LAY if case == 0 else self._first_lay}
+
+    def _readers(self) -> dict[str, int]:
+        """Return how many subscribers the nodes' publishers say they have, by topic."""
+        found: dict[str, int] = {}
+        for node in NODES:
+            found |= subscribers_of(self._health.values(f"{node}: topics"))
+        return found
+
+    async def _heard_by(self, before: Mapping[str, int]) -> str:
+        """Wait until every topic has as many readers as before; return what is missing."""
+        begin = self._clock()
+        while (now := self._clock()) - begin < _MATCHING:
+            told = all(self._health.silent_for(node, now) < now - begin for node in NODES)
+            present = self._readers()
+            missing = [name for name, count in before.items() if present.get(name, 0) < count]
+            if told and not missing:
+                return ""
+            await asyncio.sleep(_LOOK)
+        return f"{missing[0]} has fewer readers than before" if missing else ""
+
+    async def _refusal(self, node: str) -> str:
         """Return what a node says of a refused transition; it says so within a second."""
         begin = self._clock()
         while (now := self._clock()) - begin < _ANSWER:
@@ -229,64 +301,21 @@ class ServiceClient:
             if self._health.silent_for(node, now) < now - begin and said.startswith(_CANNOT):
                 return said
             await asyncio.sleep(_LOOK)
-        return f"refused to {transition}; the list of nodes says why"
+        return "refused; the list of nodes says why"
 
-    async def set_parameters(self, node: str, values: Mapping[str, object]) -> None:
-        """Set parameters all at once.
-
-        Raises:
-            CommandError: The node refused, or did not answer in time.
-        """
-        request = SetParametersAtomically.Request(
-            parameters=[
-                Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
-            ]
-        )
-        response = await self._call(
-            self._services[node, "set_parameters_atomically"], request, _ANSWER
-        )
-        if not response.result.successful:
-            raise CommandError(f"{node}: {response.result.reason}")
-
-    async def _quick_state(self, node: str) -> str:
-        client = self._services[node, "get_state"]
-        if not client.service_is_ready():
+    async def _state(self, node: str) -> str:
+        if self._driver.unserved([node]):
             return ""
         try:
-            response = await self._call(client, GetState.Request(), _QUICK)
-        except CommandError:
+            return str((await self._driver.state(node, _QUICK)).label)
+        except TimeoutError:
             return "no answer"
-        return str(response.current_state.label)
 
-    async def _insist(self, client: Any, request: Any) -> Any:
-        """Repeat a request that may be repeated until somebody answers."""
-        try:
-            async with asyncio.timeout(_ANSWER):
-                while True:
-                    try:
-                        return await self._call(client, request, _EMERGENCY_REPEAT)
-                    except CommandError:
-                        continue
-        except TimeoutError:
-            raise CommandError(
-                f"no answer from {client.srv_name} in {_ANSWER:g} s: use the machine's own button"
-            ) from None
 
-    async def _call(self, client: Any, request: Any, timeout: float) -> Any:
-        loop = asyncio.get_running_loop()
-        answer: asyncio.Future[Any] = loop.create_future()
-        pending = client.call_async(request)
-
-        def hand_over(done: Any) -> None:
-            def settle() -> None:
-                if not answer.done():
-                    answer.set_result(done.result())
-
-            loop.call_soon_threadsafe(settle)
-
-        pending.add_done_callback(hand_over)
-        try:
-            return await asyncio.wait_for(answer, timeout)
-        except TimeoutError:
-            client.remove_pending_request(pending)
-            raise CommandError(f"no answer from {client.srv_name} in {timeout:g} s") from None
+@asynccontextmanager
+async def _as_commands() -> AsyncIterator[None]:
+    """Turn what a node refuses or leaves unanswered into a sentence for the operator."""
+    try:
+        yield
+    except (GraphError, TimeoutError) as error:
+        raise CommandError(str(error)) from None

@@ -1,7 +1,8 @@
-"""What the page can ask of the graph, and the order in which it asks."""
+"""What the page can ask of the graph, and when."""
 
 from __future__ import annotations
 
+<<<<<<< HEAD
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,6 +11,12 @@ from typing import Protocol
 from winding_core.condition import Condition
 
 UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
+=======
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+>>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
 START, STOP, RESET, EMERGENCY_STOP = "start", "stop", "reset", "emergency_stop"
 
 
@@ -70,59 +77,6 @@ class Graph(Protocol):
         """
 
 
-class Lifecycle(Protocol):
-    """Managed nodes by name."""
-
-    async def state(self, node: str) -> str:
-        """Return the node's lifecycle state."""
-
-    async def change(self, node: str, transition: str) -> None:
-        """Ask for `configure`, `activate`, `deactivate` or `cleanup`; raise CommandError."""
-
-    async def set_parameters(self, node: str, values: Mapping[str, object]) -> None:
-        """Set parameters all at once; raise CommandError with the node's own reason."""
-
-
-async def prepare(
-    graph: Lifecycle,
-    nodes: Sequence[str],
-    values: Mapping[str, Mapping[str, object]],
-    tell: Callable[[str], None],
-) -> None:
-    """Take every node down, set its parameters, and bring all up again.
-
-    Args:
-        graph: The nodes.
-        nodes: Their names in the order of activation: listeners first, the machine last.
-        values: Parameters by node.
-        tell: Takes one sentence for each stage.
-
-    Raises:
-        CommandError: A node refused; those after it are left as they were.
-    """
-    tell("taking the nodes down")
-    for node in reversed(nodes):
-        if await graph.state(node) == ACTIVE:
-            await graph.change(node, "deactivate")
-        if await graph.state(node) == INACTIVE:
-            await graph.change(node, "cleanup")
-    for node in nodes:
-        await graph.set_parameters(node, values.get(node, {}))
-    tell("building the models; the prediction of the run takes some seconds")
-    await asyncio.gather(*(graph.change(node, "configure") for node in nodes))
-    tell("switching on")
-    for node in nodes:
-        await graph.change(node, "activate")
-
-
-async def renew(graph: Lifecycle, nodes: Sequence[str]) -> None:
-    """Pause and resume nodes that are active, so that they begin a new run."""
-    for node in nodes:
-        if await graph.state(node) == ACTIVE:
-            await graph.change(node, "deactivate")
-            await graph.change(node, "activate")
-
-
 # What the machine refuses in which phase, so that the page can say so before a click.
 _OUT_OF_PHASE = {
     (START, "winding"): "the machine is winding",
@@ -131,8 +85,6 @@ _OUT_OF_PHASE = {
     (RESET, "winding"): "stop the machine first",
     (RESET, "stopping"): "the machine is still stopping",
 }
-
-
 _WORKING = ("active", "no answer", "")
 
 
