@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from correction_node.live.corrector import Corrector
-from correction_node.models.weights import SHIPPED, load_weight, weights_directory
+from correction_node.models.weights import SHIPPED, load_factor, weights_directory
 from winding_core.cases import paper_case
 from winding_core.markers import CORRECTED_DTYPE, Markers, wound_markers
 
@@ -50,7 +50,7 @@ def seconds(action: Callable[[], Any]) -> float:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_correction_beside_a_multiplication(bench: Any, name: str) -> None:
-    corrector, predicted = Corrector(load_weight(weights_directory(name))), markers()
+    corrector, predicted = Corrector(load_factor(weights_directory(name))), markers()
     corrector.factor(CASE)
     rounds = [
         (

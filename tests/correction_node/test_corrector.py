@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from correction_node.live.corrector import Corrector
-from correction_node.models.weights import load_weight, weights_directory
+from correction_node.models.weights import load_factor, weights_directory
 from winding_core.cases import paper_case
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
 
-CORRECTOR = Corrector(load_weight(weights_directory("paper")))
+CORRECTOR = Corrector(load_factor(weights_directory("paper")))
 CASE = paper_case(7)
 
 
@@ -134,7 +134,7 @@ def test_nothing_in_gives_nothing_out() -> None:
 
 
 def test_every_marker_has_its_own_h_where_the_model_gives_one() -> None:
-    corrector = Corrector(load_weight(weights_directory("rod")))
+    corrector = Corrector(load_factor(weights_directory("rod")))
     by_marker = corrector.factor(CASE).by_marker
     assert len(set(by_marker)) == 4
     corrected = corrector.correct(_markers(), CASE)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from correction_node.models.dataset import load_data_set
-from correction_node.models.weights import load_weight, save_weight
+from correction_node.models.weights import load_factor, save_factor
 from correction_node.training.baselines import BASELINES
 from correction_node.training.learners import LEARNERS, RIG, RIG_NETWORK
 from correction_node.training.protocol import learn, verdict
@@ -37,7 +37,7 @@ def test_model_and_baselines_are_scored_alike(learned) -> None:
 
 def test_the_card_says_what_the_weights_come_from(learned) -> None:
     name, result = learned
-    card = result.weight.card
+    card = result.factor.card
     assert card["data"] == {"name": "rod", "sha256": DATA.sha256, "cells": 45, "cases": 12}
     assert card["training"].get("seed") == (3 if LEARNERS[name].seeded else None)
     assert set(card["errors"]) == set(result.scores)
@@ -46,7 +46,7 @@ def test_the_card_says_what_the_weights_come_from(learned) -> None:
 
 def test_the_card_of_a_form_found_on_these_cells_says_so(learned) -> None:
     name, result = learned
-    said = "with all 45 cells in view" in result.weight.card["selection"]
+    said = "with all 45 cells in view" in result.factor.card["selection"]
     assert said == (name in (RIG, RIG_NETWORK))
 
 
@@ -62,9 +62,9 @@ def test_a_case_that_is_left_out_is_never_seen(learned) -> None:
 
 
 def test_what_was_learned_can_be_saved_and_used(learned, tmp_path) -> None:
-    weight = learned[1].weight
-    save_weight(weight, tmp_path)
-    assert load_weight(tmp_path).factor(paper_case(2)) == weight.factor(paper_case(2))
+    factor = learned[1].factor
+    save_factor(factor, tmp_path)
+    assert load_factor(tmp_path).factor(paper_case(2)) == factor.factor(paper_case(2))
 
 
 def test_the_verdict_names_who_is_best_on_cases_never_seen(learned) -> None:
@@ -93,8 +93,8 @@ def test_correcting_needs_no_torch() -> None:
     asked = (
         "import sys; from winding_core.cases import paper_case; "
         "from correction_node.live.corrector import Corrector; "
-        "from correction_node.models.weights import SHIPPED, load_weight, weights_directory; "
-        "[Corrector(load_weight(weights_directory(n))).factor(paper_case(1)) for n in SHIPPED]; "
+        "from correction_node.models.weights import SHIPPED, load_factor, weights_directory; "
+        "[Corrector(load_factor(weights_directory(n))).factor(paper_case(1)) for n in SHIPPED]; "
         "sys.exit('torch' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", asked], check=False).returncode == 0

@@ -10,11 +10,11 @@ from correction_node.live.measured_run import SETTLED_FRAMES
 from correction_node.live.run_corrector import ARRIVAL, RunCorrector
 from correction_node.live.within_run import published_within_run
 from correction_node.models.dataset import load_data_set
-from correction_node.models.weights import load_weight, weights_directory
+from correction_node.models.weights import load_factor, weights_directory
 from winding_core.cases import Case, paper_case
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
-CORRECTOR = Corrector(load_weight(weights_directory("rod")))
+CORRECTOR = Corrector(load_factor(weights_directory("rod")))
 LAW = published_within_run()
 # Its increments grow along the cable, and all four markers were measured.
 NUMBER = 9
@@ -89,7 +89,7 @@ def test_a_first_measured_marker_carries_the_weights_increments(run: RunCorrecto
 
 def test_one_measured_marker_helps_cases_that_the_weight_never_saw() -> None:
     cells = load_data_set("rod").cells
-    left_out = load_weight(weights_directory("rod")).card["h_left_out"]
+    left_out = load_factor(weights_directory("rod")).card["h_left_out"]
     bound = CORRECTOR.factor(CASE).relative_bound
     alone, helped, covered = [], [], []
     for number in range(1, 13):

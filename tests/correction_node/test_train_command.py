@@ -5,7 +5,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from correction_node.models.weights import SHIPPED, load_weight, weights_directory
+from correction_node.models.weights import SHIPPED, load_factor, weights_directory
 from correction_node.training.baselines import BASELINES
 from correction_node.training.comparison import ONE_H_PER_CASE
 from correction_node.training.learners import LEARNERS
@@ -27,7 +27,7 @@ def test_training_writes_weights_and_says_how_good_they_are(command, tmp_path) -
         ["--model", "network", "--data", "paper", "--steps", "2", "--seed", "5", "--out", str(out)],
     )
     assert done.exit_code == 0, done.output
-    assert load_weight(out).card["training"]["seed"] == 5
+    assert load_factor(out).card["training"]["seed"] == 5
     for said in ("leave one case out", "network", "ridge", "On cases left out"):
         assert said in done.output
 
@@ -46,7 +46,7 @@ def test_a_shipped_weight_comes_out_of_its_model_again(command, tmp_path, name) 
     data, model = SHIPPED[name]
     done = CliRunner().invoke(command, ["--data", data, "--model", model, "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
-    shipped, again = load_weight(weights_directory(name)), load_weight(tmp_path)
+    shipped, again = load_factor(weights_directory(name)), load_factor(tmp_path)
     for case in paper_cases():
         # Bits are equal on one machine; another processor may round sums in another order.
         np.testing.assert_allclose(

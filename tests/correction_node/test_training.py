@@ -11,7 +11,7 @@ from correction_node.models.evaluation import cell_errors_pct
 from correction_node.models.inputs import condition_inputs
 from correction_node.models.perceptron import Perceptron
 from correction_node.training.learners import learn_network
-from correction_node.training.network import WeightNetworks
+from correction_node.training.network import FactorNetworks
 from correction_node.training.training import Problem, TrainingConfig, train
 
 CELLS = load_data_set("paper").cells
@@ -27,7 +27,7 @@ ALL = problem(CELLS)
 
 
 def test_the_network_has_the_papers_shape() -> None:
-    networks = WeightNetworks(3, [0])
+    networks = FactorNetworks(3, [0])
     shapes = [tuple(weight.shape[1:]) for weight in networks.weights]
     assert shapes == [(10, 3), (10, 10), (10, 10), (1, 10)]
     # First layer 40, two inner layers 110 each, output 11.
@@ -70,7 +70,7 @@ def test_the_papers_network_minimises_equation_five() -> None:
     np.testing.assert_array_equal(model.h(CELLS), trained.h(ALL.inputs))
 
 
-def _plain(networks: WeightNetworks, low, high) -> Perceptron:
+def _plain(networks: FactorNetworks, low, high) -> Perceptron:
     return Perceptron(
         weights=tuple(weight[0].detach().numpy() for weight in networks.weights),
         biases=tuple(bias[0].detach().numpy() for bias in networks.biases),
@@ -83,7 +83,7 @@ LOW, HIGH = np.array([0.03, 0.002, 11.0]), np.array([0.06, 0.006, 14.0])
 
 
 def test_plain_arrays_predict_what_torch_predicts() -> None:
-    networks = WeightNetworks(3, [5])
+    networks = FactorNetworks(3, [5])
     inputs = np.random.default_rng(0).uniform(LOW, HIGH, (20, 3))
     x = torch.from_numpy(Perceptron.normalised(inputs, LOW, HIGH))
     expected = networks(x[None])[0].detach().numpy()
@@ -92,7 +92,7 @@ def test_plain_arrays_predict_what_torch_predicts() -> None:
 
 
 def test_beyond_the_trained_range_h_stays_what_it_is_at_the_edge() -> None:
-    plain = _plain(WeightNetworks(3, [5]), LOW, HIGH)
+    plain = _plain(FactorNetworks(3, [5]), LOW, HIGH)
     assert plain.h(HIGH[None] * 2.0) == plain.h(HIGH[None])
 
 

@@ -8,15 +8,15 @@ import pytest
 
 from correction_node.models.dataset import load_data_set
 from correction_node.models.evaluation import cell_errors_pct
+from correction_node.models.factor_models import NetworkModel
 from correction_node.models.inputs import conditions_of
 from correction_node.models.perceptron import Perceptron
-from correction_node.models.weight_models import NetworkModel
 from correction_node.models.weights import (
     CARD_FILE,
     SHIPPED,
     WEIGHTS_FILE,
-    load_weight,
-    save_weight,
+    load_factor,
+    save_factor,
     weights_directory,
 )
 from correction_node.ros.parameters import CorrectionParameters
@@ -30,9 +30,9 @@ PAPER = weights_directory("paper")
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_weight_survives_the_way_to_disk(tmp_path, name: str) -> None:
     folder = weights_directory(name)
-    shipped = load_weight(folder)
-    save_weight(shipped, tmp_path / "new" / "folder")
-    again = load_weight(tmp_path / "new" / "folder")
+    shipped = load_factor(folder)
+    save_factor(shipped, tmp_path / "new" / "folder")
+    again = load_factor(tmp_path / "new" / "folder")
     for case in paper_cases():
         assert again.factor(case) == shipped.factor(case)
     for file in (WEIGHTS_FILE, CARD_FILE):
@@ -41,7 +41,7 @@ def test_a_weight_survives_the_way_to_disk(tmp_path, name: str) -> None:
 
 def test_missing_weights_say_how_to_make_them(tmp_path) -> None:
     with pytest.raises(FileNotFoundError, match=r"no trained weights at .*: run `winding train`"):
-        load_weight(tmp_path)
+        load_factor(tmp_path)
 
 
 def _copy(directory) -> None:
@@ -64,7 +64,7 @@ def test_a_damaged_file_is_refused(tmp_path, file: str, content: bytes, sentence
     _copy(tmp_path)
     (tmp_path / file).write_bytes(content)
     with pytest.raises(ValueError, match=sentence):
-        load_weight(tmp_path)
+        load_factor(tmp_path)
 
 
 @pytest.mark.parametrize("flip", [200, 900, 2000])
@@ -74,7 +74,7 @@ def test_one_flipped_bit_is_noticed(tmp_path, flip: int) -> None:
     content[flip] ^= 1
     (tmp_path / WEIGHTS_FILE).write_bytes(bytes(content))
     with pytest.raises(ValueError, match="does not match its card"):
-        load_weight(tmp_path)
+        load_factor(tmp_path)
 
 
 def test_a_card_of_another_schema_is_refused(tmp_path) -> None:
@@ -83,26 +83,26 @@ def test_a_card_of_another_schema_is_refused(tmp_path) -> None:
     card["schema"] = "someone-elses/7"
     (tmp_path / CARD_FILE).write_text(json.dumps(card))
     with pytest.raises(ValueError, match="someone-elses/7"):
-        load_weight(tmp_path)
+        load_factor(tmp_path)
 
 
 def _with(perceptron: Perceptron, tmp_path) -> None:
     model = NetworkModel(inputs="condition", perceptron=perceptron)
-    save_weight(dataclasses.replace(load_weight(PAPER), model=model), tmp_path)
+    save_factor(dataclasses.replace(load_factor(PAPER), model=model), tmp_path)
 
 
 def test_a_network_of_another_shape_is_refused(tmp_path) -> None:
-    shipped = load_weight(PAPER).model.perceptron
+    shipped = load_factor(PAPER).model.perceptron
     _with(dataclasses.replace(shipped, weights=(shipped.weights[0][:, :2],) * 4), tmp_path)
     with pytest.raises(ValueError, match="does not hold the trained model"):
-        load_weight(tmp_path)
+        load_factor(tmp_path)
 
 
 def test_a_weight_that_is_not_a_number_is_refused(tmp_path) -> None:
-    shipped = load_weight(PAPER).model.perceptron
+    shipped = load_factor(PAPER).model.perceptron
     _with(dataclasses.replace(shipped, low=np.full(3, np.nan)), tmp_path)
     with pytest.raises(ValueError, match="not finite"):
-        load_weight(tmp_path)
+        load_factor(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -119,11 +119,11 @@ def test_a_form_that_is_not_known_is_refused(tmp_path, change, sentence: str) ->
     card["form"] |= change
     (tmp_path / CARD_FILE).write_text(json.dumps(card))
     with pytest.raises(ValueError, match=sentence):
-        load_weight(tmp_path)
+        load_factor(tmp_path)
 
 
 def test_outside_the_trained_conditions_nothing_is_corrected() -> None:
-    shipped = load_weight(PAPER)
+    shipped = load_factor(PAPER)
     thick = dataclasses.replace(paper_case(4), number=0, cable_diameter=0.010)
     factor = shipped.factor(thick)
     assert factor.h == 1.0
@@ -133,17 +133,17 @@ def test_outside_the_trained_conditions_nothing_is_corrected() -> None:
 
 def test_beyond_the_trained_turns_nothing_is_corrected() -> None:
     longer = dataclasses.replace(paper_case(4), number=0, marker_count=5)
-    factor = load_weight(weights_directory("rod")).factor(longer)
+    factor = load_factor(weights_directory("rod")).factor(longer)
     assert factor.by_marker == (1.0,) * 5
     assert factor.outside is not None
     assert "5.305 turns" in factor.outside
     # One h per case has nothing to say about markers.
-    assert load_weight(PAPER).factor(longer).outside is None
+    assert load_factor(PAPER).factor(longer).outside is None
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_shipped_card_tells_the_truth_about_the_shipped_weights(name: str) -> None:
-    weight = load_weight(weights_directory(name))
+    weight = load_factor(weights_directory(name))
     data, model = SHIPPED[name]
     cells = load_data_set(data).cells
     assert weight.name == model
@@ -156,14 +156,14 @@ def test_the_shipped_card_tells_the_truth_about_the_shipped_weights(name: str) -
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_shipped_recipe_is_the_default_one(name: str) -> None:
-    weight = load_weight(weights_directory(name))
+    weight = load_factor(weights_directory(name))
     recipe = {"seed": 0, **dataclasses.asdict(TrainingConfig())}
     assert weight.card["training"] == (recipe if LEARNERS[weight.name].seeded else {})
 
 
 @pytest.mark.parametrize("name", ["rod", "rod_rig", "rod_marker_network", "rod_network"])
 def test_a_run_is_corrected_as_the_card_says(name: str) -> None:
-    weight = load_weight(weights_directory(name))
+    weight = load_factor(weights_directory(name))
     for case in paper_cases():
         conditions = conditions_of(case, weight.law)
         h = [c for c in load_data_set("rod").cells if c.case == case.number]
@@ -176,7 +176,7 @@ def test_a_run_is_corrected_as_the_card_says(name: str) -> None:
 
 def test_the_default_weight_is_the_best_of_the_shipped_on_cases_left_out() -> None:
     errors = {
-        name: load_weight(weights_directory(name)).errors["leave_one_case_out_pct"]
+        name: load_factor(weights_directory(name)).errors["leave_one_case_out_pct"]
         for name, (data, _) in SHIPPED.items()
         if data == "rod"
     }
@@ -185,4 +185,4 @@ def test_the_default_weight_is_the_best_of_the_shipped_on_cases_left_out() -> No
 
 def test_our_network_beats_the_papers_table_8_on_the_papers_own_simulation() -> None:
     # Paper, Table 8: 4.81 %. One h per case cannot do better than 4.16 %.
-    assert 4.15 < load_weight(PAPER).errors["in_sample_pct"] <= 4.4
+    assert 4.15 < load_factor(PAPER).errors["in_sample_pct"] <= 4.4

@@ -11,6 +11,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from correction_node.live.neighbours import Noise
 from correction_node.models.dataset import join_experiment
 from correction_node.models.evaluation import cell_errors_pct
 from correction_node.training.comparison import (
@@ -21,7 +22,7 @@ from correction_node.training.comparison import (
     ModelScore,
 )
 from correction_node.training.learners import RIG
-from correction_node.training.repeatability import Noise, NoiseAccuracy
+from correction_node.training.repeatability import NoiseAccuracy
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
 from winding_core.published import Lay, published_markers
@@ -195,7 +196,7 @@ def test_the_papers_weights_stand_beside_ours_when_its_simulation_is_the_base() 
         cells=cells,
         models={"network": _score(cells, LEARNED, 1.0, 3.0)},
     )
-    assert published.weights_by_case()[1]["paper"] == pytest.approx(1.1636)
+    assert published.factors_by_case()[1]["paper"] == pytest.approx(1.1636)
     assert published.as_json()["base"] == "paper's simulation"
     assert "Without any correction our" not in published.verdict()
     assert _Page(render_study(published)).headings[0] == "The paper's twelve cases"

@@ -1,1 +1,1 @@
-"""Learned weight: data set, network, training, uncertainty, known conditions, correction."""
+"""Correction factor: data set, network, training, uncertainty, known conditions, correction."""

@@ -1,4 +1,4 @@
-"""ROS adapter of the learned weight: predicted and measured markers in, corrected lengths out."""
+"""ROS adapter of the correction: predicted and measured markers in, corrected lengths out."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from winding_ros.managed_node import ManagedNode
 class CorrectionNode(ManagedNode[CorrectionParameters]):
     """Corrects predicted lengths, and names the case the run resembles.
 
-    Before anything is measured a length is h times the prediction, h being the learned weight;
+    Before anything is measured a length is h times the prediction, h being the learned factor;
     afterwards it follows from the markers measured before it. `/diagnostics` says which under
     ``basis``.
 
@@ -32,7 +32,7 @@ class CorrectionNode(ManagedNode[CorrectionParameters]):
         return self._handler.run
 
     def configure(self) -> None:
-        """Load the weight; subscribe."""
+        """Load the factor; subscribe."""
         self._handler = CorrectionHandler(self.configuration)
         self.endpoints.connect(self._handler)
 
@@ -41,7 +41,7 @@ class CorrectionNode(ManagedNode[CorrectionParameters]):
         self.publish(self._handler.begin(self.get_clock().now().nanoseconds * 1e-9))
 
     def status(self) -> Status:
-        """Return the weight in use and what speaks against it."""
+        """Return the factor in use and what speaks against it."""
         handler: CorrectionHandler | None = getattr(self, "_handler", None)
         if handler is None:
             return Status(name=topics.CORRECTION, message="not configured")

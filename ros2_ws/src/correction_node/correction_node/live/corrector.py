@@ -9,28 +9,28 @@ from numpy.typing import ArrayLike
 
 from correction_node.live.neighbours import MARKERS, Neighbours, Resemblance
 from correction_node.live.plausibility import implausible
-from correction_node.models.weights import Factor, TrainedWeight
+from correction_node.models.weights import Factor, TrainedFactor
 from winding_core.cases import Case
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, Markers, is_wound
 
 
 class Corrector:
-    """Applies one trained weight.
+    """Applies one trained correction factor.
 
     Args:
-        weight: The trained weight.
+        trained: The trained factor.
         neighbours: The known conditions.
-        law: Material law of the solver that predicts; None for the weight's own.
+        law: Material law of the solver that predicts; None for the factor's own.
     """
 
     def __init__(
         self,
-        weight: TrainedWeight,
+        trained: TrainedFactor,
         neighbours: Neighbours | None = None,
         *,
         law: str | None = None,
     ) -> None:
-        self._weight = weight
+        self._trained = trained
         self._law = law
         self._neighbours = neighbours or Neighbours()
         self._factors: dict[Case, Factor] = {}
@@ -41,7 +41,7 @@ class Corrector:
         The first call for a condition works it out; ask before the run.
         """
         if condition not in self._factors:
-            self._factors[condition] = self._weight.factor(condition, self._law)
+            self._factors[condition] = self._trained.factor(condition, self._law)
         return self._factors[condition]
 
     def correct(self, fem_markers: Markers, condition: Case) -> Markers:

@@ -1,4 +1,4 @@
-"""Corrects the prediction of a running machine: by the learned weight, then by what it measures."""
+"""Corrects the prediction of a running machine: by the learned factor, then by what it measures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BELIEVED_SHARE = 0.25
 ARRIVAL = 0.5
 # Table 1 prints its spacings to the millimetre.
 _ROUNDING = 1.0e-3
-# A guess, as for the weight: there is no data outside the trained conditions.
+# A guess, as for the factor: there is no data outside the trained conditions.
 OUTSIDE_FACTOR = 2.0
 
 
@@ -42,9 +42,9 @@ class _Expected:
 class RunCorrector:
     """Corrects predicted markers, each from the markers measured before it.
 
-    With nothing measured it is h S_FEM of the learned weight. With one measured marker P_m it is
-    S_m + (h_n S_FEM_n - h_m S_FEM_m), with the weight's relative bound on what lies ahead. From
-    two on it is the law within a run, with its own bounds, which no longer asks the weight. A
+    With nothing measured it is h S_FEM of the learned factor. With one measured marker P_m it is
+    S_m + (h_n S_FEM_n - h_m S_FEM_m), with the factor's relative bound on what lies ahead. From
+    two on it is the law within a run, with its own bounds, which no longer asks the factor. A
     marker's own measurement never corrects it, so what is published stays a prediction that can
     be judged by the measurement.
 
@@ -75,9 +75,9 @@ class RunCorrector:
     @property
     def outside(self) -> str | None:
         """Why the law within a run is not known to hold here, or None."""
-        weight = self._corrector.factor(self._condition).outside
-        if weight is not None:
-            return weight
+        outside = self._corrector.factor(self._condition).outside
+        if outside is not None:
+            return outside
         spacings = [row.marker_spacing for row in published_conditions().values()]
         low, high, mine = min(spacings), max(spacings), self._condition.marker_spacing
         if not low * (1.0 - _ROUNDING) <= mine <= high * (1.0 + _ROUNDING):
@@ -106,14 +106,14 @@ class RunCorrector:
         ]
         corrected = self._corrector.correct(fem_markers, self._condition)
         predicted = self._by_marker(corrected, "s_fem")
-        weighted = self._by_marker(corrected, "s")
-        widths = self._by_marker(corrected, "s_high") - weighted
+        factored = self._by_marker(corrected, "s")
+        widths = self._by_marker(corrected, "s_high") - factored
         measured = self.measured.known_at(t - ARRIVAL)
         believed = np.full(count, np.nan)
         for row, marker in enumerate(corrected["id"].tolist()):
             if marker == 0:
                 continue
-            expected = self._expected(marker, predicted, weighted, widths, believed)
+            expected = self._expected(marker, predicted, factored, widths, believed)
             corrected["s"][row] = expected.s
             corrected["h"][row] = expected.s / predicted[marker - 1]
             corrected["s_low"][row] = max(0.0, expected.s - expected.half_width)
@@ -131,7 +131,7 @@ class RunCorrector:
         return corrected
 
     def _expected(
-        self, marker: int, predicted: Array, weighted: Array, widths: Array, believed: Array
+        self, marker: int, predicted: Array, factored: Array, widths: Array, believed: Array
     ) -> _Expected:
         found = self._law.length_ahead(
             marker,
@@ -142,11 +142,11 @@ class RunCorrector:
         if found is not None:
             half = self._widening * self._law.half_width(found)
             return _Expected(s=found.s, half_width=half, tolerance=BELIEVED_WIDTHS * half)
-        s = float(weighted[marker - 1])
+        s = float(factored[marker - 1])
         before = np.flatnonzero(np.isfinite(believed[: marker - 1]))
         start, known = 0.0, 0.0
         if len(before):
-            start, known = float(weighted[before[-1]]), float(believed[before[-1]])
+            start, known = float(factored[before[-1]]), float(believed[before[-1]])
         ahead = s - start
         half = float(widths[marker - 1]) / s * ahead
         tolerance = max(BELIEVED_WIDTHS * half, BELIEVED_SHARE * ahead)

@@ -1,4 +1,4 @@
-"""The cells that the weight is learned from: predicted and measured length of each marker."""
+"""The cells that a factor is learned from: predicted and measured length of each marker."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The trained weight on disk: numbers as safetensors, everything about them in card.json."""
+"""The trained factor on disk: numbers as safetensors, everything about them in card.json."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
+from correction_node.models.factor_models import FactorModel, read_model
 from correction_node.models.inputs import conditions_of
 from correction_node.models.uncertainty import Bound, TrainingBox
-from correction_node.models.weight_models import WeightModel, read_model
 from winding_core.cases import Case
 
 SCHEMA = "cable-winding-twin/correction-weight/2"
@@ -53,7 +53,7 @@ class Factor:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainedWeight:
+class TrainedFactor:
     """A fitted h with its reach and its uncertainty.
 
     Attributes:
@@ -67,7 +67,7 @@ class TrainedWeight:
     """
 
     name: str
-    model: WeightModel
+    model: FactorModel
     law: str
     box: TrainingBox
     bound: Bound
@@ -106,19 +106,19 @@ def weights_directory(name: str) -> Path:
     return Path(name)
 
 
-def save_weight(weight: TrainedWeight, directory: Path) -> None:
+def save_factor(factor: TrainedFactor, directory: Path) -> None:
     """Write weights and card into a folder, which is made when missing."""
-    content = save_tensors(weight.model.tensors(), metadata={"schema": SCHEMA})
+    content = save_tensors(factor.model.tensors(), metadata={"schema": SCHEMA})
     card = {
         "schema": SCHEMA,
-        **weight.card,
-        "name": weight.name,
-        "form": weight.model.form(),
-        "law": weight.law,
+        **factor.card,
+        "name": factor.name,
+        "form": factor.model.form(),
+        "law": factor.law,
         "weights_sha256": hashlib.sha256(content).hexdigest(),
-        "box": asdict(weight.box),
-        "bound": asdict(weight.bound),
-        "outside_bound": weight.outside_bound,
+        "box": asdict(factor.box),
+        "bound": asdict(factor.bound),
+        "outside_bound": factor.outside_bound,
     }
     directory.mkdir(parents=True, exist_ok=True)
     (directory / WEIGHTS_FILE).write_bytes(content)
@@ -127,8 +127,8 @@ def save_weight(weight: TrainedWeight, directory: Path) -> None:
     )
 
 
-def load_weight(directory: Path) -> TrainedWeight:
-    """Return the weight that `save_weight` wrote.
+def load_factor(directory: Path) -> TrainedFactor:
+    """Return the factor that `save_factor` wrote.
 
     Raises:
         FileNotFoundError: There are no trained weights in the folder.
@@ -155,7 +155,7 @@ def load_weight(directory: Path) -> TrainedWeight:
         raise ValueError(f"{card_file} has schema {card['schema']!r}, expected {SCHEMA!r}")
     if hashlib.sha256(content).hexdigest() != digest:
         raise ValueError(f"{weights_file} does not match its card: run `winding train`")
-    return TrainedWeight(
+    return TrainedFactor(
         name=name,
         model=_model(form, content, weights_file),
         law=law,
@@ -166,7 +166,7 @@ def load_weight(directory: Path) -> TrainedWeight:
     )
 
 
-def _model(form: dict[str, Any], content: bytes, source: Path) -> WeightModel:
+def _model(form: dict[str, Any], content: bytes, source: Path) -> FactorModel:
     try:
         tensors = load_tensors(content)
         model = read_model(form, tensors)

@@ -1,1 +1,1 @@
-"""ROS side of the learned weight without a node: what it answers to which message."""
+"""ROS side of the learned correction factor without a node: what it answers to which message."""

@@ -11,7 +11,7 @@ from correction_node.live.corrector import Corrector
 from correction_node.live.neighbours import MARKERS
 from correction_node.live.run_corrector import RunCorrector
 from correction_node.live.within_run import published_within_run
-from correction_node.models.weights import load_weight, weights_directory
+from correction_node.models.weights import load_factor, weights_directory
 from correction_node.ros.parameters import CorrectionParameters
 from winding_core.markers import MARKER_DTYPE
 from winding_ros import topics
@@ -22,20 +22,20 @@ from winding_ros.topic import Topic
 
 
 class CorrectionHandler:
-    """Corrects predicted lengths by weight and measurement; names the case the run resembles.
+    """Corrects predicted lengths by factor and measurement; names the case the run resembles.
 
     Attributes:
-        errors: Of the weight, from its card.
-        factor: The weight h for this condition.
+        errors: Of the factor, from its card.
+        factor: The correction factor h for this condition.
         run: What is measured of this run, and what it says of the rest.
     """
 
     def __init__(self, wanted: CorrectionParameters) -> None:
         what = wanted.resolved()
         condition = what.case
-        weight = load_weight(weights_directory(wanted.weights))
-        self.errors = weight.errors
-        self._corrector = Corrector(weight, law=what.law)
+        trained = load_factor(weights_directory(wanted.weights))
+        self.errors = trained.errors
+        self._corrector = Corrector(trained, law=what.law)
         self.factor = self._corrector.factor(condition)
         self.run = RunCorrector(self._corrector, published_within_run(), condition)
         self._told: tuple[frozenset[int], frozenset[int], Mapping[int, float]]

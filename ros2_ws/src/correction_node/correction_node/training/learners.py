@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from correction_node.models.dataset import Array, LengthCell, lengths
+from correction_node.models.factor_models import FactorModel, NetworkModel, RigModel
 from correction_node.models.inputs import INPUTS
 from correction_node.models.rig import RIG_LAW, LayOns, fit_rig
-from correction_node.models.weight_models import NetworkModel, RigModel, WeightModel
 from correction_node.training.training import Problem, TrainingConfig, train
 
 _WEIGHT_DECAY = (
@@ -29,7 +29,7 @@ _FORM = (
 )
 
 CellSets = Sequence[Sequence[LengthCell]]
-LearnAll = Callable[[CellSets, TrainingConfig, Sequence[int]], Sequence[WeightModel]]
+LearnAll = Callable[[CellSets, TrainingConfig, Sequence[int]], Sequence[FactorModel]]
 
 NETWORK = "network"
 MARKER_NETWORK = "marker network"

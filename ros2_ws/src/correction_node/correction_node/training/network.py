@@ -12,7 +12,7 @@ from torch import Tensor, nn
 HIDDEN = (10, 10, 10)
 
 
-class WeightNetworks(nn.Module):
+class FactorNetworks(nn.Module):
     """Networks h = f(inputs) side by side, one for each seed; inputs normalised to [-1, 1].
 
     They share nothing but their shape: the gradient of the sum of their losses is each one's own.

@@ -1,4 +1,4 @@
-"""The whole way from measured cells to a weight with its card: learn, hold out, compare, bound."""
+"""The whole way from measured cells to a factor with its card: learn, hold out, compare, bound."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import numpy as np
 
 from correction_node.models.dataset import Array, DataSet, LengthCell, case_numbers, lengths
 from correction_node.models.evaluation import Score, hold_out, score, score_fit, without_each_case
+from correction_node.models.factor_models import FactorModel
 from correction_node.models.rig import reference_law
 from correction_node.models.uncertainty import TrainingBox, conformal_bound
-from correction_node.models.weight_models import WeightModel
-from correction_node.models.weights import TrainedWeight
+from correction_node.models.weights import TrainedFactor
 from correction_node.training.baselines import BASELINES
 from correction_node.training.learners import LEARNERS, NETWORK, Learner
 from correction_node.training.training import TrainingConfig
@@ -32,14 +32,14 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Learned:
-    """A trained weight and everything that was measured on the way.
+    """A trained factor and everything that was measured on the way.
 
     Attributes:
-        weight: The weight that is used.
+        factor: The factor that is used.
         scores: Errors of the model and of every baseline, by name.
     """
 
-    weight: TrainedWeight
+    factor: TrainedFactor
     scores: dict[str, Score]
 
 
@@ -53,8 +53,8 @@ class HeldOut:
         score: Their errors.
     """
 
-    whole: WeightModel
-    left_out: tuple[WeightModel, ...]
+    whole: FactorModel
+    left_out: tuple[FactorModel, ...]
     score: Score
 
 
@@ -82,7 +82,7 @@ def learn_and_hold_out(
 def learn(
     data: DataSet, name: str, config: TrainingConfig, progress: Progress, *, seed: int = 0
 ) -> Learned:
-    """Return the weight learned from a data set, compared with every baseline.
+    """Return the correction factor learned from a data set, compared with every baseline.
 
     Args:
         data: Measured cells with predictions.
@@ -112,7 +112,7 @@ def learn(
         scores[rival] = score_fit(cells, fit)
         progress(f"scored {rival}")
     s_fem, s_exp = lengths(cells)
-    weight = TrainedWeight(
+    factor = TrainedFactor(
         name=name,
         model=held_out.whole,
         law=law,
@@ -121,7 +121,7 @@ def learn(
         outside_bound=OUTSIDE_FACTOR * float(np.abs(s_exp / s_fem - 1.0).max()),
         card=_card(data, name, {"seed": seed, **asdict(config)}, scores),
     )
-    return Learned(weight=weight, scores=scores)
+    return Learned(factor=factor, scores=scores)
 
 
 def verdict(name: str, scores: dict[str, Score]) -> str:

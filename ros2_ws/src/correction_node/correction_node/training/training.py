@@ -1,4 +1,4 @@
-"""Fits the weight h to measured lengths (Eq. 5)."""
+"""Fits the correction factor h to measured lengths (Eq. 5)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import torch
 
 from correction_node.models.dataset import Array
 from correction_node.models.perceptron import Perceptron
-from correction_node.training.network import WeightNetworks
+from correction_node.training.network import FactorNetworks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +97,7 @@ def train(
     target = _stacked([problem.target for problem in problems], longest)
     count = torch.tensor([len(problem.gain) for problem in problems], dtype=torch.float64)
 
-    networks = WeightNetworks(x.shape[2], seeds)
+    networks = FactorNetworks(x.shape[2], seeds)
     optimiser = torch.optim.Adam(networks.parameters(), lr=config.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, config.steps)
     for _ in range(config.steps):

@@ -1,4 +1,4 @@
-"""`winding train`: fit the weight h to the measured lengths and say how good it is."""
+"""`winding train`: fit the correction factor h to the measured lengths and say how good it is."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ def train(
         typer.Option("--compare", help="Only print all models, over seeds 0, 1 and 2."),
     ] = False,
 ) -> None:
-    """Learn the weight h and compare it, in-sample and case by case left out, with baselines."""
+    """Learn the correction factor h and compare it, in-sample and by case left out, with others."""
     from rich.console import Console
 
     from correction_node.models.dataset import load_data_set
-    from correction_node.models.weights import SHIPPED, save_weight, weights_directory
+    from correction_node.models.weights import SHIPPED, save_factor, weights_directory
     from correction_node.training.protocol import learn, verdict
     from correction_node.training.training import TrainingConfig
 
@@ -73,16 +73,16 @@ def train(
     except ValueError as error:
         refuse(error)
     with staged(out) as place:
-        save_weight(learned.weight, place)
+        save_factor(learned.factor, place)
     console.print(_table(learned.scores, data))
     console.print(verdict(model, learned.scores), soft_wrap=True)
-    bound = learned.weight.bound
+    bound = learned.factor.bound
     console.print(
         f"A corrected length is within {100 * bound.relative:.1f} % of the truth for "
         f"{100 * bound.level:.0f} % of cases like these; in-sample numbers promise nothing.",
         soft_wrap=True,
     )
-    console.print(learned.weight.card["selection"], soft_wrap=True)
+    console.print(learned.factor.card["selection"], soft_wrap=True)
     console.print(f"Weights and card: {out}", soft_wrap=True)
 
 

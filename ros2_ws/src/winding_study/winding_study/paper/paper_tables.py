@@ -18,7 +18,7 @@ from winding_study.runs.case_result import CaseResult
 
 Row = Mapping[str, Value]
 # h by (case, marker).
-Weights = Mapping[tuple[int, int], float]
+Factors = Mapping[tuple[int, int], float]
 
 # The published simulation column is 'paper', the experiment 'experiment'.
 PAPER = "paper"
@@ -26,14 +26,14 @@ EXPERIMENT = "experiment"
 
 
 def paper_tables(
-    results: Iterable[CaseResult], cases: Iterable[int], weights: Mapping[str, Weights], who: str
+    results: Iterable[CaseResult], cases: Iterable[int], factors: Mapping[str, Factors], who: str
 ) -> tuple[DataTable, ...]:
     """Return Tables 2 to 8.
 
     Args:
         results: What this project wound; nothing when the paper's simulation is the base.
         cases: Rows of Table 1 that are asked for.
-        weights: h by name of the model whose corrected error Table 8 shows beside the paper's.
+        factors: h by name of the model whose corrected error Table 8 shows beside the paper's.
         who: Name of this project's columns, such as ``rod``.
     """
     wound = {result.case: result.lays for result in results}
@@ -48,7 +48,7 @@ def paper_tables(
         *(_lay_table(number, mm, rows, ours, shown) for number, mm in cables.items()),
         *(_length_table(number, mm, rows, ours, shown) for number, mm in cylinders.items()),
         _error_table(rows, ours, shown),
-        _updated_table(rows, base, weights, shown or "paper's simulation"),
+        _updated_table(rows, base, factors, shown or "paper's simulation"),
     )
 
 
@@ -140,7 +140,7 @@ def _error_table(
 def _updated_table(
     rows: Sequence[PublishedMarker],
     base: Mapping[tuple[int, int], Lay | None],
-    weights: Mapping[str, Weights],
+    factors: Mapping[str, Factors],
     who: str,
 ) -> DataTable:
     recovered = published_weights()
@@ -151,7 +151,7 @@ def _updated_table(
             "paper, as printed": row.updated_error_pct,
             "paper, from its h": _corrected(row, row.simulation, recovered[row.case]),
         }
-        for name, h in weights.items():
+        for name, h in factors.items():
             content[name] = _corrected(row, base[key], h.get(key))
         return content
 

@@ -20,9 +20,9 @@ from correction_node.training.learners import NETWORK, RIG, RIG_NETWORK
 from winding_core.published import published_markers, published_weights
 from winding_study.documents.data_table import DataTable
 from winding_study.paper.comparison import Comparison, compare_paper
-from winding_study.paper.paper_tables import Weights, paper_tables
+from winding_study.paper.paper_tables import Factors, paper_tables
 from winding_study.paper.study import StudyConfig
-from winding_study.paper.study_tables import cells_table, means_table, models_table, weights_table
+from winding_study.paper.study_tables import cells_table, factors_table, means_table, models_table
 from winding_study.runs.case_result import CaseResult
 
 PUBLISHED = "paper's simulation"
@@ -74,9 +74,9 @@ class StudyRecord:
         """The best of the models that learn."""
         return _lowest(self.models, (LEARNED,))
 
-    def table_eight(self) -> dict[str, Weights]:
+    def table_eight(self) -> dict[str, Factors]:
         """Return h of the models whose corrected errors stand in Table 8, by column name."""
-        shown: dict[str, Weights] = {}
+        shown: dict[str, Factors] = {}
         for name in dict.fromkeys((NETWORK, self.best_learned)):
             if name is not None and name in self.models:
                 model = self.models[name]
@@ -118,11 +118,11 @@ class StudyRecord:
 
     def own_tables(self) -> tuple[DataTable, ...]:
         """Return what the paper has no table of."""
-        weights = self.weights_by_case()
-        models = (models_table(self.models), weights_table(weights)) if weights else ()
+        factors = self.factors_by_case()
+        models = (models_table(self.models), factors_table(factors)) if factors else ()
         return (*models, *(table for table in (self.within, self.noise) if table is not None))
 
-    def weights_by_case(self) -> dict[int, dict[str, float]]:
+    def factors_by_case(self) -> dict[int, dict[str, float]]:
         """Return one h per case by name: the optimum of Eq. 5, the network's, and the paper's."""
         found: dict[int, dict[str, float]] = {}
         columns = {
@@ -141,7 +141,7 @@ class StudyRecord:
         h: Array | None = getattr(self.models.get(model), which, None)
         return h
 
-    def _by_cell(self, h: Array) -> Weights:
+    def _by_cell(self, h: Array) -> Factors:
         return {
             (cell.case, cell.marker): float(value)
             for cell, value in zip(self.cells, h, strict=True)
@@ -236,7 +236,7 @@ class StudyRecord:
             "best_model": self.best_model,
             "best_learned": self.best_learned,
             "verdict": self.verdict(),
-            "weights_by_case": {str(case): h for case, h in self.weights_by_case().items()},
+            "weights_by_case": {str(case): h for case, h in self.factors_by_case().items()},
             "tables": {table.name: table.as_json() for table in tables},
         }
 

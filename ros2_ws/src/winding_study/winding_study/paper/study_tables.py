@@ -1,12 +1,13 @@
-"""The study's own tables, beside the paper's: models of h, weights, K-NN, within a run."""
+"""The study's own tables, beside the paper's: models of h, factors, K-NN, within a run."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 
+from correction_node.live.neighbours import Noise
 from correction_node.training.comparison import ModelScore
-from correction_node.training.repeatability import LABEL, Noise, NoiseAccuracy
+from correction_node.training.repeatability import LABEL, NoiseAccuracy
 from correction_node.training.within_run_score import WithinRunScore
 from winding_core.units import MILLIMETRE
 from winding_study.documents.data_table import Column, DataTable, Value
@@ -54,9 +55,9 @@ def model_order(item: tuple[str, ModelScore]) -> tuple[bool, float]:
     return not known, unseen if known else item[1].in_sample_pct
 
 
-def weights_table(weights: Mapping[int, Mapping[str, float]]) -> DataTable:
+def factors_table(factors: Mapping[int, Mapping[str, float]]) -> DataTable:
     """Return one h per case by what it comes from."""
-    names = list(next(iter(weights.values())))
+    names = list(next(iter(factors.values())))
     return DataTable(
         name="weights",
         title="One weight h for each case",
@@ -64,7 +65,7 @@ def weights_table(weights: Mapping[int, Mapping[str, float]]) -> DataTable:
             Column(name="case"),
             *(Column(name=name.replace("_", " "), digits=4) for name in names),
         ),
-        rows=tuple((case, *(row[name] for name in names)) for case, row in weights.items()),
+        rows=tuple((case, *(row[name] for name in names)) for case, row in factors.items()),
         note="Least squares is the minimum of Eq. 5 when every case has its own h; the network has "
         "the paper's form.",
     )
@@ -167,7 +168,7 @@ def cells_table(
     Args:
         own: The prediction beside the experiment; None when it is the paper's.
         paper: The paper's simulation on the same cells.
-        updated: Errors after a weight [%] by cell, by name of the weight.
+        updated: Errors after a correction factor [%] by cell, by name of the model.
         who: Name of the prediction's columns.
     """
     sides = {who: own, "paper": paper} if own is not None else {"paper": paper}

@@ -39,7 +39,7 @@ _BETWEEN_CASES = 1.2
 
 
 def errors_picture(record: StudyRecord) -> Picture:
-    """Return the errors of every measured cell before and after the weight."""
+    """Return the errors of every measured cell before and after the correction."""
     rows = _measured(record)
     raw: list[Series] = [("paper's simulation", PAPER, "X", True, _printed(rows, 7))]
     if record.config is not None:
@@ -80,8 +80,8 @@ def stretches_picture(record: StudyRecord) -> Picture:
     if best is not None:
         h = record.models[best].held_out
         corrected = {
-            (cell.case, cell.marker): float(weight) * cell.s_fem
-            for cell, weight in zip(record.cells, h, strict=True)
+            (cell.case, cell.marker): float(factor) * cell.s_fem
+            for cell, factor in zip(record.cells, h, strict=True)
         }
     with canvas(2.2 * lines + 0.6, rows=lines, columns=columns, shared=True) as (figure, panels):
         for axes in panels[count:]:

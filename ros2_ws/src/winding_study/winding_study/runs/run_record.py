@@ -75,7 +75,7 @@ class MarkerRow:
         original: n marker spacings [m].
         s_fem: Predicted curve length [m].
         s_tracked: Measured by the camera in this run [m].
-        h: Learned weight.
+        h: Correction factor.
         s_corrected: h S_FEM [m].
         s_low: Lower end of its interval [m].
         s_high: Upper end of its interval [m].
@@ -117,7 +117,7 @@ class RunRecord:
         tension: Load cell [N].
         predicted: Markers of the solver in step.
         tracked: Markers of the camera.
-        corrected: Markers after the learned weight.
+        corrected: Markers after the correction factor.
         rows: P1, P2, ... at the end of the run.
         frames: Camera frames tracked.
         frames_lost: Camera frames that never reached the recorder.
@@ -125,7 +125,7 @@ class RunRecord:
         joint_states_lost: Encoder samples that never reached the recorder.
         wall_s: Wall time of the run [s].
         sim_s: Simulated time of the run [s].
-        facts: Short facts by name for the head of the report, such as the trained weight.
+        facts: Short facts by name for the head of the report, such as the trained factor.
         notes: Sentences on what the numbers are worth.
     """
 

@@ -17,7 +17,7 @@ from winding_core.tension import RigTension
 Tensors = Mapping[str, Array]
 
 
-class WeightModel(Protocol):
+class FactorModel(Protocol):
     """Something that gives h for markers."""
 
     def h(self, conditions: Sequence[MarkerCondition]) -> Array:
@@ -95,7 +95,7 @@ class RigModel:
         return {"kind": "rig", "law": RIG_LAW, "residual": residual}
 
 
-def read_model(form: Mapping[str, Any], tensors: Tensors) -> WeightModel:
+def read_model(form: Mapping[str, Any], tensors: Tensors) -> FactorModel:
     """Return the model that `form` and `tensors` describe.
 
     Raises:
