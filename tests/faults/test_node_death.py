@@ -1,6 +1,7 @@
 """A node dies, or a person interrupts: everything stops, is named, and is kept."""
 
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from interrupted_run import STAGES, interrupt
 from rosbags.highlevel import AnyReader
 
 from winding_ros.process import SUPERVISED
@@ -96,16 +98,39 @@ def test_dead_node_is_named_and_the_recording_kept(winding_run: Winding) -> None
     assert messages_in(winding_run.bag) > 2000
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_interrupted_run_stops_its_nodes_and_keeps_the_recording(
-    winding_run: Winding, number: int
-) -> None:
+def test_interrupted_run_stops_its_nodes_and_keeps_the_recording(winding_run: Winding) -> None:
     winding_run.wait_until_it_winds()
-    winding_run.process.send_signal(number)
+    winding_run.process.send_signal(signal.SIGTERM)
     assert winding_run.process.wait(PATIENCE) == 130
     assert "interrupted; the nodes are stopped" in winding_run.said()
     assert winding_run.nodes_left() == 0
     assert messages_in(winding_run.bag) > 2000
+
+
+def interrupted_twice(times: int) -> list[str]:
+    """Return what runs left behind that were interrupted twice at moments of every stage."""
+    domain = int(os.environ["ROS_DOMAIN_ID"])
+    draw = random.Random(1)
+    ways = [(signal.SIGTERM, False), (signal.SIGINT, True), (signal.SIGINT, False)]
+    return [
+        f"{stage}, {number.name}: {fault}"
+        for stage, longest in STAGES.items()
+        for k in range(times)
+        for number, group in [ways[k % len(ways)]]
+        for fault in interrupt(
+            stage, number, group=group, delay=draw.uniform(0.0, longest), domain=domain
+        )
+    ]
+
+
+def test_run_that_is_interrupted_twice_leaves_nothing_behind() -> None:
+    assert interrupted_twice(times=1) == []
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(7200)
+def test_run_that_is_interrupted_twice_at_any_moment_leaves_nothing_behind() -> None:
+    assert interrupted_twice(times=30) == []
 
 
 def test_node_ends_when_its_supervisor_died_while_it_started(tmp_path: Path) -> None:

@@ -1,7 +1,9 @@
 """Interrupt `winding run` twice at random moments and look at what it leaves.
 
-`python tests/soak/interrupt_run.py --times 10` prints one line per run and the counts; it exits
-with 1 when any run left something behind.
+`python tests/faults/interrupted_run.py --times 10` prints one line per run and the counts; it
+exits with 1 when any run left something behind. While the interpreter itself starts, no line of the
+command has run and nothing is open: the first moment is the one from which the command takes
+signals.
 """
 
 from __future__ import annotations
@@ -20,6 +22,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import psutil
+
+from winding_ros.graph import DEFAULT_NAMESPACE
+from winding_supervisor.domain_lock import DomainError, domain_lock
 
 PATIENCE = 120.0
 POLL = 0.005
@@ -60,7 +65,9 @@ class Interrupted:
     def reached(self, stage: str) -> bool:
         """Return whether a stage has begun, as far as its files tell."""
         if stage == "starting":
-            return True
+            status = Path(f"/proc/{self.process.pid}/status").read_text()
+            taken = next(line for line in status.splitlines() if line.startswith("SigCgt:"))
+            return bool(int(taken.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
         if stage == "configuring":
             return len(list((self.run / "log").glob("*.log"))) == 4
         if stage == "winding":
@@ -69,7 +76,7 @@ class Interrupted:
 
     def wait_for(self, stage: str) -> None:
         """Wait until a stage has begun, or the run is over."""
-        until(lambda: self.reached(stage) or self.process.poll() is not None)
+        until(lambda: self.process.poll() is not None or self.reached(stage))
 
     def send(self, number: int, *, group: bool) -> None:
         """Send a signal to the command, or to its process group as a terminal does."""
@@ -105,6 +112,11 @@ class Interrupted:
         left += [process.pid for process in psutil.process_iter() if self.belongs(process)]
         if left:
             found.append(f"processes left: {left}")
+        try:
+            with domain_lock(self.domain, DEFAULT_NAMESPACE):
+                pass
+        except DomainError:
+            found.append("the domain is locked")
         names = [path.name for path in self.folder.rglob("*")]
         found += [f"file left: {name}" for name in names if name.endswith((".unfinished", ".tmp"))]
         if ".reserve" in names:
