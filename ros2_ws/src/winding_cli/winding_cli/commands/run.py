@@ -189,13 +189,13 @@ def _check(config: RunConfig) -> None:
 
 
 def _check_weights(config: RunConfig) -> None:
-    from correction_node.models.weights import load_weight, weights_directory
+    from correction_node.models.weights import load_factor, weights_directory
     from winding_ros import topics
 
     name = config.parameters()[topics.CORRECTION].get("weights")
     if name:
         try:
-            load_weight(weights_directory(str(name)))
+            load_factor(weights_directory(str(name)))
         except (OSError, ValueError) as error:
             refuse(error)
 
