@@ -273,9 +273,7 @@ async def test_wrong_own_condition_is_refused_with_value_and_limits() -> None:
         await user.open("/")
         fields = await form(user)
         click(user, button(user, "Prepare"))
-        await user.should_see(
-            "say what to wind: Case 1 to 12, or Cylinder", retries=50
-        )
+        await user.should_see("say what to wind: Case 1 to 12, or Cylinder", retries=50)
         fields["Cylinder diameter, mm"].value = 3000.0
         click(user, button(user, "Prepare"))
         await user.should_see("Cylinder diameter, mm must be at most 2000, got 3000", retries=50)

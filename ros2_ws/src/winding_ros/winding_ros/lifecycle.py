@@ -8,7 +8,7 @@ from typing import Any
 
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from winding_ros.deadline import deadline
@@ -40,7 +40,6 @@ _SERVICES = {
     "get_state": GetState,
     "change_state": ChangeState,
     "get_parameters": GetParameters,
-    "describe_parameters": DescribeParameters,
     "set_parameters_atomically": SetParametersAtomically,
 }
 
@@ -169,16 +168,6 @@ class LifecycleDriver:
         request = GetParameters.Request(names=names)
         answer = await self._call(node, "get_parameters", request, timeout)
         return dict(zip(names, map(parameter_value_to_python, answer.values), strict=False))
-
-    async def describe(self, node: str, parameter: str) -> Any:
-        """Return a parameter's descriptor.
-
-        Raises:
-            TimeoutError: The node does not answer.
-        """
-        request = DescribeParameters.Request(names=[parameter])
-        answer = await self._call(node, "describe_parameters", request, _ANSWER_TIMEOUT)
-        return answer.descriptors[0]
 
     async def set_parameters(self, node: str, values: Mapping[str, object]) -> None:
         """Set parameters all at once.

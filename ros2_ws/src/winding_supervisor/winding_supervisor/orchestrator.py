@@ -195,18 +195,10 @@ class Orchestrator:
     async def stop(self) -> None:
         """Stop every process: the active ones in order, the rig first, then the others at once."""
         for process in reversed(self.processes):
-<<<<<<< HEAD
             if process.return_code is not None or process.spec.name not in self._active:
                 continue
-            await self._transitions.ask_to_deactivate(process)
+            await self._transitions.request(process.spec.name, DEACTIVATE, _FAREWELL_PATIENCE)
             if isinstance(process, AttachedNode):
-=======
-            if process.return_code is None and process.spec.name in self._active:
-                await self._transitions.request(process.spec.name, DEACTIVATE, _FAREWELL_PATIENCE)
-            if process.started:
-                codes[process.spec.name] = await process.stop()
-            elif isinstance(process, AttachedNode) and process.spec.name in self._active:
->>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
                 # One that has gone is not waited for.
                 with contextlib.suppress(TimeoutError, GraphError):
                     await process.let_go()

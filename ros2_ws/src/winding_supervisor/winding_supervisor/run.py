@@ -14,22 +14,13 @@ from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.environment import set_process_environment
-<<<<<<< HEAD
-from winding_ros.topic import Topic
-=======
-from winding_ros.graph import DEFAULT_NAMESPACE, GRAPH, PAGE, pace_topics, parameters_of
 from winding_ros.graph_error import GraphError
-from winding_ros.parameter_files import parameters_for
->>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
+from winding_ros.topic import Topic
 from winding_supervisor.completion import Completion
 from winding_supervisor.dashboard_process import DashboardConfig, DashboardProcess
 from winding_supervisor.domain_lock import chosen_domain, domain_lock
 from winding_supervisor.event_log import Event, EventLog
-<<<<<<< HEAD
-from winding_supervisor.graph_error import GraphError
 from winding_supervisor.interruption import Interruption, run_closing
-=======
->>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
 from winding_supervisor.operator_run import OperatorRun, parameter_notes
 from winding_supervisor.orchestrator import GraphConfig, Orchestrator
 from winding_supervisor.run_config import RunConfig, check_run, claim_folder

@@ -210,13 +210,8 @@ def _wind(config: RunConfig, condition: Condition) -> tuple[Path, RunResult]:
     from winding_recorder.live.recorder import RecorderError
     from winding_ros.graph_error import GraphError
     from winding_supervisor.domain_lock import DomainError
-<<<<<<< HEAD
-    from winding_supervisor.graph_error import GraphError
     from winding_supervisor.run import opened_run
     from winding_supervisor.run_config import RunFolderError
-=======
-    from winding_supervisor.run import run_graph
->>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
 
     _check(config)
     console = Console(stderr=True)

@@ -3,20 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-<<<<<<< HEAD
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import asdict
 from typing import Any
 
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-=======
-from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager
-from typing import Any
-
->>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
 from rclpy.node import Node
 
 from winding_core.cases import Case
@@ -42,14 +33,7 @@ _COMMANDS = {
 }
 _ANSWER = 3.0
 _QUICK = 0.9
-<<<<<<< HEAD
-# Kernels may be compiled in between.
-_TRANSITION = 300.0
-_EMERGENCY_REPEAT = 0.5
 _TAKE_UP = "take_up_material"
-=======
-_ONE_OF = "one of "
->>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
 _CANNOT = "cannot "
 _LAY, _OWN_LAY = "lay", "fem"
 # Discovery takes a second on a busy machine; readers of other tools may never come back.
@@ -80,24 +64,8 @@ class ServiceClient:
         self._health = health
         self._clock = clock
         self._first_lay: str | None = None
-<<<<<<< HEAD
-        self._recorder = services.RECORD.client(node)
-        self._rig = {name: node.create_client(Trigger, f"rig/{name}") for name in _RIG_COMMANDS}
-        self._services = {
-            (name, service): node.create_client(type_, f"{name}/{service}")
-            for name in NODES
-            for service, type_ in (
-                ("get_state", GetState),
-                ("change_state", ChangeState),
-                ("get_parameters", GetParameters),
-                ("set_parameters_atomically", SetParametersAtomically),
-            )
-        }
-        wake()
-=======
         self._calls = ServiceCaller(node, wake)
         self._driver = LifecycleDriver(self._calls, self._namespace, self._refusal)
->>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
 
     def unavailable(self, command: str) -> str:
         """Return why a command cannot be given now; empty when it can."""
@@ -122,84 +90,19 @@ class ServiceClient:
             raise CommandError(f"{error}{advice}") from None
 
     async def choice(self) -> Choice:
-<<<<<<< HEAD
         """Return what the solver is set to wind.
 
         Raises:
             CommandError: It does not answer, or with something else.
         """
         names = [item.name for item in declarations(Condition)]
-        got = await self._parameters(topics.FEM, [*names, _TAKE_UP])
+        async with _as_commands():
+            got = await self._driver.parameters(topics.FEM, [*names, _TAKE_UP])
         take_up = bool(got.pop(_TAKE_UP))
         try:
             return Choice(condition=build(Condition, got, owner=topics.FEM), take_up=take_up)
         except ParameterError as error:
             raise CommandError(f"{topics.FEM}: {error}") from error
-
-    async def prepare(self, choice: Choice, tell: Callable[[str], None]) -> str:
-        """Set a choice on every node, bring all nodes up and wait until they hear each other."""
-        condition = asdict(choice.condition)
-        values: dict[str, dict[str, object]] = {name: dict(condition) for name in NODES}
-        values[topics.FEM] |= {_TAKE_UP: choice.take_up}
-        values[topics.RIG] |= await self._lay(choice.condition.resolved().case)
-        before = readers(self._health, NODES)
-        await commands.prepare(self, NODES, values, tell)
-        tell("waiting until the nodes hear each other")
-        return await self._heard_by(before)
-
-    async def _lay(self, case: Case) -> dict[str, object]:
-        """Return where a simulated machine lays the cable; a real one is not asked.
-
-        What nobody published can only be laid by the model with hidden properties.
-        """
-        lay = (await self._parameters(topics.RIG, [_LAY])).get(_LAY)
-        if lay is None:
-            return {}
-        self._first_lay = self._first_lay or str(lay)
-        return {_LAY: self._first_lay if case.is_published else _OWN_LAY}
-
-    async def _heard_by(self, before: Mapping[str, int]) -> str:
-        """Wait until every topic has as many readers as before; return what is missing."""
-        begin = self._clock()
-        while (now := self._clock()) - begin < _MATCHING:
-            told = all(self._health.silent_for(node, now) < now - begin for node in NODES)
-            present = readers(self._health, NODES)
-            missing = [name for name, count in before.items() if present.get(name, 0) < count]
-            if told and not missing:
-                return ""
-            await asyncio.sleep(_LOOK)
-        return f"{missing[0]} has fewer readers than before" if missing else ""
-
-    async def _parameters(self, node: str, names: Sequence[str]) -> dict[str, object]:
-        got = await self._call(
-            self._services[node, "get_parameters"], GetParameters.Request(names=names), _ANSWER
-        )
-        return {
-            name: parameter_value_to_python(value)
-            for name, value in zip(names, got.values, strict=False)
-        }
-
-=======
-        """Return what the solver is set to wind, and the laws that it knows.
-
-        Raises:
-            CommandError: The solver does not answer.
-        """
-        own = [item.name for item in OWN_VALUES]
-        names = ["case", "law", "take_up_material", *own]
-        async with _as_commands():
-            got = await self._driver.parameters(topics.FEM, names)
-            described = await self._driver.describe(topics.FEM, "law")
-        law = str(got["law"])
-        stated = described.additional_constraints
-        laws = tuple(stated.removeprefix(_ONE_OF).split(", ")) if stated else (law,)
-        return Choice(
-            case=int(str(got["case"])),
-            law=law,
-            own={name: float(str(got[name])) for name in own},
-            take_up=bool(got["take_up_material"]),
-            laws=laws,
-        )
 
     async def prepare(self, choice: Choice, tell: Callable[[str], None]) -> str:
         """Set a choice on every node, bring all nodes up and wait until they hear each other.
@@ -210,17 +113,16 @@ class ServiceClient:
         Raises:
             CommandError: A node refused, or did not answer in time.
         """
-        condition = condition_parameters(choice.case, choice.own)
+        condition = asdict(choice.condition)
         values: dict[str, dict[str, object]] = {name: dict(condition) for name in NODES}
-        values[topics.FEM] |= {"law": choice.law, "take_up_material": choice.take_up}
+        values[topics.FEM] |= {_TAKE_UP: choice.take_up}
         async with _as_commands():
-            values[topics.RIG] |= await self._lay(choice.case)
+            values[topics.RIG] |= await self._lay(choice.condition.resolved().case)
             before = self._readers()
             await self._driver.rebuild(NODES, values, tell)
         tell("waiting until the nodes hear each other")
         return await self._heard_by(before)
 
->>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
     def unrecorded(self) -> str:
         """Return why the recording cannot be switched now; empty when it can."""
         missing = self._unserved(services.RECORD)
@@ -263,7 +165,7 @@ class ServiceClient:
             raise CommandError(response.message or f"{service.name} was refused")
         return str(response.message)
 
-    async def _lay(self, case: int) -> dict[str, object]:
+    async def _lay(self, case: Case) -> dict[str, object]:
         """Return where a simulated machine lays the cable; a real one is not asked.
 
         What nobody published can only be laid by the model with hidden properties.
@@ -272,7 +174,7 @@ class ServiceClient:
         if lay is None:
             return {}
         self._first_lay = self._first_lay or str(lay)
-        return {_LAY: _OWN_LAY if case == 0 else self._first_lay}
+        return {_LAY: self._first_lay if case.is_published else _OWN_LAY}
 
     def _readers(self) -> dict[str, int]:
         """Return how many subscribers the nodes' publishers say they have, by topic."""

@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-<<<<<<< HEAD
-import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 from winding_core.condition import Condition
 
-UNCONFIGURED, INACTIVE, ACTIVE = "unconfigured", "inactive", "active"
-=======
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Protocol
-
->>>>>>> 0a5c012 (Drive lifecycles by one driver, for the supervisor and the operator's page)
 START, STOP, RESET, EMERGENCY_STOP = "start", "stop", "reset", "emergency_stop"
 
 
