@@ -12,7 +12,7 @@ ifeq ($(shell command -v $(PYTHON) 2>/dev/null),)
 PYTHON := python3
 endif
 
-.PHONY: demo test bench bench-peers lint clean install
+.PHONY: demo check test bench bench-peers lint clean install
 install: $(STAMP)
 
 $(STAMP): pyproject.toml constraints.txt
@@ -26,12 +26,19 @@ demo: $(STAMP)
 	run=runs/demo-$$(date +%Y%m%d-%H%M%S)-$$$$; \
 	    $(BIN)/winding run --case 4 --output $$run --bag $$run/bag $(ARGS)
 
+# What to run before every commit: lint, and the tests that are quick and start no graph.
+check: lint
+	$(BIN)/winding predict --case 4 --duration-s 1 > /dev/null
+	$(BIN)/python -m pytest -q -n 2 --dist loadgroup -m "not processes and not slow"
+
 # Kernels are compiled once and by one process: code that two make at once may round differently.
 # A graph of processes fills both cores of a small machine by itself: such tests run one by one.
+# Lines are counted over both parts; the second one prints them and holds fail_under.
 test: $(STAMP)
 	$(BIN)/winding predict --case 4 --duration-s 1 > /dev/null
-	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not processes"
-	$(BIN)/python -m pytest -m processes
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not processes" \
+	    --cov --cov-report= --cov-fail-under=0
+	$(BIN)/python -m pytest -m processes --cov --cov-append --cov-report=term
 
 bench: $(STAMP)
 	$(BIN)/python -m pytest tests/benchmarks --run-benchmarks -q -s
@@ -51,5 +58,5 @@ lint: $(STAMP)
 	$(BIN)/hadolint docker/Dockerfile
 
 clean:
-	rm -rf .venv runs build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache bench.json
+	rm -rf .venv runs build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .coverage bench.json
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

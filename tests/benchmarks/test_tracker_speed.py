@@ -57,11 +57,14 @@ def costs(action: Callable[[int], Any], repeats: int) -> np.ndarray:
     return np.array(spent)
 
 
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize(
     ("name", "camera", "count", "batch_bar", "single_bar"),
     [
-        ("640x96", CameraConfig(), 300, 9.0, 1.0),
-        ("1920x1080", CameraConfig().full_frame(), 60, 9.0, 9.0),
+        # Measured 25 and 3.7 on two shared cores; the rest is for other processors.
+        ("640x96", CameraConfig(), 300, 12.0, 1.5),
+        # The classic pipeline reads every pixel, the tracker the same gates as in a small picture.
+        ("1920x1080", CameraConfig().full_frame(), 60, 20.0, 20.0),
     ],
     ids=["640x96", "1920x1080"],
 )
