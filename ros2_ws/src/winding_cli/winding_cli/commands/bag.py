@@ -13,8 +13,9 @@ import typer
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_folder, staged
 from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.ros_environment import joined
 from winding_cli.commands.space_key import space_key
-from winding_cli.commands.termination import end, interruptible
+from winding_cli.commands.termination import end
 from winding_core.units import MILLISECOND
 
 _MEGABYTE = 1.0e6
@@ -128,24 +129,17 @@ def play(
     The space key pauses and goes on; so do bag_player/toggle_paused (std_srvs/Trigger) and
     bag_player/set_paused (std_srvs/SetBool).
     """
-    import os
-    import tempfile
-
     from winding_recorder.bags.failure import BagError
     from winding_recorder.bags.pacing import Pacing
     from winding_recorder.playback.player import Player
-    from winding_ros.environment import set_process_environment
-    from winding_supervisor.domain_lock import DomainError, chosen_domain
 
     try:
         pacing = Pacing(rate, paused=start_paused)
-        logs = Path(os.environ.get("ROS_LOG_DIR") or tempfile.mkdtemp(prefix="winding-play-"))
-        set_process_environment(chosen_domain(domain), logs)
-    except (ValueError, DomainError) as error:
+    except ValueError as error:
         refuse(error)
     stopped = threading.Event()
     try:
-        with interruptible(), _player_node() as node:
+        with joined(domain), _player_node() as node:
             player = Player(node, source, pacing, wanted=_names(topics), force=force)
             with space_key(player.toggle, stopped):
                 player.wait_for_subscribers()

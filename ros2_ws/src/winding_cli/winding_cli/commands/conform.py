@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import tempfile
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from winding_cli.commands.console import result_console
 from winding_cli.commands.refusal import FAILED, refuse
-from winding_cli.commands.termination import interruptible
+from winding_cli.commands.ros_environment import joined
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
@@ -37,13 +35,6 @@ def conform(
     stop_within_s: Annotated[float, typer.Option(help="Longest time to standstill.")] = 1.5,
 ) -> None:
     """Listen to a running driver and say, promise by promise, what it keeps."""
-    from winding_ros.environment import set_process_environment
-    from winding_supervisor.domain_lock import DomainError, chosen_domain
-
-    try:
-        chosen = chosen_domain(domain)
-    except DomainError as error:
-        refuse(error)
     for name, value in (
         ("omega-rad-s", omega_rad_s),
         ("feed-mm-s", feed_mm_s),
@@ -51,8 +42,7 @@ def conform(
     ):
         if not value > 0.0:
             refuse(f"--{name} must be positive, got {value}")
-    with interruptible(), tempfile.TemporaryDirectory(prefix="winding-conform-") as folder:
-        set_process_environment(chosen, Path(folder))
+    with joined(domain) as place:
         try:
             findings = asyncio.run(
                 _probe(
@@ -64,7 +54,9 @@ def conform(
                 )
             )
         except TimeoutError as error:
-            refuse(f"{error}; is a driver running in namespace /{namespace}, domain {chosen}?", 1)
+            refuse(
+                f"{error}; is a driver running in namespace /{namespace}, domain {place.domain}?", 1
+            )
     console = result_console()
     for finding in findings:
         mark = "[green]kept  [/]" if finding.kept else "[red]BROKEN[/]"

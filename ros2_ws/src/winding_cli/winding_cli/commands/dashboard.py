@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from winding_cli.commands.refusal import refuse
+from winding_cli.commands.ros_environment import check_namespace, joined
 
 
 def dashboard(
@@ -27,8 +26,7 @@ def dashboard(
 ) -> None:
     """Serve the operator's page; Ctrl-C ends it."""
     from winding_core.parameters import ParameterError, build
-    from winding_ros.environment import ros_arguments, set_process_environment
-    from winding_supervisor.domain_lock import DomainError, chosen_domain
+    from winding_ros.environment import ros_arguments
 
     try:
         from winding_dashboard.__main__ import main
@@ -40,20 +38,9 @@ def dashboard(
     values = {"host": host, "port": port, "token": token}
     try:
         build(DashboardParameters, values, owner="winding dashboard").check()
-        number = chosen_domain(domain)
-    except (ParameterError, DomainError) as error:
+    except ParameterError as error:
         refuse(error)
-    _refuse_namespace(namespace)
-    # The environment has to stand before the first context reads it.
-    set_process_environment(number, Path(tempfile.mkdtemp(prefix="winding-dashboard-")))
-    raise typer.Exit(main(["winding_dashboard", *ros_arguments(namespace)], values))
-
-
-def _refuse_namespace(namespace: str) -> None:
-    from rclpy.exceptions import InvalidNamespaceException
-    from rclpy.validate_namespace import validate_namespace
-
-    try:
-        validate_namespace(f"/{namespace}")
-    except InvalidNamespaceException:
-        refuse(f"namespace must be made of letters, digits, _ and /, got {namespace!r}")
+    if namespace:
+        check_namespace(namespace)
+    with joined(domain):
+        raise typer.Exit(main(["winding_dashboard", *ros_arguments(namespace)], values))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import importlib
 import sys
-import tempfile
 from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,7 +16,7 @@ import typer
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, write_json
 from winding_cli.commands.refusal import FAILED, refuse
-from winding_cli.commands.termination import interruptible
+from winding_cli.commands.ros_environment import joined
 
 # commands / winding_cli / winding_cli / src / ros2_ws / the checkout
 _CAMPAIGN = Path(__file__).parents[5] / "tests" / "faults"
@@ -33,8 +32,7 @@ def faults(
     ] = None,
 ) -> None:
     """Kill, hold and mislead a running graph in every way of the table; exit 1 if it fails one."""
-    from winding_ros.environment import set_process_environment
-    from winding_supervisor.domain_lock import DomainError, chosen_domain, domain_lock
+    from winding_supervisor.domain_lock import DomainError, domain_lock
     from winding_supervisor.interruption import Interruption, run_closing
 
     check_output_file(json)
@@ -44,17 +42,11 @@ def faults(
         refuse(f"no row of the fault table contains {only!r}")
 
     async def work(_stack: AsyncExitStack, _interruption: Interruption) -> list[Any]:
-        outcomes: list[Any] = await campaign.try_rows(names, Path(folder), _tell)
+        outcomes: list[Any] = await campaign.try_rows(names, place.folder, _tell)
         return outcomes
 
     try:
-        chosen = chosen_domain(domain)
-        with (
-            domain_lock(chosen, campaign.NAMESPACE),
-            interruptible(),
-            tempfile.TemporaryDirectory(prefix="winding-faults-") as folder,
-        ):
-            set_process_environment(chosen, Path(folder) / "log")
+        with joined(domain) as place, domain_lock(place.domain, campaign.NAMESPACE):
             outcomes = run_closing(work)
     except DomainError as error:
         refuse(error)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from winding_cli.commands.refusal import FAILED, refuse
-from winding_cli.commands.termination import interruptible
+from winding_cli.commands.ros_environment import joined
 
 
 def health(
@@ -22,12 +22,7 @@ def health(
     patience_s: Annotated[float, typer.Option(help="How long to listen for silent nodes.")] = 10.0,
 ) -> None:
     """Listen to /diagnostics; exit 1 when a node is silent or in error."""
-    import tempfile
-    from pathlib import Path
-
-    from winding_ros.environment import set_process_environment
     from winding_ros.graph import GRAPH
-    from winding_supervisor.domain_lock import DomainError, chosen_domain
     from winding_supervisor.node_health import complaints, listen
 
     if not 0.0 < patience_s < math.inf:
@@ -37,12 +32,7 @@ def health(
         if name not in known:
             refuse(f"no node {name!r} in the graph; there are {', '.join(known)}")
     wanted = nodes or known
-    try:
-        chosen = chosen_domain(domain)
-    except DomainError as error:
-        refuse(error)
-    with interruptible(), tempfile.TemporaryDirectory(prefix="winding-health-") as folder:
-        set_process_environment(chosen, Path(folder))
+    with joined(domain):
         found = complaints(wanted, listen(wanted, namespace, patience_s))
     if found:
         refuse("; ".join(found), FAILED)

@@ -14,6 +14,7 @@ from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
 from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.ros_environment import check_namespace
 from winding_cli.commands.termination import end
 from winding_core.condition import Condition
 from winding_core.options import typed_values
@@ -92,7 +93,7 @@ def run(
         }
     except ValueError as error:
         refuse(error)
-    _refuse_namespace(namespace)
+    check_namespace(namespace)
     if dashboard_port is not None and not dashboard:
         refuse("--dashboard-port is for a run with --dashboard")
     if secure:
@@ -152,13 +153,6 @@ def _recording(compression: str, split_mb: float) -> BagConfig:
 
 def _given(**values: object) -> dict[str, object]:
     return {name: value for name, value in values.items() if value is not None}
-
-
-def _refuse_namespace(namespace: str) -> None:
-    import re
-
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*", namespace):
-        refuse(f"namespace must be made of letters, digits, _ and /, got {namespace!r}")
 
 
 def _refuse_open(namespace: str, *, dashboard: bool) -> None:

@@ -1,0 +1,53 @@
+"""The DDS domain of a command that joins a graph, and a folder for what ROS writes meanwhile."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from winding_cli.commands.refusal import refuse
+from winding_cli.commands.termination import interruptible
+
+_NAMESPACE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joined:
+    """Where a command stands.
+
+    Attributes:
+        domain: DDS domain.
+        folder: Of the command alone; it is removed in the end.
+    """
+
+    domain: int
+    folder: Path
+
+
+def check_namespace(namespace: str) -> None:
+    """Refuse what is no namespace of a graph."""
+    if not _NAMESPACE.fullmatch(namespace):
+        refuse(f"namespace must be made of letters, digits, _ and /, got {namespace!r}")
+
+
+@contextmanager
+def joined(domain: int | None) -> Iterator[Joined]:
+    """Set the process' environment before the first context reads it; signals interrupt the body.
+
+    Args:
+        domain: Of the command line, or None for the environment's.
+    """
+    from winding_ros.environment import set_process_environment
+    from winding_supervisor.domain_lock import DomainError, chosen_domain
+
+    try:
+        chosen = chosen_domain(domain)
+    except DomainError as error:
+        refuse(error)
+    with interruptible(), tempfile.TemporaryDirectory(prefix="winding-") as folder:
+        set_process_environment(chosen, Path(folder) / "log")
+        yield Joined(domain=chosen, folder=Path(folder))
