@@ -18,16 +18,16 @@ from cable_fem_node.identification.failure import IdentificationError
 from correction_node.models.dataset import parse_lengths
 from marker_tracker_node.camera.calibration import CalibrationError, read_camera
 from marker_tracker_node.camera.recordings import RecordingError, folder_frames, read_motion
-from winding_cli.commands.identify_sources import (
-    SourceError,
-    read_readings,
-    read_tensile_test,
-)
 from winding_core.parameters import ParameterError, build
 from winding_core.run_inputs import RunInputs, RunInputsError
 from winding_core.yaml_text import YamlTextError, load_yaml
 from winding_rig_node.ros.parameters import RigParameters
 from winding_ros.parameter_files import parameters_for
+from winding_study.identification.tables import (
+    SourceError,
+    read_readings,
+    read_tensile_test,
+)
 from winding_study.sweep.axes import SpecError
 from winding_study.sweep.spec import parse_spec
 

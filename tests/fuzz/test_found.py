@@ -11,7 +11,6 @@ from sensor_msgs.msg import CameraInfo
 from correction_node.models.dataset import parse_lengths
 from marker_tracker_node.camera.calibration import CalibrationError, read_camera
 from marker_tracker_node.camera.recordings import RecordingError, folder_frames, read_motion
-from winding_cli.commands.identify_sources import SourceError, read_readings
 from winding_core.parameters import ParameterError, build
 from winding_core.run_inputs import RunInputs, RunInputsError
 from winding_core.yaml_text import YamlTextError, load_yaml
@@ -23,6 +22,7 @@ from winding_ros.camera_messages import decode_camera_info
 from winding_ros.diagnostic_messages import decode_case_votes, encode_case_votes
 from winding_ros.parameter_files import parameters_for
 from winding_ros.rig_messages import MessageError
+from winding_study.identification.tables import SourceError, read_readings
 from winding_study.sweep.axes import SpecError
 from winding_study.sweep.spec import parse_spec
 

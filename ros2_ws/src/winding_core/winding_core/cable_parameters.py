@@ -27,82 +27,62 @@ class CableParameters:
         4, "row of the paper's Table 1", low=1, unit=PLAIN, otherwise="another cable"
     )
     cylinder_diameter: float = parameter(
-        0.0, "cylinder diameter", low=1.0e-3, high=2.0, unit=LENGTH, otherwise=_CASE_VALUE
+        0.0, "cylinder diameter", LENGTH, 1.0e-3, 2.0, otherwise=_CASE_VALUE
     )
     cable_diameter: float = parameter(
-        0.0, "undeformed cable diameter", low=1.0e-4, high=0.1, unit=LENGTH, otherwise=_CASE_VALUE
+        0.0, "undeformed cable diameter", LENGTH, 1.0e-4, 0.1, otherwise=_CASE_VALUE
     )
     weight: float = parameter(
         0.0,
         "dead weight on the cable's end",
-        low=1.0e-3,
-        high=1.0e3,
-        unit=FORCE,
+        FORCE,
+        1.0e-3,
+        1.0e3,
         option="tension",
         otherwise=_CASE_VALUE,
     )
     nominal_stress: float = parameter(
         0.0,
         "dead weight over the undeformed section, instead of the weight",
-        low=1.0e2,
-        high=1.0e9,
-        unit=STRESS,
+        STRESS,
+        1.0e2,
+        1.0e9,
         option="tension",
         otherwise="the weight",
     )
     marker_spacing: float = parameter(
         0.0,
         "marker spacing along the undeformed cable",
-        low=1.0e-3,
-        high=10.0,
-        unit=LENGTH,
+        LENGTH,
+        1.0e-3,
+        10.0,
         otherwise=f"the case's, or {OWN_MARKER_SPACING / MILLIMETRE:g} mm",
     )
-    markers: int = parameter(
-        Case.marker_count, "count of markers after P0", low=1, high=64, unit=PLAIN
-    )
+    markers: int = parameter(Case.marker_count, "count of markers after P0", PLAIN, 1, 64)
     young: float = parameter(
-        Material.young,
-        "Young's modulus",
-        low=1.0e3,
-        high=1.0e12,
-        unit=STRESS,
-        label="Young's modulus",
+        Material.young, "Young's modulus", STRESS, 1.0e3, 1.0e12, label="Young's modulus"
     )
     poisson: float = parameter(
-        Material.poisson,
-        "Poisson's ratio",
-        low=0.0,
-        high=0.4999,
-        unit=PLAIN,
-        label="Poisson's ratio",
+        Material.poisson, "Poisson's ratio", PLAIN, 0.0, 0.4999, label="Poisson's ratio"
     )
-    density: float = parameter(Material.density, "mass density", low=1.0, high=3.0e4, unit=DENSITY)
+    density: float = parameter(Material.density, "mass density", DENSITY, 1.0, 3.0e4)
     axial_factor: float = parameter(
-        Material.axial_factor,
-        "factor on the axial stiffness EA",
-        low=1.0e-3,
-        high=1.0e3,
-        unit=PLAIN,
+        Material.axial_factor, "factor on the axial stiffness EA", PLAIN, 1.0e-3, 1.0e3
     )
     bending_factor: float = parameter(
-        Material.bending_factor,
-        "factor on the bending stiffness EI",
-        low=1.0e-3,
-        high=1.0e3,
-        unit=PLAIN,
+        Material.bending_factor, "factor on the bending stiffness EI", PLAIN, 1.0e-3, 1.0e3
     )
     law: str = parameter("linear", "material law", choices=LAWS, unit=PLAIN)
     mooney_ratio: float = parameter(
         MOONEY_RATIO,
         "ratio C01 / C10 of law mooney_rivlin",
-        low=0.0,
-        high=100.0,
-        unit=PLAIN,
+        PLAIN,
+        0.0,
+        100.0,
         label="Mooney ratio C01 / C10",
     )
     friction: float = parameter(
-        0.1, "Coulomb friction of cable on cylinder, dimensionless", low=0.0, high=2.0, unit=PLAIN
+        0.1, "Coulomb friction of cable on cylinder, dimensionless", PLAIN, 0.0, 2.0
     )
 
     def wound_case(self, spelled: Mapping[str, str]) -> Case:

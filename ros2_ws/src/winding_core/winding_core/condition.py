@@ -70,75 +70,59 @@ class Condition(CableParameters):
     tension_offset: float = parameter(
         RigTension.offset,
         "constant part of the span tension, added to the weight's share",
-        low=-10.0,
-        high=10.0,
-        unit=FORCE,
+        FORCE,
+        -10.0,
+        10.0,
     )
     tension_share: float = parameter(
-        RigTension.weight_share,
-        "share of the weight in the span tension",
-        low=0.0,
-        high=2.0,
-        unit=PLAIN,
+        RigTension.weight_share, "share of the weight in the span tension", PLAIN, 0.0, 2.0
     )
     tension_diameter_gain: float = parameter(
         RigTension.diameter_gain,
         "change of the span tension with the cylinder diameter over 45 mm",
-        low=-10.0,
-        high=10.0,
-        unit=FORCE,
+        FORCE,
+        -10.0,
+        10.0,
     )
     tension_start_share: float = parameter(
-        RigTension.start_share,
-        "share of the span tension at the start",
-        low=0.0,
-        high=2.0,
-        unit=PLAIN,
+        RigTension.start_share, "share of the span tension at the start", PLAIN, 0.0, 2.0
     )
     tension_build_up: float = parameter(
         RigTension.build_up_length,
         "wound length over which the span tension builds up from its start",
-        low=1.0e-3,
-        high=10.0,
-        unit=LENGTH,
+        LENGTH,
+        1.0e-3,
+        10.0,
     )
     angular_speed: float = parameter(
         PAPER_ANGULAR_SPEED,
         "cylinder speed after the ramp",
-        low=0.01,
-        high=200.0,
-        unit=ANGULAR_SPEED,
+        ANGULAR_SPEED,
+        0.01,
+        200.0,
         option="omega",
         label="Cylinder speed",
     )
     feed_speed: float = parameter(
         PAPER_FEED_SPEED,
         "carriage speed after the ramp",
-        low=0.0,
-        high=0.5,
-        unit=SPEED,
+        SPEED,
+        0.0,
+        0.5,
         option="feed",
         label="Carriage speed",
     )
-    ramp_time: float = parameter(
-        PAPER_RAMP_TIME, "time of the linear speed ramp", low=0.05, high=60.0, unit=TIME
-    )
-    duration: float = parameter(
-        PAPER_DURATION, "simulated length of a run", low=0.1, high=3.6e3, unit=TIME
-    )
+    ramp_time: float = parameter(PAPER_RAMP_TIME, "time of the linear speed ramp", TIME, 0.05, 60.0)
+    duration: float = parameter(PAPER_DURATION, "simulated length of a run", TIME, 0.1, 3.6e3)
     free_length: float = parameter(
-        PAPER_FREE_LENGTH,
-        "tangent span between cylinder and guide",
-        low=0.01,
-        high=5.0,
-        unit=LENGTH,
+        PAPER_FREE_LENGTH, "tangent span between cylinder and guide", LENGTH, 0.01, 5.0
     )
     guide_distance: float = parameter(
         0.0,
         "distance of the guide from the cylinder axis, instead of the span",
-        low=0.01,
-        high=5.0,
-        unit=LENGTH,
+        LENGTH,
+        0.01,
+        5.0,
         otherwise="the span",
     )
 

@@ -137,14 +137,14 @@ class Declaration:
 
 def parameter(
     default: Value,
-    description: str,
-    *,
+    meaning: str,
+    unit: Unit | None = None,
     low: float | None = None,
     high: float | None = None,
+    *,
     choices: tuple[str, ...] | None = None,
     read_only: bool = True,
     otherwise: str = "",
-    unit: Unit | None = None,
     option: str = "",
     label: str = "",
 ) -> Any:
@@ -152,18 +152,19 @@ def parameter(
 
     Args:
         default: The value when nobody sets one; its type is the parameter's type.
-        description: One sentence; with the unit where `unit` does not state it.
+        meaning: What it is; with the unit where `unit` does not state it.
+        unit: How people type it on a command line, in a sweep or in a form; None where only
+            parameter files set it.
         low: Smallest allowed number [SI].
         high: Largest allowed number [SI].
         choices: Allowed texts.
         read_only: Whether the value is fixed once the node runs.
         otherwise: What holds when the number is 0, which is then allowed beside the range.
-        unit: How people type it on a command line, in a sweep or in a form.
         option: Name of that option without its unit; the field's own when empty.
         label: What a form calls it; the field's name in words when empty.
     """
     metadata = {
-        "meaning": description,
+        "meaning": meaning,
         "low": low,
         "high": high,
         "choices": choices,

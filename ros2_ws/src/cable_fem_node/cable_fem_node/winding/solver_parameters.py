@@ -17,17 +17,17 @@ class SolverParameters:
     segment_length: float = parameter(
         WindingConfig.segment_length,
         "undeformed length of an element",
-        low=0.0005,
-        high=0.05,
-        unit=LENGTH,
+        LENGTH,
+        0.0005,
+        0.05,
         option="segment",
     )
     mass_scaling: float = parameter(
         0.0,
         "factor on the cable's density",
-        low=1.0,
-        high=1.0e4,
-        unit=PLAIN,
+        PLAIN,
+        1.0,
+        1.0e4,
         otherwise="1 with the rod and 400 with the solid",
     )
     rolling: bool = parameter(False, "whether the rod may roll on the cylinder", unit=PLAIN)

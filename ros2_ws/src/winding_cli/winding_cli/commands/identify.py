@@ -51,8 +51,8 @@ def identify(
 ) -> None:
     """Identify the cable's material from tracked markers by inverse winding, or from a test."""
     from cable_fem_node.identification import IdentificationError
-    from winding_cli.commands.identify_sources import SourceError
     from winding_recorder.bags.failure import BagError
+    from winding_study.identification.tables import SourceError
 
     if (tensile is None) == (not sources):
         refuse("give recordings or tables of markers, or --tensile with a stress-strain table")
@@ -72,50 +72,61 @@ def identify(
 
 
 def _runs(sources: list[Path], weights: list[float], typed: Typed) -> list[TrackedRun]:
-    from cable_fem_node.identification import TrackedRun
-    from cable_fem_node.winding.run_history import planned_inputs
-    from winding_cli.commands.identify_sources import (
-        SourceError,
-        is_recording,
-        read_readings,
-        read_recording,
-        recorded_config,
-    )
+    from winding_study.identification.tables import SourceError
 
     if weights and len(weights) != len(sources):
         raise SourceError(
             f"give --weight-n once for each of {len(sources)} sources, got {len(weights)}"
         )
-    element = typed.get("element", "rod")
+    element = typed.get("element", RunParameters.element)
     if element != "rod":
         raise SourceError(f"identification winds the rod, not the element {element}")
-    stated = "case" in typed or "cylinder_diameter_mm" in typed
-    runs = []
-    for i, source in enumerate(sources):
-        if not source.exists():
-            raise SourceError(f"{source} does not exist")
-        own = dict(typed)
-        if weights:
-            own |= {"tension_n": weights[i], "tension_mpa": None}
-        if is_recording(source):
-            config = (
-                RunParameters.from_typed(own, spelling=spelled).plan().config
-                if stated
-                else dataclasses.replace(
-                    recorded_config(source), law=str(typed.get("law", RunParameters.law))
-                )
-            )
-            runs.append(read_recording(source, config))
-        else:
-            plan = RunParameters.from_typed(own, spelling=spelled).plan()
-            runs.append(
-                TrackedRun(
-                    config=plan.config,
-                    inputs=planned_inputs(plan.drive, plan.duration),
-                    readings=read_readings(source),
-                )
-            )
-    return runs
+    missing = [source for source in sources if not source.exists()]
+    if missing:
+        raise SourceError(f"{missing[0]} does not exist")
+    own: list[Typed] = [typed] * len(sources)
+    if weights:
+        own = [{**typed, "tension_n": weight, "tension_mpa": None} for weight in weights]
+    return [_run(source, each) for source, each in zip(sources, own, strict=True)]
+
+
+def _run(source: Path, typed: Typed) -> TrackedRun:
+    from cable_fem_node.identification import TrackedRun
+    from cable_fem_node.winding.run_history import planned_inputs
+    from winding_recorder.bags.tables import topic_rows
+    from winding_study.identification.recorded import recorded_run
+    from winding_study.identification.tables import read_readings
+
+    if source.is_dir() or source.suffix in (".mcap", ".db3"):
+        return recorded_run(
+            _recorded_config(source, typed),
+            tracked=topic_rows(source, "tracker/markers"),
+            joints=topic_rows(source, "rig/joint_states"),
+            tension=topic_rows(source, "rig/tension"),
+        )
+    plan = RunParameters.from_typed(typed, spelling=spelled).plan()
+    return TrackedRun(
+        config=plan.config,
+        inputs=planned_inputs(plan.drive, plan.duration),
+        readings=read_readings(source),
+    )
+
+
+def _recorded_config(source: Path, typed: Typed) -> WindingConfig:
+    """Return what was wound: what was typed of it, else what the solver's node was set to."""
+    from cable_fem_node.ros.parameters import FemParameters
+    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
+    from winding_ros.topics import FEM
+
+    if "case" in typed or "cylinder_diameter_mm" in typed:
+        return RunParameters.from_typed(typed, spelling=spelled).plan().config
+    try:
+        stated = recorded_parameters(source, FEM)
+    except BagError as error:
+        raise BagError(f"{source} does not say what was wound: give --case") from error
+    config = configuration_of(FemParameters, stated, FEM).winding_config()
+    return dataclasses.replace(config, law=str(typed.get("law", RunParameters.law)))
 
 
 def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
@@ -277,7 +288,7 @@ def _print_rest(
 
 
 def _tensile(path: Path, parameters: RunParameters) -> dict[str, Any]:
-    from winding_cli.commands.identify_sources import read_tensile_test
+    from winding_study.identification.tables import read_tensile_test
     from winding_study.identification.tensile import fit_laws, judgement
 
     poisson = parameters.poisson

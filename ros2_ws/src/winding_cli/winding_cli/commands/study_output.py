@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from winding_study.documents.data_table import DataTable
     from winding_study.paper.study_record import StudyRecord
+    from winding_study.runs.run_record import AxisSpeeds
 
 # A pipe has no width of its own; the widest table needs this much.
 
@@ -95,7 +96,6 @@ def calibrate(law: str | None, json: Path | None) -> None:
 
 
 def _report(record: StudyRecord, folder: Path, stored: int) -> None:
-    from winding_cli.commands.machine_speeds import machine_speeds
     from winding_study.reports.study_report import write_study
 
     duration = 20.0 if record.config is None else record.config.duration
@@ -104,10 +104,29 @@ def _report(record: StudyRecord, folder: Path, stored: int) -> None:
         page = write_study(
             record,
             place,
-            speeds=machine_speeds(record.cases[0], duration),
+            speeds=_speeds(record.cases[0], duration),
             facts=_facts(record, stored),
         )
     print(f"Report: {folder / page.name}")
+
+
+def _speeds(case: int, duration: float) -> AxisSpeeds:
+    from winding_core.cases import paper_case
+    from winding_core.drive import DriveProfile
+    from winding_rig_node.machine.axis_trial import axis_trial
+    from winding_rig_node.machine.machine import MachineConfig
+    from winding_study.runs.run_record import AxisSpeeds, Signal
+
+    drive = DriveProfile()
+    config = MachineConfig(case=paper_case(case), drive=drive, duration=duration)
+    t, _, cylinder, _, carriage, _, wanted_cylinder, _, wanted_carriage = axis_trial(config).T
+    return AxisSpeeds(
+        drive=drive,
+        cylinder_speed=Signal(t=t, value=cylinder),
+        carriage_speed=Signal(t=t, value=carriage),
+        cylinder_setpoint=Signal(t=t, value=wanted_cylinder),
+        carriage_setpoint=Signal(t=t, value=wanted_carriage),
+    )
 
 
 def _facts(record: StudyRecord, stored: int) -> dict[str, str]:

@@ -72,6 +72,25 @@ def export(path: Path, folder: Path, form: str, wanted: frozenset[str] = frozens
     return written
 
 
+def topic_rows(path: Path, name: str) -> list[list[Row]]:
+    """Return every message of the topic with that last name, as rows; at least one message.
+
+    Raises:
+        BagError: The recording cannot be read, or does not hold the topic once.
+    """
+    with opened(path) as reader:
+        links = [link for link in reader.connections if f"/{link.topic}".endswith(f"/{name}")]
+        if len(links) != 1:
+            raise BagError(f"{path} must hold {name} once, it holds {len(links)} of it")
+        messages = [
+            rows_of(stamp, decoded(reader, link, data))
+            for link, stamp, data in messages_of(reader, links)
+        ]
+    if not messages:
+        raise BagError(f"{name} of {path} is empty")
+    return messages
+
+
 def rows_of(stamp_ns: int, message: Any) -> list[Row]:
     """Return one message as rows of named values."""
     kind = message.__msgtype__

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,12 +15,11 @@ from typing import Any
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.highlevel import AnyReader
 
-from winding_core.parameters import build, declarations
 from winding_recorder.bags.comparison import Comparison, compare
 from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.notes import PARAMETERS
-from winding_recorder.bags.reading import Decoder, messages_of, opened, read_notes
-from winding_ros.graph import CORRECTION, FEM, TRACKER, NodeSpec, parameters_of
+from winding_recorder.bags.reading import Decoder, messages_of, opened
+from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
+from winding_ros.graph import CORRECTION, FEM, TRACKER, parameters_of
 from winding_ros.message_handler import Answer, MessageHandler
 from winding_ros.rig_messages import MessageError
 from winding_ros.stamps import serialised_stamp_ns
@@ -82,12 +80,17 @@ def replay(
     if not 0.0 < tolerance < float("inf"):
         raise BagError(f"tolerance must be positive and finite, got {tolerance:g}")
     spec = REPLAYABLE[node]
-    values = _recorded_parameters(path, spec.name) if parameters is None else parameters
+    try:
+        values = recorded_parameters(path, spec.name) if parameters is None else parameters
+    except BagError as error:
+        raise BagError(f"{error}; give --parameters") from error
     with opened(path) as reader:
         module = importlib.import_module(f"{spec.package}.ros.message_handler")
         links = {topic.name: _link(reader, topic) for topic in spec.inputs}
         stored = {topic.name: _link(reader, topic) for topic in spec.outputs}
-        handler: MessageHandler = getattr(module, spec.handler_class)(_configuration(spec, values))
+        handler: MessageHandler = getattr(module, spec.handler_class)(
+            configuration_of(parameters_of(spec), values, spec.name)
+        )
         run = _Run(handler)
         recorded = {topic: _stream(reader, link, run.decoder) for topic, link in stored.items()}
         run.answer(handler.begin(_begin(recorded)))
@@ -137,27 +140,6 @@ class _Run:
             self.digest.update(answer.topic.name.encode())
             self.digest.update(data)
             self.answers[answer.topic.name][serialised_stamp_ns(data)].append(data)
-
-
-def _recorded_parameters(path: Path, node: str) -> dict[str, Any]:
-    text = read_notes(path).get(f"{PARAMETERS}{node}") if path.is_dir() else None
-    if text is None:
-        raise BagError(f"{path} does not say with what parameters {node} ran; give --parameters")
-    try:
-        values = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise BagError(f"the parameters of {node} in {path} are not JSON: {error}") from error
-    if not isinstance(values, dict):
-        raise BagError(f"the parameters of {node} in {path} are no mapping")
-    return values
-
-
-def _configuration(spec: NodeSpec, values: Mapping[str, Any]) -> Any:
-    stated = parameters_of(spec)
-    # rclpy's own parameters, use_sim_time among them, do not change the work.
-    known = {item.name for item in declarations(stated)}
-    own = {name: value for name, value in values.items() if name in known}
-    return build(stated, own, owner=spec.name)
 
 
 def _link(reader: AnyReader, topic: Topic) -> Any:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
-from winding_core.drive import DriveProfile
-from winding_core.units import MILLINEWTON
+from winding_core.units import MILLIMETRE, MILLINEWTON
 from winding_study.documents.picture import (
     FAINT,
     PALE,
@@ -17,47 +14,25 @@ from winding_study.documents.picture import (
     picture,
     thinned,
 )
-from winding_study.runs.run_record import RunRecord, Signal
+from winding_study.runs.run_record import AxisSpeeds, RunRecord, Signal
 
 # Long against the encoder's own beat, short against anything that a controller does slowly.
 _SPEED_MEAN = 0.5
 
 
-class Speeds(Protocol):
-    """What `speeds_picture` draws: measured and wanted speeds of both axes."""
-
-    @property
-    def drive(self) -> DriveProfile:
-        """The wanted speeds."""
-
-    @property
-    def cylinder_speed(self) -> Signal:
-        """Measured [rad/s]."""
-
-    @property
-    def carriage_speed(self) -> Signal:
-        """Measured [m/s]."""
-
-    @property
-    def cylinder_setpoint(self) -> Signal:
-        """Commanded [rad/s]."""
-
-    @property
-    def carriage_setpoint(self) -> Signal:
-        """Commanded [m/s]."""
-
-    @property
-    def end(self) -> float:
-        """Time at which the time axes end [s]."""
-
-
-def speeds_picture(record: Speeds) -> Picture:
+def speeds_picture(record: AxisSpeeds) -> Picture:
     """Return both speeds against their targets, the paper's Figure 7, and what is between them."""
     drive = record.drive
     with canvas(4.6, rows=2, columns=2) as (figure, (cylinder, carriage, *gaps)):
         for axes, measured, setpoint, scale, label in (
             (cylinder, record.cylinder_speed, record.cylinder_setpoint, 1.0, "cylinder, rad/s"),
-            (carriage, record.carriage_speed, record.carriage_setpoint, 1e3, "carriage, mm/s"),
+            (
+                carriage,
+                record.carriage_speed,
+                record.carriage_setpoint,
+                1.0 / MILLIMETRE,
+                "carriage, mm/s",
+            ),
         ):
             axes.plot(*_scaled(setpoint, scale), color=FAINT, linewidth=3.0, label="target")
             axes.plot(*_scaled(measured, scale), color=PREDICTED, linewidth=0.8, label="measured")

@@ -14,8 +14,9 @@ from winding_study.documents.picture import Picture
 from winding_study.paper.study_record import PHYSICAL, StudyRecord
 from winding_study.reports.cable_pictures import cables_picture
 from winding_study.reports.error_pictures import errors_picture, stretches_picture
-from winding_study.reports.machine_pictures import Speeds, speeds_picture
+from winding_study.reports.machine_pictures import speeds_picture
 from winding_study.reports.model_pictures import models_picture, neighbours_picture, network_picture
+from winding_study.runs.run_record import AxisSpeeds
 from winding_study.runs.whole_file import write_whole
 
 _TEMPLATE = "study.html.j2"
@@ -25,7 +26,7 @@ def write_study(
     record: StudyRecord,
     directory: Path,
     *,
-    speeds: Speeds | None = None,
+    speeds: AxisSpeeds | None = None,
     facts: Mapping[str, str] | None = None,
 ) -> Path:
     """Write page and CSV files and return the path of the page; missing folders are made.
@@ -51,7 +52,7 @@ def write_study(
 def render_study(
     record: StudyRecord,
     *,
-    speeds: Speeds | None = None,
+    speeds: AxisSpeeds | None = None,
     facts: Mapping[str, str] | None = None,
 ) -> str:
     """Return the report as one HTML text that loads nothing from anywhere."""
@@ -73,7 +74,7 @@ def render_study(
     )
 
 
-def _pictures(record: StudyRecord, speeds: Speeds | None) -> dict[str, list[Picture]]:
+def _pictures(record: StudyRecord, speeds: AxisSpeeds | None) -> dict[str, list[Picture]]:
     machine = []
     if speeds is not None:
         drawn = speeds_picture(speeds)

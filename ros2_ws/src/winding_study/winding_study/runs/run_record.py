@@ -36,6 +36,30 @@ class Signal:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AxisSpeeds:
+    """Measured and wanted speeds of both axes in a run.
+
+    Attributes:
+        drive: The wanted speeds.
+        cylinder_speed: Measured [rad/s].
+        carriage_speed: Measured [m/s].
+        cylinder_setpoint: Commanded [rad/s].
+        carriage_setpoint: Commanded [m/s].
+    """
+
+    drive: DriveProfile
+    cylinder_speed: Signal
+    carriage_speed: Signal
+    cylinder_setpoint: Signal
+    carriage_setpoint: Signal
+
+    @property
+    def end(self) -> float:
+        """Time at which the run's time axes end [s]."""
+        return float(self.cylinder_speed.t[-1])
+
+
+@dataclass(frozen=True, kw_only=True)
 class MarkerSeries:
     """Wound markers over time, one row per marker and message.
 
@@ -104,16 +128,11 @@ class MarkerRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunRecord:
+class RunRecord(AxisSpeeds):
     """A finished run.
 
     Attributes:
         case: What was wound.
-        drive: The wanted speeds.
-        cylinder_speed: Measured [rad/s].
-        carriage_speed: Measured [m/s].
-        cylinder_setpoint: Commanded [rad/s].
-        carriage_setpoint: Commanded [m/s].
         tension: Load cell [N].
         predicted: Markers of the solver in step.
         tracked: Markers of the camera.
@@ -130,11 +149,6 @@ class RunRecord:
     """
 
     case: Case
-    drive: DriveProfile
-    cylinder_speed: Signal
-    carriage_speed: Signal
-    cylinder_setpoint: Signal
-    carriage_setpoint: Signal
     tension: Signal
     predicted: MarkerSeries
     tracked: MarkerSeries
