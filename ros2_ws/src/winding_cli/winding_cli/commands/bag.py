@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -16,9 +16,7 @@ from winding_cli.commands.refusal import FAILED, refuse
 from winding_cli.commands.ros_environment import joined
 from winding_cli.commands.space_key import space_key
 from winding_cli.commands.termination import end
-from winding_core.units import MILLISECOND
-
-_MEGABYTE = 1.0e6
+from winding_core.units import MEGABYTE, MILLISECOND
 
 bag = typer.Typer(
     help="Look into recordings, check, recover, play, replay and export them.",
@@ -41,14 +39,17 @@ def info(source: Source) -> None:
     except BagError as error:
         refuse(error, FAILED)
     console = result_console()
-    size = sum(content.files.values()) / _MEGABYTE
+    size = sum(content.files.values()) / MEGABYTE
     console.print(f"{source}: {content.duration:.3f} s from {content.start:.3f} s, {size:.2f} MB")
     for name, length in content.files.items():
-        console.print(f"  {name}  {length / _MEGABYTE:.2f} MB", highlight=False)
+        console.print(f"  {name}  {length / MEGABYTE:.2f} MB", highlight=False)
     if COMPLETE in content.notes:
         console.print(f"complete: {content.notes[COMPLETE]}", highlight=False)
     if RECOVERED in content.notes:
         console.print(f"recovered from: {content.notes[RECOVERED]}", highlight=False)
+    wound = _wound(content.notes)
+    if wound:
+        console.print(f"wound: {wound}", highlight=False)
     table = Table("topic", "type", box=None, padding=(0, 2))
     for heading in ("messages", "Hz", "lost"):
         table.add_column(heading, justify="right")
@@ -62,6 +63,24 @@ def info(source: Source) -> None:
             "not counted" if topic.lost is None else str(topic.lost),
         )
     console.print(table)
+
+
+def _wound(notes: Mapping[str, str]) -> str:
+    """Return what a recording says of the condition, as it would be typed."""
+    import json
+
+    from winding_core.condition import Condition
+    from winding_core.options import shown_values
+    from winding_recorder.bags.notes import PARAMETERS
+
+    stated: dict[str, Any] = {}
+    try:
+        for name, text in notes.items():
+            if name.startswith(PARAMETERS):
+                stated |= json.loads(text)
+    except (TypeError, ValueError):
+        return "not readable"
+    return ", ".join(f"{name} {value}" for name, value in shown_values(Condition, stated).items())
 
 
 @bag.command()
@@ -99,7 +118,7 @@ def recover(
     except BagError as error:
         refuse(error, FAILED)
     for file in files:
-        print(f"{file.name}: kept {file.kept} messages of {file.bytes / _MEGABYTE:.2f} MB")
+        print(f"{file.name}: kept {file.kept} messages of {file.bytes / MEGABYTE:.2f} MB")
         for loss in file.losses:
             print(f"lost: {loss}")
     print(f"recovered: {target}")
