@@ -1,6 +1,5 @@
 """The band model: where the visible half of a ring band appears."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 from marker_tracker_node import CameraPose
 from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_point
-from marker_tracker_node.detection.band import band_centroid, centre_point, solve_band
+from marker_tracker_node.detection.band import Band, band_centroid, centre_point, solve_band
 from winding_rig_node.camera import CameraConfig, Window
 
 # Every sensor pixel around the middle of the cylinder's first turn.
@@ -18,7 +17,7 @@ SHARP = replace(CameraConfig(), window=CLOSE, supersampling=6)
 
 def view_and_body(film):
     config = film.tracker().config
-    return film.pinhole().numbers(CameraPose(position=film.camera.position)), config.numbers()
+    return film.pinhole().view(CameraPose(position=film.camera.position)), config.body
 
 
 @pytest.mark.parametrize("case", [1, 3, 5, 9])
@@ -28,17 +27,17 @@ def test_centroid_and_area_agree_with_the_renderers_ground_truth(smooth_film, ca
     view, body = view_and_body(film)
     made = film.scene(azimuth, 0.0, path_z=np.zeros_like(film.lay.path_z))
     truth = film.renderer.visible_bands(made)[0]
-    a, b, area = band_centroid(view, body, azimuth, 0.0, 0.0, -math.pi, math.pi)
+    a, b, area = band_centroid(view, body, Band(azimuth, 0.0, 0.0))
     # 0.05 px is 4 um; the sections of the renderer are chords of 3 px.
     np.testing.assert_allclose(pixel_of_plane(view, a, b), truth["centroid"], atol=0.05)
-    assert area * view[12] * view[13] == pytest.approx(truth["area"], rel=0.01)
+    assert area * view.fx * view.fy == pytest.approx(truth["area"], rel=0.01)
 
 
 @pytest.mark.parametrize("azimuth", [-0.3, -0.05, 0.0, 0.2, 0.6, 1.05])
 def test_solving_inverts_the_model(smooth_film, azimuth):
     view, body = view_and_body(smooth_film(3))
-    a, b, _ = band_centroid(view, body, azimuth, 0.031, 1.5e-3, -math.pi, math.pi)
-    found, z = solve_band(view, body, a, b, azimuth + 0.05, 0.032, 1.5e-3, -math.pi, math.pi)
+    a, b, _ = band_centroid(view, body, Band(azimuth, 0.031, 1.5e-3))
+    found, z = solve_band(view, body, a, b, Band(azimuth + 0.05, 0.032, 1.5e-3))
     # The fixed point stops at changes of 2e-6 rad and contracts by at least two.
     assert found == pytest.approx(azimuth, abs=4e-6)
     assert z == pytest.approx(0.031, abs=1e-7)
@@ -49,7 +48,7 @@ def test_without_the_model_a_band_would_be_misplaced(smooth_film, case, least):
     """The paper's radius R + r puts the visible centroid 76 to 422 mrad off at 60 degrees."""
     film = smooth_film(case)
     view, body = view_and_body(film)
-    _, b, _ = band_centroid(view, body, 1.0, 0.0, 0.0, -math.pi, math.pi)
-    x, y, z = centre_point(body[0], 1.0 + least, 0.0)
+    _, b, _ = band_centroid(view, body, Band(1.0, 0.0, 0.0))
+    x, y, z = centre_point(body.rho, 1.0 + least, 0.0)
     _, beyond, _ = plane_of_point(view, x, y, z)
     assert b > beyond

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from marker_tracker_node import PinholeCamera
+from marker_tracker_node import CameraPose, PinholeCamera
 from marker_tracker_node.camera.calibration import (
     Board,
     CalibrationError,
@@ -17,6 +17,7 @@ from marker_tracker_node.camera.calibration import (
     write_board,
     write_camera,
 )
+from marker_tracker_node.camera.pinhole import plane_of_pixel
 
 K = np.array([[1125.0, 0.0, 487.0], [0.0, 1126.5, 266.0], [0.0, 0.0, 1.0]])
 D = np.array([-0.2, 0.08, 6e-4, -4e-4, 0.0])
@@ -75,8 +76,11 @@ def test_a_charuco_board_gives_the_lens_back():
     # A shift of the picture is a turn of the camera, which the pose takes up; the rest is the
     # lens. 24 views were measured to leave 0.006 px and 6 views 0.017 px rms on larger pictures.
     grid = np.stack(np.meshgrid(np.linspace(75, 885, 6), np.linspace(45, 495, 4)), -1)
-    rays = result.camera.undistort(grid.reshape(-1, 2))
-    truth = PinholeCamera.from_info(width=960, height=540, k=K, d=D).undistort(grid.reshape(-1, 2))
+    real = PinholeCamera.from_info(width=960, height=540, k=K, d=D)
+    views_of = (pinhole.view(CameraPose()) for pinhole in (result.camera, real))
+    rays, truth = (
+        np.array([plane_of_pixel(view, u, v) for u, v in grid.reshape(-1, 2)]) for view in views_of
+    )
     found, true = (np.column_stack([part, np.ones(len(part))]) for part in (rays, truth))
     found, true = (part / np.linalg.norm(part, axis=1)[:, None] for part in (found, true))
     left, _, right = np.linalg.svd(true.T @ found)

@@ -4,17 +4,52 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from marker_tracker_node.camera.compiled import compiled
+from winding_core.compiling import compiled
 
 FloatArray = NDArray[np.float64]
 
 PLUMB_BOB = "plumb_bob"
 UNDISTORTION_STEPS = 30
 UNDISTORTION_TOLERANCE = 1.0e-13
+
+
+class CameraView(NamedTuple):
+    """Pose, lens and window of a camera, as the kernels take them.
+
+    Right, down and forward are the camera's axes in the lab frame, x, y and z its projection
+    centre [m], f and c focal lengths and principal point [px], k1 to p2 the plumb_bob distortion,
+    and the offsets those of the window on the sensor [px].
+    """
+
+    right_x: float
+    right_y: float
+    right_z: float
+    down_x: float
+    down_y: float
+    down_z: float
+    forward_x: float
+    forward_y: float
+    forward_z: float
+    x: float
+    y: float
+    z: float
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    k1: float
+    k2: float
+    p1: float
+    p2: float
+    k3: float
+    column_offset: float
+    row_offset: float
+    binning: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,36 +162,29 @@ class PinholeCamera:
         """Rows and columns of an image."""
         return self.roi[3] // self.binning, self.roi[2] // self.binning
 
-    def numbers(self, pose: CameraPose) -> FloatArray:
-        """Return pose and lens as one flat array for the kernels, shape (24,).
-
-        Axes by rows (9), position (3), fx, fy, cx, cy, distortion (5), offsets (2), binning.
-        """
-        return np.concatenate(
-            [
-                pose.axes.ravel(),
-                pose.position,
-                [self.k[0, 0], self.k[1, 1], self.k[0, 2], self.k[1, 2]],
-                self.d,
-                [self.roi[0], self.roi[1], self.binning],
-            ]
+    def view(self, pose: CameraPose) -> CameraView:
+        """Return pose, lens and window for the kernels."""
+        k1, k2, p1, p2, k3 = self.d.tolist()
+        return CameraView(
+            *pose.axes.ravel().tolist(),
+            *map(float, pose.position),
+            fx=float(self.k[0, 0]),
+            fy=float(self.k[1, 1]),
+            cx=float(self.k[0, 2]),
+            cy=float(self.k[1, 2]),
+            k1=k1,
+            k2=k2,
+            p1=p1,
+            p2=p2,
+            k3=k3,
+            column_offset=float(self.roi[0]),
+            row_offset=float(self.roi[1]),
+            binning=float(self.binning),
         )
-
-    def undistort(self, pixels: FloatArray) -> FloatArray:
-        """Return coordinates on the undistorted image plane of image pixels, shape (n, 2)."""
-        view = self.numbers(CameraPose())
-        return np.array([plane_of_pixel(view, u, v) for u, v in pixels]).reshape(-1, 2)
-
-    def pixels_of(self, pose: CameraPose, points: FloatArray) -> FloatArray:
-        """Return the image pixels of lab points [m], shape (n, 2)."""
-        view = self.numbers(pose)
-        return np.array(
-            [pixel_of_plane(view, *plane_of_point(view, x, y, z)[:2]) for x, y, z in points]
-        ).reshape(-1, 2)
 
     def _require_invertible(self) -> None:
         """Refuse a distortion that folds the image over itself within the region used."""
-        view = self.numbers(CameraPose())
+        view = self.view(CameraPose())
         rows, columns = self.shape
         for u in np.linspace(-0.5, columns - 0.5, 17):
             for v in np.linspace(-0.5, rows - 0.5, 9):
@@ -170,41 +198,47 @@ class PinholeCamera:
 
 
 @compiled
+def pixels_per_metre(view: CameraView, depth: float) -> float:  # pragma: no cover
+    """Return the scale of the image [px/m] at a depth [m]."""
+    return view.fx / (depth * view.binning)
+
+
+@compiled
 def plane_of_point(
-    view: FloatArray, x: float, y: float, z: float
+    view: CameraView, x: float, y: float, z: float
 ) -> tuple[float, float, float]:  # pragma: no cover
     """Return undistorted plane coordinates and depth [m] of a lab point."""
-    dx, dy, dz = x - view[9], y - view[10], z - view[11]
-    depth = view[6] * dx + view[7] * dy + view[8] * dz
-    a = (view[0] * dx + view[1] * dy + view[2] * dz) / depth
-    b = (view[3] * dx + view[4] * dy + view[5] * dz) / depth
+    dx, dy, dz = x - view.x, y - view.y, z - view.z
+    depth = view.forward_x * dx + view.forward_y * dy + view.forward_z * dz
+    a = (view.right_x * dx + view.right_y * dy + view.right_z * dz) / depth
+    b = (view.down_x * dx + view.down_y * dy + view.down_z * dz) / depth
     return a, b, depth
 
 
 @compiled
-def pixel_of_plane(view: FloatArray, a: float, b: float) -> tuple[float, float]:  # pragma: no cover
+def pixel_of_plane(view: CameraView, a: float, b: float) -> tuple[float, float]:  # pragma: no cover
     """Return column and row [pixels] in the image of undistorted plane coordinates."""
-    k1, k2, p1, p2, k3 = view[16], view[17], view[18], view[19], view[20]
+    k1, k2, p1, p2, k3 = view.k1, view.k2, view.p1, view.p2, view.k3
     q = a * a + b * b
     radial = 1.0 + k1 * q + k2 * q * q + k3 * q * q * q
     u = a * radial + 2.0 * p1 * a * b + p2 * (q + 2.0 * a * a)
     v = b * radial + p1 * (q + 2.0 * b * b) + 2.0 * p2 * a * b
-    column = (view[12] * u + view[14] - view[21] + 0.5) / view[23] - 0.5
-    row = (view[13] * v + view[15] - view[22] + 0.5) / view[23] - 0.5
+    column = (view.fx * u + view.cx - view.column_offset + 0.5) / view.binning - 0.5
+    row = (view.fy * v + view.cy - view.row_offset + 0.5) / view.binning - 0.5
     return column, row
 
 
 @compiled
 def plane_of_pixel(
-    view: FloatArray, column: float, row: float
+    view: CameraView, column: float, row: float
 ) -> tuple[float, float]:  # pragma: no cover
     """Return undistorted plane coordinates of an image pixel, by Newton's method.
 
     Five fixed-point steps, the habit of the trade, leave 0.4 px at k1 = -0.35.
     """
-    k1, k2, p1, p2, k3 = view[16], view[17], view[18], view[19], view[20]
-    u = (view[21] + view[23] * (column + 0.5) - 0.5 - view[14]) / view[12]
-    v = (view[22] + view[23] * (row + 0.5) - 0.5 - view[15]) / view[13]
+    k1, k2, p1, p2, k3 = view.k1, view.k2, view.p1, view.p2, view.k3
+    u = (view.column_offset + view.binning * (column + 0.5) - 0.5 - view.cx) / view.fx
+    v = (view.row_offset + view.binning * (row + 0.5) - 0.5 - view.cy) / view.fy
     a, b = u, v
     for _ in range(UNDISTORTION_STEPS):
         q = a * a + b * b

@@ -8,19 +8,55 @@ by 37 to 167 mrad on a 30 mm cylinder.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from marker_tracker_node.camera.compiled import compiled
-from marker_tracker_node.camera.pinhole import plane_of_point
-
-FloatArray = NDArray[np.float64]
+from marker_tracker_node.camera.pinhole import CameraView, plane_of_point
+from winding_core.compiling import compiled
 
 ALONG_NODES, ALONG_WEIGHTS = np.polynomial.legendre.leggauss(2)
 AROUND_NODES, AROUND_WEIGHTS = np.polynomial.legendre.leggauss(5)
 SOLVE_STEPS = 8
 SOLVE_TOLERANCE = 2.0e-6
+
+
+class Body(NamedTuple):
+    """What a band is painted on.
+
+    Attributes:
+        rho: R + r, radius of the laid cable's centre line [m].
+        cable_radius: r [m].
+        half_band: Half of a band along the cable [m].
+    """
+
+    rho: float
+    cable_radius: float
+    half_band: float
+
+
+class Band(NamedTuple):
+    """A band and the turns of cable beside it.
+
+    Two turns closer than a cable diameter meet in the plane between them and cut the band off.
+
+    Attributes:
+        azimuth: Of the band's middle, unwrapped [rad].
+        z: Axial position [m].
+        slope: dz/dtheta of the cable [m/rad].
+        low: Angle around the section where the turn on the -z side cuts the band off [rad].
+        high: The same on the +z side [rad].
+        below: Distance of the turn on the -z side [m].
+        above: Distance of the turn on the +z side [m].
+    """
+
+    azimuth: float
+    z: float
+    slope: float
+    low: float = -math.pi
+    high: float = math.pi
+    below: float = math.inf
+    above: float = math.inf
 
 
 @compiled
@@ -52,26 +88,11 @@ def surface_point(
 
 @compiled
 def band_centroid(
-    view: FloatArray,
-    body: FloatArray,
-    azimuth: float,
-    z: float,
-    slope: float,
-    low: float,
-    high: float,
+    view: CameraView, body: Body, band: Band
 ) -> tuple[float, float, float]:  # pragma: no cover
-    """Return plane coordinates of the visible centroid of a band and its area on the plane.
-
-    Args:
-        view: See `PinholeCamera.numbers`.
-        body: R + r, r, half of the band along the cable [m].
-        azimuth: Of the band's middle, unwrapped [rad].
-        z: Axial position [m].
-        slope: dz/dtheta of the cable [m/rad].
-        low: Angle around the section where a neighbour cuts the band off on the -z side [rad].
-        high: The same on the +z side [rad].
-    """
-    rho, r, half = body[0], body[1], body[2]
+    """Return plane coordinates of the visible centroid of a band and its area on the plane."""
+    rho, r, half = body.rho, body.cable_radius, body.half_band
+    azimuth, slope = band.azimuth, band.slope
     norm = math.hypot(rho, slope)
     # psi runs from the outward normal e towards b = t x e, which points to +z.
     tangential, axial = slope / norm, rho / norm
@@ -89,13 +110,13 @@ def band_centroid(
         bend = max(turn, 0.0)
         ex, ey = math.cos(bend), math.sin(bend)
         bx, by, bz = -tangential * ey, tangential * ex, axial
-        cx, cy, cz = centre_point(rho, turn, z + slope * way)
-        vx, vy, vz = view[9] - cx, view[10] - cy, view[11] - cz
+        cx, cy, cz = centre_point(rho, turn, band.z + slope * way)
+        vx, vy, vz = view.x - cx, view.y - cy, view.z - cz
         along_e = vx * ex + vy * ey
         along_b = vx * bx + vy * by + vz * bz
         facing = math.atan2(along_b, along_e)
         reach = math.acos(min(r / math.hypot(along_e, along_b), 1.0))
-        first, last = max(facing - reach, low), min(facing + reach, high)
+        first, last = max(facing - reach, band.low), min(facing + reach, band.high)
         if last <= first:
             continue
         middle, spread = 0.5 * (first + last), 0.5 * (last - first)
@@ -104,7 +125,7 @@ def band_centroid(
             c, s = math.cos(psi), math.sin(psi)
             nx, ny, nz = c * ex + s * bx, c * ey + s * by, s * bz
             px, py, pz = cx + r * nx, cy + r * ny, cz + r * nz
-            wx, wy, wz = view[9] - px, view[10] - py, view[11] - pz
+            wx, wy, wz = view.x - px, view.y - py, view.z - pz
             a, b, depth = plane_of_point(view, px, py, pz)
             # The outer side of the bend is longer than the centre line.
             stretch = 1.0 + r * c / rho if turn > 0.0 else 1.0
@@ -120,40 +141,30 @@ def band_centroid(
 
 @compiled
 def solve_band(
-    view: FloatArray,
-    body: FloatArray,
-    a: float,
-    b: float,
-    azimuth: float,
-    z: float,
-    slope: float,
-    low: float,
-    high: float,
+    view: CameraView, body: Body, a: float, b: float, start: Band
 ) -> tuple[float, float]:  # pragma: no cover
     """Return azimuth [rad] and z [m] of the band whose centroid appears at a plane point.
 
     The offset between centroid and centre line changes slowly, so a fixed point on it converges.
 
     Args:
-        view: See `PinholeCamera.numbers`.
-        body: R + r, r, half of the band [m].
+        view: The camera.
+        body: What the band is painted on.
         a: Measured plane coordinate, dimensionless.
         b: Measured plane coordinate, dimensionless.
-        azimuth: Where to start, unwrapped [rad].
-        z: Where to start [m].
-        slope: dz/dtheta of the cable [m/rad].
-        low: See `band_centroid`.
-        high: See `band_centroid`.
+        start: Where to start.
     """
-    rho = body[0]
+    azimuth, z = start.azimuth, start.z
     for _ in range(SOLVE_STEPS):
-        seen_a, seen_b, _area = band_centroid(view, body, azimuth, z, slope, low, high)
-        x, y, height = centre_point(rho, azimuth, z)
+        seen_a, seen_b, _area = band_centroid(view, body, moved_band(start, azimuth, z))
+        x, y, height = centre_point(body.rho, azimuth, z)
         line_a, line_b, _depth = plane_of_point(view, x, y, height)
-        found, height = _back_project(view, rho, a - seen_a + line_a, b - seen_b + line_b, azimuth)
+        found, height = _back_project(
+            view, body.rho, a - seen_a + line_a, b - seen_b + line_b, azimuth
+        )
         if not math.isfinite(found):
             return math.nan, math.nan
-        change = abs(found - azimuth) + abs(height - z) / rho
+        change = abs(found - azimuth) + abs(height - z) / body.rho
         azimuth, z = found, height
         if change < SOLVE_TOLERANCE:
             break
@@ -161,23 +172,29 @@ def solve_band(
 
 
 @compiled
+def moved_band(band: Band, azimuth: float, z: float) -> Band:  # pragma: no cover
+    """Return a band with the same turns beside it at another azimuth [rad] and z [m]."""
+    return Band(azimuth, z, band.slope, band.low, band.high, band.below, band.above)
+
+
+@compiled
 def _back_project(
-    view: FloatArray, rho: float, a: float, b: float, near: float
+    view: CameraView, rho: float, a: float, b: float, near: float
 ) -> tuple[float, float]:  # pragma: no cover
     """Return azimuth [rad] near a given one and z [m] where a ray meets the centre line."""
-    dx = view[0] * a + view[3] * b + view[6]
-    dy = view[1] * a + view[4] * b + view[7]
-    dz = view[2] * a + view[5] * b + view[8]
-    flat = (rho - view[9]) / dx
-    way = view[10] + flat * dy
+    dx = view.right_x * a + view.down_x * b + view.forward_x
+    dy = view.right_y * a + view.down_y * b + view.forward_y
+    dz = view.right_z * a + view.down_z * b + view.forward_z
+    flat = (rho - view.x) / dx
+    way = view.y + flat * dy
     if way < 0.0 and near < 1.0:
-        return way / rho, view[11] + flat * dz
+        return way / rho, view.z + flat * dz
     square = dx * dx + dy * dy
-    half = view[9] * dx + view[10] * dy
-    room = half * half - square * (view[9] * view[9] + view[10] * view[10] - rho * rho)
+    half = view.x * dx + view.y * dy
+    room = half * half - square * (view.x * view.x + view.y * view.y - rho * rho)
     if room < 0.0:
         return math.nan, math.nan
     depth = (-half - math.sqrt(room)) / square
-    azimuth = math.atan2(view[10] + depth * dy, view[9] + depth * dx)
+    azimuth = math.atan2(view.y + depth * dy, view.x + depth * dx)
     azimuth += 2.0 * math.pi * round((near - azimuth) / (2.0 * math.pi))
-    return azimuth, view[11] + depth * dz
+    return azimuth, view.z + depth * dz

@@ -3,18 +3,77 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.camera.compiled import compiled
+from winding_core.compiling import compiled
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
-# A gate: centre column and row, unit direction along the cable, length along it, limits across
-# it, half length of the band alone, length against the direction [px].
-GATE_SIZE = 9
+
+class Picture(NamedTuple):
+    """A frame and the colours that are sought in it.
+
+    Attributes:
+        pixels: Blue-green-red, shape (rows, columns, 3).
+        table: One where a colour belongs to the marker, by 5 bits of each channel, shape (32768,).
+    """
+
+    pixels: ByteArray
+    table: ByteArray
+
+
+class Gates(NamedTuple):
+    """Where bands are sought in a picture: every array has one place a gate.
+
+    Across counts towards +z, to the right of a cable that runs up the image.
+
+    Attributes:
+        column: Of the centre [px].
+        row: Of the centre [px].
+        along_u: Column of the unit direction along the cable.
+        along_v: Row of the unit direction along the cable.
+        ahead: Length along the direction [px].
+        behind: Length against the direction [px].
+        left: Limit across the direction, negative [px].
+        right: Limit across the direction, positive [px].
+        half_band: Half length of the band alone [px].
+    """
+
+    column: FloatArray
+    row: FloatArray
+    along_u: FloatArray
+    along_v: FloatArray
+    ahead: FloatArray
+    behind: FloatArray
+    left: FloatArray
+    right: FloatArray
+    half_band: FloatArray
+
+
+@compiled
+def empty_gates(count: int) -> Gates:  # pragma: no cover
+    """Return room for a number of gates."""
+    return Gates(
+        column=np.zeros(count),
+        row=np.zeros(count),
+        along_u=np.zeros(count),
+        along_v=np.zeros(count),
+        ahead=np.zeros(count),
+        behind=np.zeros(count),
+        left=np.zeros(count),
+        right=np.zeros(count),
+        half_band=np.zeros(count),
+    )
+
+
+@compiled
+def table_index(blue: int, green: int, red: int) -> int:  # pragma: no cover
+    """Return the place of a colour in `Picture.table`."""
+    return (np.uint32(blue >> 3) << 10) | (np.uint32(green >> 3) << 5) | np.uint32(red >> 3)
 
 
 @compiled
@@ -30,37 +89,25 @@ def strip(
 
 @compiled
 def gate_moments(
-    frame: ByteArray, table: ByteArray, gate: FloatArray
+    picture: Picture, gates: Gates, n: int
 ) -> tuple[int, float, float]:  # pragma: no cover
-    """Return number and mean column and row of the marker pixels in a gate.
-
-    Args:
-        frame: Shape (rows, columns, 3).
-        table: One where a colour belongs to the marker, by 5 bits of each channel.
-        gate: See GATE_SIZE.
-    """
-    rows, columns = frame.shape[:2]
-    column, row, tu, tv = gate[0], gate[1], gate[2], gate[3]
-    ahead, behind, low, high = gate[4], gate[8], gate[5], gate[6]
+    """Return number and mean column and row of the marker pixels in gate n."""
+    rows, columns = picture.pixels.shape[:2]
+    column, row, tu, tv = gates.column[n], gates.row[n], gates.along_u[n], gates.along_v[n]
+    ahead, behind, low, high = gates.ahead[n], gates.behind[n], gates.left[n], gates.right[n]
     height = max(ahead, behind) * abs(tv) + max(-low, high) * abs(tu)
     top, bottom = max(math.ceil(row - height), 0), min(math.floor(row + height), rows - 1)
     count, sum_column, sum_row = 0, 0, 0
     for v in range(top, bottom + 1):
         dv = v - row
-        # Across counts towards +z, to the right of a cable that runs up the image.
         left, right = strip(-tv, tu * dv, low, high)
         near, far = strip(tu, tv * dv, -behind, ahead)
         first = math.ceil(column + max(left, near, -column))
         last = math.floor(column + min(right, far, columns - 1.0 - column))
-        line = frame[v]
+        line = picture.pixels[v]
         hits, place = 0, 0
         for u in range(first, last + 1):
-            index = (
-                (np.uint32(line[u, 0] >> 3) << 10)
-                | (np.uint32(line[u, 1] >> 3) << 5)
-                | np.uint32(line[u, 2] >> 3)
-            )
-            hit = table[index]
+            hit = picture.table[table_index(line[u, 0], line[u, 1], line[u, 2])]
             hits += hit
             place += hit * u
         count += hits
@@ -72,15 +119,27 @@ def gate_moments(
 
 
 @compiled
+def in_gate(gates: Gates, n: int, u: float, v: float) -> bool:  # pragma: no cover
+    """Return whether a pixel lies in gate n."""
+    du, dv = u - gates.column[n], v - gates.row[n]
+    across = gates.along_u[n] * dv - gates.along_v[n] * du
+    along = du * gates.along_u[n] + dv * gates.along_v[n]
+    return bool(
+        -gates.behind[n] <= along <= gates.ahead[n] and gates.left[n] <= across <= gates.right[n]
+    )
+
+
+@compiled
 def gate_leaves_image(
-    gate: FloatArray, margin: float, rows: int, columns: int
+    gates: Gates, n: int, margin: float, picture: Picture
 ) -> tuple[bool, bool]:  # pragma: no cover
-    """Return whether a gate without its margin [pixels] leaves the image, and whether wholly."""
-    half = max(gate[4] - margin, gate[8] - margin, 0.0)
-    span = max(max(-gate[5], gate[6]) - margin, 0.0)
-    width = half * abs(gate[2]) + span * abs(gate[3])
-    height = half * abs(gate[3]) + span * abs(gate[2])
-    column, row = gate[0], gate[1]
+    """Return whether gate n without its margin [pixels] leaves the image, and whether wholly."""
+    rows, columns = picture.pixels.shape[:2]
+    half = max(gates.ahead[n] - margin, gates.behind[n] - margin, 0.0)
+    span = max(max(-gates.left[n], gates.right[n]) - margin, 0.0)
+    tu, tv = abs(gates.along_u[n]), abs(gates.along_v[n])
+    width, height = half * tu + span * tv, half * tv + span * tu
+    column, row = gates.column[n], gates.row[n]
     partly = (
         column - width < -0.5
         or column + width > columns - 0.5

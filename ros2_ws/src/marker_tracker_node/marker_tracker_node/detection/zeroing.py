@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera, plane_of_pixel
-from marker_tracker_node.detection.band import band_centroid
+from marker_tracker_node.detection.band import Band, Body, band_centroid
 
 FloatArray = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ TRUSTED_PIXELS = 0.5
 def zeroed_pose(
     camera: PinholeCamera,
     pose: CameraPose,
-    numbers: FloatArray,
+    body: Body,
     pixel: tuple[float, float],
     angle: float,
 ) -> CameraPose:
@@ -34,16 +34,16 @@ def zeroed_pose(
     Args:
         camera: The camera.
         pose: Nominal.
-        numbers: See `TrackerConfig.numbers`.
+        body: What the band is painted on.
         pixel: Column and row of the centroid of P0's band [pixels].
         angle: Azimuth of P0, the cylinder angle [rad].
     """
-    goal = np.array(plane_of_pixel(camera.numbers(pose), *pixel))
+    goal = np.array(plane_of_pixel(camera.view(pose), *pixel))
 
     def seen(turn: FloatArray) -> FloatArray:
         tilt = (pose.tilt[0] + turn[0], pose.tilt[1] + turn[1], pose.tilt[2])
-        view = camera.numbers(replace(pose, tilt=tilt))
-        return np.array(band_centroid(view, numbers, angle, 0.0, 0.0, -math.pi, math.pi)[:2])
+        view = camera.view(replace(pose, tilt=tilt))
+        return np.array(band_centroid(view, body, Band(azimuth=angle, z=0.0, slope=0.0))[:2])
 
     turn = np.zeros(2)
     focal = math.sqrt(camera.k[0, 0] * camera.k[1, 1]) / camera.binning

@@ -28,7 +28,7 @@ class TrackerHandler:
     """Measures the markers of every frame, once the encoder has come as far as the frame.
 
     Attributes:
-        config: What the tracker is told of the machine.
+        config: Machine, cable and camera pose.
         tracker: Of this run; None before the first calibration.
     """
 
@@ -47,7 +47,6 @@ class TrackerHandler:
             ),
             advance_per_radian=drive.advance_per_radian,
             free_length=what.free_length,
-            angular_speed=drive.angular_speed,
         )
         self.tracker: Tracker | None = None
         self._camera: CameraReading | None = None

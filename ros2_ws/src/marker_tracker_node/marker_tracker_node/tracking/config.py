@@ -1,14 +1,13 @@
-"""What the tracker is told about the machine, the cable and the camera's place."""
+"""What the tracker needs to know of the machine, the cable and the camera's place."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
-from marker_tracker_node.camera.pinhole import CameraPose
+from marker_tracker_node.camera.pinhole import CameraPose, CameraView
+from marker_tracker_node.detection.band import Body
+from marker_tracker_node.tracking.state import Setup
 from winding_core.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
 from winding_core.fleet_angle import PAPER_FREE_LENGTH
 
@@ -28,7 +27,6 @@ class TrackerConfig:
         pose: Where the camera stands.
         advance_per_radian: Expected feed per radian of rotation [m/rad].
         free_length: Of the span between guide and contact line [m].
-        angular_speed: Commanded speed [rad/s], the last resort without an encoder.
         usable_azimuth: Largest angle from the contact line at which a band is measured [rad].
         along_margin: Room of a gate along the cable [m].
         across_margin: Room of a gate across the cable [m].
@@ -47,7 +45,6 @@ class TrackerConfig:
     pose: CameraPose = field(default_factory=CameraPose)
     advance_per_radian: float = PAPER_FEED_SPEED / PAPER_ANGULAR_SPEED
     free_length: float = PAPER_FREE_LENGTH
-    angular_speed: float = PAPER_ANGULAR_SPEED
     usable_azimuth: float = math.radians(62.0)
     along_margin: float = 0.8e-3
     across_margin: float = 0.6e-3
@@ -87,21 +84,26 @@ class TrackerConfig:
         """Wound angle between neighbouring markers [rad]."""
         return self.marker_spacing * self.expected_stretch / self.centreline_radius
 
-    def numbers(self) -> NDArray[np.float64]:
-        """Return the numbers of the kernels; the names of the places are in `state`."""
-        return np.array(
-            [
-                self.centreline_radius,
-                self.cable_radius,
-                0.5 * self.band_width,
-                self.usable_azimuth,
-                self.along_margin,
-                self.across_margin,
-                self.search_width,
-                self.slip_limit,
-                self.expected_gap,
-                self.free_length / self.centreline_radius,
-                self.advance_per_radian,
-                self.angular_speed,
-            ]
+    @property
+    def body(self) -> Body:
+        """What the bands are painted on, for the kernels."""
+        return Body(
+            rho=float(self.centreline_radius),
+            cable_radius=float(self.cable_radius),
+            half_band=0.5 * self.band_width,
+        )
+
+    def setup(self, camera: CameraView) -> Setup:
+        """Return what the kernels need of a run that is seen by a camera."""
+        return Setup(
+            camera=camera,
+            body=self.body,
+            usable_azimuth=float(self.usable_azimuth),
+            along_margin=float(self.along_margin),
+            across_margin=float(self.across_margin),
+            search_width=float(self.search_width),
+            slip_limit=float(self.slip_limit),
+            expected_gap=float(self.expected_gap),
+            lag=self.free_length / self.centreline_radius,
+            advance_per_radian=float(self.advance_per_radian),
         )

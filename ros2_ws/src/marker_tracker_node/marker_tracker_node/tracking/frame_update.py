@@ -3,329 +3,261 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.camera.compiled import compiled
-from marker_tracker_node.detection.gate import GATE_SIZE
-from marker_tracker_node.tracking.band_measurement import (
-    CLIPPED,
+from marker_tracker_node.detection.band import Band, moved_band
+from marker_tracker_node.detection.gate import Gates, Picture, empty_gates
+from marker_tracker_node.tracking.band_measurement import WHOLE_AREA, measure_band
+from marker_tracker_node.tracking.candidates import Scan
+from marker_tracker_node.tracking.cylinder_angle import follow_encoder, phase_lock
+from marker_tracker_node.tracking.gate_prediction import (
     HIDDEN,
     MEASURED,
     OUT_OF_SIGHT,
-    WHOLE_AREA,
-    in_picture,
-    measure,
-    share_between,
+    gate_visibility,
+    predict_gate,
+    separate_gates,
 )
-from marker_tracker_node.tracking.gate_prediction import aim, extend_path, neighbours, seen_height
-from marker_tracker_node.tracking.marker_acquisition import search
+from marker_tracker_node.tracking.laid_path import (
+    LaidCable,
+    band_beside_turns,
+    corrected_height,
+    extend_path,
+)
+from marker_tracker_node.tracking.marker_acquisition import acquire_markers
+from marker_tracker_node.tracking.run_means import update_means, update_shift, write_results
 from marker_tracker_node.tracking.state import (
-    ALONG,
-    ANGLE,
-    AREA,
-    BLIND,
-    HEIGHT,
-    MISSES,
-    O_AZIMUTH,
-    O_FLAGS,
-    O_HEIGHT,
-    O_HIGH,
-    O_LOW,
-    O_SEEN,
-    O_SIGMA_HEIGHT,
-    O_SIGMA_THETA,
-    O_SLOPE,
-    O_THETA,
-    RATE,
-    RECENT,
-    REFERENCE,
-    RHO,
-    SHIFT,
-    SHIFT_WEIGHT,
-    SLIP,
-    STARTED,
-    STATUS,
-    THETA,
-    TIME,
-    USABLE,
-    VAR_HEIGHT,
-    VAR_THETA,
-    WEIGHT,
-    WRAPS,
+    Cylinder,
+    FlagArray,
+    IndexArray,
+    Marks,
+    Output,
+    Run,
+    Setup,
+    Tracks,
 )
-from winding_core.markers import MarkerFlag
+from winding_core.compiling import compiled
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
-FLAG_OCCLUDED = int(MarkerFlag.OCCLUDED)
-FLAG_CLIPPED = int(MarkerFlag.CLIPPED)
-FLAG_TOUCHING = int(MarkerFlag.TOUCHING)
-FLAG_SLIPPED = int(MarkerFlag.SLIPPED)
-FLAG_NOT_WOUND = int(MarkerFlag.NOT_WOUND)
-FLAG_PREDICTED = int(MarkerFlag.PREDICTED)
-
-# Frames that a run mean remembers; without an end it could not follow a slip.
-MEMORY = 400.0
-REFERENCE_FRAMES = 20.0
-RECENT_SHARE = 0.1
-VARIANCE_SHARE = 0.05
 AREA_SHARE = 0.05
-SHIFT_SHARE = 0.02
-# A wound angle that leans on the encoder carries the camera's tilt and counts less.
-ENCODER_TRUST = 0.2
 JUMP_THETA = 0.12
 JUMP_HEIGHT = 1.5e-3
-# Bounds of what is expected of a cylinder whose encoder is out [rad/s, s].
-FASTEST = 100.0
-LONGEST_GUESS = 10.0
-LOCK_GAIN = 0.5
 REAIM = 0.4
 
 
-@compiled
-def cylinder_angle(
-    config: FloatArray, shared: FloatArray, t: float, encoder: float
-) -> float:  # pragma: no cover
-    """Return the cylinder angle [rad] of a frame: the encoder without its wraps, or predicted.
+class Expected(NamedTuple):
+    """Where the known markers are expected in a frame, arrays of shape (markers,).
 
-    Args:
-        config: See `TrackerConfig.numbers`.
-        shared: See `state`.
-        t: Time [s].
-        encoder: Angle [rad]; nan while it is missing.
+    Attributes:
+        outcome: What came of looking for the marker.
+        pixels: That its band should fill.
+        touching: Whether its band touches another.
+        azimuth: See `Band`, and so are the following.
+        slope: [m/rad]
+        low: [rad]
+        high: [rad]
+        below: [m]
+        above: [m]
     """
-    turn = 2.0 * math.pi
-    if shared[STARTED] == 0.0:
-        shared[RATE] = 0.0
-        shared[BLIND] = 0.0 if math.isfinite(encoder) else 1.0
-        return encoder if math.isfinite(encoder) else 0.0
-    passed = t - shared[TIME]
-    expected = shared[ANGLE] + shared[RATE] * min(passed, LONGEST_GUESS)
-    if not math.isfinite(encoder):
-        shared[BLIND] = 1.0
-        return float(expected)
-    lost = turn * round((expected - encoder - shared[WRAPS]) / turn)
-    shared[WRAPS] += lost
-    angle = encoder + shared[WRAPS]
-    if shared[BLIND] == 0.0:
-        rate = shared[RATE] + 0.3 * ((angle - shared[ANGLE]) / passed - shared[RATE])
-        shared[RATE] = min(max(rate, -FASTEST), FASTEST)
-    shared[BLIND] = 0.0
-    return float(angle)
+
+    outcome: IndexArray
+    pixels: FloatArray
+    touching: FlagArray
+    azimuth: FloatArray
+    slope: FloatArray
+    low: FloatArray
+    high: FloatArray
+    below: FloatArray
+    above: FloatArray
 
 
 @compiled
-def advance(
-    frame: ByteArray,
+def update_burst(
+    frames: ByteArray,
     table: ByteArray,
-    view: FloatArray,
-    config: FloatArray,
-    shared: FloatArray,
-    marks: FloatArray,
-    candidates: FloatArray,
-    path: FloatArray,
-    t: float,
-    encoder: float,
-    guide: float,
-    out: FloatArray,
-) -> None:  # pragma: no cover
-    """Advance the state by one frame and write what it yields.
+    setup: Setup,
+    run: Run,
+    tracks: Tracks,
+    times: FloatArray,
+    encoders: FloatArray,
+    guides: FloatArray,
+    out: Output,
+) -> Run:  # pragma: no cover
+    """Advance the tracks by every frame of a burst and return the run after it.
 
     Args:
-        frame: Shape (rows, columns, 3).
-        table: See `gate_moments`.
-        view: See `PinholeCamera.numbers`.
-        config: See `TrackerConfig.numbers`.
-        shared: See `state`.
-        marks: See `state`.
-        candidates: See `state`.
-        path: See `TrackerState.path`.
-        t: Time [s], later than the last.
-        encoder: Cylinder angle [rad]; nan while the encoder is missing.
-        guide: Guide position [m]; nan to expect the commanded feed.
-        out: See `state`, shape (markers, OUTPUT_SIZE).
+        frames: Shape (k, rows, columns, 3).
+        table: See `Picture`.
+        setup: Machine and camera.
+        run: Before the first frame.
+        tracks: Written in place.
+        times: Ascending [s], shape (k,).
+        encoders: Cylinder angles [rad], nan where missing, shape (k,).
+        guides: Guide positions [m], nan to expect the commanded feed, shape (k,).
+        out: Receives what each frame yields.
     """
-    rows, columns = frame.shape[:2]
-    count = marks.shape[0]
-    angle = cylinder_angle(config, shared, t, encoder)
-    extend_path(config, shared, path, angle, guide)
-    shared[ANGLE], shared[TIME], shared[STARTED] = angle, t, 1.0
-    turned = angle + shared[SHIFT]
+    for k in range(frames.shape[0]):
+        picture = Picture(frames[k], table)
+        cylinder = follow_encoder(run.cylinder, times[k], encoders[k])
+        count, guide = extend_path(setup, tracks.path, run, cylinder.angle, guides[k])
+        cable = LaidCable(tracks.marks, tracks.path, count)
+        run = _update_frame(picture, setup, run, cylinder, guide, cable, tracks, out, k)
+        out.angle[k] = run.cylinder.angle
+    return run
 
-    gates = np.zeros((count + 1, GATE_SIZE))
-    order = np.zeros(count, dtype=np.int64)
-    known = 0
-    came = np.zeros(count, dtype=np.int64)
-    aimed = np.zeros((count, 4))
-    beside = np.empty((count, 4))
+
+@compiled
+def _update_frame(
+    picture: Picture,
+    setup: Setup,
+    run: Run,
+    cylinder: Cylinder,
+    guide: float,
+    cable: LaidCable,
+    tracks: Tracks,
+    out: Output,
+    k: int,
+) -> Run:  # pragma: no cover
+    """Measure the known markers of frame k, look for the others, and return the run after it.
+
+    Args:
+        picture: Frame and colours.
+        setup: Machine and camera.
+        run: Before the frame.
+        cylinder: At the frame.
+        guide: Guide position at the frame [m].
+        cable: As laid at the frame.
+        tracks: Written in place.
+        out: Receives what the frame yields.
+        k: Number of the frame.
+    """
+    marks = tracks.marks
+    count = marks.known.size
+    turned = cylinder.angle + run.shift
+    gates = empty_gates(count + 1)
+    expected = _empty_expected(count)
+    _predict(picture, setup, cable, turned, gates, expected)
     for n in range(count):
-        came[n] = OUT_OF_SIGHT
-        if marks[n, STATUS] == 0.0:
+        # Neither out of sight nor clipped.
+        if expected.outcome[n] == HIDDEN:
+            expected.outcome[n] = _measure(picture, setup, marks, gates, n, expected, out, k)
+    if cylinder.blind:
+        nudge = phase_lock(marks, out.azimuth[k], turned)
+        turned += nudge
+        cylinder = Cylinder(
+            cylinder.angle + nudge, cylinder.time, cylinder.rate, cylinder.wraps,
+            cylinder.started, cylinder.blind,
+        )  # fmt: skip
+    shift, weight = update_shift(run, cylinder.blind, out.azimuth[k, 0], turned)
+    update_means(marks, out, k, turned)
+    if not marks.known.all():
+        scan = Scan(
+            picture,
+            setup,
+            cable,
+            tracks.candidates,
+            gates,
+            expected.outcome,
+            cylinder.angle + shift,
+        )
+        shift = acquire_markers(scan, shift)
+    write_results(setup, marks, expected.outcome, expected.touching, turned, out, k)
+    return Run(cylinder, shift, weight, cable.count, guide)
+
+
+@compiled
+def _empty_expected(count: int) -> Expected:  # pragma: no cover
+    """Return room for what is expected of a number of markers, all of them out of sight."""
+    return Expected(
+        outcome=np.full(count, OUT_OF_SIGHT),
+        pixels=np.zeros(count),
+        touching=np.zeros(count, dtype=np.bool_),
+        azimuth=np.zeros(count),
+        slope=np.zeros(count),
+        low=np.zeros(count),
+        high=np.zeros(count),
+        below=np.zeros(count),
+        above=np.zeros(count),
+    )
+
+
+@compiled
+def _predict(
+    picture: Picture,
+    setup: Setup,
+    cable: LaidCable,
+    turned: float,
+    gates: Gates,
+    expected: Expected,
+) -> None:  # pragma: no cover
+    """Write where the known markers are expected, and the gates of those in sight."""
+    marks = cable.marks
+    count = marks.known.size
+    for n in range(count):
+        if not marks.known[n]:
             continue
-        azimuth = turned - marks[n, RECENT]
+        theta, z = marks.recent[n], marks.height[n]
+        azimuth = turned - theta
         if n > 0 and azimuth < 0.0:
             continue
         away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
-        if abs(away) > config[USABLE]:
+        if abs(away) > setup.usable_azimuth:
             continue
-        slope = seen_height(shared, marks, path, marks[n, RECENT])[1]
-        neighbours(
-            config, shared, marks, path, azimuth, marks[n, RECENT], marks[n, HEIGHT], slope,
-            beside[n],
-        )  # fmt: skip
-        expected = aim(view, config, azimuth, marks[n, HEIGHT], slope, beside[n], gates[known])
-        came[n] = in_picture(view, config, gates[known], rows, columns)
-        if came[n] == OUT_OF_SIGHT:
-            continue
-        aimed[n, 0], aimed[n, 1], aimed[n, 2] = azimuth, slope, expected
-        order[known] = n
-        known += 1
-    for i in range(known):
-        for j in range(i + 1, known):
-            if share_between(gates, i, j):
-                aimed[order[i], 3], aimed[order[j], 3] = 1.0, 1.0
-
-    found = np.full((count, 2), math.nan)
-    out[:, O_AZIMUTH:] = math.nan
-    for i in range(known):
-        n = order[i]
-        if came[n] == CLIPPED:
-            continue
-        came[n], azimuth, z, share = measure(
-            frame, table, view, config, gates[i], aimed[n, 2] * marks[n, AREA],
-            aimed[n, 0], marks[n, HEIGHT], aimed[n, 1], beside[n],
-            WHOLE_AREA,
-        )  # fmt: skip
-        if came[n] != MEASURED:
-            continue
-        if abs(azimuth - aimed[n, 0]) * config[RHO] > REAIM * config[ALONG]:
-            # Far from where it was expected the gate may have cut the band: look again.
-            ahead, behind = gates[i, 4], gates[i, 8]
-            expected = aim(view, config, azimuth, z, aimed[n, 1], beside[n], gates[i])
-            gates[i, 4], gates[i, 8] = min(gates[i, 4], ahead), min(gates[i, 8], behind)
-            came[n], azimuth, z, share = measure(
-                frame, table, view, config, gates[i], expected * marks[n, AREA],
-                azimuth, z, aimed[n, 1], beside[n], WHOLE_AREA,
-            )  # fmt: skip
-            if came[n] != MEASURED:
-                continue
-        if abs(azimuth - aimed[n, 0]) > JUMP_THETA or abs(z - marks[n, HEIGHT]) > JUMP_HEIGHT:
-            came[n] = HIDDEN
-            continue
-        marks[n, AREA] *= 1.0 + AREA_SHARE * (share - 1.0)
-        found[n, 0], found[n, 1] = azimuth, z
-        out[n, O_AZIMUTH], out[n, O_SEEN], out[n, O_SLOPE] = azimuth, z, aimed[n, 1]
-        out[n, O_LOW], out[n, O_HIGH] = beside[n, 0], beside[n, 1]
-
-    if shared[BLIND] > 0.0:
-        turned = _phase_lock(config, shared, marks, found, turned)
-    _update(config, shared, marks, found, turned)
-    if _unknown(marks):
-        search(
-            frame, table, view, config, shared, marks, candidates, path, gates, known,
-            shared[ANGLE],
-        )  # fmt: skip
-    _write(config, marks, found, came, aimed, turned, out)
+        slope = corrected_height(cable, theta)[1]
+        band = band_beside_turns(setup, cable, azimuth, theta, z, slope)
+        expected.pixels[n] = predict_gate(setup, band, gates, n)
+        expected.outcome[n] = gate_visibility(setup, gates, n, picture)
+        expected.azimuth[n], expected.slope[n] = azimuth, slope
+        expected.low[n], expected.high[n] = band.low, band.high
+        expected.below[n], expected.above[n] = band.below, band.above
+    for n in range(count):
+        for m in range(n + 1, count):
+            seen = expected.outcome[n] != OUT_OF_SIGHT and expected.outcome[m] != OUT_OF_SIGHT
+            if seen and separate_gates(gates, n, m):
+                expected.touching[n] = expected.touching[m] = True
 
 
 @compiled
-def _unknown(marks: FloatArray) -> bool:  # pragma: no cover
-    return bool((marks[:, STATUS] == 0.0).any())
-
-
-@compiled
-def _phase_lock(
-    config: FloatArray, shared: FloatArray, marks: FloatArray, found: FloatArray, turned: float
-) -> float:  # pragma: no cover
-    """Correct a predicted cylinder angle by the markers in sight and return it, shifted.
-
-    P0 alone decides when it is in sight: all wound angles are counted from it.
-    """
-    total, weight = 0.0, 0.0
-    for n in range(marks.shape[0]):
-        if math.isfinite(found[n, 0]):
-            error = found[n, 0] + marks[n, THETA] - turned
-            if n == 0:
-                total, weight = error, 1.0
-                break
-            total += error
-            weight += 1.0
-    if weight == 0.0:
-        return turned
-    error = total / weight
-    shared[ANGLE] += LOCK_GAIN * error
-    return turned + LOCK_GAIN * error
-
-
-@compiled
-def _update(
-    config: FloatArray, shared: FloatArray, marks: FloatArray, found: FloatArray, turned: float
-) -> None:  # pragma: no cover
-    """Take what was found into the run means; `found` becomes wound angle and height."""
-    with_p0 = math.isfinite(found[0, 0])
-    base = found[0, 0] if with_p0 else turned
-    if with_p0 and shared[BLIND] == 0.0:
-        shared[SHIFT_WEIGHT] += 1.0
-        gain = max(1.0 / shared[SHIFT_WEIGHT], SHIFT_SHARE)
-        shared[SHIFT] += gain * (base - turned)
-    for n in range(marks.shape[0]):
-        if not math.isfinite(found[n, 0]):
-            continue
-        theta = base - found[n, 0]
-        found[n, 0] = theta
-        trust = 1.0 if with_p0 else ENCODER_TRUST
-        marks[n, WEIGHT] = min(marks[n, WEIGHT] + trust, MEMORY)
-        part = trust / marks[n, WEIGHT]
-        d_theta, d_height = theta - marks[n, THETA], found[n, 1] - marks[n, HEIGHT]
-        marks[n, THETA] += part * d_theta
-        marks[n, HEIGHT] += part * d_height
-        marks[n, VAR_THETA] += VARIANCE_SHARE * (d_theta * d_theta - marks[n, VAR_THETA])
-        marks[n, VAR_HEIGHT] += VARIANCE_SHARE * (d_height * d_height - marks[n, VAR_HEIGHT])
-        marks[n, RECENT] += RECENT_SHARE * (theta - marks[n, RECENT])
-        if marks[n, WEIGHT] <= REFERENCE_FRAMES:
-            marks[n, REFERENCE] = marks[n, THETA]
-
-
-@compiled
-def _write(
-    config: FloatArray,
-    marks: FloatArray,
-    found: FloatArray,
-    came: NDArray[np.int64],
-    aimed: FloatArray,
-    turned: float,
-    out: FloatArray,
-) -> None:  # pragma: no cover
-    """Write wound angle and height from P0, their deviations and the flags."""
-    base = found[0, 1] if math.isfinite(found[0, 1]) else marks[0, HEIGHT]
-    for n in range(marks.shape[0]):
-        if marks[n, STATUS] == 0.0 or (n > 0 and turned < marks[n, RECENT]):
-            out[n, :O_FLAGS] = math.nan
-            out[n, O_FLAGS] = FLAG_NOT_WOUND
-            continue
-        flags = 0
-        measured = math.isfinite(found[n, 0])
-        if measured:
-            out[n, O_THETA], out[n, O_HEIGHT] = found[n, 0], found[n, 1] - base
-            marks[n, MISSES] = 0.0
-            share = 1.0
-        else:
-            flags |= FLAG_PREDICTED
-            out[n, O_THETA] = marks[n, THETA]
-            out[n, O_HEIGHT] = marks[n, HEIGHT] - marks[0, HEIGHT]
-            share = 1.0 / math.sqrt(marks[n, WEIGHT])
-            if came[n] == CLIPPED:
-                flags |= FLAG_CLIPPED
-            if came[n] == HIDDEN:
-                flags |= FLAG_OCCLUDED
-                marks[n, MISSES] += 1.0
-        out[n, O_SIGMA_THETA] = math.sqrt(marks[n, VAR_THETA]) * share
-        out[n, O_SIGMA_HEIGHT] = math.sqrt(marks[n, VAR_HEIGHT]) * share
-        if aimed[n, 3] > 0.0:
-            flags |= FLAG_TOUCHING
-        if abs(marks[n, RECENT] - marks[n, REFERENCE]) > config[SLIP]:
-            flags |= FLAG_SLIPPED
-        out[n, O_FLAGS] = flags
+def _measure(
+    picture: Picture,
+    setup: Setup,
+    marks: Marks,
+    gates: Gates,
+    n: int,
+    expected: Expected,
+    out: Output,
+    k: int,
+) -> int:  # pragma: no cover
+    """Measure the known marker n in frame k and return what came of it."""
+    band = Band(
+        expected.azimuth[n], marks.height[n], expected.slope[n],
+        expected.low[n], expected.high[n], expected.below[n], expected.above[n],
+    )  # fmt: skip
+    pixels, place = expected.pixels[n], band
+    azimuth, z, share = math.nan, math.nan, 0.0
+    for attempt in range(2):
+        outcome, azimuth, z, share = measure_band(
+            picture, setup, gates, n, place, pixels * marks.area[n], WHOLE_AREA
+        )
+        if outcome != MEASURED:
+            return outcome
+        off = abs(azimuth - band.azimuth) * setup.body.rho
+        if attempt == 1 or off <= REAIM * setup.along_margin:
+            break
+        # Far from where it was expected the gate may have cut the band: look again.
+        place = moved_band(band, azimuth, z)
+        ahead, behind = gates.ahead[n], gates.behind[n]
+        pixels = predict_gate(setup, place, gates, n)
+        gates.ahead[n] = min(gates.ahead[n], ahead)
+        gates.behind[n] = min(gates.behind[n], behind)
+    if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > JUMP_HEIGHT:
+        return HIDDEN
+    marks.area[n] *= 1.0 + AREA_SHARE * (share - 1.0)
+    out.azimuth[k, n], out.seen_height[k, n], out.slope[k, n] = azimuth, z, band.slope
+    out.low[k, n], out.high[k, n] = band.low, band.high
+    return MEASURED

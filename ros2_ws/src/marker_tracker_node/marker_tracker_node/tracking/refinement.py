@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from marker_tracker_node.camera.compiled import compiled
-from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
-from marker_tracker_node.detection.band import band_centroid
+from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCamera
+from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.tracking.config import TrackerConfig
+from winding_core.compiling import compiled
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -37,7 +37,7 @@ class Sightings:
         azimuth: As seen with `pose` [rad], unwrapped, shape (k,).
         z: As seen with `pose` [m], shape (k,).
         slope: dz/dtheta of the cable there [m/rad], shape (k,).
-        low: Cut by the neighbouring turn at -z, see `neighbours` [rad], shape (k,).
+        low: Cut by the neighbouring turn at -z, see `Band` [rad], shape (k,).
         high: The same at +z, shape (k,).
         pose: Of the camera with which azimuth and z were computed.
     """
@@ -94,10 +94,8 @@ def refine(config: TrackerConfig, camera: PinholeCamera, sightings: Sightings) -
         )
     if not (sightings.marker == 0).any():
         raise ValueError("a refinement needs sightings of P0, there are none")
-    body = config.numbers()
-    goal = _pictures(
-        camera.numbers(sightings.pose), body, sightings.azimuth, sightings.z, sightings
-    )
+    body = config.body
+    goal = _pictures(camera.view(sightings.pose), body, sightings.azimuth, sightings.z, sightings)
     count = config.marker_count + 1
     seen = np.array([n for n in range(1, count) if (sightings.marker == n).any()], dtype=np.int64)
     place = np.zeros(count, dtype=np.int64)
@@ -113,7 +111,7 @@ def refine(config: TrackerConfig, camera: PinholeCamera, sightings: Sightings) -
     def residuals(x: FloatArray) -> FloatArray:
         theta = np.concatenate([[0.0], x[POSE_SIZE + 1 : POSE_SIZE + 1 + seen.size]])
         z = np.concatenate([[0.0], x[POSE_SIZE + 1 + seen.size :]])
-        view = camera.numbers(_moved(sightings.pose, x[:POSE_SIZE]))
+        view = camera.view(_moved(sightings.pose, x[:POSE_SIZE]))
         azimuth = sightings.angle + x[POSE_SIZE] - theta[row]
         off = (_pictures(view, body, azimuth, z[row], sightings) - goal) * focal
         prior = np.concatenate(
@@ -152,15 +150,15 @@ def _moved(pose: CameraPose, change: FloatArray) -> CameraPose:
 
 
 def _pictures(
-    view: FloatArray, body: FloatArray, azimuth: FloatArray, z: FloatArray, sightings: Sightings
+    view: CameraView, body: Body, azimuth: FloatArray, z: FloatArray, sightings: Sightings
 ) -> FloatArray:
     return _band_pictures(view, body, azimuth, z, sightings.slope, sightings.low, sightings.high)
 
 
 @compiled
 def _band_pictures(
-    view: FloatArray,
-    body: FloatArray,
+    view: CameraView,
+    body: Body,
     azimuth: FloatArray,
     z: FloatArray,
     slope: FloatArray,
@@ -170,7 +168,6 @@ def _band_pictures(
     """Return plane coordinates of the visible centroid of each sighting, shape (k, 2)."""
     out = np.empty((azimuth.size, 2))
     for k in range(azimuth.size):
-        out[k, 0], out[k, 1], _area = band_centroid(
-            view, body, azimuth[k], z[k], slope[k], low[k], high[k]
-        )
+        band = Band(azimuth[k], z[k], slope[k], low[k], high[k], math.inf, math.inf)
+        out[k, 0], out[k, 1], _area = band_centroid(view, body, band)
     return out

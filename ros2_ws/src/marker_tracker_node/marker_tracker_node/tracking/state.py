@@ -1,99 +1,210 @@
-"""What the tracker remembers between frames, as arrays that its kernels write.
-
-The capitals name the places in these arrays.
-"""
+"""What the tracker's kernels take and keep: constants, what is known of a run, and results."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.camera.pinhole import CameraView
+from marker_tracker_node.detection.band import Body
+
 FloatArray = NDArray[np.float64]
+FlagArray = NDArray[np.bool_]
+IndexArray = NDArray[np.int64]
 
-# TrackerConfig.numbers
-RHO, CABLE, HALF_BAND, USABLE, ALONG, ACROSS, SEARCH, SLIP, GAP, LAG, ADVANCE, SPEED = range(12)
-
-# TrackerState.shared: what all markers have in common
-(
-    ANGLE,  # cylinder angle of the last frame [rad], unwrapped
-    TIME,  # of the last frame [s]
-    RATE,  # cylinder speed [rad/s]
-    SHIFT,  # azimuth seen minus azimuth of the encoder [rad]
-    SHIFT_WEIGHT,
-    WRAPS,  # turns that the encoder lost by wrapping [rad]
-    PATH_COUNT,  # filled places of the path
-    GUIDE,  # guide position of the last frame [m]
-    STARTED,
-    BLIND,  # 1 while the encoder is missing
-) = range(10)
-SHARED_SIZE = 10
-
-# TrackerState.marks: one row a marker
-(
-    STATUS,  # 1 once the marker is known
-    THETA,  # run mean of the wound angle [rad]
-    HEIGHT,  # run mean of z as seen [m]
-    WEIGHT,  # of these means, in frames
-    VAR_THETA,  # variance of a single frame [rad^2]
-    VAR_HEIGHT,  # [m^2]
-    AREA,  # measured over expected area
-    REFERENCE,  # wound angle after its first frames [rad]
-    RECENT,  # moving mean of the wound angle [rad]
-    MISSES,  # frames in a row in which it should have been seen
-) = range(10)
-MARK_SIZE = 10
-
-# TrackerState.candidates: something marker-coloured that may prove to be a marker
-C_FIRST, C_THETA, C_HEIGHT, C_HITS, C_START, C_LAST, C_AREA = range(7)
-CANDIDATE_SIZE = 7
 CANDIDATES = 8
-
-# Columns of what a frame yields of each marker: what is published, and for the refinement the
-# azimuth and z as seen, the slope of the cable and the cuts by its neighbours
-(
-    O_THETA,
-    O_HEIGHT,
-    O_SIGMA_THETA,
-    O_SIGMA_HEIGHT,
-    O_FLAGS,
-    O_AZIMUTH,
-    O_SEEN,
-    O_SLOPE,
-    O_LOW,
-    O_HIGH,
-) = range(10)
-OUTPUT_SIZE = 10
-
 PATH_STEP = 0.05
 PATH_SIZE = 8192
 
 
-@dataclass(kw_only=True)
-class TrackerState:
-    """The one mutable state of a tracker.
+class Setup(NamedTuple):
+    """What stays the same from frame to frame; see `TrackerConfig`.
 
     Attributes:
-        shared: See the names above, shape (SHARED_SIZE,).
-        marks: Shape (marker_count + 1, MARK_SIZE).
-        candidates: Shape (CANDIDATES, CANDIDATE_SIZE), unused where C_HITS is zero.
+        camera: Its pose and lens.
+        body: What the bands are painted on.
+        usable_azimuth: [rad]
+        along_margin: [m]
+        across_margin: [m]
+        search_width: [m]
+        slip_limit: [rad]
+        expected_gap: [rad]
+        lag: Wound angle in which the cable follows the guide, free length / (R + r) [rad].
+        advance_per_radian: [m/rad]
+    """
+
+    camera: CameraView
+    body: Body
+    usable_azimuth: float
+    along_margin: float
+    across_margin: float
+    search_width: float
+    slip_limit: float
+    expected_gap: float
+    lag: float
+    advance_per_radian: float
+
+
+class Cylinder(NamedTuple):
+    """What is known of the cylinder's rotation.
+
+    Attributes:
+        angle: In the last frame [rad], unwrapped.
+        time: Of the last frame [s].
+        rate: [rad/s]
+        wraps: Turns that the encoder lost by wrapping [rad].
+        started: Whether there was a frame.
+        blind: Whether the encoder is missing.
+    """
+
+    angle: float
+    time: float
+    rate: float
+    wraps: float
+    started: bool
+    blind: bool
+
+
+class Run(NamedTuple):
+    """What all markers have in common.
+
+    Attributes:
+        cylinder: Its rotation.
+        shift: Azimuth seen minus azimuth of the encoder [rad].
+        shift_weight: Of this mean, in frames.
+        path_count: Filled places of the path.
+        guide: Position in the last frame [m].
+    """
+
+    cylinder: Cylinder
+    shift: float
+    shift_weight: float
+    path_count: int
+    guide: float
+
+
+class Marks(NamedTuple):
+    """What is known of each marker, arrays of shape (markers,).
+
+    Attributes:
+        known: Whether the marker was found.
+        theta: Run mean of the wound angle [rad].
+        height: Run mean of z as seen [m].
+        weight: Of these means, in frames.
+        var_theta: Variance of a single frame [rad^2].
+        var_height: The same of z [m^2].
+        area: Measured over expected area.
+        reference: Wound angle after its first frames [rad].
+        recent: Moving mean of the wound angle [rad].
+    """
+
+    known: FlagArray
+    theta: FloatArray
+    height: FloatArray
+    weight: FloatArray
+    var_theta: FloatArray
+    var_height: FloatArray
+    area: FloatArray
+    reference: FloatArray
+    recent: FloatArray
+
+
+class Candidates(NamedTuple):
+    """Something marker-coloured that may prove to be a marker, arrays of shape (CANDIDATES,).
+
+    Attributes:
+        hits: Frames in which it was seen; zero where the place is free.
+        first: Wound angle when it was seen first [rad].
+        theta: Mean wound angle [rad].
+        height: Mean z as seen [m].
+        area: Mean of measured over expected area.
+        start: Cylinder angle when it was seen first [rad].
+        last: Cylinder angle when it was seen last [rad].
+    """
+
+    hits: IndexArray
+    first: FloatArray
+    theta: FloatArray
+    height: FloatArray
+    area: FloatArray
+    start: FloatArray
+    last: FloatArray
+
+
+class Tracks(NamedTuple):
+    """Everything that the kernels write in place.
+
+    Attributes:
+        marks: Of P0 to Pn.
+        candidates: For markers that are not known yet.
         path: Expected z of the laid cable every PATH_STEP of wound angle [m], shape (PATH_SIZE,).
     """
 
-    shared: FloatArray
-    marks: FloatArray
-    candidates: FloatArray
+    marks: Marks
+    candidates: Candidates
     path: FloatArray
+
+
+@dataclass(kw_only=True)
+class TrackerState:
+    """The one mutable state of a tracker: `run` as numbers and `tracks` as arrays."""
+
+    run: Run
+    tracks: Tracks
 
     @classmethod
     def fresh(cls, marker_count: int) -> TrackerState:
         """Return the state before the first frame."""
-        shared = np.zeros(SHARED_SIZE)
-        shared[PATH_COUNT] = 1.0
+        still = Cylinder(angle=0.0, time=0.0, rate=0.0, wraps=0.0, started=False, blind=False)
+        markers = marker_count + 1
+        numbers = [np.zeros(markers) for _ in Marks._fields[1:]]
+        places = [np.zeros(CANDIDATES) for _ in Candidates._fields[1:]]
         return cls(
-            shared=shared,
-            marks=np.zeros((marker_count + 1, MARK_SIZE)),
-            candidates=np.zeros((CANDIDATES, CANDIDATE_SIZE)),
-            path=np.zeros(PATH_SIZE),
+            run=Run(cylinder=still, shift=0.0, shift_weight=0.0, path_count=1, guide=0.0),
+            tracks=Tracks(
+                marks=Marks(np.zeros(markers, dtype=np.bool_), *numbers),
+                candidates=Candidates(np.zeros(CANDIDATES, dtype=np.int64), *places),
+                path=np.zeros(PATH_SIZE),
+            ),
         )
+
+
+class Output(NamedTuple):
+    """What frames yield: `angle` of shape (frames,), the others of shape (frames, markers).
+
+    Attributes:
+        angle: Cylinder angle that was used [rad].
+        theta: Wound angle [rad].
+        height: z from P0 [m].
+        sigma_theta: One standard deviation [rad].
+        sigma_height: One standard deviation [m].
+        flags: See `MarkerFlag`.
+        azimuth: As seen [rad], nan where the marker was not measured; so are the following.
+        seen_height: z as seen [m].
+        slope: dz/dtheta of the cable [m/rad].
+        low: See `Band` [rad].
+        high: See `Band` [rad].
+    """
+
+    angle: FloatArray
+    theta: FloatArray
+    height: FloatArray
+    sigma_theta: FloatArray
+    sigma_height: FloatArray
+    flags: NDArray[np.uint32]
+    azimuth: FloatArray
+    seen_height: FloatArray
+    slope: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def empty(cls, frames: int, markers: int) -> Output:
+        """Return room for a number of frames, nan everywhere and without flags."""
+        shape = (frames, markers)
+        room = {name: np.full(shape, np.nan) for name in cls._fields if name != "flags"}
+        room["angle"] = np.full(frames, np.nan)
+        return cls(flags=np.zeros(shape, dtype=np.uint32), **room)

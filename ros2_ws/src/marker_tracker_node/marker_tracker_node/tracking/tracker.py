@@ -11,36 +11,12 @@ from numpy.typing import NDArray
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
 from marker_tracker_node.detection.zeroing import zeroed_pose
-from marker_tracker_node.tracking.batch import advance_all
 from marker_tracker_node.tracking.colour_sampling import NEAR_START, locate_marker, sample_colour
 from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.frame_update import update_burst
 from marker_tracker_node.tracking.refinement import Sightings
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
-from marker_tracker_node.tracking.state import (
-    ANGLE,
-    BLIND,
-    HEIGHT,
-    O_AZIMUTH,
-    O_FLAGS,
-    O_HEIGHT,
-    O_HIGH,
-    O_LOW,
-    O_SEEN,
-    O_SIGMA_HEIGHT,
-    O_SIGMA_THETA,
-    O_SLOPE,
-    O_THETA,
-    OUTPUT_SIZE,
-    STARTED,
-    STATUS,
-    THETA,
-    TIME,
-    VAR_HEIGHT,
-    VAR_THETA,
-    WEIGHT,
-    WRAPS,
-    TrackerState,
-)
+from marker_tracker_node.tracking.state import Output, TrackerState
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 FloatArray = NDArray[np.float64]
@@ -77,10 +53,9 @@ class Tracker:
         self.colour = colour
         self.state = TrackerState.fresh(config.marker_count)
         self.pose = config.pose
-        self._numbers = config.numbers()
-        self._view = camera.numbers(config.pose)
+        self._setup = config.setup(camera.view(config.pose))
         self._zeroed = False
-        self._memory: list[tuple[FloatArray, FloatArray]] | None = [] if remember else None
+        self._memory: list[Output] | None = [] if remember else None
         self._ids = np.arange(config.marker_count + 1)
         self._frames = 0
         self._rejected = dict.fromkeys(FrameFault, 0)
@@ -115,19 +90,19 @@ class Tracker:
         fault = self._fault(frame, t)
         if fault is not None:
             self._rejected[fault] += 1
-            return self._records(np.empty((0, OUTPUT_SIZE)), 0.0)
+            return self._records(Output.empty(0, len(self._ids))).ravel()
         angle = _believed(cylinder_angle, _MOST_ANGLE)
         if self.colour is None:
             self._learn(frame, angle)
         if not self._zeroed:
             self._zero(frame, angle)
-        out, _ = self._advance(
+        out = self._advance(
             np.asarray(frame)[None],
             np.array([t]),
             np.array([angle]),
             np.array([_believed(guide_z, _MOST_GUIDE)]),
         )
-        return self._records(out[0], float(self.state.shared[ANGLE]))
+        return self._records(out)[0]
 
     def process(
         self,
@@ -155,23 +130,23 @@ class Tracker:
         if self.colour is None:
             raise ValueError(f"a burst needs a colour model: {self._refusal}")
         guide = np.full(len(frames), math.nan) if guide_z is None else guide_z
-        out, angles = self._advance(frames, times, cylinder_angles, np.asarray(guide, dtype=float))
-        flat = self._records(out.reshape(-1, OUTPUT_SIZE), np.repeat(angles, out.shape[1]))
-        return flat.reshape(out.shape[:2])
+        return self._records(
+            self._advance(frames, times, cylinder_angles, np.asarray(guide, dtype=float))
+        )
 
     def estimates(self) -> Markers:
         """Return what the run says of each marker so far, its mean over all frames."""
-        marks = self.state.marks
-        known = marks[:, STATUS] > 0.0
-        out = np.full((len(marks), OUTPUT_SIZE), math.nan)
-        out[:, O_FLAGS] = float(MarkerFlag.NOT_WOUND)
-        weight = np.sqrt(np.maximum(marks[:, WEIGHT], 1.0))
-        out[known, O_THETA] = marks[known, THETA]
-        out[known, O_HEIGHT] = marks[known, HEIGHT] - marks[0, HEIGHT]
-        out[known, O_SIGMA_THETA] = (np.sqrt(marks[:, VAR_THETA]) / weight)[known]
-        out[known, O_SIGMA_HEIGHT] = (np.sqrt(marks[:, VAR_HEIGHT]) / weight)[known]
-        out[known, O_FLAGS] = 0.0
-        return self._records(out, float(self.state.shared[ANGLE]))
+        marks = self.state.tracks.marks
+        known = marks.known
+        out = Output.empty(1, len(known))
+        weight = np.sqrt(np.maximum(marks.weight, 1.0))
+        out.angle[0] = self.state.run.cylinder.angle
+        out.theta[0, known] = marks.theta[known]
+        out.height[0, known] = (marks.height - marks.height[0])[known]
+        out.sigma_theta[0, known] = (np.sqrt(marks.var_theta) / weight)[known]
+        out.sigma_height[0, known] = (np.sqrt(marks.var_height) / weight)[known]
+        out.flags[0, ~known] = MarkerFlag.NOT_WOUND
+        return self._records(out)[0]
 
     def sightings(self) -> Sightings:
         """Return every measured band so far, for `refine`.
@@ -181,35 +156,33 @@ class Tracker:
         """
         if self._memory is None:
             raise ValueError("the tracker keeps no sightings: start it with remember=True")
-        angles = np.concatenate([np.empty(0), *(angles for angles, _ in self._memory)])
-        out = np.concatenate(
-            [np.empty((0, len(self._ids), OUTPUT_SIZE)), *(out for _, out in self._memory)]
-        )
-        frame, marker = np.nonzero(np.isfinite(out[..., O_AZIMUTH]))
-        kept = out[frame, marker]
+        nothing = Output.empty(0, len(self._ids))
+        seen = Output(*map(np.concatenate, zip(nothing, *self._memory, strict=True)))
+        frame, marker = np.nonzero(np.isfinite(seen.azimuth))
         return Sightings(
             marker=marker,
-            angle=angles[frame],
-            azimuth=kept[:, O_AZIMUTH],
-            z=kept[:, O_SEEN],
-            slope=kept[:, O_SLOPE],
-            low=kept[:, O_LOW],
-            high=kept[:, O_HIGH],
+            angle=seen.angle[frame],
+            azimuth=seen.azimuth[frame, marker],
+            z=seen.seen_height[frame, marker],
+            slope=seen.slope[frame, marker],
+            low=seen.low[frame, marker],
+            high=seen.high[frame, marker],
             pose=self.pose,
         )
 
     def report(self) -> TrackerReport:
         """Return counts and situation for diagnostics."""
+        cylinder = self.state.run.cylinder
         separation = math.nan if self.colour is None else self.colour.separation
         return TrackerReport(
             frames=self._frames,
             rejected=dict(self._rejected),
-            known=int((self.state.marks[:, STATUS] > 0.0).sum()),
+            known=int(self.state.tracks.marks.known.sum()),
             measured=self._measured,
             slipped=self._slipped,
-            encoder_lost=bool(self.state.shared[BLIND] > 0.0),
+            encoder_lost=cylinder.blind,
             encoder_losses=self._losses,
-            encoder_wraps=round(self.state.shared[WRAPS] / (2.0 * math.pi)),
+            encoder_wraps=round(cylinder.wraps / (2.0 * math.pi)),
             colour_refusal=self._refusal,
             colour_separation=separation,
         )
@@ -224,11 +197,11 @@ class Tracker:
             return FrameFault.WRONG_SIZE
         if not math.isfinite(t):
             return FrameFault.NOT_A_TIME
-        if self.state.shared[STARTED] > 0.0:
-            if t == self.state.shared[TIME]:
-                return FrameFault.DUPLICATE
-            if t < self.state.shared[TIME]:
-                return FrameFault.OUT_OF_ORDER
+        cylinder = self.state.run.cylinder
+        if cylinder.started and t == cylinder.time:
+            return FrameFault.DUPLICATE
+        if cylinder.started and t < cylinder.time:
+            return FrameFault.OUT_OF_ORDER
         return None
 
     def _require_burst(self, frames: ByteArray, times: FloatArray, angles: FloatArray) -> None:
@@ -242,14 +215,15 @@ class Tracker:
                 f"{len(frames)} frames need as many times and angles, got {times.shape} "
                 f"and {angles.shape}"
             )
-        first = self.state.shared[TIME] if self.state.shared[STARTED] > 0.0 else -math.inf
+        cylinder = self.state.run.cylinder
+        first = cylinder.time if cylinder.started else -math.inf
         if len(times) and not (np.diff(times, prepend=first) > 0.0).all():
             raise ValueError(f"times must ascend from the last frame's {first} s")
 
     def _learn(self, frame: ByteArray, angle: float) -> None:
         try:
             self.colour = sample_colour(
-                frame, self.config, self._view, 0.0 if math.isnan(angle) else angle
+                frame, self.config, self._setup, 0.0 if math.isnan(angle) else angle
             )
         except ColourRefusedError as refusal:
             self._refusal = str(refusal)
@@ -261,62 +235,50 @@ class Tracker:
         if self.colour is None or not abs(angle) < NEAR_START:
             return
         try:
-            pixel = locate_marker(frame, self.colour, self.config, self._view, angle)
+            pixel = locate_marker(frame, self.colour, self._setup, angle)
         except ColourRefusedError:
             # Hidden now; until a frame shows P0 the nominal pose stands.
             return
-        self.pose = zeroed_pose(self.camera, self.pose, self._numbers, pixel, angle)
-        self._view = self.camera.numbers(self.pose)
+        self.pose = zeroed_pose(self.camera, self.pose, self._setup.body, pixel, angle)
+        self._setup = self.config.setup(self.camera.view(self.pose))
         self._zeroed = True
 
     def _advance(
         self, frames: ByteArray, times: FloatArray, angles: FloatArray, guides: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        out = np.empty((len(frames), self.config.marker_count + 1, OUTPUT_SIZE))
-        used = np.empty(len(frames))
+    ) -> Output:
+        out = Output.empty(len(frames), len(self._ids))
         table = _NO_COLOUR if self.colour is None else self.colour.table
-        before = self.state.shared[BLIND]
         state = self.state
+        before = float(state.run.cylinder.blind)
         # Frames from messages are read-only; one kind of array means one compilation.
         still = np.ascontiguousarray(frames).view()
         still.flags.writeable = False
-        advance_all(
-            still,
-            table,
-            self._view,
-            self._numbers,
-            state.shared,
-            state.marks,
-            state.candidates,
-            state.path,
-            times,
-            angles,
-            guides,
-            used,
-            out,
+        state.run = update_burst(
+            still, table, self._setup, state.run, state.tracks, times, angles, guides, out
         )
         if self._memory is not None:
-            self._memory.append((used, out.copy()))
+            self._memory.append(out)
         self._frames += len(frames)
         blind = np.isnan(angles).astype(float)
         self._losses += int((np.diff(blind, prepend=before) > 0.0).sum())
-        if len(out):
-            flags = out[-1, :, O_FLAGS].astype(int)
+        if len(frames):
+            flags = out.flags[-1]
             unseen = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)
             self._measured = int(((flags & unseen) == 0).sum())
             self._slipped = tuple(np.flatnonzero(flags & int(MarkerFlag.SLIPPED)).tolist())
-        return out, used
+        return out
 
-    def _records(self, out: FloatArray, angle: float | FloatArray) -> Markers:
+    def _records(self, out: Output) -> Markers:
+        """Return records of shape (frames, markers)."""
         return wound_markers(
-            ids=np.resize(self._ids, len(out)),
-            theta=out[:, O_THETA],
-            z=out[:, O_HEIGHT],
+            ids=np.broadcast_to(self._ids, out.theta.shape),
+            theta=out.theta,
+            z=out.height,
             radius=self.config.centreline_radius,
-            cylinder_angle=cast(float, angle),
-            sigma_theta=out[:, O_SIGMA_THETA],
-            sigma_z=out[:, O_SIGMA_HEIGHT],
-            flags=out[:, O_FLAGS].astype(np.uint32),
+            cylinder_angle=cast(float, out.angle[:, None]),
+            sigma_theta=out.sigma_theta,
+            sigma_z=out.sigma_height,
+            flags=out.flags,
         )
 
 

@@ -3,20 +3,93 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.camera.compiled import compiled
-from winding_rig_node.camera.optics import project
-from winding_rig_node.camera.raster import fill_triangle
+from winding_core.compiling import compiled
+from winding_rig_node.camera.optics import Lens, project
+from winding_rig_node.camera.raster import Corner, Samples, fill_triangle
 
 FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-ByteArray = NDArray[np.uint8]
 
 FACETS = 10
 HIDDEN_COSINE = -0.25
+
+
+class Cable(NamedTuple):
+    """The cable at one instant; see `Scene`.
+
+    Attributes:
+        cylinder_radius: R [m].
+        cable_radius: r [m].
+        turned: Cylinder angle Theta [rad].
+        landing_z: Where the cable lands [m].
+        guide_z: [m]
+        free_length: [m]
+        tail: Cable behind P0 [rad].
+        path_theta: Path angles [rad].
+        path_z: Path heights [m].
+        markers: Wound angles [rad], nan for none.
+        half_bands: Half of each band as wound angle [rad].
+        step: Largest angle between sections [rad].
+    """
+
+    cylinder_radius: float
+    cable_radius: float
+    turned: float
+    landing_z: float
+    guide_z: float
+    free_length: float
+    tail: float
+    path_theta: FloatArray
+    path_z: FloatArray
+    markers: FloatArray
+    half_bands: FloatArray
+    step: float
+
+
+class Lighting(NamedTuple):
+    """Unit direction towards the lamp, share of ambient light, strength and exponent of gloss."""
+
+    x: float
+    y: float
+    z: float
+    ambient: float
+    highlight: float
+    exponent: float
+
+
+class Bounds(NamedTuple):
+    """Columns and rows of the sample grid, and the room around it for a section [samples]."""
+
+    columns: float
+    rows: float
+    room: float
+
+
+class Rim(NamedTuple):
+    """Corners around a cross-section, arrays of shape (FACETS + 1,); see `Corner`."""
+
+    column: FloatArray
+    row: FloatArray
+    inverse_depth: FloatArray
+    shade: FloatArray
+    gloss: FloatArray
+
+
+@compiled
+def empty_rim() -> Rim:  # pragma: no cover
+    """Return room for the corners of one cross-section."""
+    size = FACETS + 1
+    return Rim(np.empty(size), np.empty(size), np.empty(size), np.empty(size), np.empty(size))
+
+
+@compiled
+def corner(rim: Rim, k: int) -> Corner:  # pragma: no cover
+    """Return corner k of a cross-section."""
+    return Corner(rim.column[k], rim.row[k], rim.inverse_depth[k], rim.shade[k], rim.gloss[k])
 
 
 @compiled
@@ -59,50 +132,37 @@ def breaks(
 
 @compiled
 def section(
-    lens: FloatArray,
-    body: FloatArray,
-    grid: FloatArray,
-    height: FloatArray,
-    light: FloatArray,
-    theta: float,
-    size: FloatArray,
-    out: FloatArray,
+    lens: Lens, cable: Cable, light: Lighting, bounds: Bounds, theta: float, out: Rim
 ) -> bool:  # pragma: no cover
-    """Write one cross-section's projected rim and return whether it can be seen.
-
-    Args:
-        lens: See `lens_numbers`.
-        body: R, r [m], Theta [rad], landing z, guide z, free length [m].
-        grid: Path angles [rad].
-        height: Path heights [m].
-        light: Unit direction (3), ambient, highlight, exponent.
-        theta: Wound angle of the section [rad].
-        size: Columns and rows of the sample grid and the room around it for a section [samples].
-        out: Column, row, inverse depth, shade, gloss of each rim point, shape (FACETS + 1, 5).
-    """
-    rho, r, turn = body[0] + body[1], body[1], body[2]
-    way = rho * (theta - turn)
+    """Write the projected rim of the section at a wound angle [rad]; return if it can be seen."""
+    r = cable.cable_radius
+    rho = cable.cylinder_radius + r
+    way = rho * (theta - cable.turned)
     if way > 0.0:
-        slope = (body[4] - body[3]) / body[5]
-        cx, cy, cz = rho, -way, body[3] + slope * way
+        slope = (cable.guide_z - cable.landing_z) / cable.free_length
+        cx, cy, cz = rho, -way, cable.landing_z + slope * way
         ex, ey = 1.0, 0.0
         tx, ty, tz = 0.0, -1.0, slope
     else:
-        azimuth = turn - theta
+        azimuth = cable.turned - theta
         ex, ey = math.cos(azimuth), math.sin(azimuth)
         if ex < HIDDEN_COSINE:
             return False
-        cz, slope = path_height(grid, height, theta)
+        cz, slope = path_height(cable.path_theta, cable.path_z, theta)
         cx, cy = rho * ex, rho * ey
         tx, ty, tz = ey, -ex, slope / rho
     column, row, inverse = project(lens, cx, cy, cz)
-    room = size[2]
-    if inverse <= 0.0 or not (-room < column < size[0] + room and -room < row < size[1] + room):
+    room = bounds.room
+    if (
+        inverse <= 0.0
+        or not -room < column < bounds.columns + room
+        or not -room < row < bounds.rows + room
+    ):
         return False
     norm = math.sqrt(tx * tx + ty * ty + tz * tz)
     tx, ty, tz = tx / norm, ty / norm, tz / norm
     bx, by, bz = ty * 0.0 - tz * ey, tz * ex - tx * 0.0, tx * ey - ty * ex
-    vx, vy, vz = lens[9] - cx, lens[10] - cy, lens[11] - cz
+    vx, vy, vz = lens.x - cx, lens.y - cy, lens.z - cz
     along_e, along_b = vx * ex + vy * ey, vx * bx + vy * by + vz * bz
     facing = math.atan2(along_b, along_e)
     # Seen from a distance d the rim of a circle of radius r lies at acos(r / d), not at 90 degrees.
@@ -116,86 +176,56 @@ def section(
         nx, ny, nz = c * ex + s * bx, c * ey + s * by, s * bz
         reached = r if k in (0, FACETS) else inner
         px, py, pz = cx + reached * nx, cy + reached * ny, cz + reached * nz
-        column, row, inverse = project(lens, px, py, pz)
-        diffuse = nx * light[0] + ny * light[1] + nz * light[2]
-        shade = light[3] + (1.0 - light[3]) * max(diffuse, 0.0)
-        wx, wy, wz = lens[9] - px, lens[10] - py, lens[11] - pz
+        out.column[k], out.row[k], out.inverse_depth[k] = project(lens, px, py, pz)
+        diffuse = nx * light.x + ny * light.y + nz * light.z
+        out.shade[k] = light.ambient + (1.0 - light.ambient) * max(diffuse, 0.0)
+        wx, wy, wz = lens.x - px, lens.y - py, lens.z - pz
         scale = 1.0 / math.sqrt(wx * wx + wy * wy + wz * wz)
-        hx, hy, hz = wx * scale + light[0], wy * scale + light[1], wz * scale + light[2]
+        hx, hy, hz = wx * scale + light.x, wy * scale + light.y, wz * scale + light.z
         half = (nx * hx + ny * hy + nz * hz) / math.sqrt(hx * hx + hy * hy + hz * hz)
-        gloss = light[4] * max(half, 0.0) ** light[5] if light[4] > 0.0 else 0.0
-        out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4] = column, row, inverse, shade, gloss
+        glossy = light.highlight > 0.0
+        out.gloss[k] = light.highlight * max(half, 0.0) ** light.exponent if glossy else 0.0
     return True
 
 
 @compiled
 def draw_cable(
-    lens: FloatArray,
-    body: FloatArray,
-    grid: FloatArray,
-    height: FloatArray,
-    markers: FloatArray,
-    half_band: FloatArray,
-    tail: float,
-    light: FloatArray,
-    step: float,
-    inverse_depth: SingleArray,
-    label: ByteArray,
-    shade: SingleArray,
-    gloss: SingleArray,
-    touched: ByteArray,
+    lens: Lens, cable: Cable, light: Lighting, samples: Samples
 ) -> None:  # pragma: no cover
-    """Draw cable (label 1) and marker bands (label 2 + n) into the sample buffers.
-
-    Args:
-        lens: See `lens_numbers`.
-        body: R, r [m], Theta [rad], landing z, guide z, free length [m].
-        grid: Path angles [rad].
-        height: Path heights [m].
-        markers: Wound angles [rad], nan for none.
-        half_band: Half of each band as wound angle [rad].
-        tail: Cable behind P0 [rad].
-        light: See `section`.
-        step: Largest angle between sections [rad].
-        inverse_depth: [1/m], shape (rows, columns) of samples, holds the cylinder.
-        label: Same shape, zero where nothing was drawn.
-        shade: Same shape.
-        gloss: Same shape.
-        touched: See `fill_triangle`.
-    """
-    turn = body[2]
-    samples = int(lens[23])
-    size = np.empty(3)
-    size[0], size[1] = inverse_depth.shape[1], inverse_depth.shape[0]
-    grain = lens[12] * lens[23] / (lens[22] * (abs(lens[9]) - body[0] - 2.0 * body[1]))
-    size[2] = (body[1] + step * (body[0] + body[1])) * grain
-    end = turn + body[5] / (body[0] + body[1])
-    edges = breaks(-tail, turn, end, markers, half_band)
-    previous = np.empty((FACETS + 1, 5))
-    current = np.empty((FACETS + 1, 5))
+    """Draw cable (label 1) and marker bands (label 2 + n) into samples that hold the cylinder."""
+    rho = cable.cylinder_radius + cable.cable_radius
+    rows, columns = samples.inverse_depth.shape
+    near = abs(lens.x) - cable.cylinder_radius - 2.0 * cable.cable_radius
+    grain = lens.focal * lens.supersampling / (lens.binning * near)
+    bounds = Bounds(float(columns), float(rows), (cable.cable_radius + cable.step * rho) * grain)
+    end = cable.turned + cable.free_length / rho
+    edges = breaks(-cable.tail, cable.turned, end, cable.markers, cable.half_bands)
+    previous, current = empty_rim(), empty_rim()
     for interval in range(edges.size - 1):
         first, last = edges[interval], edges[interval + 1]
         if last - first <= 0.0:
             continue
         middle = 0.5 * (first + last)
         value = 1
-        for n in range(markers.size):
-            if abs(middle - markers[n]) < half_band[n]:
+        for n in range(cable.markers.size):
+            if abs(middle - cable.markers[n]) < cable.half_bands[n]:
                 value = 2 + n
-        count = math.ceil((last - first) / step)
-        seen = section(lens, body, grid, height, light, first, size, previous)
+        count = math.ceil((last - first) / cable.step)
+        seen = section(lens, cable, light, bounds, first, previous)
         for k in range(1, count + 1):
             theta = first + (last - first) * k / count
-            visible = section(lens, body, grid, height, light, theta, size, current)
+            visible = section(lens, cable, light, bounds, theta, current)
             if visible and seen:
-                for m in range(FACETS):
-                    fill_triangle(
-                        previous[m], previous[m + 1], current[m],
-                        value, inverse_depth, label, shade, gloss, touched, samples,
-                    )  # fmt: skip
-                    fill_triangle(
-                        current[m], previous[m + 1], current[m + 1],
-                        value, inverse_depth, label, shade, gloss, touched, samples,
-                    )  # fmt: skip
+                _draw_strip(previous, current, value, samples)
             seen = visible
             previous, current = current, previous
+
+
+@compiled
+def _draw_strip(one: Rim, other: Rim, value: int, samples: Samples) -> None:  # pragma: no cover
+    """Draw the facets between two cross-sections."""
+    for m in range(FACETS):
+        a, b = corner(one, m), corner(one, m + 1)
+        c, d = corner(other, m), corner(other, m + 1)
+        fill_triangle(a, b, c, value, samples)
+        fill_triangle(c, b, d, value, samples)

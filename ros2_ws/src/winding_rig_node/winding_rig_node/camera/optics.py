@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.camera.compiled import compiled
+from winding_core.compiling import compiled
 from winding_rig_node.camera.config import NOMINAL_AXES, CameraConfig
 
 FloatArray = NDArray[np.float64]
@@ -15,8 +16,39 @@ FloatArray = NDArray[np.float64]
 INVERSION_STEPS = 200
 INVERSION_TOLERANCE = 1.0e-11
 
-# Layout of the numbers that the kernels take, see `lens_numbers`.
-LENS_SIZE = 24
+
+class Lens(NamedTuple):
+    """Pose, lens and window as the kernels take them.
+
+    Right, down and forward are the camera's axes in the lab frame, x, y, z its centre [m], centre
+    its principal point and offset the window's corner on the sensor [px], k1 to k3 and p1, p2 the
+    Brown-Conrady distortion, supersampling the samples per pixel and direction.
+    """
+
+    right_x: float
+    right_y: float
+    right_z: float
+    down_x: float
+    down_y: float
+    down_z: float
+    forward_x: float
+    forward_y: float
+    forward_z: float
+    x: float
+    y: float
+    z: float
+    focal: float
+    centre_column: float
+    centre_row: float
+    k1: float
+    k2: float
+    p1: float
+    p2: float
+    k3: float
+    column_offset: float
+    row_offset: float
+    binning: float
+    supersampling: float
 
 
 def axes(config: CameraConfig) -> FloatArray:
@@ -35,42 +67,46 @@ def rotation(vector: FloatArray) -> FloatArray:
     return np.asarray(turn, dtype=float)
 
 
-def lens_numbers(config: CameraConfig) -> FloatArray:
-    """Return pose, lens and window as one flat array for the kernels, shape (LENS_SIZE,).
-
-    Axes by rows (9), position (3), focal, centre (2), distortion (5), offsets (2), binning,
-    supersampling.
-    """
+def lens_of(config: CameraConfig) -> Lens:
+    """Return pose, lens and window of a camera for the kernels."""
     window = config.window
-    return np.concatenate(
-        [
-            axes(config).T.ravel(),
-            config.position,
-            [config.focal, *config.centre],
-            config.distortion,
-            [window.x_offset, window.y_offset, window.binning, config.supersampling],
-        ]
+    k1, k2, p1, p2, k3 = map(float, config.distortion)
+    return Lens(
+        *axes(config).T.ravel().tolist(),
+        *map(float, config.position),
+        focal=float(config.focal),
+        centre_column=float(config.centre[0]),
+        centre_row=float(config.centre[1]),
+        k1=k1,
+        k2=k2,
+        p1=p1,
+        p2=p2,
+        k3=k3,
+        column_offset=float(window.x_offset),
+        row_offset=float(window.y_offset),
+        binning=float(window.binning),
+        supersampling=float(config.supersampling),
     )
 
 
 @compiled
 def project(
-    lens: FloatArray, x: float, y: float, z: float
+    lens: Lens, x: float, y: float, z: float
 ) -> tuple[float, float, float]:  # pragma: no cover
     """Return column and row on the sample grid of the window and the inverse depth [1/m]."""
-    dx, dy, dz = x - lens[9], y - lens[10], z - lens[11]
-    depth = lens[6] * dx + lens[7] * dy + lens[8] * dz
+    dx, dy, dz = x - lens.x, y - lens.y, z - lens.z
+    depth = lens.forward_x * dx + lens.forward_y * dy + lens.forward_z * dz
     if depth <= 1.0e-6:
         return 0.0, 0.0, -1.0
-    a = (lens[0] * dx + lens[1] * dy + lens[2] * dz) / depth
-    b = (lens[3] * dx + lens[4] * dy + lens[5] * dz) / depth
+    a = (lens.right_x * dx + lens.right_y * dy + lens.right_z * dz) / depth
+    b = (lens.down_x * dx + lens.down_y * dy + lens.down_z * dz) / depth
     q = a * a + b * b
-    radial = 1.0 + q * (lens[15] + q * (lens[16] + q * lens[19]))
-    u = a * radial + 2.0 * lens[17] * a * b + lens[18] * (q + 2.0 * a * a)
-    v = b * radial + lens[17] * (q + 2.0 * b * b) + 2.0 * lens[18] * a * b
-    scale = lens[23] / lens[22]
-    column = (lens[12] * u + lens[13] - lens[20] + 0.5) * scale - 0.5
-    row = (lens[12] * v + lens[14] - lens[21] + 0.5) * scale - 0.5
+    radial = 1.0 + q * (lens.k1 + q * (lens.k2 + q * lens.k3))
+    u = a * radial + 2.0 * lens.p1 * a * b + lens.p2 * (q + 2.0 * a * a)
+    v = b * radial + lens.p1 * (q + 2.0 * b * b) + 2.0 * lens.p2 * a * b
+    scale = lens.supersampling / lens.binning
+    column = (lens.focal * u + lens.centre_column - lens.column_offset + 0.5) * scale - 0.5
+    row = (lens.focal * v + lens.centre_row - lens.row_offset + 0.5) * scale - 0.5
     return column, row, 1.0 / depth
 
 
@@ -84,8 +120,7 @@ def project_points(config: CameraConfig, points: FloatArray) -> FloatArray:
     Returns:
         Column and row with pixel centres at whole numbers, shape (n, 2); nan behind the camera.
     """
-    lens = lens_numbers(config)
-    lens[23] = 1.0
+    lens = lens_of(config)._replace(supersampling=1.0)
     pixels = np.full((len(points), 2), np.nan)
     for index, (x, y, z) in enumerate(points):
         column, row, inverse = project(lens, x, y, z)
@@ -115,7 +150,7 @@ def sample_rays(config: CameraConfig, first: int, last: int) -> FloatArray:
     u = config.window.x_offset - 0.5 + (np.arange(columns * s) + 0.5) * step
     v = config.window.y_offset - 0.5 + (np.arange(first * s, last * s) + 0.5) * step
     plane, worst = _undistorted(
-        lens_numbers(config),
+        lens_of(config),
         np.asarray((u - config.centre[0]) / config.focal, dtype=float),
         np.asarray((v - config.centre[1]) / config.focal, dtype=float),
     )
@@ -127,7 +162,7 @@ def sample_rays(config: CameraConfig, first: int, last: int) -> FloatArray:
 
 @compiled
 def _undistorted(
-    lens: FloatArray, across: FloatArray, down: FloatArray
+    lens: Lens, across: FloatArray, down: FloatArray
 ) -> tuple[FloatArray, float]:  # pragma: no cover
     """Return undistorted plane coordinates of a grid, by fixed point, and the worst residual."""
     plane = np.empty((down.size, across.size, 2))
@@ -139,9 +174,9 @@ def _undistorted(
             # The last pixel's answer is the best guess for the next one.
             for _ in range(INVERSION_STEPS):
                 q = a * a + b * b
-                radial = 1.0 + q * (lens[15] + q * (lens[16] + q * lens[19]))
-                shift_a = 2.0 * lens[17] * a * b + lens[18] * (q + 2.0 * a * a)
-                shift_b = lens[17] * (q + 2.0 * b * b) + 2.0 * lens[18] * a * b
+                radial = 1.0 + q * (lens.k1 + q * (lens.k2 + q * lens.k3))
+                shift_a = 2.0 * lens.p1 * a * b + lens.p2 * (q + 2.0 * a * a)
+                shift_b = lens.p1 * (q + 2.0 * b * b) + 2.0 * lens.p2 * a * b
                 residual = max(
                     abs(a * radial + shift_a - across[column]),
                     abs(b * radial + shift_b - down[row]),
@@ -153,18 +188,3 @@ def _undistorted(
                 worst = residual
             plane[row, column, 0], plane[row, column, 1] = a, b
     return plane, worst
-
-
-def distort(config: CameraConfig, plane: FloatArray) -> FloatArray:
-    """Return distorted coordinates of the image plane, shape (..., 2)."""
-    k1, k2, p1, p2, k3 = config.distortion
-    a, b = plane[..., 0], plane[..., 1]
-    q = a * a + b * b
-    radial = 1.0 + q * (k1 + q * (k2 + q * k3))
-    return np.stack(
-        [
-            a * radial + 2.0 * p1 * a * b + p2 * (q + 2.0 * a * a),
-            b * radial + p1 * (q + 2.0 * b * b) + 2.0 * p2 * a * b,
-        ],
-        axis=-1,
-    )

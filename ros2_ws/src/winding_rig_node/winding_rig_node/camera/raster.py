@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.camera.compiled import compiled
+from winding_core.compiling import compiled
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -17,117 +18,117 @@ ByteArray = NDArray[np.uint8]
 BLOCK = 16
 
 
+class Corner(NamedTuple):
+    """A corner of a triangle: place on the sample grid, inverse depth [1/m], shade and gloss."""
+
+    column: float
+    row: float
+    inverse_depth: float
+    shade: float
+    gloss: float
+
+
+class Samples(NamedTuple):
+    """Buffers of the samples, `inverse_depth`, `label`, `shade` and `gloss` of one shape.
+
+    Attributes:
+        inverse_depth: Of what is seen [1/m], shape (rows * per_pixel, columns * per_pixel).
+        label: Of what was drawn, zero for nothing.
+        shade: Diffuse light.
+        gloss: Highlight.
+        touched: One for each block of pixels that was drawn into, shape (rows, blocks).
+        per_pixel: Samples per pixel and direction.
+    """
+
+    inverse_depth: SingleArray
+    label: ByteArray
+    shade: SingleArray
+    gloss: SingleArray
+    touched: ByteArray
+    per_pixel: int
+
+
 @compiled
 def fill_triangle(
-    a: FloatArray,
-    b: FloatArray,
-    c: FloatArray,
-    value: int,
-    inverse_depth: SingleArray,
-    label: ByteArray,
-    shade: SingleArray,
-    gloss: SingleArray,
-    touched: ByteArray,
-    samples: int,
+    a: Corner, b: Corner, c: Corner, value: int, samples: Samples
 ) -> None:  # pragma: no cover
-    """Write label, shade and gloss of a triangle where it lies before what is there.
-
-    Args:
-        a: Column, row, inverse depth [1/m], shade, gloss of a corner, shape (5,); b and c alike.
-        b: See a.
-        c: See a.
-        value: Label of the triangle.
-        inverse_depth: Buffer, shape (rows, columns); label, shade and gloss have the same shape.
-        label: See inverse_depth.
-        shade: See inverse_depth.
-        gloss: See inverse_depth.
-        touched: Receives one for each block that the triangle may change, shape (rows, blocks).
-        samples: Per pixel and direction.
-    """
-    rows, columns = inverse_depth.shape
-    top = max(math.ceil(min(a[1], b[1], c[1])), 0)
-    bottom = min(math.floor(max(a[1], b[1], c[1])), rows - 1)
-    left = max(math.ceil(min(a[0], b[0], c[0])), 0)
-    right = min(math.floor(max(a[0], b[0], c[0])), columns - 1)
+    """Write a label, shade and gloss of a triangle where it lies before what is there."""
+    rows, columns = samples.inverse_depth.shape
+    top = max(math.ceil(min(a.row, b.row, c.row)), 0)
+    bottom = min(math.floor(max(a.row, b.row, c.row)), rows - 1)
+    left = max(math.ceil(min(a.column, b.column, c.column)), 0)
+    right = min(math.floor(max(a.column, b.column, c.column)), columns - 1)
     if top > bottom or left > right:
         return
-    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    area = (b.column - a.column) * (c.row - a.row) - (b.row - a.row) * (c.column - a.column)
     if area == 0.0:
         return
-    for block_row in range(top // samples, bottom // samples + 1):
-        for block in range(left // (samples * BLOCK), right // (samples * BLOCK) + 1):
-            touched[block_row, block] = 1
+    block_size = samples.per_pixel * BLOCK
+    for block_row in range(top // samples.per_pixel, bottom // samples.per_pixel + 1):
+        for block in range(left // block_size, right // block_size + 1):
+            samples.touched[block_row, block] = 1
     scale = 1.0 / area
-    u_column = (b[1] - c[1]) * scale
-    v_column = (c[1] - a[1]) * scale
+    u_column = (b.row - c.row) * scale
+    v_column = (c.row - a.row) * scale
     for row in range(top, bottom + 1):
-        u = (b[0] - left) * (c[1] - row) - (b[1] - row) * (c[0] - left)
-        v = (c[0] - left) * (a[1] - row) - (c[1] - row) * (a[0] - left)
+        u = (b.column - left) * (c.row - row) - (b.row - row) * (c.column - left)
+        v = (c.column - left) * (a.row - row) - (c.row - row) * (a.column - left)
         u, v = u * scale, v * scale
         for column in range(left, right + 1):
             w = 1.0 - u - v
             if u >= 0.0 and v >= 0.0 and w >= 0.0:
-                near = u * a[2] + v * b[2] + w * c[2]
-                if near > inverse_depth[row, column]:
-                    inverse_depth[row, column] = near
-                    label[row, column] = value
-                    shade[row, column] = u * a[3] + v * b[3] + w * c[3]
-                    gloss[row, column] = u * a[4] + v * b[4] + w * c[4]
+                near = u * a.inverse_depth + v * b.inverse_depth + w * c.inverse_depth
+                if near > samples.inverse_depth[row, column]:
+                    samples.inverse_depth[row, column] = near
+                    samples.label[row, column] = value
+                    samples.shade[row, column] = u * a.shade + v * b.shade + w * c.shade
+                    samples.gloss[row, column] = u * a.gloss + v * b.gloss + w * c.gloss
             u += u_column
             v += v_column
 
 
 @compiled
 def resolve(
-    samples: int,
     background: SingleArray,
     behind: SingleArray,
     palette: FloatArray,
-    inverse_depth: SingleArray,
-    label: ByteArray,
-    shade: SingleArray,
-    gloss: SingleArray,
-    touched: ByteArray,
+    samples: Samples,
     out: SingleArray,
 ) -> None:  # pragma: no cover
-    """Write the mean radiance of each pixel and clear the sample buffers for the next frame.
+    """Write the mean radiance of each pixel and clear the samples for the next frame.
 
     Args:
-        samples: Per pixel and direction.
         background: Radiance without the cable, shape (rows, columns, 3).
         behind: Inverse depth of the cylinder at each sample [1/m].
         palette: Reflectance by label, shape (labels, 3).
-        inverse_depth: Buffer, shape (rows * samples, columns * samples).
-        label: Same shape; zero for none.
-        shade: Same shape.
-        gloss: Same shape.
-        touched: Blocks that were drawn into, shape (rows, blocks).
+        samples: What was drawn.
         out: Radiance, shape (rows, columns, 3).
     """
     rows, columns = background.shape[:2]
-    share = np.float32(1.0 / (samples * samples))
+    size = samples.per_pixel
+    share = np.float32(1.0 / (size * size))
     for row in range(rows):
-        for block in range(touched.shape[1]):
+        for block in range(samples.touched.shape[1]):
             first, last = block * BLOCK, min((block + 1) * BLOCK, columns)
             out[row, first:last] = background[row, first:last]
-            if touched[row, block] == 0:
+            if samples.touched[row, block] == 0:
                 continue
-            touched[row, block] = 0
+            samples.touched[row, block] = 0
             for column in range(first, last):
                 blue, green, red = np.float32(0.0), np.float32(0.0), np.float32(0.0)
                 hits = 0
-                for j in range(row * samples, (row + 1) * samples):
-                    for i in range(column * samples, (column + 1) * samples):
-                        value = label[j, i]
+                for j in range(row * size, (row + 1) * size):
+                    for i in range(column * size, (column + 1) * size):
+                        value = samples.label[j, i]
                         if value:
                             hits += 1
-                            light = shade[j, i]
-                            white = np.float32(255.0) * gloss[j, i]
+                            light = samples.shade[j, i]
+                            white = np.float32(255.0) * samples.gloss[j, i]
                             blue += np.float32(palette[value, 0]) * light + white
                             green += np.float32(palette[value, 1]) * light + white
                             red += np.float32(palette[value, 2]) * light + white
-                            label[j, i] = 0
-                            inverse_depth[j, i] = behind[j, i]
+                            samples.label[j, i] = 0
+                            samples.inverse_depth[j, i] = behind[j, i]
                 if hits:
                     rest = np.float32(1.0) - np.float32(hits) * share
                     out[row, column, 0] = blue * share + rest * background[row, column, 0]

@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.camera.cable_mesh import draw_cable, path_height
+from winding_rig_node.camera.cable_mesh import Cable, Lighting, draw_cable, path_height
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.cylinder_view import StaticView, static_view
-from winding_rig_node.camera.optics import lens_numbers, project_points
-from winding_rig_node.camera.raster import BLOCK, resolve
+from winding_rig_node.camera.optics import lens_of, project_points
+from winding_rig_node.camera.raster import BLOCK, Samples, resolve
 from winding_rig_node.camera.scene import Paint, Scene
-from winding_rig_node.camera.sensor import demosaiced, expose, noise_table
+from winding_rig_node.camera.sensor import Noise, demosaiced, expose, noise_table
 from winding_rig_node.camera.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
@@ -42,15 +42,19 @@ class Renderer:
         self.surroundings = surroundings or Surroundings()
         rows, columns = config.window.shape
         s = config.supersampling
-        self._lens = lens_numbers(config)
-        self._light = _light_numbers(config)
+        self._lens = lens_of(config)
+        self._light = _lighting(config)
         self._table = noise_table()
-        self._inverse_depth = np.zeros((rows * s, columns * s), dtype=np.float32)
-        self._label = np.zeros((rows * s, columns * s), dtype=np.uint8)
-        self._shade = np.zeros((rows * s, columns * s), dtype=np.float32)
-        self._gloss = np.zeros((rows * s, columns * s), dtype=np.float32)
+        shape = rows * s, columns * s
+        self._samples = Samples(
+            inverse_depth=np.zeros(shape, dtype=np.float32),
+            label=np.zeros(shape, dtype=np.uint8),
+            shade=np.zeros(shape, dtype=np.float32),
+            gloss=np.zeros(shape, dtype=np.float32),
+            touched=np.zeros((rows, -(-columns // BLOCK)), dtype=np.uint8),
+            per_pixel=s,
+        )
         self._radiance = np.zeros((rows, columns, 3), dtype=np.float32)
-        self._touched = np.zeros((rows, -(-columns // BLOCK)), dtype=np.uint8)
         self._drawn: StaticView | None = None
         self._views: dict[tuple[float, tuple[float, float], Paint], StaticView] = {}
 
@@ -71,16 +75,8 @@ class Renderer:
         rows, columns = config.window.shape
         frame = np.empty((rows, columns, 3), dtype=np.uint8)
         offsets = rng.integers(0, self._table.size - 3 * columns, size=rows)
-        expose(
-            radiance,
-            self._view(scene).falloff,
-            gain,
-            config.noise.read,
-            config.noise.shot,
-            self._table,
-            offsets,
-            frame,
-        )
+        noise = Noise(float(config.noise.read), float(config.noise.shot), self._table, offsets)
+        expose(radiance, self._view(scene).falloff, float(gain), noise, frame)
         return demosaiced(frame) if config.bayer else frame
 
     def visible_bands(self, scene: Scene) -> Bands:
@@ -89,7 +85,6 @@ class Renderer:
         Rods of the surroundings do not hide anything here.
         """
         self._paint(scene)
-        label = self._label
         s = self.config.supersampling
         bands = np.zeros(scene.marker_theta.size, dtype=BAND_DTYPE)
         landed = np.isfinite(scene.marker_theta)
@@ -98,7 +93,7 @@ class Renderer:
             self.config, scene.centreline(scene.marker_theta[landed])
         )
         for n in range(bands.size):
-            rows, columns = np.nonzero(label == n + 2)
+            rows, columns = np.nonzero(self._samples.label == n + 2)
             bands["area"][n] = rows.size / s**2
             if rows.size:
                 middle = np.array([columns.mean(), rows.mean()])
@@ -133,40 +128,30 @@ class Renderer:
     def _paint(self, scene: Scene) -> None:
         view = self._view(scene)
         if self._drawn is not view:
-            self._inverse_depth[:] = view.inverse_depth
+            self._samples.inverse_depth[:] = view.inverse_depth
             self._drawn = view
-        draw_cable(
-            self._lens,
-            _body_numbers(scene),
-            np.ascontiguousarray(scene.path_theta, dtype=float),
-            np.ascontiguousarray(scene.path_z, dtype=float),
-            np.ascontiguousarray(scene.marker_theta, dtype=float),
-            _half_bands(scene),
-            scene.tail_angle,
-            self._light,
-            self._section_step(scene),
-            self._inverse_depth,
-            self._label,
-            self._shade,
-            self._gloss,
-            self._touched,
-        )
+        draw_cable(self._lens, self._cable(scene), self._light, self._samples)
 
     def _resolve(self, scene: Scene) -> SingleArray:
         view = self._view(scene)
-        resolve(
-            self.config.supersampling,
-            view.radiance,
-            view.inverse_depth,
-            _palette(scene),
-            self._inverse_depth,
-            self._label,
-            self._shade,
-            self._gloss,
-            self._touched,
-            self._radiance,
-        )
+        resolve(view.radiance, view.inverse_depth, _palette(scene), self._samples, self._radiance)
         return self._radiance
+
+    def _cable(self, scene: Scene) -> Cable:
+        return Cable(
+            cylinder_radius=float(scene.cylinder_radius),
+            cable_radius=float(scene.cable_radius),
+            turned=float(scene.cylinder_angle),
+            landing_z=scene.landing_z,
+            guide_z=float(scene.guide_z),
+            free_length=float(scene.free_length),
+            tail=float(scene.tail_angle),
+            path_theta=np.ascontiguousarray(scene.path_theta, dtype=float),
+            path_z=np.ascontiguousarray(scene.path_z, dtype=float),
+            markers=np.ascontiguousarray(scene.marker_theta, dtype=float),
+            half_bands=_half_bands(scene),
+            step=self._section_step(scene),
+        )
 
     def _section_step(self, scene: Scene) -> float:
         config = self.config
@@ -174,22 +159,16 @@ class Renderer:
         return min(SECTION_STEP * pixel / scene.centreline_radius, 0.06)
 
 
-def _light_numbers(config: CameraConfig) -> FloatArray:
+def _lighting(config: CameraConfig) -> Lighting:
     light = config.light
-    direction = np.array(light.direction) / np.linalg.norm(light.direction)
-    return np.array([*direction, light.ambient, light.highlight, light.gloss])
-
-
-def _body_numbers(scene: Scene) -> FloatArray:
-    return np.array(
-        [
-            scene.cylinder_radius,
-            scene.cable_radius,
-            scene.cylinder_angle,
-            scene.landing_z,
-            scene.guide_z,
-            scene.free_length,
-        ]
+    x, y, z = (np.array(light.direction) / np.linalg.norm(light.direction)).tolist()
+    return Lighting(
+        x=x,
+        y=y,
+        z=z,
+        ambient=float(light.ambient),
+        highlight=float(light.highlight),
+        exponent=float(light.gloss),
     )
 
 

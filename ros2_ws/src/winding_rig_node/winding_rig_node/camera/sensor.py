@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.camera.compiled import compiled
+from winding_core.compiling import compiled
 
 SingleArray = NDArray[np.float32]
 ByteArray = NDArray[np.uint8]
@@ -34,16 +35,26 @@ def demosaiced(frame: ByteArray) -> ByteArray:
     return np.asarray(cv2.cvtColor(raw, cv2.COLOR_BayerBG2BGR), dtype=np.uint8)
 
 
+class Noise(NamedTuple):
+    """Noise of one frame.
+
+    Attributes:
+        read: Standard deviation of a dark pixel [grey levels].
+        shot: Variance per grey level.
+        table: Standard normal numbers, shape (n,).
+        offsets: Where each row starts to read the table, shape (rows,); a row needs 3 * columns
+            numbers after it.
+    """
+
+    read: float
+    shot: float
+    table: SingleArray
+    offsets: IndexArray
+
+
 @compiled
 def expose(
-    radiance: SingleArray,
-    falloff: SingleArray,
-    gain: float,
-    read: float,
-    shot: float,
-    table: SingleArray,
-    offsets: IndexArray,
-    out: ByteArray,
+    radiance: SingleArray, falloff: SingleArray, gain: float, noise: Noise, out: ByteArray
 ) -> None:  # pragma: no cover
     """Write the eight-bit frame of a radiance image.
 
@@ -51,27 +62,23 @@ def expose(
         radiance: Shape (rows, columns, 3).
         falloff: Light at each pixel, shape (rows, columns).
         gain: Exposure factor.
-        read: Standard deviation of a dark pixel [grey levels].
-        shot: Variance per grey level.
-        table: Standard normal numbers, shape (n,).
-        offsets: Where each row starts to read the table, shape (rows,); a row needs
-            3 * columns numbers after it.
+        noise: Of the sensor.
         out: Shape (rows, columns, 3).
     """
     rows, columns = falloff.shape
     deviation = np.empty(256, dtype=np.float32)
     for level in range(256):
-        deviation[level] = math.sqrt(read * read + shot * level)
-    noisy = read > 0.0 or shot > 0.0
+        deviation[level] = math.sqrt(noise.read * noise.read + noise.shot * level)
+    noisy = noise.read > 0.0 or noise.shot > 0.0
     for row in range(rows):
-        cursor = offsets[row]
+        cursor = noise.offsets[row]
         for column in range(columns):
             light = np.float32(gain) * falloff[row, column]
             for channel in range(3):
                 value = radiance[row, column, channel] * light
                 if noisy:
                     level = min(max(int(value), 0), 255)
-                    value += deviation[level] * table[cursor]
+                    value += deviation[level] * noise.table[cursor]
                     cursor += 1
                 value = value + np.float32(0.5)
                 out[row, column, channel] = np.uint8(min(max(value, 0.0), 255.0))

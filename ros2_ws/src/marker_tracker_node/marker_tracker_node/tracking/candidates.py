@@ -1,0 +1,186 @@
+"""From something marker-coloured to a marker with a number: measured, remembered, confirmed."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from marker_tracker_node.detection.gate import Gates, Picture
+from marker_tracker_node.tracking.band_measurement import NEW_AREA, measure_band
+from marker_tracker_node.tracking.gate_prediction import (
+    HIDDEN,
+    MEASURED,
+    OUT_OF_SIGHT,
+    gate_visibility,
+    predict_gate,
+    separate_gates,
+)
+from marker_tracker_node.tracking.laid_path import (
+    LaidCable,
+    band_beside_turns,
+    corrected_height,
+    known_around,
+)
+from marker_tracker_node.tracking.state import CANDIDATES, Candidates, IndexArray, Marks, Setup
+from winding_core.compiling import compiled
+
+P0_REACH = 0.45
+# A marker proves itself on the free span, this far before it lands [rad].
+APPROACH = 0.25
+SAME_PLACE = 0.035
+PROOF_HITS = 3
+PROOF_ADVANCE = 0.1
+# A gap of this many expected ones or more hides a marker that was missed.
+SKIP = 0.4
+FIRST_SIGMA_THETA = 4.0e-3
+FIRST_SIGMA_HEIGHT = 1.0e-4
+
+
+class Scan(NamedTuple):
+    """A frame in which unknown markers are sought.
+
+    Attributes:
+        picture: Frame and colours.
+        setup: Machine and camera.
+        cable: As laid so far.
+        candidates: What was found in earlier frames.
+        gates: Of the markers; one more place is free for work.
+        outcome: What came of looking for each marker, shape (markers,).
+        turned: Cylinder angle as the camera sees it [rad].
+    """
+
+    picture: Picture
+    setup: Setup
+    cable: LaidCable
+    candidates: Candidates
+    gates: Gates
+    outcome: IndexArray
+    turned: float
+
+
+@compiled
+def mean_gap(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cover
+    """Return the wound angle between markers [rad]: measured so far, or else expected."""
+    if last > 0:
+        return float((marks.theta[last] - marks.theta[0]) / last)
+    return setup.expected_gap
+
+
+@compiled
+def marker_number(setup: Setup, marks: Marks, theta: float) -> int:  # pragma: no cover
+    """Return the number of a marker found at a wound angle [rad], or -1 if there is none."""
+    count = marks.known.size
+    if not marks.known[0]:
+        return 0 if abs(theta) < P0_REACH else -1
+    below, above = known_around(marks, theta)
+    if theta < marks.theta[0]:
+        return -1
+    if above < 0:
+        ratio = (theta - marks.theta[below]) / mean_gap(setup, marks, below)
+        number = below + max(int(math.floor(ratio + SKIP)), 1)  # noqa: RUF046
+        return number if number < count else -1
+    if above - below < 2:
+        return -1
+    share = (theta - marks.theta[below]) / (marks.theta[above] - marks.theta[below])
+    number = below + int(round(share * (above - below)))  # noqa: RUF046
+    return min(max(number, below + 1), above - 1)
+
+
+@compiled
+def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma: no cover
+    """Measure a gathering of marker pixels as a band and remember it if it is one.
+
+    Args:
+        scan: What is sought where.
+        theta: Wound angle [rad].
+        shift: Of the pixels from the cable's middle along z [m].
+    """
+    setup, gates, turned = scan.setup, scan.gates, scan.turned
+    work = scan.outcome.size
+    height, slope = corrected_height(scan.cable, theta)
+    z = height + shift
+    share = 0.0
+    for step in range(3):
+        band = band_beside_turns(setup, scan.cable, turned - theta, theta, z, slope)
+        expected = predict_gate(setup, band, gates, work)
+        if step == 0:
+            # The first look may be half a band off.
+            gates.ahead[work] *= 1.3
+            gates.behind[work] *= 1.3
+        if gate_visibility(setup, gates, work, scan.picture) != HIDDEN:
+            return
+        for n in range(work):
+            if scan.outcome[n] != OUT_OF_SIGHT:
+                separate_gates(gates, n, work)
+        outcome, azimuth, z, share = measure_band(
+            scan.picture, setup, gates, work, band, expected, NEW_AREA
+        )
+        if outcome != MEASURED:
+            return
+        theta = turned - azimuth
+    expected_z = corrected_height(scan.cable, theta)[0]
+    if abs(turned - theta) > 40.0 * math.pi or abs(z - expected_z) > setup.search_width:
+        return
+    if theta > turned + APPROACH or marker_number(setup, scan.cable.marks, theta) < 0:
+        return
+    _remember(scan.candidates, theta, z, share, turned)
+
+
+@compiled
+def _remember(
+    candidates: Candidates, theta: float, z: float, share: float, turned: float
+) -> None:  # pragma: no cover
+    """Add a sighting to the candidate of its place, or in place of the one seen longest ago."""
+    oldest = 0
+    for c in range(CANDIDATES):
+        if candidates.hits[c] == 0:
+            oldest = c
+            break
+        if abs(candidates.first[c] - theta) < SAME_PLACE:
+            candidates.hits[c] += 1
+            part = 1.0 / candidates.hits[c]
+            candidates.theta[c] += part * (theta - candidates.theta[c])
+            candidates.height[c] += part * (z - candidates.height[c])
+            candidates.area[c] += part * (share - candidates.area[c])
+            candidates.last[c] = turned
+            return
+        if candidates.last[c] < candidates.last[oldest]:
+            oldest = c
+    candidates.hits[oldest] = 1
+    candidates.first[oldest] = theta
+    candidates.theta[oldest] = theta
+    candidates.height[oldest] = z
+    candidates.area[oldest] = share
+    candidates.start[oldest] = turned
+    candidates.last[oldest] = turned
+
+
+@compiled
+def confirm_candidates(
+    setup: Setup, marks: Marks, candidates: Candidates, shift: float
+) -> float:  # pragma: no cover
+    """Make markers of the candidates that have moved with the cylinder; return the new shift."""
+    for c in range(CANDIDATES):
+        if candidates.hits[c] < PROOF_HITS:
+            continue
+        number = marker_number(setup, marks, candidates.theta[c])
+        if number < 0 or marks.known[number]:
+            candidates.hits[c] = 0
+            continue
+        if number > 0 and candidates.last[c] - candidates.start[c] < PROOF_ADVANCE:
+            continue
+        if number == 0:
+            # Wound angles count from P0, wherever camera and encoder think that it is.
+            shift -= candidates.theta[c]
+            candidates.theta[c] = 0.0
+        marks.known[number] = True
+        marks.theta[number] = candidates.theta[c]
+        marks.height[number] = candidates.height[c]
+        marks.area[number] = candidates.area[c]
+        marks.recent[number] = candidates.theta[c]
+        marks.reference[number] = candidates.theta[c]
+        marks.weight[number] = 1.0
+        marks.var_theta[number] = FIRST_SIGMA_THETA**2
+        marks.var_height[number] = FIRST_SIGMA_HEIGHT**2
+        candidates.hits[c] = 0
+    return shift
