@@ -164,22 +164,17 @@ class PinholeCamera:
 
     def view(self, pose: CameraPose) -> CameraView:
         """Return pose, lens and window for the kernels."""
-        k1, k2, p1, p2, k3 = self.d.tolist()
-        return CameraView(
-            *pose.axes.ravel().tolist(),
-            *map(float, pose.position),
-            fx=float(self.k[0, 0]),
-            fy=float(self.k[1, 1]),
-            cx=float(self.k[0, 2]),
-            cy=float(self.k[1, 2]),
-            k1=k1,
-            k2=k2,
-            p1=p1,
-            p2=p2,
-            k3=k3,
-            column_offset=float(self.roi[0]),
-            row_offset=float(self.roi[1]),
-            binning=float(self.binning),
+        k = self.k
+        return CameraView._make(
+            float(number)
+            for number in (
+                *pose.axes.ravel(),
+                *pose.position,
+                *(k[0, 0], k[1, 1], k[0, 2], k[1, 2]),
+                *self.d,
+                *self.roi[:2],
+                self.binning,
+            )
         )
 
     def _require_invertible(self) -> None:

@@ -71,7 +71,7 @@ def empty_gates(count: int) -> Gates:  # pragma: no cover
 
 
 @compiled
-def table_index(blue: int, green: int, red: int) -> int:  # pragma: no cover
+def table_index(blue: int, green: int, red: int) -> np.uint32:  # pragma: no cover
     """Return the place of a colour in `Picture.table`."""
     return (np.uint32(blue >> 3) << 10) | (np.uint32(green >> 3) << 5) | np.uint32(red >> 3)
 

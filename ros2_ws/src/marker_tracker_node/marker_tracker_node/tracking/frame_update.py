@@ -104,8 +104,8 @@ def update_burst(
     for k in range(frames.shape[0]):
         picture = Picture(frames[k], table)
         cylinder = follow_encoder(run.cylinder, times[k], encoders[k])
-        count, guide = extend_path(setup, tracks.path, run, cylinder.angle, guides[k])
-        cable = LaidCable(tracks.marks, tracks.path, count)
+        filled, guide = extend_path(setup, tracks.path, run, cylinder.angle, guides[k])
+        cable = LaidCable(tracks.marks, tracks.path, filled)
         run = _update_frame(picture, setup, run, cylinder, guide, cable, tracks, out, k)
         out.angle[k] = run.cylinder.angle
     return run
@@ -167,7 +167,7 @@ def _update_frame(
         )
         shift = acquire_markers(scan, shift)
     write_results(setup, marks, expected.outcome, expected.touching, turned, out, k)
-    return Run(cylinder, shift, weight, cable.count, guide)
+    return Run(cylinder, shift, weight, cable.filled, guide)
 
 
 @compiled

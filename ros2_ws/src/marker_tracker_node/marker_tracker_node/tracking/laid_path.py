@@ -23,12 +23,12 @@ class LaidCable(NamedTuple):
     Attributes:
         marks: The markers.
         path: See `Tracks`.
-        count: Filled places of the path.
+        filled: Places of the path that are filled.
     """
 
     marks: Marks
     path: FloatArray
-    count: int
+    filled: int
 
 
 @compiled
@@ -49,7 +49,7 @@ def extend_path(
     """
     if not math.isfinite(guide):
         guide = setup.advance_per_radian * angle
-    start, before, count = run.cylinder.angle, run.guide, run.path_count
+    start, before, count = run.cylinder.angle, run.guide, run.path_filled
     share = 1.0 - math.exp(-PATH_STEP / setup.lag)
     while count < PATH_SIZE and count * PATH_STEP <= angle:
         middle = (count - 0.5) * PATH_STEP
@@ -63,7 +63,7 @@ def extend_path(
 @compiled
 def path_height(cable: LaidCable, theta: float) -> tuple[float, float]:  # pragma: no cover
     """Return expected z [m] and dz/dtheta [m/rad] at a wound angle."""
-    last = cable.count - 1
+    last = cable.filled - 1
     place = theta / PATH_STEP
     if place <= 0.0 or last < 1:
         return 0.0, 0.0

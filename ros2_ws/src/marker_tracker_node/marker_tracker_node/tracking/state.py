@@ -75,14 +75,14 @@ class Run(NamedTuple):
         cylinder: Its rotation.
         shift: Azimuth seen minus azimuth of the encoder [rad].
         shift_weight: Of this mean, in frames.
-        path_count: Filled places of the path.
+        path_filled: Filled places of the path.
         guide: Position in the last frame [m].
     """
 
     cylinder: Cylinder
     shift: float
     shift_weight: float
-    path_count: int
+    path_filled: int
     guide: float
 
 
@@ -163,7 +163,7 @@ class TrackerState:
         numbers = [np.zeros(markers) for _ in Marks._fields[1:]]
         places = [np.zeros(CANDIDATES) for _ in Candidates._fields[1:]]
         return cls(
-            run=Run(cylinder=still, shift=0.0, shift_weight=0.0, path_count=1, guide=0.0),
+            run=Run(cylinder=still, shift=0.0, shift_weight=0.0, path_filled=1, guide=0.0),
             tracks=Tracks(
                 marks=Marks(np.zeros(markers, dtype=np.bool_), *numbers),
                 candidates=Candidates(np.zeros(CANDIDATES, dtype=np.int64), *places),
@@ -205,6 +205,9 @@ class Output(NamedTuple):
     def empty(cls, frames: int, markers: int) -> Output:
         """Return room for a number of frames, nan everywhere and without flags."""
         shape = (frames, markers)
-        room = {name: np.full(shape, np.nan) for name in cls._fields if name != "flags"}
-        room["angle"] = np.full(frames, np.nan)
-        return cls(flags=np.zeros(shape, dtype=np.uint32), **room)
+        plain = [name for name in cls._fields if name not in ("angle", "flags")]
+        return cls(
+            angle=np.full(frames, np.nan),
+            flags=np.zeros(shape, dtype=np.uint32),
+            **{name: np.full(shape, np.nan) for name in plain},
+        )

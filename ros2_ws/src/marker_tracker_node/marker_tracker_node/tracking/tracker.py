@@ -102,7 +102,8 @@ class Tracker:
             np.array([angle]),
             np.array([_believed(guide_z, _MOST_GUIDE)]),
         )
-        return self._records(out)[0]
+        records: Markers = self._records(out)[0]
+        return records
 
     def process(
         self,
@@ -146,7 +147,8 @@ class Tracker:
         out.sigma_theta[0, known] = (np.sqrt(marks.var_theta) / weight)[known]
         out.sigma_height[0, known] = (np.sqrt(marks.var_height) / weight)[known]
         out.flags[0, ~known] = MarkerFlag.NOT_WOUND
-        return self._records(out)[0]
+        estimates: Markers = self._records(out)[0]
+        return estimates
 
     def sightings(self) -> Sightings:
         """Return every measured band so far, for `refine`.

@@ -70,22 +70,16 @@ def rotation(vector: FloatArray) -> FloatArray:
 def lens_of(config: CameraConfig) -> Lens:
     """Return pose, lens and window of a camera for the kernels."""
     window = config.window
-    k1, k2, p1, p2, k3 = map(float, config.distortion)
-    return Lens(
-        *axes(config).T.ravel().tolist(),
-        *map(float, config.position),
-        focal=float(config.focal),
-        centre_column=float(config.centre[0]),
-        centre_row=float(config.centre[1]),
-        k1=k1,
-        k2=k2,
-        p1=p1,
-        p2=p2,
-        k3=k3,
-        column_offset=float(window.x_offset),
-        row_offset=float(window.y_offset),
-        binning=float(window.binning),
-        supersampling=float(config.supersampling),
+    return Lens._make(
+        float(number)
+        for number in (
+            *axes(config).T.ravel(),
+            *config.position,
+            config.focal,
+            *config.centre,
+            *config.distortion,
+            *(window.x_offset, window.y_offset, window.binning, config.supersampling),
+        )
     )
 
 
