@@ -73,6 +73,7 @@ def measured(
     )
 
 
+@pytest.mark.slow
 def test_hidden_modulus_is_recovered_and_its_error_can_be_believed() -> None:
     inside, relative = [], []
     for case, young in HIDDEN:
@@ -151,6 +152,7 @@ def test_marker_that_lies_nowhere_near_is_refused() -> None:
     assert "misses a marker by" in estimate.refusal()
 
 
+@pytest.mark.slow
 def test_both_constants_are_found_where_tensions_tell_them_apart() -> None:
     runs = [measured(case, *_hyperelastic(case), seed=case, law="mooney_rivlin") for case in (1, 2)]
     found = identify_constants(runs, "mooney_rivlin")
@@ -162,6 +164,7 @@ def test_both_constants_are_found_where_tensions_tell_them_apart() -> None:
     assert found.young == pytest.approx(2.6e6, rel=0.05)
 
 
+@pytest.mark.slow
 def test_small_strains_cannot_tell_the_constants_apart() -> None:
     runs = []
     for case in (5, 6):

@@ -50,6 +50,7 @@ def test_markers_give_the_modulus_and_the_markers_that_are_to_come(
     assert "nine times in ten within" in " ".join(result.output.split())
 
 
+@pytest.mark.slow
 def test_two_runs_give_the_constants_of_a_nonlinear_law(tmp_path: Path) -> None:
     # Cases 1 and 2 with Mooney-Rivlin, 2.6 MPa, C01 / C10 = 0.25, elements of 2.5 mm.
     for name, rows in (

@@ -54,6 +54,7 @@ def outcome(**environment):
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 def test_interpreted_kernels_give_the_compiled_numbers():
     for compiled, interpreted in zip(outcome(), outcome(NUMBA_DISABLE_JIT="1"), strict=True):
         # Compiled sums are reordered: rounding of a few hundred steps remains.

@@ -110,6 +110,7 @@ def test_estimate_is_published_and_left_alone_by_default(ros: Any) -> None:
     assert bench.last(bench.markers)["theta"][1] == pytest.approx(6.58, abs=0.01)
 
 
+@pytest.mark.slow
 def test_model_and_prediction_take_the_estimate_up_when_they_are_told_to(ros: Any) -> None:
     bench = Bench(ros, take_up_material=True)
     bench.wind(SEEN_AT)

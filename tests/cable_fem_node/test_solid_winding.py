@@ -28,6 +28,7 @@ def test_paper_mesh_winds_four_turns_with_a_closed_balance():
     assert run.energy.balance_pct < 1.0
 
 
+@pytest.mark.slow
 def test_solid_lies_like_the_rod():
     config = WindingConfig(case=paper_case(4), segment_length=5.0e-3, mass_scaling=1500.0)
     solid = predict_solid(config, duration=2.8, rate=10.0)

@@ -6,12 +6,21 @@ import pytest
 
 from cable_fem_node.verification.suite import PROBLEMS, references, run_problem
 
+# More than two seconds of processor time.
+SLOW = {"B07", "B08", "B10", "B11", "B17", "D03", "D10", "D10r", "W04"}
+
 
 def test_every_problem_has_its_references():
     assert set(PROBLEMS) == set(references())
 
 
-@pytest.mark.parametrize("name", sorted(PROBLEMS))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name
+        for name in sorted(PROBLEMS)
+    ],
+)
 def test_problem_is_within_its_tolerances(name):
     failed = [row for row in run_problem(name) if not row.passed]
     assert not failed, "\n".join(

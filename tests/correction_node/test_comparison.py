@@ -20,6 +20,9 @@ from correction_node.training.comparison import (
 from correction_node.training.learners import MARKER_NETWORK, NETWORK, RIG, RIG_NETWORK
 from winding_core.published import published_markers, published_weights
 
+# Every model is trained as long as the shipped ones.
+pytestmark = pytest.mark.slow
+
 ROD = load_data_set("rod")
 
 

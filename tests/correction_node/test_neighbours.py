@@ -50,6 +50,7 @@ def test_missing_markers_are_left_out_of_the_comparison() -> None:
         assert seen.case in ({1, 2} if measured == 1 else {1})
 
 
+@pytest.mark.slow
 def test_accuracy_falls_with_noise_and_meets_the_papers_at_the_assumed_repeatability() -> None:
     accuracy = {}
     for noise in (0.006, 0.02):

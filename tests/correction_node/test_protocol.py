@@ -50,6 +50,7 @@ def test_the_card_of_a_form_found_on_these_cells_says_so(learned) -> None:
     assert said == (name in (RIG, RIG_NETWORK))
 
 
+@pytest.mark.slow
 def test_a_case_that_is_left_out_is_never_seen(learned) -> None:
     name, result = learned
     cells = [dataclasses.replace(c, s_exp=2.0 * c.s_exp) if c.case == 9 else c for c in DATA.cells]
@@ -89,6 +90,7 @@ def test_a_model_that_does_not_exist_is_refused() -> None:
         learn(DATA, "oracle", SHORT, lambda said: None)
 
 
+@pytest.mark.slow
 def test_correcting_needs_no_torch() -> None:
     asked = (
         "import sys; from winding_core.cases import paper_case; "

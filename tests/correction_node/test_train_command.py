@@ -32,6 +32,7 @@ def test_training_writes_weights_and_says_how_good_they_are(command, tmp_path) -
         assert said in done.output
 
 
+@pytest.mark.slow
 def test_comparing_prints_every_model_and_writes_nothing(command, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(command, ["--compare", "--steps", "2", "--out", "mine"])
@@ -41,6 +42,7 @@ def test_comparing_prints_every_model_and_writes_nothing(command, tmp_path, monk
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rod_rig", "rod_marker_network"])
 def test_a_shipped_weight_comes_out_of_its_model_again(command, tmp_path, name) -> None:
     data, model = SHIPPED[name]

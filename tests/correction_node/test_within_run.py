@@ -89,6 +89,7 @@ def test_the_build_up_length_is_found_in_runs_that_have_one() -> None:
     assert fit_build_up(synthetic) == pytest.approx(true, abs=2e-4)
 
 
+@pytest.mark.slow
 def test_third_and_fourth_marker_of_the_published_runs_are_predicted(
     scored: WithinRunScore,
 ) -> None:
@@ -137,6 +138,7 @@ def test_a_held_out_case_does_not_move_its_own_prediction() -> None:
     assert (again != honest)[0, 2]
 
 
+@pytest.mark.slow
 def test_more_measured_markers_predict_better_and_say_so(scored: WithinRunScore) -> None:
     with_three = score_within_run(CELLS, 3)
     assert with_three.held_out_pct < scored.by_marker_pct[4]

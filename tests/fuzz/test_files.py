@@ -45,10 +45,11 @@ NASTY = (
     BOMB,
     MAPPING_BOMB,
     "&a [*a]",
-    "[" * 20_000,
-    "{a: " * 20_000,
-    "- " * 20_000,
-    "? " * 5_000,
+    # Deeper than Python's stack, and no deeper: the reader looks at every open bracket again.
+    "[" * 500,
+    "{a: " * 500,
+    "- " * 500,
+    "? " * 500,
     "x: " + "9" * 100_000,
     "x: 1e999",
     "x: !!int ''",
@@ -149,25 +150,22 @@ by_reader = pytest.mark.parametrize("reader", READERS)
 
 
 @by_reader
-@pytest.mark.parametrize("text", NASTY, ids=lambda text: repr(text[:20]))
-def test_nasty_texts_are_refused_in_a_sentence(reader: str, text: str, tmp_path: Path) -> None:
+def test_nasty_texts_are_refused_in_a_sentence(reader: str, tmp_path: Path) -> None:
     read, errors = READERS[reader]
-    said(lambda: read(written(tmp_path, text)), *errors)
+    for text in NASTY:
+        said(lambda text=text: read(written(tmp_path, text)), *errors)
 
 
 @pytest.mark.parametrize("reader", ["parameters", "sweep", "camera"])
-@pytest.mark.parametrize("code", RUNS_CODE)
-@pytest.mark.parametrize("around", ["{}", "x: {}", "parameters: {{friction: {}}}", "/**: {}"])
-def test_tags_that_name_code_run_nothing(
-    reader: str, code: str, around: str, tmp_path: Path
-) -> None:
+def test_tags_that_name_code_run_nothing(reader: str, tmp_path: Path) -> None:
     mark = tmp_path / "mark"
-    text = around.format(code.format(mark=mark))
     read, errors = READERS[reader]
-    assert "could not determine a constructor" in said(
-        lambda: read(written(tmp_path, text)), *errors
-    )
-    assert not mark.exists()
+    for code in RUNS_CODE:
+        for around in ("{}", "x: {}", "parameters: {{friction: {}}}", "/**: {}"):
+            text = around.format(code.format(mark=mark))
+            sentence = said(lambda text=text: read(written(tmp_path, text)), *errors)
+            assert "could not determine a constructor" in sentence, text
+            assert not mark.exists(), text
 
 
 @by_reader
@@ -265,6 +263,7 @@ def check_sweep(content: Any) -> None:
             assert not isinstance(value, float) or math.isfinite(value)
 
 
+@pytest.mark.slow
 @fuzzed
 @given(
     changed=st.dictionaries(
