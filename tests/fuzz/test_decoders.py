@@ -14,6 +14,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState, PointCloud2, PointField
 
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
+from winding_core.material_report import MaterialReport
 from winding_core.readings import AxisReading, ImageWindow
 from winding_core.status import Level, Status
 from winding_ros import topics
@@ -38,12 +39,7 @@ from winding_ros.diagnostic_messages import (
     encode_case_votes,
     encode_diagnostics,
 )
-from winding_ros.material_messages import (
-    NAME,
-    MaterialReport,
-    decode_material,
-    encode_material,
-)
+from winding_ros.material_messages import NAME, decode_material, encode_material
 from winding_ros.message_guard import StampError
 from winding_ros.rig_messages import (
     MessageError,

@@ -9,11 +9,12 @@ from std_srvs.srv import Trigger
 
 from cable_fem_node.identification.steady import SteadyMarkers
 from winding_core.markers import MARKER_DTYPE, Markers, is_wound
+from winding_core.material_report import MaterialReport
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.graph import expected_subscribers, pace_topics
-from winding_ros.material_messages import MaterialReport, decode_material
+from winding_ros.material_messages import decode_material
 from winding_ros.topic import Topic
 
 # Quicker than the paper's runs, so that four markers land in seven seconds of winding.

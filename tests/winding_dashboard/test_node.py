@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 
 from winding_core.markers import wound_markers
 from winding_core.parameters import ParameterError
-from winding_core.readings import AxisReading
+from winding_core.readings import CABLE_TENSION, AxisReading
 from winding_core.status import Status
 from winding_dashboard.node import DashboardNode
 from winding_dashboard.views.commands import CommandError
@@ -69,7 +69,7 @@ def test_newest_of_every_topic_is_shown(ros: Any, dashboard: DashboardNode) -> N
         lambda: (
             state.axes is not None
             and state.axes.cylinder_angle == pytest.approx(1.99)
-            and state.tension == 3.9
+            and state.measured[CABLE_TENSION] == 3.9
             and len(state.tracked) == len(state.ahead) == 1
             and state.votes == {4: 0.6, 7: 0.4}
             and state.phase == "winding"
@@ -87,7 +87,7 @@ def test_message_that_cannot_be_used_is_counted_and_changes_nothing(
     ros.spin_until(out.get_subscription_count)
     out.publish(encode_tension(0.0, float("nan")))
     look_until(ros, dashboard, lambda: dashboard.eyes.refused == 1)
-    assert np.isnan(dashboard.state.tension)
+    assert np.isnan(dashboard.state.measured[CABLE_TENSION])
 
 
 def test_command_is_unavailable_until_somebody_serves_it(

@@ -12,11 +12,11 @@ from nicegui.testing import User, UserInteraction, user_simulation
 
 from winding_core.condition import OWN, Condition
 from winding_core.markers import CORRECTED_DTYPE, wound_markers
-from winding_core.readings import AxisReading
+from winding_core.material_report import MaterialReport
+from winding_core.readings import CABLE_TENSION, AxisReading
 from winding_core.status import Level, Status
 from winding_dashboard.views import commands
 from winding_dashboard.views.commands import Choice, CommandError
-from winding_dashboard.views.material_view import MaterialView
 from winding_dashboard.views.page import Page
 from winding_dashboard.views.view_state import ViewState
 
@@ -108,7 +108,7 @@ async def test_numbers_of_the_run_are_shown() -> None:
             cylinder_angle=20.0, angular_speed=1.74, carriage_position=0.06, feed_speed=0.005
         ),
     )
-    state.tension = 3.92
+    state.measured[CABLE_TENSION] = 3.92
     tracked = wound_markers(
         ids=[1], theta=np.array([6.0]), z=[0.01], radius=0.017, cylinder_angle=20.0
     )
@@ -146,27 +146,27 @@ async def test_emergency_stop_asks_nothing() -> None:
 
 async def test_reset_asks_first_and_begins_a_new_run() -> None:
     machine, state = Machine(), fresh_state()
-    state.tension = 3.0
+    state.measured[CABLE_TENSION] = 3.0
     async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
         await user.open("/")
         page_button, dialog_button = buttons(user, "Reset")
         click(user, page_button)
         await user.should_see("Reset the machine to the start of a run?")
         assert machine.done == []
-        assert state.tension == 3.0
+        assert state.measured[CABLE_TENSION] == 3.0
         click(user, dialog_button)
         await until(lambda: machine.done == [commands.RESET, "renew"])
-        assert math.isnan(state.tension)
+        assert math.isnan(state.measured[CABLE_TENSION])
 
 
 async def test_refused_reset_keeps_what_is_shown() -> None:
     machine, state = Machine(refusal="cannot reset while the machine moves"), fresh_state()
-    state.tension = 3.0
+    state.measured[CABLE_TENSION] = 3.0
     async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
         await user.open("/")
         click(user, buttons(user, "Reset")[1])
         await user.should_see("reset: cannot reset while the machine moves", retries=50)
-        assert state.tension == 3.0
+        assert state.measured[CABLE_TENSION] == 3.0
 
 
 async def test_refusal_is_told_in_the_graphs_own_words() -> None:
@@ -358,8 +358,14 @@ async def test_material_is_told_with_its_half_width() -> None:
     async with user_simulation(lambda: Page(state, Machine(), time.monotonic)) as user:
         await user.open("/")
         await user.should_see("Effective modulus: no marker is measured yet")
-        state.material = MaterialView(
-            law="neo_hookean", young=2.61e6, half_width_90=5.2e4, markers=(1, 2), taken_up=False
+        state.material = MaterialReport(
+            law="neo_hookean",
+            young=2.61e6,
+            standard_error=3.0e4,
+            half_width_90=5.2e4,
+            markers=(1, 2),
+            worst_share=0.01,
+            taken_up=False,
         )
         await user.should_see(
             "Effective modulus 2.610 ± 0.052 MPa (nine times in ten), neo hookean, from P1, P2; "

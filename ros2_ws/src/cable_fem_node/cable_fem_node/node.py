@@ -15,15 +15,12 @@ from cable_fem_node.ros.background import BackgroundTask
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from winding_core.markers import MARKER_DTYPE
+from winding_core.material_report import MaterialReport, refused_material
 from winding_core.status import Level, Status
 from winding_ros import graph, topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.managed_node import ManagedNode
-from winding_ros.material_messages import (
-    MaterialReport,
-    encode_material,
-    refused_material,
-)
+from winding_ros.material_messages import encode_material
 
 # How often the node looks whether a marker has landed or an identification has ended [s].
 _LOOK_PERIOD = 0.05

@@ -41,6 +41,9 @@ class Quantity:
     digits: int = 2
 
 
+CABLE_TENSION = Quantity(name="tension", unit="N", sensor="load_cell", field="wrench.force.x")
+
+
 @dataclass(frozen=True, kw_only=True)
 class ImageWindow:
     """The part of the full sensor that a frame shows (REP-104).

@@ -16,6 +16,7 @@ from winding_dashboard.ros.service_client import NODES, ServiceClient
 from winding_dashboard.ros.topic_reader import TopicReader
 from winding_dashboard.views.view_state import ViewState
 from winding_ros import topics
+from winding_ros.graph import PAGE
 from winding_ros.heartbeat import Heartbeat
 from winding_ros.node_parameters import declare_parameters, refuse_invalid
 from winding_ros.process import SUPERVISED
@@ -46,7 +47,11 @@ class DashboardNode(Node):  # type: ignore[misc]
         self.parameters = declare_parameters(self, DashboardParameters)
         self.parameters.check()
         refuse_invalid(self, DashboardParameters, lambda: True)
-        self.state = ViewState(nodes=tuple(reversed(NODES)), machine=topics.RIG)
+        self.state = ViewState(
+            nodes=tuple(reversed(NODES)),
+            machine=topics.RIG,
+            quantities=tuple(topic.quantity for topic in PAGE.beside if topic.quantity),
+        )
         self._watcher = Node(
             f"{NAME}_eyes",
             context=context,

@@ -320,7 +320,6 @@ class RigNode(ManagedNode[RigParameters]):
         self._outputs.joints(topics.JOINT_STATES, t, machine.reading())
         if due(sample, topics.JOINT_COMMANDS):
             self._outputs.joints(topics.JOINT_COMMANDS, t, machine.setpoints())
-        if due(sample, topics.TENSION) and machine.state.tension is not None:
-            self._outputs.tension(t, machine.state.tension)
+        self._outputs.measured(t, sample, machine.sensors)
         if due(sample, topics.IMAGE) and self._camera is not None:
             self._camera.expose(machine, self._going)

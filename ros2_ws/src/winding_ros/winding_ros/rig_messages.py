@@ -10,13 +10,12 @@ from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from winding_core.readings import AxisReading, Quantity
+from winding_core.readings import CABLE_TENSION, AxisReading, Quantity
 from winding_ros.stamps import decode_stamp, encode_stamp
 
 CYLINDER_JOINT = "cylinder_joint"
 CARRIAGE_JOINT = "carriage_joint"
 BASE_FRAME = "winder_axis"
-CABLE_TENSION = Quantity(name="tension", unit="N", sensor="load_cell", field="wrench.force.x")
 
 
 class MessageError(ValueError):

@@ -15,17 +15,12 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
-from winding_core.readings import Quantity
+from winding_core.readings import CABLE_TENSION, Quantity
 from winding_ros.camera_messages import decode_camera_info, decode_image, decode_preview
 from winding_ros.cloud_messages import decode_cloud, decode_line_width
 from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostics
 from winding_ros.material_messages import decode_material
-from winding_ros.rig_messages import (
-    CABLE_TENSION,
-    decode_clock,
-    decode_joint_state,
-    decode_quantity,
-)
+from winding_ros.rig_messages import decode_clock, decode_joint_state, decode_quantity
 from winding_ros.stamps import decode_stamp
 from winding_ros.topic import Topic
 

@@ -10,17 +10,13 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
 from winding_dashboard.ros.parameters import DashboardParameters
-from winding_dashboard.views.material_view import MaterialView
 from winding_dashboard.views.projection import CameraView
 from winding_dashboard.views.view_state import ViewState
 from winding_ros import topics
-from winding_ros.camera_messages import decode_camera_info, decode_preview
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostics
-from winding_ros.material_messages import decode_material
-from winding_ros.rig_messages import MessageError, decode_joint_state, decode_tension
+from winding_ros.camera_messages import CameraReading
+from winding_ros.graph import PAGE
+from winding_ros.rig_messages import MessageError
 from winding_ros.topic import Topic
 
 # The newest one is all that a look needs; a page must never hold up a publisher.
@@ -44,23 +40,25 @@ class TopicReader:
         self._state = state
         self._namespace = node.get_namespace()
         self.refused = 0
-        watched: tuple[tuple[Topic, Callable[[Any], None]], ...] = (
-            (topics.JOINT_STATES, self._on_joint_state),
-            (topics.JOINT_COMMANDS, self._on_joint_command),
-            (topics.TENSION, self._on_tension),
-            (topics.CAMERA_INFO, self._on_camera_info),
-            (topics.PREVIEW, self._on_preview),
-            (topics.TRACKED_MARKERS, self._on_tracked),
-            (topics.FEM_MARKERS, self._on_predicted),
-            (topics.FEM_CABLE, self._on_cable),
-            (topics.FEM_CABLE_LINE, self._on_cable_line),
-            (topics.CORRECTED_MARKERS, self._on_corrected),
-            (topics.FEM_PREDICTION, self._on_ahead),
-            (topics.CORRECTION_CASE, self._on_votes),
-            (topics.FEM_MATERIAL, self._on_material),
-            (topics.DIAGNOSTICS, self._on_diagnostics),
-        )
-        self._watched = [(_subscribe(node, topic), topic, note) for topic, note in watched]
+        notes: dict[Topic, Callable[[float, Any], None]] = {
+            topics.JOINT_STATES: state.note_axes,
+            topics.JOINT_COMMANDS: self._keep("setpoints"),
+            topics.CAMERA_INFO: self._note_camera,
+            topics.PREVIEW: state.note_picture,
+            topics.TRACKED_MARKERS: state.note_tracked,
+            topics.FEM_MARKERS: self._keep("predicted"),
+            topics.FEM_CABLE: state.note_cable,
+            topics.FEM_CABLE_LINE: self._note_width,
+            topics.CORRECTED_MARKERS: self._keep("corrected"),
+            topics.FEM_PREDICTION: self._keep("ahead"),
+            topics.CORRECTION_CASE: lambda _t, votes: state.note_votes(votes),
+            topics.FEM_MATERIAL: self._keep("material"),
+            topics.DIAGNOSTICS: lambda _t, statuses: state.health.note(self._now, statuses),
+        }
+        self._watched = [
+            (_subscribe(node, topic), topic, notes.get(topic) or self._measured(topic))
+            for topic in PAGE.beside
+        ]
         self._now = 0.0
 
     def look(self, now: float) -> None:
@@ -74,77 +72,37 @@ class TopicReader:
                 message = _take(subscription, topic)
                 if message is None:
                     break
+                if topic is topics.DIAGNOSTICS:
+                    self._leave_out_others(message)
                 try:
-                    note(message)
+                    note(*topic.decode(message))
                 except MessageError:
                     self.refused += 1
         self._state.tick(now)
 
-    def _on_joint_state(self, message: Any) -> None:
-        self._state.note_axes(*decode_joint_state(message))
+    def _keep(self, name: str) -> Callable[[float, Any], None]:
+        """Return what makes a message's content an attribute of the state."""
+        return lambda _t, content: setattr(self._state, name, content)
 
-    def _on_joint_command(self, message: Any) -> None:
-        self._state.setpoints = decode_joint_state(message)[1]
+    def _measured(self, topic: Topic) -> Callable[[float, Any], None]:
+        quantity = topic.quantity
+        assert quantity is not None, f"the page shows nothing of {topic.name}"
+        return lambda _t, value: self._state.measured.update({quantity: value})
 
-    def _on_tension(self, message: Any) -> None:
-        self._state.tension = decode_tension(message)[1]
+    def _note_width(self, _t: float, width: float) -> None:
+        self._state.cable_radius = 0.5 * width
 
-    def _on_camera_info(self, message: Any) -> None:
-        reading = decode_camera_info(message)[1]
+    def _note_camera(self, _t: float, reading: CameraReading) -> None:
         self._state.camera = CameraView(
-            matrix=reading.matrix,
-            distortion=reading.distortion,
-            window=reading.window,
-            width=reading.width,
-            height=reading.height,
+            **vars(reading),
             position=np.array(self._parameters.camera_position),
             tilt=np.array(self._parameters.camera_tilt),
         )
 
-    def _on_preview(self, message: Any) -> None:
-        self._state.note_picture(*decode_preview(message))
-
-    def _on_tracked(self, message: Any) -> None:
-        self._state.note_tracked(*decode_cloud(message, MARKER_DTYPE))
-
-    def _on_predicted(self, message: Any) -> None:
-        self._state.predicted = decode_cloud(message, MARKER_DTYPE)[1]
-
-    def _on_cable(self, message: Any) -> None:
-        self._state.note_cable(*decode_cloud(message, CABLE_DTYPE))
-
-    def _on_cable_line(self, message: Any) -> None:
-        if message.scale.x > 0.0:
-            self._state.cable_radius = 0.5 * message.scale.x
-
-    def _on_corrected(self, message: Any) -> None:
-        self._state.corrected = decode_cloud(message, CORRECTED_DTYPE)[1]
-
-    def _on_ahead(self, message: Any) -> None:
-        self._state.ahead = decode_cloud(message, MARKER_DTYPE)[1]
-
-    def _on_votes(self, message: Any) -> None:
-        self._state.note_votes(decode_case_votes(message)[1])
-
-    def _on_material(self, message: Any) -> None:
-        report = decode_material(message)[1]
-        self._state.material = (
-            None
-            if report is None
-            else MaterialView(
-                law=report.law,
-                young=report.young,
-                half_width_90=report.half_width_90,
-                markers=report.markers,
-                taken_up=report.taken_up,
-                refusal=report.refusal,
-            )
-        )
-
-    def _on_diagnostics(self, message: Any) -> None:
-        own = [item for item in message.status if item.hardware_id in ("", self._namespace)]
-        message.status = own
-        self._state.health.note(self._now, decode_diagnostics(message)[1])
+    def _leave_out_others(self, diagnostics: Any) -> None:
+        """Leave out what other graphs of the domain say of themselves."""
+        own = ("", self._namespace)
+        diagnostics.status = [item for item in diagnostics.status if item.hardware_id in own]
 
 
 def _subscribe(node: Node, topic: Topic) -> Subscription:

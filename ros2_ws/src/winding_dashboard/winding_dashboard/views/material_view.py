@@ -2,33 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from winding_core.material_report import MaterialReport
 
 _MEGA = 1.0e6
 
 
-@dataclass(frozen=True, kw_only=True)
-class MaterialView:
-    """An identified material.
-
-    Attributes:
-        law: Material law that was fitted.
-        young: Effective Young's modulus [Pa]; nan where there is none.
-        half_width_90: The modulus lies within this nine times in ten [Pa].
-        markers: Numbers of the markers used.
-        taken_up: Whether the model goes on with it.
-        refusal: Why it must not be used; empty where it may be.
-    """
-
-    law: str
-    young: float
-    half_width_90: float
-    markers: tuple[int, ...]
-    taken_up: bool
-    refusal: str = ""
-
-
-def material_sentence(material: MaterialView | None) -> str:
+def material_sentence(material: MaterialReport | None) -> str:
     """Return what an operator reads of a material."""
     if material is None:
         return "Effective modulus: no marker is measured yet"

@@ -52,7 +52,7 @@ class Page:
             with ui.element("div").classes("left") as self._left:
                 self._camera = CameraPanel()
             with ui.element("div").classes("right"):
-                self._figures = Figures()
+                self._figures = Figures(state)
                 self._markers = MarkerTable()
             self._middle = ui.element("div").classes("charts waiting")
             with ui.element("div").classes("below"):

@@ -91,13 +91,16 @@ class Tile:
 
 
 class Figures:
-    """Speeds, tension and how far the machine has come."""
+    """Speeds, what the sensors measure, and how far the machine has come."""
 
-    def __init__(self) -> None:
+    def __init__(self, state: ViewState) -> None:
         with ui.element("section").classes("tiles").props('aria-label="Machine"'):
             self._speed = Tile("Cylinder, rad/s")
             self._feed = Tile("Carriage, mm/s")
-            self._tension = Tile("Tension, N")
+            self._measured = {
+                quantity: Tile(f"{quantity.name.capitalize()}, {quantity.unit}")
+                for quantity in state.measured
+            }
             self._turns = Tile("Wound, turns")
             self._carriage = Tile("Carriage at, mm")
             self._case = Tile("Resembles case")
@@ -114,7 +117,9 @@ class Figures:
             number(axes.feed_speed if axes else nan, 2, _PER_METRE),
             f"set {number(wanted.feed_speed if wanted else nan, 2, _PER_METRE)}",
         )
-        self._tension.update(number(state.tension, 2), "load cell")
+        for quantity, tile in self._measured.items():
+            value = number(state.measured[quantity], quantity.digits)
+            tile.update(value, quantity.sensor.replace("_", " "))
         angle = axes.cylinder_angle if axes else nan
         self._turns.update(number(angle / math.tau, 2), f"{number(angle, 2)} rad")
         self._carriage.update(

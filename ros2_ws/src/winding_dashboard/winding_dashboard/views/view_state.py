@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE, Markers
-from winding_core.readings import AxisReading
+from winding_core.material_report import MaterialReport
+from winding_core.readings import CABLE_TENSION, AxisReading, Quantity
 from winding_dashboard.views.health import SILENCE, Health
 from winding_dashboard.views.marker_rows import MOST_MARKERS, MarkerRow, marker_rows
-from winding_dashboard.views.material_view import MaterialView
 from winding_dashboard.views.overlay import band_overlay
 from winding_dashboard.views.projection import CameraView
 from winding_dashboard.views.recording import RECORDER, Recording, recording_of
@@ -39,13 +39,14 @@ class ViewState:
     Args:
         nodes: Names of the graph's nodes, in the order in which they are shown.
         machine: Name of the node whose own message is the machine's phase.
+        quantities: What the machine's sensors measure, the tension among it.
 
     Attributes:
         health: Of the nodes.
         time: Newest time of the machine's clock [s]; nan before any.
         axes: Measured motion.
         setpoints: Commanded motion.
-        tension: At the guide [N].
+        measured: What each sensor of the machine says, in SI units.
         picture: The newest preview, JPEG; empty before any.
         votes: Share of votes by case number, best first.
         material: What the tracked markers tell of the cable's material; None before any.
@@ -53,8 +54,15 @@ class ViewState:
         lengths: Trace of each marker's curve lengths by its number.
     """
 
-    def __init__(self, *, nodes: Sequence[str], machine: str) -> None:
+    def __init__(
+        self,
+        *,
+        nodes: Sequence[str],
+        machine: str,
+        quantities: Sequence[Quantity] = (CABLE_TENSION,),
+    ) -> None:
         self._machine = machine
+        self._quantities = quantities
         self.health = Health(nodes)
         self.speeds = Trace("speed", "speed_set", "feed", "feed_set", "tension", capacity=SAMPLES)
         self.lengths = {
@@ -71,10 +79,10 @@ class ViewState:
         self.time = NAN
         self.axes: AxisReading | None = None
         self.setpoints: AxisReading | None = None
-        self.tension = NAN
+        self.measured = dict.fromkeys(self._quantities, NAN)
         self.picture = b""
         self.votes: dict[int, float] = {}
-        self.material: MaterialView | None = None
+        self.material: MaterialReport | None = None
         self.tracked: Markers = np.zeros(0, MARKER_DTYPE)
         self.predicted: Markers = np.zeros(0, MARKER_DTYPE)
         self.ahead: Markers = np.zeros(0, MARKER_DTYPE)
@@ -151,7 +159,7 @@ class ViewState:
             wanted.angular_speed if wanted else NAN,
             axes.feed_speed if axes else NAN,
             wanted.feed_speed if wanted else NAN,
-            self.tension,
+            self.measured[CABLE_TENSION],
         )
         for row in self.marker_rows():
             lengths = (row.predicted, row.corrected, row.low, row.high, row.measured)

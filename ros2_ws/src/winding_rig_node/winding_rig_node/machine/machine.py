@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
@@ -11,7 +12,7 @@ import numpy as np
 
 from winding_core.cases import Case
 from winding_core.drive import DriveProfile
-from winding_core.readings import AxisReading
+from winding_core.readings import CABLE_TENSION, AxisReading
 from winding_rig_node.machine.axis import (
     AxisConfig,
     AxisState,
@@ -141,6 +142,8 @@ class Machine:
     Attributes:
         faults: What is wrong with its sensors on purpose.
         plausibility: Judge of its sensors.
+        sensors: What each sensor beside the encoders said last, by the name of its quantity;
+            None when it said nothing that can be.
     """
 
     def __init__(self, config: MachineConfig, rng: np.random.Generator) -> None:
@@ -148,6 +151,9 @@ class Machine:
         self.state = MachineState()
         self.faults = Faults()
         self.plausibility = Plausibility(_limits(config))
+        self.sensors: Mapping[str, Callable[[], float | None]] = {
+            CABLE_TENSION.name: lambda: self.state.tension,
+        }
         self._rng = rng
 
     @property

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.readings import AxisReading
+from winding_core.readings import AxisReading, Quantity
 from winding_rig_node.machine.faults import Faults, Values
 from winding_rig_node.machine.machine import SAMPLE_RATE
-from winding_ros import topics
+from winding_ros import graph, topics
 from winding_ros.camera_messages import (
     CameraReading,
     encode_camera_info,
@@ -19,8 +19,12 @@ from winding_ros.camera_messages import (
     encode_preview,
 )
 from winding_ros.managed_node import ManagedNode
-from winding_ros.rig_messages import encode_clock, encode_joint_state, encode_tension
+from winding_ros.rig_messages import encode_clock, encode_joint_state, encode_quantity
 from winding_ros.topic import Topic
+
+_MEASURED = tuple(
+    (topic, topic.quantity) for topic in graph.RIG.publishes if topic.quantity is not None
+)
 
 
 class Outputs:
@@ -48,11 +52,14 @@ class Outputs:
             said = reading if values is None else _axis_reading(values)
             self._publish(topic, encode_joint_state(stamp, said))
 
-    def tension(self, t: float, force: float) -> None:
-        """Publish the load cell's force [N]."""
-        for stamp, values in self._through(topics.TENSION, t, lambda: np.array([force])):
-            said = force if values is None else float(values[0])
-            self._publish(topics.TENSION, encode_tension(stamp, said))
+    def measured(
+        self, t: float, sample: int, sensors: Mapping[str, Callable[[], float | None]]
+    ) -> None:
+        """Publish what the sensors say whose turn it is at a sample of the run."""
+        for topic, quantity in _MEASURED:
+            value = sensors[quantity.name]() if due(sample, topic) else None
+            if value is not None:
+                self._measured(topic, quantity, t, value)
 
     def camera_info(self, t: float, calibration: CameraReading) -> None:
         """Publish the camera's calibration."""
@@ -77,6 +84,11 @@ class Outputs:
                 topics.PREVIEW,
                 encode_preview(stamp, jpeg if values is None else values.tobytes()),
             )
+
+    def _measured(self, topic: Topic, quantity: Quantity, t: float, value: float) -> None:
+        for stamp, values in self._through(topic, t, lambda: np.array([value])):
+            said = value if values is None else float(values[0])
+            self._publish(topic, encode_quantity(topic.type, quantity, stamp, said))
 
     def _through(
         self, topic: Topic, t: float, values: Callable[[], Values]
