@@ -13,7 +13,7 @@ _LAST_FRAMES = 1.0
 
 
 class Completion:
-    """Tells when each room has dealt with a run's last sample.
+    """Says when each node has dealt with a run's last sample.
 
     Args:
         duration: Simulated length of the run [s].

@@ -9,16 +9,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
 from winding_ros.async_client import AsyncClient
-from winding_ros.environment import child_environment, enclave_arguments, ros_arguments
 from winding_ros.graph import PAGE
 from winding_ros.graph_error import GraphError
 from winding_ros.heartbeat import Sign
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog
-from winding_supervisor.node_process import NodeProcess
+from winding_supervisor.lifecycle import exit_error
+from winding_supervisor.node_process import NodeProcess, node_process
 
 # First starts import NiceGUI on a busy machine.
 _START_TIMEOUT = 120.0
@@ -140,21 +138,7 @@ class DashboardProcess:
 
     def _new(self) -> NodeProcess:
         config = self._config
-        file = config.log_directory / f"{PAGE.name}.yaml"
-        full_name = f"/{config.namespace}/{PAGE.name}"
-        values = {full_name: {"ros__parameters": dict(config.parameters)}}
-        # The token is in it.
-        file.touch(mode=0o600)
-        file.write_text(yaml.safe_dump(values), encoding="utf-8")
-        arguments = enclave_arguments(config.namespace, PAGE.name)
-        arguments += ros_arguments(config.namespace) or ["--ros-args"]
-        arguments += ["--disable-external-lib-logs", "--params-file", str(file)]
-        return NodeProcess(
-            PAGE,
-            arguments,
-            child_environment(),
-            config.log_directory / f"{PAGE.name}.log",
-        )
+        return node_process(PAGE, config.namespace, config.log_directory, config.parameters)
 
     async def _served(self) -> None:
         ended = asyncio.create_task(self._process.ended())
@@ -162,11 +146,7 @@ class DashboardProcess:
             async with asyncio.timeout(_START_TIMEOUT):
                 while not await self._answers():
                     if ended.done():
-                        said = self._process.complaint()
-                        raise GraphError(
-                            f"{PAGE.name} ended with exit code {ended.result()}"
-                            + (f": {said}" if said else "")
-                        )
+                        raise exit_error(self._process)
                     await asyncio.sleep(_POLL)
         except TimeoutError:
             raise TimeoutError(f"no page at {self._config.url} in {_START_TIMEOUT:g} s") from None
@@ -174,7 +154,7 @@ class DashboardProcess:
             ended.cancel()
 
     async def _comes(self) -> bool:
-        """Return whether a page that was started again is served; its end is told by `keep`."""
+        """Return whether a page that was started again is served; `keep` deals with its end."""
         try:
             await self._served()
         except (GraphError, TimeoutError):

@@ -1,4 +1,4 @@
-"""One graph per DDS domain and namespace on a machine: who comes second is told, not mixed in."""
+"""One graph per DDS domain and namespace on a machine: a second one is refused."""
 
 from __future__ import annotations
 

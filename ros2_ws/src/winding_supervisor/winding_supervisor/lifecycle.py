@@ -28,3 +28,12 @@ async def configure(driver: LifecycleDriver, member: Member) -> None:
             f"{name} is in state {state.id} before it was configured: another graph uses its name"
         )
     await driver.change(name, CONFIGURE)
+
+
+def exit_error(member: Member) -> GraphError:
+    """Return the error that names a node that ended by itself, and what it said at last."""
+    said = member.complaint()
+    return GraphError(
+        f"{member.spec.name} ended with exit code {member.return_code}"
+        + (f": {said}" if said else "")
+    )

@@ -12,7 +12,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import psutil  # type: ignore[import-untyped]
+import yaml
 
+from winding_ros.environment import child_environment, enclave_arguments, ros_arguments
 from winding_ros.graph import NodeSpec
 
 _HELD = (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
@@ -163,3 +165,35 @@ class NodeProcess:
             self._complaints.append(text)
         if text.startswith(_ERROR_MARKS):
             self._complained.set()
+
+
+def node_process(
+    spec: NodeSpec,
+    namespace: str,
+    log_directory: Path,
+    parameters: Mapping[str, object],
+    parameters_file: Path | None = None,
+) -> NodeProcess:
+    """Return the process of a node in a namespace, with its parameters in a file beside its log.
+
+    Args:
+        spec: Which node.
+        namespace: Without slashes around it.
+        log_directory: Folder of its output.
+        parameters: By name; they go over those of the file.
+        parameters_file: The user's, or None.
+    """
+    own = log_directory / f"{spec.name}.yaml"
+    # The page's has a token.
+    own.touch(mode=0o600)
+    content = {f"/{namespace}/{spec.name}": {"ros__parameters": dict(parameters)}}
+    own.write_text(yaml.safe_dump(content), encoding="utf-8")
+    arguments = enclave_arguments(namespace, spec.name)
+    arguments += ros_arguments(namespace) or ["--ros-args"]
+    # The node's output is kept already, and kept short.
+    arguments.append("--disable-external-lib-logs")
+    for file in (parameters_file, own):
+        if file is not None:
+            arguments += ["--params-file", str(file)]
+    log = log_directory / f"{spec.name}.log"
+    return NodeProcess(spec, arguments, child_environment(), log)

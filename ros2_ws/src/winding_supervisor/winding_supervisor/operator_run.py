@@ -76,7 +76,7 @@ class OperatorRun:
 
     Args:
         client: The orchestrator's node.
-        orchestrator: Is told what the nodes are set to, for those that it restarts.
+        orchestrator: Learns what the nodes are set to, for those that it restarts.
         recorder: Its buffer and its notes.
         ended: Is set when the operator ends the session.
 

@@ -9,14 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
 from std_srvs.srv import Trigger
 
 from winding_core.parameters import declarations
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.deadline import deadline
-from winding_ros.environment import child_environment, enclave_arguments, ros_arguments
 from winding_ros.graph import GRAPH, NodeSpec, parameters_of
 from winding_ros.graph_error import GraphError
 from winding_ros.lifecycle import (
@@ -30,8 +28,8 @@ from winding_ros.lifecycle import (
 from winding_ros.parameter_files import parameters_for
 from winding_supervisor.attached_node import AttachedNode
 from winding_supervisor.discovery import PATIENCE, Discovery
-from winding_supervisor.lifecycle import Member, configure
-from winding_supervisor.node_process import NodeProcess
+from winding_supervisor.lifecycle import Member, configure, exit_error
+from winding_supervisor.node_process import node_process
 
 # A successor may hang as its predecessor did; one that replays a long run only takes long.
 _RESTART_PATIENCE = (20.0, 60.0, CONFIGURE_TIMEOUT)
@@ -113,7 +111,7 @@ class Orchestrator:
         Args:
             name: The node.
             extra: Parameters beside those that it was started with.
-            late: Told when a successor is given up, to follow the node's name.
+            late: Takes what became of a successor that is given up, to follow the node's name.
 
         Raises:
             GraphError, TimeoutError: It does not come up again.
@@ -213,29 +211,18 @@ class Orchestrator:
                 await process.kill()
 
     def _process(self, spec: NodeSpec, extra: Mapping[str, object] | None = None) -> Member:
-        directory = self.config.log_directory
         namespace = self.config.namespace
-        full_name = f"/{namespace}/{spec.name}"
         values = {"use_sim_time": True, **self.config.parameters.get(spec.name, {})}
         values |= extra or {}
         if self.config.attach:
             if self.config.parameters_file is not None:
-                values = parameters_for(self.config.parameters_file, full_name) | values
+                values = (
+                    parameters_for(self.config.parameters_file, f"/{namespace}/{spec.name}")
+                    | values
+                )
             return AttachedNode(spec, self._transitions, values)
-        # The node's output is kept already, and kept short.
-        arguments = enclave_arguments(namespace, spec.name)
-        arguments += ros_arguments(namespace) or ["--ros-args"]
-        arguments.append("--disable-external-lib-logs")
-        if self.config.parameters_file is not None:
-            arguments += ["--params-file", str(self.config.parameters_file)]
-        own = directory / f"{spec.name}.yaml"
-        own.write_text(yaml.safe_dump({full_name: {"ros__parameters": values}}), encoding="utf-8")
-        arguments += ["--params-file", str(own)]
-        return NodeProcess(
-            spec,
-            arguments,
-            child_environment(),
-            directory / f"{spec.name}.log",
+        return node_process(
+            spec, namespace, self.config.log_directory, values, self.config.parameters_file
         )
 
     async def _reason(self, name: str) -> str:
@@ -266,13 +253,4 @@ class Orchestrator:
             death.cancel()
         # Its output may still be on its way through the pipe.
         await dead.stop()
-        raise self.exit_error(dead)
-
-    @staticmethod
-    def exit_error(process: Member) -> GraphError:
-        """Return the error that names a node that ended by itself."""
-        said = process.complaint()
-        return GraphError(
-            f"{process.spec.name} ended with exit code {process.return_code}"
-            + (f": {said}" if said else "")
-        )
+        raise exit_error(dead)

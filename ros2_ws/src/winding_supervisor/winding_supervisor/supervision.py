@@ -13,7 +13,6 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
 from winding_core.status import Level
@@ -24,22 +23,19 @@ from winding_ros.async_client import NAME, AsyncClient
 from winding_ros.graph import GRAPH, Policy
 from winding_ros.graph_error import GraphError
 from winding_ros.heartbeat import Sign
-from winding_ros.rig_messages import MessageError, decode_joint_state
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog
 from winding_supervisor.load_monitor import LoadMonitor
+from winding_supervisor.machine_state import MachineState
 from winding_supervisor.orchestrator import Orchestrator
 from winding_supervisor.sensor_watch import SensorWatch
 
 _LOOK_PERIOD = 0.05
 _BEAT_PERIOD = 0.1
-_VITALS_PERIOD = 1.0
+_LOAD_PERIOD = 1.0
 _STOP_TIMEOUT = 2.0
 _STAND_TIMEOUT = 3.0
-# Slower than this an axis stands, as its encoder sees it [rad/s, m/s].
-_STANDING = (0.02, 6.0e-5)
 _STALLS = 2
-_MOVING = ("winding", "stopping")
 _SENSORS = (topics.CLOCK, topics.JOINT_STATES, topics.TENSION, topics.CAMERA_INFO)
 
 
@@ -63,11 +59,11 @@ class Finding:
 class Supervisor:
     """Supervises one run of a graph.
 
-    Crashes are told by the operating system. Hangs are told by DDS: a stopped process loses its
-    liveliness within 0.8 s, one whose work no longer ends misses its deadline of 3 s twice. A
-    process that merely gets no processor loses its liveliness too; the operating system knows
-    the difference. Silent sensors are told by their stamps, implausible ones by the machine
-    itself. The machine is stopped before anything else is done.
+    The operating system reports crashes. DDS reports hangs: a stopped process loses its liveliness
+    within 0.8 s, one whose work no longer ends misses its deadline of 3 s twice. A process that
+    merely gets no processor loses its liveliness too; the operating system knows the difference.
+    Stamps show a silent sensor, the machine itself reports an implausible one. The machine is
+    stopped before anything else is done.
 
     Args:
         orchestrator: Whose processes.
@@ -98,6 +94,7 @@ class Supervisor:
         self._orchestrator = orchestrator
         self._client = client
         self._buffer = buffer
+        self._machine = MachineState(client, buffer)
         self._replay = replay
         self._operated = operated
         self._stand_timeout = stand_timeout
@@ -129,7 +126,7 @@ class Supervisor:
         self._sensors.forget()
         for spec in GRAPH:
             self._trust(spec.name)
-        tasks = [asyncio.create_task(self._look()), asyncio.create_task(self._tell_vitals())]
+        tasks = [asyncio.create_task(self._look()), asyncio.create_task(self._publish_load())]
         try:
             while True:
                 await self._handle(await self._findings.get())
@@ -144,19 +141,12 @@ class Supervisor:
     @property
     def t(self) -> float:
         """Simulated time of the newest encoder sample [s]."""
-        return max(self._buffer.last_stamp(topics.JOINT_STATES), 0.0)
+        return self._machine.t
 
     @property
     def _left_alone(self) -> bool:
         """Whether the operator's machine stands, so that nodes may be silent and topics late."""
-        status = self._client.status(topics.RIG)
-        phase = status.values.get("phase") if status is not None else None
-        return self._operated and phase not in _MOVING
-
-    @property
-    def _dismantled(self) -> bool:
-        status = self._client.status(topics.RIG)
-        return status is None or "phase" not in status.values
+        return self._operated and not self._machine.moving
 
     def _trust(self, name: str) -> None:
         self._healthy.add(name)
@@ -170,7 +160,7 @@ class Supervisor:
 
     def _note_sign(self, name: str, sign: Sign) -> None:
         process = self._orchestrator.process(name)
-        # A process that has ended is told of by the operating system, with its exit code.
+        # The operating system reports a process that has ended, with its exit code.
         if process.return_code is not None or name not in self._healthy:
             return
         if sign is Sign.ALIVE:
@@ -233,13 +223,13 @@ class Supervisor:
                 self._find(wrong.split(" ", 1)[0], wrong.split(" ", 1)[1], fatal=True)
                 return
 
-    async def _tell_vitals(self) -> None:
-        vitals = LoadMonitor(self._buffer)
+    async def _publish_load(self) -> None:
+        load = LoadMonitor(self._buffer)
         # Rates and loads are those since the last look.
-        vitals.look(time.monotonic(), self._pids())
+        load.look(time.monotonic(), self._pids())
         while True:
-            await asyncio.sleep(_VITALS_PERIOD)
-            level, message, values = vitals.look(time.monotonic(), self._pids())
+            await asyncio.sleep(_LOAD_PERIOD)
+            level, message, values = load.look(time.monotonic(), self._pids())
             self._client.tell(self.t, level, "vitals", message, values)
 
     def _pids(self) -> dict[str, int]:
@@ -254,7 +244,7 @@ class Supervisor:
             await process.kill()
             said = process.complaint()
             self._end(finding.node, sentence + (f": {said}" if said else ""))
-        if self._left_alone and self._dismantled:
+        if self._left_alone and not self._machine.built:
             # Nothing can move, and whoever was preparing it waits for this node in vain.
             self._end(finding.node, sentence)
         await self._stop_machine()
@@ -278,26 +268,12 @@ class Supervisor:
             self._end(topics.RIG, f"{topics.RIG} {failure} and was killed")
         self._note("stopped", topics.RIG, "rig/quick_stop")
         end = time.monotonic() + self._stand_timeout
-        while not self._stands():
+        while not self._machine.standing:
             if time.monotonic() > end:
                 limit = f"{self._stand_timeout:g} s"
                 self._end(topics.RIG, f"the machine does not stand {limit} after stop")
             await asyncio.sleep(0.01)
         self._note("standing", topics.RIG, "both axes stand")
-
-    def _stands(self) -> bool:
-        message = self._buffer.last(topics.JOINT_STATES)
-        if message is None:
-            return True
-        try:
-            _, reading = decode_joint_state(
-                deserialize_message(message.data, topics.JOINT_STATES.type)
-            )
-        except MessageError:
-            # The encoders cannot tell; the machine knows its motors.
-            status = self._client.status(topics.RIG)
-            return status is not None and status.values.get("phase") not in _MOVING
-        return abs(reading.angular_speed) < _STANDING[0] and abs(reading.feed_speed) < _STANDING[1]
 
     async def _start_again(self, finding: Finding, policy: Policy, sentence: str) -> None:
         name = finding.node
