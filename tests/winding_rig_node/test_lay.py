@@ -68,5 +68,5 @@ def test_neo_hookean_stretch_balances_its_load(load: float) -> None:
 
 def test_published_lay_of_an_unpublished_condition_is_refused() -> None:
     own = Case(cylinder_diameter=0.04, cable_diameter=0.003, weight=2.0, marker_spacing=0.1)
-    with pytest.raises(ValueError, match="needs a published case"):
+    with pytest.raises(ValueError, match="as the paper measured it"):
         published_lay(own, DriveProfile(), PAPER_FREE_LENGTH, END)

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from winding_core.condition import Condition
+
 FloatArray = NDArray[np.float64]
 
 
@@ -23,7 +25,7 @@ class CylinderContact:
     """
 
     reach: float
-    friction: float = 0.1
+    friction: float = Condition.friction
     damping: float = 0.2
 
     def __post_init__(self) -> None:

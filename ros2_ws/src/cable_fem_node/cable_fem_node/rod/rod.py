@@ -19,6 +19,7 @@ from cable_fem_node.rod.rod_step_kernels import (
     advance_rod,
     rod_forces,
 )
+from winding_core.cases import Material
 from winding_core.material_law import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, MaterialLaw
 
 FloatArray = NDArray[np.float64]
@@ -39,9 +40,9 @@ class RodSection:
 
     diameter: float
     law: str = "linear"
-    young: float = 2.6e6
-    poisson: float = 0.47
-    density: float = 1337.0
+    young: float = Material.young
+    poisson: float = Material.poisson
+    density: float = Material.density
     bending_factor: float = 1.0
 
     def __post_init__(self) -> None:

@@ -13,6 +13,7 @@ from cable_fem_node.solid.hex_geometry import greatest_stiffness, hex_geometry
 from cable_fem_node.solid.hex_kernels import HexMesh, hex_forces
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_step_kernels import advance_solid
+from winding_core.cases import Material
 
 FloatArray = NDArray[np.float64]
 
@@ -37,7 +38,7 @@ class Solid(ExplicitModel):
         hexes: ArrayLike,
         law: SolidLaw,
         *,
-        density: float = 1337.0,
+        density: float = Material.density,
         hourglass: float = 0.1,
         hourglass_drag: float = 0.0,
         bulk_viscosity: float = 0.06,

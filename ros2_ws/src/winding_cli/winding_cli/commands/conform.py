@@ -10,6 +10,7 @@ import typer
 from winding_cli.commands.console import result_console
 from winding_cli.commands.refusal import FAILED, refuse
 from winding_cli.commands.ros_environment import joined
+from winding_core.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
@@ -30,8 +31,12 @@ def conform(
         bool,
         typer.Option("--move", help="Also start, stop and emergency-stop the machine. It MOVES."),
     ] = False,
-    omega_rad_s: Annotated[float, typer.Option(help="Cylinder speed when it winds.")] = 1.74,
-    feed_mm_s: Annotated[float, typer.Option(help="Carriage speed when it winds.")] = 5.0,
+    omega_rad_s: Annotated[
+        float, typer.Option(help="Cylinder speed when it winds.")
+    ] = PAPER_ANGULAR_SPEED,
+    feed_mm_s: Annotated[float, typer.Option(help="Carriage speed when it winds.")] = (
+        PAPER_FEED_SPEED / MILLIMETRE
+    ),
     stop_within_s: Annotated[float, typer.Option(help="Longest time to standstill.")] = 1.5,
 ) -> None:
     """Listen to a running driver and say, promise by promise, what it keeps."""

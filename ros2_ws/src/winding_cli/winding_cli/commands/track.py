@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     Frames = Iterator[tuple[float, NDArray[np.uint8]]]
 
-VIDEOS = (".mp4", ".avi", ".mkv", ".mov", ".webm")
 BAGS = (".mcap", ".db3", ".bag")
 
 

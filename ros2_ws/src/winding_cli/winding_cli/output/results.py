@@ -51,7 +51,7 @@ def run_record(condition: Condition, result: RunResult) -> RunRecord:
     frames = buffer.stamps(topics.CAMERA_INFO) - begin
     answered = buffer.stamps(topics.TRACKED_MARKERS) - begin
     joints = buffer.stamps(topics.JOINT_STATES) - begin
-    published = published_markers(case.number) if case.number else ()
+    published = published_markers(case.number) if case.is_published else ()
     experiment = {item.marker: item.experiment.s for item in published if item.experiment}
     final = _final_corrections(buffer)
     return RunRecord(
@@ -85,7 +85,7 @@ def run_record(condition: Condition, result: RunResult) -> RunRecord:
         wall_s=result.wall_s,
         sim_s=buffer.last_stamp(topics.JOINT_STATES) - buffer.origin,
         facts=_facts(buffer),
-        notes=(*_notes(case.number), *([_THINNED] if buffer.thinned else [])),
+        notes=(*_notes(published=case.is_published), *([_THINNED] if buffer.thinned else [])),
     )
 
 
@@ -221,12 +221,12 @@ def _last_status(buffer: RunBuffer, name: str) -> Mapping[str, str]:
     return found
 
 
-def _notes(case: int) -> tuple[str, ...]:
+def _notes(*, published: bool) -> tuple[str, ...]:
     tracked = (
         "The tracked lengths are measured by the camera in this run: each marker's mean place "
         "over all frames that show it."
     )
-    if case == 0:
+    if not published:
         return (tracked, "The condition is not published: there is no experiment beside it.")
     return (
         tracked,

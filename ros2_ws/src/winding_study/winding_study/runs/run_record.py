@@ -170,8 +170,8 @@ class RunRecord(AxisSpeeds):
 
     @property
     def published(self) -> tuple[PublishedMarker, ...]:
-        """The paper's markers of this case; none for a condition of one's own."""
-        return published_markers(self.case.number) if self.case.number else ()
+        """The paper's markers of this case; none for another condition."""
+        return published_markers(self.case.number) if self.case.is_published else ()
 
     @property
     def end(self) -> float:
