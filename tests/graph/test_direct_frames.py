@@ -2,11 +2,14 @@
 
 from typing import Any
 
+import pytest
 from std_srvs.srv import Trigger
 
 from winding_recorder.live.recorder import Recorder
 from winding_ros import topics
 from winding_ros.graph import GRAPH, expected_subscribers
+
+pytestmark = pytest.mark.slow
 
 
 def test_frames_handed_over_in_process_are_all_tracked(ros: Any, compose: Any) -> None:

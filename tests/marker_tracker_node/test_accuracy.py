@@ -9,6 +9,8 @@ import pytest
 from winding_core.markers import MarkerFlag
 from winding_rig_node.camera import CameraConfig, Window
 
+pytestmark = pytest.mark.slow
+
 # The part of the full 1920x1080 sensor, pixel by pixel, that the cable can reach.
 SENSOR = replace(
     CameraConfig(), window=Window(x_offset=240, y_offset=100, width=1000, height=880, binning=1)

@@ -5,6 +5,8 @@ import copy
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 FIELDS = ("theta", "z", "s", "x", "y", "sigma_theta", "sigma_z")
 
 

@@ -9,6 +9,8 @@ import pytest
 from marker_tracker_node import FrameFault, TrackerConfig
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 
+pytestmark = pytest.mark.slow
+
 UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 
 

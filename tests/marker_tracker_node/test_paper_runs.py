@@ -5,6 +5,8 @@ import pytest
 
 from winding_core.markers import MarkerFlag
 
+pytestmark = pytest.mark.slow
+
 UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 
 

@@ -9,6 +9,8 @@ import pytest
 from winding_core.markers import MarkerFlag
 from winding_rig_node.camera import CameraConfig, Light, Paint, Patch, SensorNoise, Surroundings
 
+pytestmark = pytest.mark.slow
+
 UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 FULL_VIEW = CameraConfig().full_frame(3)
 YELLOW = (25.0, 185.0, 225.0)
