@@ -26,7 +26,7 @@ import psutil
 from winding_ros.graph import DEFAULT_NAMESPACE
 from winding_supervisor.domain_lock import DomainError, domain_lock
 
-PATIENCE = 120.0
+PATIENCE = 600.0
 POLL = 0.005
 APART = 0.3
 # What can be seen of each stage, and how long after that the first signal comes at most [s].

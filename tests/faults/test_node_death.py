@@ -17,7 +17,7 @@ from winding_ros.process import SUPERVISED
 
 pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
 
-PATIENCE = 120.0
+PATIENCE = 600.0
 
 
 class Winding:

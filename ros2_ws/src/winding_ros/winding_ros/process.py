@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from types import FrameType
 from typing import Any
 
 import rclpy
@@ -29,12 +30,17 @@ _SPIN_PERIOD = 0.05
 
 def end_with_supervisor() -> None:
     """Let the kernel end this process with the one that supervises it; without one, nothing."""
-    supervisor = os.environ.get(SUPERVISED)
-    if supervisor and sys.platform == "linux":
+    if os.environ.get(SUPERVISED) and sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
         # It may have ended while this process imported what it needs.
-        if os.getppid() != int(supervisor):
+        if _orphaned():
             os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _orphaned() -> bool:
+    """Return whether the process that supervises this one has ended."""
+    supervisor = os.environ.get(SUPERVISED)
+    return bool(supervisor) and os.getppid() != int(supervisor or 0)
 
 
 def _settle() -> None:
@@ -50,8 +56,16 @@ def run_node(factory: Callable[[], ManagedNode[Any]]) -> int:
     process ends. A parameter that is refused ends it with code 2 and one sentence on stderr.
     """
     end = threading.Event()
+    node: ManagedNode[Any] | None = None
+
+    def note(number: int, frame: FrameType | None) -> None:
+        end.set()
+        # Nothing moves yet: what it compiles or waits for is of use to nobody.
+        if _orphaned() and (node is None or not node.active):
+            os._exit(0)
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: end.set())
+        signal.signal(number, note)
     end_with_supervisor()
     rclpy.init(args=sys.argv, signal_handler_options=rclpy.SignalHandlerOptions.NO)
     try:
@@ -78,7 +92,7 @@ def run_node(factory: Callable[[], ManagedNode[Any]]) -> int:
         node.destroy_node()
         rclpy.try_shutdown()
     if os.environ.get(SUPERVISED) and end.is_set():
-        # Everything is let go of; taking the interpreter apart takes longer than all of that.
+        # Everything is closed; taking the interpreter apart takes longer than all of that.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(0)
