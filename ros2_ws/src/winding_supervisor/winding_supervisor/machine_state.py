@@ -1,4 +1,4 @@
-"""What the graph's topics say of the machine: its time, its phase, whether its axes stand."""
+"""The machine as its topics show it: time, phase, and whether its axes stand."""
 
 from __future__ import annotations
 

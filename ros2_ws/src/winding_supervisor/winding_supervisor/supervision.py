@@ -195,7 +195,7 @@ class Supervisor:
             await asyncio.sleep(_BEAT_PERIOD)
 
     async def _look(self) -> None:
-        """Look at what the topics say of the sensors, and at what the machine says of itself."""
+        """Watch the stamps of the sensors and the diagnostics of the nodes."""
         while True:
             await asyncio.sleep(_LOOK_PERIOD)
             status = self._client.status(topics.RIG)

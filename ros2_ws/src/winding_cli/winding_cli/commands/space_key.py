@@ -13,7 +13,7 @@ _KEY_PERIOD = 0.1
 
 @contextmanager
 def space_key(toggle: Callable[[], bool], stopped: threading.Event) -> Iterator[None]:
-    """Call `toggle` whenever a person at the terminal presses the space key."""
+    """Call `toggle` whenever the space key of the terminal is pressed."""
     if not sys.stdin.isatty():
         yield
         return

@@ -1,4 +1,4 @@
-"""What a person sees while a run goes on."""
+"""The picture of a run on a terminal, while it goes on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the buffer of a session to what the report and the table say."""
+"""From the buffer of a run to the numbers of its report and its table."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _THINNED = (
 
 
 def run_record(condition: Condition, result: RunResult) -> RunRecord:
-    """Return what a finished session says of its run."""
+    """Return the record of a finished run."""
     buffer = result.buffer
     what = condition.resolved()
     case = what.case
@@ -98,7 +98,7 @@ def mean_length(series: MarkerSeries, radius: float) -> float | None:
 
 def results_table(record: RunRecord) -> Table:
     """Return every marker of a run: original, predicted, tracked, corrected, published, errors."""
-    name = f"case {record.case.number}" if record.case.number else "a condition of one's own"
+    name = f"case {record.case.number}" if record.case.number else "an own condition"
     table = Table(title=f"Curve lengths of {name}", box=SIMPLE_HEAD, title_justify="left")
     table.add_column("marker")
     for heading in (
@@ -194,9 +194,9 @@ def _row(
 
 def _facts(buffer: RunBuffer) -> dict[str, str]:
     facts = {}
-    told = buffer.newest(topics.CORRECTION_CASE, decode_case_votes)
-    if told is not None and told[1]:
-        case, share = next(iter(told[1].items()))
+    votes = buffer.newest(topics.CORRECTION_CASE, decode_case_votes)
+    if votes is not None and votes[1]:
+        case, share = next(iter(votes[1].items()))
         facts["resembles"] = f"case {case}, {share:.0%} of the votes"
     said = _last_status(buffer, topics.CORRECTION)
     if "weights" in said:
