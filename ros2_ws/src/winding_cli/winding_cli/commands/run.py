@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cable_fem_node.winding.solver_parameters import SolverParameters
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
@@ -85,7 +86,10 @@ def run(
         condition = Condition.from_typed(
             typed, spelling=spelled, case=Condition.case if dashboard else None
         )
-        wound = condition.resolved().case
+        what = condition.resolved()
+        wound = what.case
+        # Refuses here what the solver's node would refuse only after its start.
+        SolverParameters().config_of(what)
         values: dict[str, object] = {
             **typed_values(Condition, typed),
             "case": condition.case,
