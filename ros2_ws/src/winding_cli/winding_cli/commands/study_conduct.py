@@ -13,16 +13,12 @@ from winding_cli.commands.termination import end, interruptible
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from correction_node.models.dataset import DataSet, LengthCell
-    from correction_node.training.comparison import ModelScore
     from winding_study.paper.study import StudyConfig
     from winding_study.paper.study_record import StudyRecord
     from winding_study.runs.case_result import CaseResult
 
 # A file of the store that nobody finished for so long belongs to a killed process [s].
 ABANDONED = 600.0
-# Of a length between repetitions, from a good camera to a poor one.
-NOISES = (0.0025, 0.005, 0.01, 0.02, 0.04)
 
 
 def conduct(
@@ -44,55 +40,31 @@ def conduct(
         seeds: Of the models that start at random; none trains nothing.
         steps: Training steps of a network; None takes the usual number.
     """
-    from correction_node.models.dataset import DataSet, join_experiment, load_data_set
-    from correction_node.training.repeatability import accuracy_by_noise
-    from correction_node.training.within_run_score import score_within_run
-    from winding_core.drive import PAPER_DURATION
-    from winding_study.paper.comparison import compare, compare_paper
-    from winding_study.paper.study import predicted_lengths
-    from winding_study.paper.study_record import StudyRecord
-    from winding_study.paper.study_tables import noise_table, within_table
+    from winding_study.paper.findings import beside_experiment, study_record
 
     results: tuple[CaseResult, ...] = ()
     stored = 0
-    everything = compare_paper()
-    if config is None:
-        keys = [key for key in everything.keys if key[0] in cases]
-        comparison = compare_paper(keys)
-        data = load_data_set("paper")
-    else:
+    if config is not None:
         results, stored = _wind(config, cases, store, processes)
-        try:
-            comparison = compare(results, partial=config.duration < PAPER_DURATION)
-        except ValueError as error:
-            refuse(error, FAILED)
-    whole = comparison.keys == everything.keys
-    if config is not None and whole:
-        lengths = {(case, marker): s for case, marker, s in predicted_lengths(results)}
-        name = f"own {config.element}"
-        data = DataSet(name=name, cells=join_experiment(lengths, source=name))
-    models = _learn(data, seeds, steps) if whole and seeds else {}
-    return StudyRecord(
-        config=config,
-        cases=cases,
-        comparison=comparison,
-        results=results,
-        cells=data.cells if models else (),
-        models=models,
-        within=within_table(score_within_run(_even_cells(config, data))) if whole else None,
-        noise=noise_table(accuracy_by_noise(NOISES)) if whole else None,
-    ), stored
-
-
-def _even_cells(config: StudyConfig | None, data: DataSet) -> tuple[LengthCell, ...]:
-    """Return the cells that the law within a run starts from.
-
-    It needs increments that are about even, and the paper's simulation is off by up to 37 % at
-    the first marker of two cases: with its columns, this project's rod stands in.
-    """
-    from correction_node.models.dataset import load_data_set
-
-    return data.cells if config is not None else load_data_set("rod").cells
+    try:
+        comparison = beside_experiment(config, cases, results)
+    except ValueError as error:
+        refuse(error, FAILED)
+    try:
+        with interruptible(), _progress() as progress:
+            task = progress.add_task("learning", total=None)
+            record = study_record(
+                config,
+                cases,
+                results,
+                comparison,
+                seeds=seeds,
+                steps=steps,
+                progress=lambda said: progress.update(task, description=said),
+            )
+    except KeyboardInterrupt:
+        end("interrupted while the models were trained; what is wound is kept")
+    return record, stored
 
 
 def _wind(
@@ -148,23 +120,6 @@ def _wind(
         refuse(f"{error}; the other cases are in {folder}", FAILED)
     except OSError as error:
         refuse(f"cannot write to {folder}: {error.strerror or error}; give another --store", FAILED)
-
-
-def _learn(data: DataSet, seeds: tuple[int, ...], steps: int | None) -> dict[str, ModelScore]:
-    from correction_node.training.comparison import compare_models
-    from correction_node.training.training import TrainingConfig
-
-    try:
-        with interruptible(), _progress() as progress:
-            task = progress.add_task("learning", total=None)
-            return compare_models(
-                data,
-                seeds=seeds,
-                steps=TrainingConfig().steps if steps is None else steps,
-                progress=lambda said: progress.update(task, description=said),
-            )
-    except KeyboardInterrupt:
-        end("interrupted while the models were trained; what is wound is kept")
 
 
 def _keys(config: StudyConfig, cases: tuple[int, ...]) -> list[str]:

@@ -8,16 +8,12 @@ from typing import TYPE_CHECKING
 
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import staged, write_json
-from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from winding_study.documents.data_table import DataTable
     from winding_study.paper.study_record import StudyRecord
-    from winding_study.runs.run_record import AxisSpeeds
-
-# A pipe has no width of its own; the widest table needs this much.
 
 
 def show(record: StudyRecord) -> None:
@@ -98,65 +94,10 @@ def calibrate(law: str | None, json: Path | None) -> None:
 def _report(record: StudyRecord, folder: Path, stored: int) -> None:
     from winding_study.reports.study_report import write_study
 
-    duration = 20.0 if record.config is None else record.config.duration
     _announce(folder / "index.html")
     with staged(folder) as place:
-        page = write_study(
-            record,
-            place,
-            speeds=_speeds(record.cases[0], duration),
-            facts=_facts(record, stored),
-        )
+        page = write_study(record, place, stored=stored)
     print(f"Report: {folder / page.name}")
-
-
-def _speeds(case: int, duration: float) -> AxisSpeeds:
-    from winding_core.cases import paper_case
-    from winding_core.drive import DriveProfile
-    from winding_rig_node.machine.axis_trial import axis_trial
-    from winding_rig_node.machine.machine import MachineConfig
-    from winding_study.runs.run_record import AxisSpeeds, Signal
-
-    drive = DriveProfile()
-    config = MachineConfig(case=paper_case(case), drive=drive, duration=duration)
-    t, _, cylinder, _, carriage, _, wanted_cylinder, _, wanted_carriage = axis_trial(config).T
-    return AxisSpeeds(
-        drive=drive,
-        cylinder_speed=Signal(t=t, value=cylinder),
-        carriage_speed=Signal(t=t, value=carriage),
-        cylinder_setpoint=Signal(t=t, value=wanted_cylinder),
-        carriage_setpoint=Signal(t=t, value=wanted_carriage),
-    )
-
-
-def _facts(record: StudyRecord, stored: int) -> dict[str, str]:
-    from winding_core.fleet_angle import PAPER_FREE_LENGTH
-    from winding_study.runs.solver_version import solver_version
-
-    config = record.config
-    if config is None:
-        return {"Base": "the paper's simulation column, as printed"}
-    segment = (
-        f"{config.segment_length / MILLIMETRE:g} mm"
-        if config.segment_length is not None
-        else "5 mm"
-        if config.element == "rod"
-        else "a sixth of the cylinder's diameter"
-    )
-    cpu = sum(result.cpu_seconds for result in record.results)
-    return {
-        "Element": config.element,
-        "Material law": config.law,
-        "Element length": segment,
-        "Mass scaling": f"{config.scaling:g}",
-        "Free length": f"{PAPER_FREE_LENGTH / MILLIMETRE:g} mm",
-        "Run": f"{config.duration:g} s",
-        "Processor time": f"{cpu:.1f} s for {len(record.results)} cases",
-        "From the store": f"{stored} of {len(record.results)} cases",
-        "Energy balance": "open by at most "
-        f"{max(result.energy_balance_pct for result in record.results):.2g} %",
-        "Solver": solver_version(),
-    }
 
 
 def _announce(path: Path) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import BinaryIO
 
 from correction_node.training.comparison import RIG_PROCESS
 from correction_node.training.learners import LEARNERS, RIG
+from winding_core.drive import PAPER_DURATION
+from winding_core.fleet_angle import PAPER_FREE_LENGTH
+from winding_core.units import MILLIMETRE
 from winding_study.documents.page import PAGE, Tile, render_page
 from winding_study.documents.picture import Picture
 from winding_study.paper.study_record import PHYSICAL, StudyRecord
@@ -16,45 +17,33 @@ from winding_study.reports.cable_pictures import cables_picture
 from winding_study.reports.error_pictures import errors_picture, stretches_picture
 from winding_study.reports.machine_pictures import speeds_picture
 from winding_study.reports.model_pictures import models_picture, neighbours_picture, network_picture
-from winding_study.runs.run_record import AxisSpeeds
-from winding_study.runs.whole_file import write_whole
+from winding_study.runs.machine_speeds import machine_speeds
+from winding_study.runs.solver_version import solver_version
 
 _TEMPLATE = "study.html.j2"
 
 
-def write_study(
-    record: StudyRecord,
-    directory: Path,
-    *,
-    speeds: AxisSpeeds | None = None,
-    facts: Mapping[str, str] | None = None,
-) -> Path:
+def write_study(record: StudyRecord, directory: Path, *, stored: int = 0) -> Path:
     """Write page and CSV files and return the path of the page; missing folders are made.
 
     Args:
         record: What was found.
         directory: Where to; files of an earlier report there are replaced.
-        speeds: A run of the machine, for Figure 7.
-        facts: Short facts by name for the end of the page.
+        stored: How many of its cases were in the store.
 
     Raises:
         OSError: The folder cannot be written.
     """
-    text = render_study(record, speeds=speeds, facts=facts)
+    text = render_study(record, stored=stored)
     directory.mkdir(parents=True, exist_ok=True)
     for table in (*record.paper_tables(), *record.own_tables()):
-        _write(directory / f"{table.name}.csv", table.as_csv())
+        (directory / f"{table.name}.csv").write_text(table.as_csv(), encoding="utf-8")
     page = directory / PAGE
-    _write(page, text)
+    page.write_text(text, encoding="utf-8")
     return page
 
 
-def render_study(
-    record: StudyRecord,
-    *,
-    speeds: AxisSpeeds | None = None,
-    facts: Mapping[str, str] | None = None,
-) -> str:
+def render_study(record: StudyRecord, *, stored: int = 0) -> str:
     """Return the report as one HTML text that loads nothing from anywhere."""
     cases = ", ".join(str(number) for number in record.cases)
     return render_page(
@@ -63,27 +52,26 @@ def render_study(
         verdict=record.verdict(),
         conditions={},
         tiles=_tiles(record),
-        pictures=_pictures(record, speeds),
+        pictures=_pictures(record),
         models_picture=models_picture(record) if record.models else None,
         neighbours_picture=None if record.noise is None else neighbours_picture(record.noise),
         own={table.name: table for table in record.own_tables()},
         tables=record.paper_tables(),
         models=record.models,
         notes=_notes(record),
-        facts=dict(facts or {}),
+        facts=_facts(record, stored),
     )
 
 
-def _pictures(record: StudyRecord, speeds: AxisSpeeds | None) -> dict[str, list[Picture]]:
-    machine = []
-    if speeds is not None:
-        drawn = speeds_picture(speeds)
-        caption = f"The simulated machine, without cable and camera. {drawn.caption}"
-        machine = [replace(drawn, title="Figure 7: the speeds", caption=caption)]
+def _pictures(record: StudyRecord) -> dict[str, list[Picture]]:
+    duration = PAPER_DURATION if record.config is None else record.config.duration
+    drawn = speeds_picture(machine_speeds(record.cases[0], duration))
+    caption = f"The simulated machine, without cable and camera. {drawn.caption}"
+    machine = replace(drawn, title="Figure 7: the speeds", caption=caption)
     cables = [cables_picture(record.results)] if record.results else []
     return {
         "cells": [errors_picture(record), stretches_picture(record)],
-        "figures": [*machine, *cables, network_picture()],
+        "figures": [machine, *cables, network_picture()],
     }
 
 
@@ -142,8 +130,28 @@ def _notes(record: StudyRecord) -> list[str]:
     return notes
 
 
-def _write(path: Path, text: str) -> None:
-    def write(file: BinaryIO) -> None:
-        file.write(text.encode("utf-8"))
-
-    write_whole(path, write)
+def _facts(record: StudyRecord, stored: int) -> dict[str, str]:
+    config = record.config
+    if config is None:
+        return {"Base": "the paper's simulation column, as printed"}
+    segment = (
+        f"{config.segment_length / MILLIMETRE:g} mm"
+        if config.segment_length is not None
+        else "5 mm"
+        if config.element == "rod"
+        else "a sixth of the cylinder's diameter"
+    )
+    cpu = sum(result.cpu_seconds for result in record.results)
+    return {
+        "Element": config.element,
+        "Material law": config.law,
+        "Element length": segment,
+        "Mass scaling": f"{config.scaling:g}",
+        "Free length": f"{PAPER_FREE_LENGTH / MILLIMETRE:g} mm",
+        "Run": f"{config.duration:g} s",
+        "Processor time": f"{cpu:.1f} s for {len(record.results)} cases",
+        "From the store": f"{stored} of {len(record.results)} cases",
+        "Energy balance": "open by at most "
+        f"{max(result.energy_balance_pct for result in record.results):.2g} %",
+        "Solver": solver_version(),
+    }
