@@ -71,11 +71,11 @@ def test_token_is_asked_for_and_handed_over_once() -> None:
     assert get(url, cookie=f"{COOKIE}={TOKEN}", **settings).text == "the page"
 
 
-@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.4", "::"])
-def test_open_address_without_a_token_is_refused(host: str) -> None:
-    with pytest.raises(ParameterError, match="token needs at least 16 characters, got 0"):
-        DashboardParameters(host=host).check()
-    DashboardParameters(host=host, token=TOKEN).check()
+def test_open_address_without_a_token_is_refused() -> None:
+    for host in ("0.0.0.0", "192.168.1.4", "::"):
+        with pytest.raises(ParameterError, match="token needs at least 16 characters, got 0"):
+            DashboardParameters(host=host).check()
+        DashboardParameters(host=host, token=TOKEN).check()
 
 
 def test_host_that_is_no_address_is_refused() -> None:

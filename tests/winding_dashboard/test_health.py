@@ -1,7 +1,5 @@
 """Nodes: the worst is told, silence is told, strangers are bounded."""
 
-import pytest
-
 from winding_core.status import Level, Status
 from winding_dashboard.views.health import Health, node_of
 
@@ -38,6 +36,6 @@ def test_names_of_strangers_cannot_grow_without_end() -> None:
     assert health.rows(0.0)[0].name == "rig"
 
 
-@pytest.mark.parametrize("name", ["rig", "rig: topics", "/winding/rig: topics", " rig : x"])
-def test_status_names_lead_to_their_node(name: str) -> None:
-    assert node_of(name) == "rig"
+def test_status_names_lead_to_their_node() -> None:
+    names = ("rig", "rig: topics", "/winding/rig: topics", " rig : x")
+    assert {node_of(name) for name in names} == {"rig"}

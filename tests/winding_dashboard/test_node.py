@@ -32,7 +32,7 @@ def dashboard(ros: Any) -> Iterator[DashboardNode]:
 
 def look_until(ros: Any, dashboard: DashboardNode, reached: Any) -> None:
     def look() -> bool:
-        dashboard.eyes.look(time.monotonic())
+        dashboard.topic_reader.look(time.monotonic())
         return bool(reached())
 
     ros.spin_until(look)
@@ -86,15 +86,15 @@ def test_message_that_cannot_be_used_is_counted_and_changes_nothing(
     out = topics.TENSION.advertise(probe)
     ros.spin_until(out.get_subscription_count)
     out.publish(encode_tension(0.0, float("nan")))
-    look_until(ros, dashboard, lambda: dashboard.eyes.refused == 1)
+    look_until(ros, dashboard, lambda: dashboard.topic_reader.refused == 1)
     assert np.isnan(dashboard.state.measured[CABLE_TENSION])
 
 
 def test_command_is_unavailable_until_somebody_serves_it(
     ros: Any, dashboard: DashboardNode
 ) -> None:
-    assert dashboard.hands.unavailable("stop") == "nobody serves rig/stop in /"
-    assert "does not serve" in dashboard.hands.unprepared()
+    assert dashboard.service_client.unavailable("stop") == "nobody serves rig/stop in /"
+    assert "does not serve" in dashboard.service_client.unprepared()
     probe = ros.plain()
 
     def serve(_request: Any, response: Any) -> Any:
@@ -102,13 +102,13 @@ def test_command_is_unavailable_until_somebody_serves_it(
         return response
 
     probe.create_service(Trigger, "rig/stop", serve)
-    ros.spin_until(lambda: not dashboard.hands.unavailable("stop"))
-    assert spin_beside(ros, dashboard.hands.command("stop")) == "stopping"
+    ros.spin_until(lambda: not dashboard.service_client.unavailable("stop"))
+    assert spin_beside(ros, dashboard.service_client.command("stop")) == "stopping"
 
 
 def test_emergency_stop_without_an_answer_says_what_to_do(dashboard: DashboardNode) -> None:
     with pytest.raises(CommandError, match="use the machine's own button"):
-        asyncio.run(dashboard.hands.command("emergency_stop"))
+        asyncio.run(dashboard.service_client.command("emergency_stop"))
 
 
 def test_open_host_without_token_is_refused_before_the_node_works(ros: Any) -> None:

@@ -48,10 +48,10 @@ def through_the_wire(message: object) -> object:
     return deserialize_message(serialize_message(message), type(message))
 
 
-@pytest.mark.parametrize("t", [0.0, 0.001, 19.999, 3600.0, 1.7e9])
-def test_stamp_round_trip(t: float) -> None:
+def test_stamp_round_trip() -> None:
+    times = [0.0, 0.001, 19.999, 3600.0, 1.7e9]
     # Doubles carry 1.7e9 s to 0.24 microseconds.
-    assert decode_stamp(encode_stamp(t)) == pytest.approx(t, abs=5e-7)
+    assert [decode_stamp(encode_stamp(t)) for t in times] == pytest.approx(times, abs=5e-7, rel=0)
 
 
 def test_stamp_is_read_from_serialised_bytes() -> None:

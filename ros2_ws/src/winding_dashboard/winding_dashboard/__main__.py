@@ -57,13 +57,13 @@ def serve(node: DashboardNode) -> None:
     parameters = node.parameters
 
     async def ask_lifecycle() -> None:
-        node.state.health.lifecycle = await node.hands.lifecycle()
+        node.state.health.lifecycle = await node.service_client.lifecycle()
 
     def show() -> None:
-        Page(node.state, node.hands, time.monotonic)
+        Page(node.state, node.service_client, time.monotonic)
 
     app.add_middleware(Gate, token=parameters.token, host=parameters.host)
-    app.timer(PERIOD, lambda: node.eyes.look(time.monotonic()))
+    app.timer(PERIOD, lambda: node.topic_reader.look(time.monotonic()))
     app.timer(PERIOD, node.beat)
     app.timer(_LIFECYCLE_PERIOD, ask_lifecycle)
     print(f"operator's page: http://{parameters.host}:{parameters.port}", flush=True)

@@ -35,8 +35,8 @@ class DashboardNode(Node):  # type: ignore[misc]
     Attributes:
         parameters: Of the page.
         state: What the page shows.
-        eyes: Tell the state what came.
-        hands: Call services.
+        topic_reader: Takes the newest messages into the state.
+        service_client: Calls the graph's services.
 
     Raises:
         ParameterError: A parameter is refused.
@@ -59,10 +59,12 @@ class DashboardNode(Node):  # type: ignore[misc]
             enable_rosout=False,
             cli_args=kwargs.get("cli_args"),
         )
-        self.eyes = TopicReader(self._watcher, self.parameters, self.state)
+        self.topic_reader = TopicReader(self._watcher, self.parameters, self.state)
         self._executor = EventsExecutor(context=context)
         self._executor.add_node(self)
-        self.hands = ServiceClient(self, self._executor.wake, self.state.health, time.monotonic)
+        self.service_client = ServiceClient(
+            self, self._executor.wake, self.state.health, time.monotonic
+        )
         # Two pages of one graph may not vouch for each other.
         supervised = bool(os.environ.get(SUPERVISED))
         self._heartbeat = Heartbeat(self, NAME) if supervised else None

@@ -13,7 +13,7 @@ _MATCHED = "matched "
 def topic_status(
     node: str,
     subscribers: Mapping[str, int],
-    intakes: Mapping[str, MessageGuard],
+    guards: Mapping[str, MessageGuard],
     contested: Sequence[str],
 ) -> Status:
     """Return the status of a node's topics.
@@ -21,16 +21,16 @@ def topic_status(
     Args:
         node: Its name.
         subscribers: How many subscriptions each of its publishers has, by topic.
-        intakes: What it made of the messages of each topic that it hears.
+        guards: What it made of the messages of each topic that it hears.
         contested: One sentence for each topic that others publish too.
     """
     values = {f"{_MATCHED}{name}": str(count) for name, count in subscribers.items()}
-    refusing = [intake for intake in intakes.values() if intake.refused]
-    values |= {f"heard {name}": str(item.accepted) for name, item in intakes.items()}
-    values |= {f"queue {name}": str(item.queue) for name, item in intakes.items()}
+    refusing = [guard for guard in guards.values() if guard.refused]
+    values |= {f"heard {name}": str(item.accepted) for name, item in guards.items()}
+    values |= {f"queue {name}": str(item.queue) for name, item in guards.items()}
     values |= {f"refused {item.topic}": str(item.refused) for item in refusing}
-    errors = [*contested, *(_refusal(intake) for intake in refusing if intake.persistent)]
-    warnings = [_refusal(intake) for intake in refusing if not intake.persistent]
+    errors = [*contested, *(_refusal(guard) for guard in refusing if guard.persistent)]
+    warnings = [_refusal(guard) for guard in refusing if not guard.persistent]
     return Status(
         name=f"{node}: topics",
         level=Level.ERROR if errors else Level.WARN if warnings else Level.OK,
@@ -56,5 +56,5 @@ def news(statuses: Iterable[Status]) -> list[object]:
     ]
 
 
-def _refusal(intake: MessageGuard) -> str:
-    return f"refused a message on {intake.topic}: {intake.reason}"
+def _refusal(guard: MessageGuard) -> str:
+    return f"refused a message on {guard.topic}: {guard.reason}"
