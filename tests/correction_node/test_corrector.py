@@ -3,7 +3,6 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-import pytest
 
 from correction_node.live.corrector import Corrector
 from correction_node.models.weights import load_factor, weights_directory
@@ -77,22 +76,19 @@ def test_a_marker_that_is_not_wound_yet_is_left_out_without_complaint() -> None:
     assert CORRECTOR.refusals(markers, CASE) == ()
 
 
-@pytest.mark.parametrize(
-    ("length", "why"),
-    [
+def test_a_length_that_cannot_be_is_refused_by_name() -> None:
+    for length, why in [
         (np.nan, "has no usable length, got nan m"),
         (np.inf, "has no usable length, got inf m"),
         (-0.1, "has no usable length, got -0.1 m"),
         # P2 of case 7 is 400 mm of cable; a marker of 5 % less may be thinning.
         (0.37, "is shorter than physics allows: 0.37 m of cable that measures 0.4 m"),
         (1.7, "is longer than the material's tables reach: 1.7 m of cable that measures 0.4 m"),
-    ],
-)
-def test_a_length_that_cannot_be_is_refused_by_name(length: float, why: str) -> None:
-    markers = _markers()
-    markers["s"][2] = length
-    assert CORRECTOR.correct(markers, CASE)["id"].tolist() == [0, 1, 3, 4]
-    assert CORRECTOR.refusals(markers, CASE)[0].startswith(f"marker 2 {why}")
+    ]:
+        markers = _markers()
+        markers["s"][2] = length
+        assert CORRECTOR.correct(markers, CASE)["id"].tolist() == [0, 1, 3, 4]
+        assert CORRECTOR.refusals(markers, CASE)[0].startswith(f"marker 2 {why}")
 
 
 def test_a_marker_out_of_order_is_refused() -> None:

@@ -39,9 +39,8 @@ def test_lengths_survive_the_way_through_a_file() -> None:
     assert parse_lengths(format_lengths(rows), source="x") == {(1, 1): 0.124, (12, 4): 0.84321}
 
 
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
+def test_a_wrong_table_is_refused_with_its_place() -> None:
+    for text, sentence in [
         ("case,marker\n1,1\n", "no column s_fem_m"),
         ("", "no column case"),
         (HEADER + "1,1,nan\n", "must be positive, got nan"),
@@ -52,11 +51,9 @@ def test_lengths_survive_the_way_through_a_file() -> None:
         (HEADER + "1,1\n", "line 2 is not"),
         (HEADER + "1,one,0.1\n", "line 2 is not"),
         (HEADER + "1,1,0.1\n1,1,0.2\n", "stands twice"),
-    ],
-)
-def test_a_wrong_table_is_refused_with_its_place(text: str, sentence: str) -> None:
-    with pytest.raises(ValueError, match=sentence):
-        parse_lengths(text, source="table.csv")
+    ]:
+        with pytest.raises(ValueError, match=sentence):
+            parse_lengths(text, source="table.csv")
 
 
 def test_a_table_that_leaves_a_measured_marker_out_is_refused(tmp_path) -> None:

@@ -17,15 +17,15 @@ from winding_core.cases import paper_case, paper_cases
 CELLS = load_data_set("rod").cells
 
 
-@pytest.mark.parametrize("name", INPUTS)
-def test_training_and_running_see_the_same_inputs(name: str) -> None:
-    inputs = INPUTS[name]
-    for case in paper_cases():
-        trained = inputs([cell for cell in CELLS if cell.case == case.number])
-        # Weight over area and back: rounding.
-        np.testing.assert_allclose(
-            inputs(conditions_of(case, "linear"))[: len(trained)], trained, rtol=1e-12
-        )
+def test_training_and_running_see_the_same_inputs() -> None:
+    for name in INPUTS:
+        inputs = INPUTS[name]
+        for case in paper_cases():
+            trained = inputs([cell for cell in CELLS if cell.case == case.number])
+            # Weight over area and back: rounding.
+            np.testing.assert_allclose(
+                inputs(conditions_of(case, "linear"))[: len(trained)], trained, rtol=1e-12
+            )
 
 
 def test_dimensionless_inputs_by_hand() -> None:

@@ -79,10 +79,10 @@ def test_the_verdict_names_who_is_best_on_cases_never_seen(learned) -> None:
     assert f"the {name} is best" in verdict(name, scores)
 
 
-@pytest.mark.parametrize("name", [RIG, RIG_NETWORK])
-def test_physics_is_not_fitted_to_a_solver_far_from_it(name: str) -> None:
-    with pytest.raises(ValueError, match=f"model {name} needs lengths of a solver within 1%"):
-        learn(load_data_set("paper"), name, SHORT, lambda said: None)
+def test_physics_is_not_fitted_to_a_solver_far_from_it() -> None:
+    for name in [RIG, RIG_NETWORK]:
+        with pytest.raises(ValueError, match=f"model {name} needs lengths of a solver within 1%"):
+            learn(load_data_set("paper"), name, SHORT, lambda said: None)
 
 
 def test_a_model_that_does_not_exist_is_refused() -> None:

@@ -109,10 +109,10 @@ def test_a_pause_takes_no_bag_time() -> None:
     assert pacing.wait(4.0, 500.0) == 1.0
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_rate_that_leads_nowhere_is_refused(rate: float) -> None:
-    with pytest.raises(ValueError, match="rate must be positive and finite"):
-        Pacing(rate)
+def test_a_rate_that_leads_nowhere_is_refused() -> None:
+    for rate in [0.0, -1.0, float("nan"), float("inf")]:
+        with pytest.raises(ValueError, match="rate must be positive and finite"):
+            Pacing(rate)
 
 
 def test_a_cloud_that_contradicts_itself_is_refused(bags: Any, tmp_path: Path) -> None:

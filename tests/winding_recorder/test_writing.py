@@ -126,16 +126,13 @@ def test_an_existing_folder_is_refused(bags: Any, tmp_path: Path) -> None:
         BagWriter(tmp_path, bags.channels(), BagConfig())
 
 
-@pytest.mark.parametrize(
-    ("config", "sentence"),
-    [
+def test_a_bad_choice_is_refused() -> None:
+    for config, sentence in [
         ({"compression": "lzma"}, "compression must be one of none, zstd, got 'lzma'"),
         ({"split_bytes": -1}, "split size must not be negative, got -1 bytes"),
-    ],
-)
-def test_a_bad_choice_is_refused(config: dict[str, Any], sentence: str) -> None:
-    with pytest.raises(ValueError, match=sentence):
-        BagConfig(**config)
+    ]:
+        with pytest.raises(ValueError, match=sentence):
+            BagConfig(**config)
 
 
 _KILLED = """

@@ -120,18 +120,18 @@ def test_many_runs_go_in_large_batches_and_few_one_by_one() -> None:
     assert sizes(80, "solid") == [1] * 80
 
 
-@pytest.mark.parametrize("count", [1, 3, 7])
-def test_shards_are_disjoint_and_complete(count: int) -> None:
-    keys = [f"{n % 10}" for n in range(25)]
-    parts = [Shard(number=k, count=count).keys(keys) for k in range(1, count + 1)]
-    assert sorted(key for part in parts for key in part) == sorted(set(keys))
-    assert parts == [Shard.parse(f"{k}/{count}").keys(keys) for k in range(1, count + 1)]
+def test_shards_are_disjoint_and_complete() -> None:
+    for count in [1, 3, 7]:
+        keys = [f"{n % 10}" for n in range(25)]
+        parts = [Shard(number=k, count=count).keys(keys) for k in range(1, count + 1)]
+        assert sorted(key for part in parts for key in part) == sorted(set(keys))
+        assert parts == [Shard.parse(f"{k}/{count}").keys(keys) for k in range(1, count + 1)]
 
 
-@pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "1/0", "-1/3", "1/3/5"])
-def test_a_shard_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="shard must be k/N with k from 1 to N"):
-        Shard.parse(text)
+def test_a_shard_that_is_none_is_refused() -> None:
+    for text in ["0/3", "4/3", "3", "a/b", "1/0", "-1/3", "1/3/5"]:
+        with pytest.raises(ValueError, match="shard must be k/N with k from 1 to N"):
+            Shard.parse(text)
 
 
 def table(given: dict[str, PlannedRun], results: dict[str, Arrays]) -> Arrays:
@@ -237,9 +237,8 @@ def test_a_run_that_kills_every_worker_of_a_cluster_ends_no_other_run(tmp_path: 
     assert len(stored_results(RunStore(tmp_path), list(given), quiet)) == 4
 
 
-@pytest.mark.parametrize(
-    ("address", "sentence"),
-    [
+def test_a_scheduler_that_others_can_speak_to_is_refused() -> None:
+    for address, sentence in [
         ("tcp://10.0.0.7:8786", "is not encrypted: dask sends pickled code"),
         ("10.0.0.7:8786", "is not encrypted"),
         ("tcp://localhost.example.org:8786", "is not encrypted"),
@@ -248,16 +247,14 @@ def test_a_run_that_kills_every_worker_of_a_cluster_ends_no_other_run(tmp_path: 
         ("ws://127.0.0.1:8786", "must be a tls:// address"),
         ("tls://10.0.0.7", "must look like tls://host:8786"),
         ("", "must look like tls://host:8786"),
-    ],
-)
-def test_a_scheduler_that_others_can_speak_to_is_refused(address: str, sentence: str) -> None:
-    with pytest.raises(ValueError, match=sentence):
+    ]:
+        with pytest.raises(ValueError, match=sentence):
+            refuse_open_scheduler(address, None)
+
+
+def test_a_scheduler_of_this_machine_may_be_plain() -> None:
+    for address in ["tcp://127.0.0.1:8786", "localhost:1", "tcp://[::1]:8786"]:
         refuse_open_scheduler(address, None)
-
-
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:8786", "localhost:1", "tcp://[::1]:8786"])
-def test_a_scheduler_of_this_machine_may_be_plain(address: str) -> None:
-    refuse_open_scheduler(address, None)
 
 
 def test_missing_certificates_are_named(tmp_path: Path) -> None:
