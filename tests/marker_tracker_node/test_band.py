@@ -10,6 +10,8 @@ from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_point
 from marker_tracker_node.detection.band import Band, band_centroid, centre_point, solve_band
 from winding_rig_node.camera import CameraConfig, Window
 
+pytestmark = pytest.mark.slow
+
 # Every sensor pixel around the middle of the cylinder's first turn.
 CLOSE = Window(x_offset=200, y_offset=300, width=400, height=700, binning=1)
 SHARP = replace(CameraConfig(), window=CLOSE, supersampling=6)

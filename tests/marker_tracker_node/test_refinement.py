@@ -8,6 +8,8 @@ import pytest
 from marker_tracker_node import CameraPose, PinholeCamera, Tracker, refine
 from winding_rig_node.camera import CameraConfig, Window
 
+pytestmark = pytest.mark.slow
+
 # The part of the full sensor, pixel by pixel, that the cable can reach.
 SENSOR = Window(x_offset=240, y_offset=100, width=1000, height=880, binning=1)
 
