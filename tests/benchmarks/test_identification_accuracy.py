@@ -22,11 +22,11 @@ from cable_fem_node.identification import (
     with_young,
 )
 from cable_fem_node.winding.prediction import OverlapError, Prediction, predict
-from cable_fem_node.winding.run_history import planned_inputs
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
 from winding_core.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers, is_wound
+from winding_core.planned_inputs import planned_inputs
 from winding_core.published import published_markers
 
 DRIVE = DriveProfile()

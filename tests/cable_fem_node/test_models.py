@@ -9,7 +9,8 @@ import pytest
 
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.surroundings import CylinderContact
-from cable_fem_node.rod.rod import Rod, RodSection
+from cable_fem_node.rod.rod import Rod
+from cable_fem_node.rod.rod_section import RodSection
 from cable_fem_node.rod.statics import equilibrium
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw

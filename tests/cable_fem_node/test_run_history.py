@@ -3,17 +3,13 @@
 import numpy as np
 import pytest
 
+from cable_fem_node.winding.replay import AbandonedError, replay
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.run_history import (
-    AbandonedError,
-    RunHistory,
-    continued_inputs,
-    planned_inputs,
-    replay,
-)
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
+from winding_core.planned_inputs import continued_inputs, planned_inputs
+from winding_core.run_history import RunHistory
 
 DRIVE = DriveProfile()
 # Coarse, so that the tests are quick: both sides of a comparison wind the same rod.
@@ -32,7 +28,7 @@ def test_replay_lays_the_cable_where_every_sample_laid_it() -> None:
     for sample in range(1, 3001):
         live.advance_to(sample * 1e-3, DRIVE.reading_at(sample * 1e-3), CONFIG.case.weight)
     again = RodWinding(CONFIG)
-    recorded(3.0).replay(again)
+    replay(recorded(3.0).inputs, again)
     assert again.time == pytest.approx(3.0, abs=1e-9)
     s = np.linspace(0.0, 0.06, 7)
     paths = [
@@ -78,13 +74,8 @@ def test_missing_tension_leaves_the_model_to_its_own_law() -> None:
     history.record(0.0, DRIVE.reading_at(0.0), None)
     history.record(1.0, DRIVE.reading_at(1.0), None)
     model = RodWinding(CONFIG)
-    history.replay(model)
+    replay(history.inputs, model)
     assert model.span_tension == CONFIG.case.weight
-
-
-def test_stored_inputs_make_the_same_history() -> None:
-    inputs = recorded(2.0).inputs
-    np.testing.assert_array_equal(RunHistory.of(inputs).inputs, inputs)
 
 
 def test_time_that_does_not_ascend_is_refused() -> None:

@@ -11,11 +11,11 @@ import pytest
 from cable_fem_node.identification import Readings, TrackedRun
 from cable_fem_node.identification.quasi_static import lay
 from cable_fem_node.winding.prediction import predict
-from cable_fem_node.winding.run_history import planned_inputs
 from cable_fem_node.winding.solid_winding import predict_solid
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Material, paper_case
 from winding_core.drive import DriveProfile
+from winding_core.planned_inputs import planned_inputs
 
 
 def config(**material: float) -> WindingConfig:

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.points import (
     LOSS_CONTACT,
     LOSS_FRICTION,
     WORK_SURFACE,
-    ContactLaw,
+    FloatArray,
     Points,
 )
-
-FloatArray = NDArray[np.float64]
+from cable_fem_node.dynamics.surroundings import Touch
 
 
 @kernel
@@ -30,7 +26,7 @@ def touch_cylinder(
     points: Points,
     net: FloatArray,
     couple: FloatArray,
-    k: ContactLaw,
+    k: Touch,
     ledger: FloatArray,
     rolling: bool,
 ) -> None:

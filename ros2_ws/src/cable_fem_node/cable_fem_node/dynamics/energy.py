@@ -15,9 +15,9 @@ from cable_fem_node.dynamics.points import (
     WORK_SPAN,
     WORK_SURFACE,
     WORK_TIE,
-    ContactLaw,
     Points,
 )
+from cable_fem_node.dynamics.surroundings import Touch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +92,7 @@ class EnergyLedger:
         return self.kinetic / self.internal if self.internal > 0.0 else 0.0
 
 
-def contact_energy(points: Points, touch: ContactLaw, nodes: int | None = None) -> float:
+def contact_energy(points: Points, touch: Touch, nodes: int | None = None) -> float:
     """Return the energy [J] in the normal and stick springs of the first nodes, or of all."""
     touching = np.flatnonzero(points.touching[:nodes])
     radius = np.hypot(points.position[0, touching], points.position[1, touching])

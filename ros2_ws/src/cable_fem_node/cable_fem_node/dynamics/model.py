@@ -14,10 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import LEDGER_SIZE, Points, empty_points
-from cable_fem_node.dynamics.surroundings import CylinderContact, Surroundings, Touch
-
-FloatArray = NDArray[np.float64]
+from cable_fem_node.dynamics.points import LEDGER_SIZE, FloatArray, Points, empty_points
+from cable_fem_node.dynamics.surroundings import CylinderContact, Surroundings, Touch, penalty
 
 AXES = "xyz"
 
@@ -242,15 +240,9 @@ class ExplicitModel(ABC):
         contact = self._contact
         if contact is None:
             return Touch(1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-        normal = self.contact_stiffness()
         typical = float(np.median(self.mass))
-        return Touch(
-            normal_stiffness=normal,
-            normal_damping=2.0 * contact.damping * math.sqrt(normal * typical),
-            stick_stiffness=0.5 * normal,
-            stick_damping=0.2 * math.sqrt(0.5 * normal * typical),
-            friction=contact.friction,
-            cable_radius=0.0,
+        return penalty(
+            self.contact_stiffness(), typical, friction=contact.friction, stick_share=0.5
         )
 
     def _surroundings(self, calming: bool) -> Surroundings:

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.contact_kernels import touch_cylinder
-from cable_fem_node.dynamics.points import LOSS_DAMPING, WORK_SPAN, WORK_TIE, Points
+from cable_fem_node.dynamics.points import LOSS_DAMPING, WORK_SPAN, WORK_TIE, FloatArray, Points
 from cable_fem_node.dynamics.surroundings import Surroundings, Touch
-
-FloatArray = NDArray[np.float64]
 
 
 @kernel

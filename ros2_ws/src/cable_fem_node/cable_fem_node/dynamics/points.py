@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,34 +32,6 @@ class Points(NamedTuple):
     contact_radius: FloatArray  # (capacity,) radius at which the node touches [m]
     touching: IntArray  # (capacity,) 1 while in contact
     roll: FloatArray  # (2, capacity) roll angle [rad] and rate [rad/s] about the cable's axis
-
-
-class ContactLaw(Protocol):
-    """Constants of a contact with the cylinder (SI, per node)."""
-
-    @property
-    def normal_stiffness(self) -> float:
-        """Push for each metre of depth [N/m]."""
-
-    @property
-    def normal_damping(self) -> float:
-        """Push for each metre per second [N s/m]."""
-
-    @property
-    def stick_stiffness(self) -> float:
-        """Friction for each metre of the stick spring [N/m]."""
-
-    @property
-    def stick_damping(self) -> float:
-        """Friction for each metre per second while sticking [N s/m]."""
-
-    @property
-    def friction(self) -> float:
-        """Coulomb's coefficient, dimensionless."""
-
-    @property
-    def cable_radius(self) -> float:
-        """Undeformed [m]."""
 
 
 def empty_points(capacity: int) -> Points:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cable_fem_node.dynamics.points import FloatArray
 from winding_core.condition import Condition
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,12 +18,10 @@ class CylinderContact:
         reach: Distance of a touching node from the axis [m]: R + r for a rod's centreline, R for
             the nodes of a solid's surface.
         friction: Coulomb friction; acts where the node is.
-        damping: Normal dashpot as a share of the critical one.
     """
 
     reach: float
     friction: float = Condition.friction
-    damping: float = 0.2
 
     def __post_init__(self) -> None:
         if not self.reach > 0.0:
@@ -51,11 +46,30 @@ class Surroundings(NamedTuple):
 
 
 class Touch(NamedTuple):
-    """Constants of the contact, per node."""
+    """Constants of the contact with the cylinder, per node."""
 
-    normal_stiffness: float
-    normal_damping: float
-    stick_stiffness: float
-    stick_damping: float
-    friction: float
-    cable_radius: float
+    normal_stiffness: float  # push for each metre of depth [N/m]
+    normal_damping: float  # push for each metre per second [N s/m]
+    stick_stiffness: float  # friction for each metre of the stick spring [N/m]
+    stick_damping: float  # friction for each metre per second while sticking [N s/m]
+    friction: float  # Coulomb's coefficient
+    cable_radius: float  # undeformed [m]
+
+
+def penalty(
+    normal: float, mass: float, *, friction: float, stick_share: float, cable_radius: float = 0.0
+) -> Touch:
+    """Return the contact of a penalty spring [N/m] that holds a node of a mass [kg].
+
+    A fifth of critical damping in the normal direction, a tenth along the surface; the stick
+    spring is a share of the normal one.
+    """
+    stick = stick_share * normal
+    return Touch(
+        normal_stiffness=normal,
+        normal_damping=0.4 * math.sqrt(normal * mass),
+        stick_stiffness=stick,
+        stick_damping=0.2 * math.sqrt(stick * mass),
+        friction=friction,
+        cable_radius=cable_radius,
+    )

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
-from cable_fem_node.identification.tracked_run import FloatArray, TrackedRun
+from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.identification.tracked_run import TrackedRun
 
 # An angle that is wrong by half of itself is no scatter any more.
 _MOST_SCATTER = 0.5

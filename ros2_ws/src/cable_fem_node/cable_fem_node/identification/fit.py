@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, t
 
+from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.deviations import angle_covariance, chi_square, scatter_of
 from cable_fem_node.identification.search import Family, FitConfig, Search
-from cable_fem_node.identification.tracked_run import FloatArray, TrackedRun
+from cable_fem_node.identification.tracked_run import TrackedRun
 
 NORMAL_90 = 1.6448536269514722
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -12,14 +13,15 @@ from cable_fem_node.identification.modulus import (
     identify_modulus,
     with_young,
 )
-from cable_fem_node.identification.onward import final_markers, planned_rest
 from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
 from cable_fem_node.identification.tracked_run import Readings, TrackedRun
+from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.run_history import Inputs, RunHistory, replay
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.drive import DriveProfile
 from winding_core.markers import Markers
+from winding_core.planned_inputs import planned_rest
+from winding_core.run_history import Inputs, RunHistory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,8 +144,10 @@ def work_out(task: MaterialTask, going: Callable[[], bool] = lambda: True) -> Ma
             return MaterialUpdate(estimate=estimate, refusal="", config=config)
         model = RodWinding(config)
         replay(task.inputs, model, going)
-        rest = planned_rest(task.inputs, task.drive, task.duration)
-        ahead = final_markers(model, rest, going)
+        # The model itself stays where the run is.
+        end = copy.deepcopy(model)
+        replay(planned_rest(task.inputs, task.drive, task.duration), end, going)
+        ahead = end.markers()
     except (ValueError, DivergenceError) as error:
         return MaterialUpdate(
             estimate=estimate, refusal=f"the run cannot be wound with it: {error}"

@@ -5,15 +5,14 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.tracked_run import TrackedRun
-from cable_fem_node.winding.run_history import Inputs, continued_inputs
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.material_law import TABLE_HIGH, MaterialLaw
-
-FloatArray = NDArray[np.float64]
+from winding_core.planned_inputs import continued_inputs
+from winding_core.run_history import Inputs
 
 # Straight pieces between them are exact to 1e-5 of the stretch.
 _STRETCHES = 1000

@@ -7,15 +7,17 @@ import math
 from collections.abc import Callable
 
 from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
+from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.quasi_static import strain
-from cable_fem_node.identification.tracked_run import FloatArray, TrackedRun
+from cable_fem_node.identification.tracked_run import TrackedRun
 from cable_fem_node.winding.prediction import refuse_open_balance
+from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.run_history import continued_inputs, replay
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.markers import is_wound
 from winding_core.material_law import MaterialLaw
+from winding_core.planned_inputs import continued_inputs
 
 # A marker is read once the cylinder has turned this much further [rad]: its landing has calmed.
 _SETTLED = 0.25

@@ -16,11 +16,12 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 from scipy.optimize import least_squares
 
+from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.deviations import angle_covariance, axial_covariance
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.quasi_static import lay
 from cable_fem_node.identification.rod_run import wind
-from cable_fem_node.identification.tracked_run import FloatArray, TrackedRun
+from cable_fem_node.identification.tracked_run import TrackedRun
 from winding_core.material_law import MaterialLaw
 
 Family = Callable[[FloatArray], MaterialLaw]

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.failure import IdentificationError
-from cable_fem_node.winding.run_history import Inputs
 from cable_fem_node.winding.winding_config import WindingConfig
-
-FloatArray = NDArray[np.float64]
+from winding_core.run_history import Inputs
 
 # What the tracker reaches on the small cylinder, for readings that bring no deviation.
 DEFAULT_SIGMA_THETA = 3.0e-3

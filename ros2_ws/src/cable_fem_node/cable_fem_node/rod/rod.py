@@ -3,76 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.model import ExplicitModel
-from cable_fem_node.rod.frame_kernels import frame_forces
+from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.rod.rod_arrays import axial_response
+from cable_fem_node.rod.rod_frames import frames_along, perpendicular
 from cable_fem_node.rod.rod_kernels import stored_energy, turning_angle_squared
+from cable_fem_node.rod.rod_section import RodSection
 from cable_fem_node.rod.rod_step_kernels import (
     RodEnds,
     RodMesh,
-    RodScratch,
     advance_rod,
     rod_forces,
 )
-from winding_core.cases import Material
-from winding_core.material_law import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, MaterialLaw
-
-FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True, kw_only=True)
-class RodSection:
-    """Round section and material of a rod.
-
-    Attributes:
-        diameter: Undeformed [m].
-        law: Axial law; bending and torsion are linear in E and G.
-        young: E [Pa].
-        poisson: nu.
-        density: [kg/m^3]
-        bending_factor: Factor on EI, e.g. 1e-3 for a cable that shall only pull.
-    """
-
-    diameter: float
-    law: str = "linear"
-    young: float = Material.young
-    poisson: float = Material.poisson
-    density: float = Material.density
-    bending_factor: float = 1.0
-
-    def __post_init__(self) -> None:
-        for name in ("diameter", "young", "density"):
-            if not getattr(self, name) > 0.0:
-                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
-
-    @property
-    def uniaxial(self) -> MaterialLaw:
-        """The axial law."""
-        return MaterialLaw(
-            law=self.law,
-            young=self.young,
-            poisson=self.poisson,
-        )
-
-    @property
-    def area(self) -> float:
-        """[m^2]."""
-        return 0.25 * math.pi * self.diameter**2
-
-    @property
-    def bending(self) -> float:
-        """EI [N m^2], with the factor."""
-        return self.bending_factor * self.young * math.pi * self.diameter**4 / 64.0
-
-    @property
-    def torsion(self) -> float:
-        """GJ [N m^2]."""
-        return self.uniaxial.shear_modulus * math.pi * self.diameter**4 / 32.0
+from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 
 
 class Rod(ExplicitModel):
@@ -121,10 +69,7 @@ class Rod(ExplicitModel):
             reference=own.copy(),
             voronoi=share,
             natural=np.zeros((3, count + 1)),
-            table=law.table(),
-            table_low=TABLE_LOW,
-            table_per_spacing=TABLE_INTERVALS / (TABLE_HIGH - TABLE_LOW),
-            area=section.area,
+            response=axial_response(law, section.area),
             bending=section.bending,
             torsion=section.torsion,
             spin_inertia=np.concatenate([spin[:1], spin, spin[-1:]]),
@@ -139,7 +84,7 @@ class Rod(ExplicitModel):
             moment=np.zeros((3, 2)),
             spin_free=np.concatenate([[0.0], np.ones(count), [0.0]]),
         )
-        self._scratch = _scratch(count, walled)
+        self._scratch = frames_along(walled)
         self._curved = curved
         if curved:
             self._take_shape()
@@ -158,7 +103,7 @@ class Rod(ExplicitModel):
         self._ends.clamped[side] = 1.0
         column = 0 if side == 0 else -1
         self._scratch.carried[:, column] = own
-        self._scratch.director[:, column] = _perpendicular(
+        self._scratch.director[:, column] = perpendicular(
             own, self._scratch.director[:, 1 if side == 0 else -2]
         )
         if self._curved:
@@ -183,19 +128,18 @@ class Rod(ExplicitModel):
 
     def internal_forces(self, nodes: ArrayLike | None = None) -> FloatArray:
         """Return the elements' forces on the nodes, shape (n, 3) [N], end moments included."""
+        self._forces(nodes)
+        return self._scratch.work.net.T.copy()
+
+    def _forces(self, nodes: ArrayLike | None = None) -> float:
+        """Fill the scratch with forces; return the energy of the frames [J]."""
         place = self.points.position
         if nodes is not None:
             place = np.ascontiguousarray(np.asarray(nodes, dtype=float).T)
         factor = float(np.interp(self.time, *self._load_curve))
-        rod_forces(
-            self.mass.size,
-            place,
-            self._mesh,
-            self._ends,
-            self._scratch,
-            factor,
+        return float(
+            rod_forces(self.mass.size, place, self._mesh, self._ends, self._scratch, factor)
         )
-        return self._scratch.net.T.copy()
 
     @property
     def spin_angles(self) -> FloatArray:
@@ -215,44 +159,21 @@ class Rod(ExplicitModel):
     def force_scale(self) -> float:
         """Return the greatest force that an element passes on, or that loads the rod [N]."""
         outside = super().force_scale()
-        return max(outside, float(np.abs(self._scratch.force).max()))
+        return max(outside, float(np.abs(self._scratch.work.force).max()))
 
     def internal_energy(self) -> float:
         """Return stretching, bending and twisting energy [J]."""
-        self.internal_forces()
-        mesh, ends, s = self._mesh, self._ends, self._scratch
+        framed = self._forces()
+        mesh, ends = self._mesh, self._ends
         count = mesh.reference.size
-        stretching = stored_energy(
-            count,
-            self.points.position,
-            mesh.reference,
-            mesh.table,
-            mesh.table_low,
-            mesh.table_per_spacing,
-            mesh.area,
-        )
+        place = self.points.position
+        stretching = stored_energy(count, place, mesh.reference, mesh.response)
         if mesh.framed:
-            first, last = (int(c) for c in ends.clamped)
-            bent = frame_forces(
-                1 - first,
-                count + last,
-                s.walled,
-                s.walled_inverse,
-                s.director,
-                s.angle,
-                s.own_twist,
-                mesh.voronoi,
-                mesh.natural,
-                mesh.bending,
-                mesh.torsion,
-                s.walled_force.copy(),
-                s.torque.copy(),
-                s.curvature,
-            )
-            return float(stretching + bent)
+            return float(stretching + framed)
+        cosine = self._scratch.work.cosine
         inner = range(1 - int(ends.clamped[0]), count + int(ends.clamped[1]))
         bent = sum(
-            0.5 * mesh.bending * turning_angle_squared(1.0 - s.cosine[i]) / mesh.voronoi[i]
+            0.5 * mesh.bending * turning_angle_squared(1.0 - cosine[i]) / mesh.voronoi[i]
             for i in inner
         )
         return float(stretching + bent)
@@ -266,7 +187,7 @@ class Rod(ExplicitModel):
         lightest = float(self.mass[1:-1].min())
         touch = self._touch_constants() if self._contact is not None else None
         tension = max(float(np.abs(self.tension()).max()), 0.0)
-        along = 4.0 * tangent * mesh.area / shortest
+        along = 4.0 * tangent * mesh.response.area / shortest
         across = 16.0 * mesh.bending / shortest**3 + 4.0 * tension / shortest
         if self._ends.clamped.any():
             across *= 1.25
@@ -330,40 +251,3 @@ def _side(end: str, nodes: int) -> tuple[int, int]:
     if end not in ("start", "end"):
         raise ValueError(f"end must be 'start' or 'end', got {end!r}")
     return (0, 0) if end == "start" else (1, nodes - 1)
-
-
-def _perpendicular(tangent: FloatArray, hint: FloatArray) -> FloatArray:
-    part = hint - (hint @ tangent) * tangent
-    return np.asarray(part / np.linalg.norm(part))
-
-
-def _scratch(count: int, walled: FloatArray) -> RodScratch:
-    director = np.zeros((3, count + 2))
-    axis = np.eye(3)[int(np.argmin(np.abs(walled[:, 0])))]
-    director[:, 0] = _perpendicular(walled[:, 0], axis)
-    for i in range(1, count + 2):
-        # Space-parallel transport, so that the frames start without a twist of their own.
-        a, b, v = walled[:, i - 1], walled[:, i], director[:, i - 1]
-        turn = np.cross(a, b)
-        moved = v * (a @ b) + np.cross(turn, v) + turn * (turn @ v) / (1.0 + a @ b)
-        director[:, i] = _perpendicular(b, moved)
-    return RodScratch(
-        director=director,
-        carried=walled.copy(),
-        angle=np.zeros(count + 2),
-        spin=np.zeros(count + 2),
-        own_twist=np.zeros(count + 1),
-        curvature=np.zeros((3, count + 1)),
-        tangent=np.zeros((3, count)),
-        inverse=np.zeros(count),
-        tension=np.zeros(count),
-        cosine=np.zeros(count + 1),
-        slope=np.zeros(count + 1),
-        force=np.zeros((3, count)),
-        walled=walled.copy(),
-        walled_inverse=np.zeros(count + 2),
-        walled_force=np.zeros((3, count + 2)),
-        torque=np.zeros(count + 2),
-        net=np.zeros((3, count + 1)),
-        couple=np.zeros(count + 1),
-    )

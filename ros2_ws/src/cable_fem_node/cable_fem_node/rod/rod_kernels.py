@@ -13,12 +13,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cable_fem_node.dynamics.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.rod.rod_arrays import AxialResponse, Work
 
 # Below this value of 1 - cos(phi) (28 degrees) the series replaces acos: relative error 2e-12.
 SERIES_LIMIT = 0.12
@@ -62,9 +59,10 @@ def turning_angle_squared(u: float) -> float:
 
 
 @kernel
-def law_value(stretch: float, table: FloatArray, low: float, per_spacing: float) -> float:
+def law_value(stretch: float, response: AxialResponse) -> float:
     """Return the tabulated nominal stress [Pa]; beyond the table its end values stay."""
-    place = min(max((stretch - low) * per_spacing, 0.0), table.shape[0] - 1.0e-9)
+    table = response.table
+    place = min(max((stretch - response.low) * response.per_spacing, 0.0), table.shape[0] - 1.0e-9)
     i = int(place)
     u = place - i
     value: float = table[i, 0] + u * (table[i, 1] + u * (table[i, 2] + u * table[i, 3]))
@@ -72,13 +70,14 @@ def law_value(stretch: float, table: FloatArray, low: float, per_spacing: float)
 
 
 @kernel
-def law_energy(stretch: float, table: FloatArray, low: float, per_spacing: float) -> float:
+def law_energy(stretch: float, response: AxialResponse) -> float:
     """Return the tabulated energy density [J/m^3], the integral of `law_value`."""
-    place = min(max((stretch - low) * per_spacing, 0.0), table.shape[0] - 1.0e-9)
+    table = response.table
+    place = min(max((stretch - response.low) * response.per_spacing, 0.0), table.shape[0] - 1.0e-9)
     i = int(place)
     u = place - i
     rise = table[i, 0] + u * (table[i, 1] / 2.0 + u * (table[i, 2] / 3.0 + u * table[i, 3] / 4.0))
-    energy: float = table[i, 4] + u * rise / per_spacing
+    energy: float = table[i, 4] + u * rise / response.per_spacing
     return energy
 
 
@@ -87,17 +86,11 @@ def stretch_elements(
     elements: int,
     position: FloatArray,
     reference: FloatArray,
-    table: FloatArray,
-    low: float,
-    per_spacing: float,
-    area: float,
-    tangent: FloatArray,
-    inverse: FloatArray,
-    tension: FloatArray,
+    response: AxialResponse,
+    work: Work,
 ) -> None:
     """Fill tangent, inverse length and tension [N] of every element."""
-    lowest = 0.0
-    most = table.shape[0] - 1.0e-9
+    tangent, inverse, tension = work.tangent, work.inverse, work.tension
     for i in range(elements):
         ex = position[0, i + 1] - position[0, i]
         ey = position[1, i + 1] - position[1, i]
@@ -110,22 +103,13 @@ def stretch_elements(
         inverse[i] = inv
         tension[i] = length / reference[i]
     for i in range(elements):
-        place = min(max((tension[i] - low) * per_spacing, lowest), most)
-        j = int(place)
-        u = place - j
-        tension[i] = area * (table[j, 0] + u * (table[j, 1] + u * (table[j, 2] + u * table[j, 3])))
+        tension[i] = response.area * law_value(tension[i], response)
 
 
 @kernel
-def bend_nodes(
-    elements: int,
-    reference: FloatArray,
-    bending: float,
-    tangent: FloatArray,
-    cosine: FloatArray,
-    slope: FloatArray,
-) -> None:
+def bend_nodes(elements: int, reference: FloatArray, bending: float, work: Work) -> None:
     """Fill cos(phi) and dE/dcos(phi) [J] of the inner nodes 1..elements-1."""
+    tangent, cosine, slope = work.tangent, work.cosine, work.slope
     sharpest = 0.0
     for i in range(1, elements):
         c = (
@@ -148,14 +132,10 @@ def bend_nodes(
 def bend_end(
     node: int,
     element: int,
-    dx: float,
-    dy: float,
-    dz: float,
+    direction: FloatArray,
     reference: float,
     bending: float,
-    tangent: FloatArray,
-    cosine: FloatArray,
-    slope: FloatArray,
+    work: Work,
 ) -> None:
     """Fill cos(phi) and dE/dcos(phi) of a clamped end: its direction against one element.
 
@@ -165,37 +145,30 @@ def bend_end(
     Args:
         node: Of the clamp.
         element: Beside it.
-        dx: Unit direction of the clamp; dy and dz alike, dimensionless.
-        dy: See dx.
-        dz: See dx.
+        direction: Unit direction of the clamp (3,).
         reference: Reference length of the element [m].
         bending: EI [N m^2].
-        tangent: Unit tangents, shape (3, elements).
-        cosine: cos(phi) at every node, shape (nodes,).
-        slope: dE/dcos(phi) at every node [J], shape (nodes,).
+        work: Its cosine and slope are filled.
     """
-    c = dx * tangent[0, element] + dy * tangent[1, element] + dz * tangent[2, element]
-    cosine[node] = c
-    slope[node] = -2.0 * bending * turning_factor(1.0 - c) / reference
+    tangent = work.tangent
+    c = (
+        direction[0] * tangent[0, element]
+        + direction[1] * tangent[1, element]
+        + direction[2] * tangent[2, element]
+    )
+    work.cosine[node] = c
+    work.slope[node] = -2.0 * bending * turning_factor(1.0 - c) / reference
 
 
 @kernel
-def element_force(
-    elements: int,
-    first: FloatArray,
-    last: FloatArray,
-    tangent: FloatArray,
-    inverse: FloatArray,
-    tension: FloatArray,
-    cosine: FloatArray,
-    slope: FloatArray,
-    force: FloatArray,
-) -> None:
+def element_force(elements: int, first: FloatArray, last: FloatArray, work: Work) -> None:
     """Fill the force that each element passes on (3, elements), dE/d(edge vector) [N].
 
     `first` and `last` are the clamp directions (3,); their slope is zero where an end is free.
     The net force on node i is force[i] - force[i - 1].
     """
+    tangent, inverse, tension = work.tangent, work.inverse, work.tension
+    cosine, slope, force = work.cosine, work.slope, work.force
     end = elements - 1
     for i in range(elements):
         a = slope[i] * inverse[i]
@@ -214,13 +187,7 @@ def element_force(
 
 @kernel
 def stored_energy(
-    elements: int,
-    position: FloatArray,
-    reference: FloatArray,
-    table: FloatArray,
-    low: float,
-    per_spacing: float,
-    area: float,
+    elements: int, position: FloatArray, reference: FloatArray, response: AxialResponse
 ) -> float:
     """Return the stretching energy [J]."""
     total = 0.0
@@ -229,7 +196,7 @@ def stored_energy(
         ey = position[1, i + 1] - position[1, i]
         ez = position[2, i + 1] - position[2, i]
         stretch = math.sqrt(ex * ex + ey * ey + ez * ez) / reference[i]
-        total += area * reference[i] * law_energy(stretch, table, low, per_spacing)
+        total += response.area * reference[i] * law_energy(stretch, response)
     return total
 
 

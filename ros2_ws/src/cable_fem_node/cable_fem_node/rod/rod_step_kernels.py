@@ -5,18 +5,14 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.motion_kernels import amplitude_at, move
-from cable_fem_node.dynamics.points import WORK_SPAN, Points
+from cable_fem_node.dynamics.points import WORK_SPAN, FloatArray, Points
 from cable_fem_node.dynamics.surroundings import Surroundings, Touch
 from cable_fem_node.rod.frame_kernels import carry_frames, frame_forces, reference_twist
+from cable_fem_node.rod.rod_arrays import AxialResponse, Work
 from cable_fem_node.rod.rod_kernels import bend_end, bend_nodes, element_force, stretch_elements
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
-
-FloatArray = NDArray[np.float64]
 
 
 class RodMesh(NamedTuple):
@@ -25,10 +21,7 @@ class RodMesh(NamedTuple):
     reference: FloatArray  # (elements,) [m]
     voronoi: FloatArray  # (nodes,) [m]
     natural: FloatArray  # (3, nodes) integrated natural curvatures and twist
-    table: FloatArray
-    table_low: float
-    table_per_spacing: float
-    area: float
+    response: AxialResponse
     bending: float
     torsion: float
     spin_inertia: FloatArray  # (elements,) [kg m^2]
@@ -54,18 +47,11 @@ class RodScratch(NamedTuple):
     spin: FloatArray  # (elements + 2,) its rate
     own_twist: FloatArray  # (nodes,)
     curvature: FloatArray  # (3, nodes)
-    tangent: FloatArray
-    inverse: FloatArray
-    tension: FloatArray
-    cosine: FloatArray
-    slope: FloatArray
-    force: FloatArray
+    work: Work
     walled: FloatArray  # (3, elements + 2)
     walled_inverse: FloatArray
     walled_force: FloatArray
     torque: FloatArray
-    net: FloatArray  # (3, nodes)
-    couple: FloatArray
 
 
 @kernel
@@ -76,80 +62,71 @@ def rod_forces(
     ends: RodEnds,
     s: RodScratch,
     load_factor: float,
-) -> None:
+) -> float:
     """Fill the net internal force on every node, end moments included.
+
+    Returns:
+        the bending and twisting energy of the frames [J]; zero for a rod without frames.
 
     Frames are carried to the present tangents.
     """
     elements = nodes - 1
-    stretch_elements(
-        elements, position, mesh.reference, mesh.table, mesh.table_low, mesh.table_per_spacing,
-        mesh.area, s.tangent, s.inverse, s.tension,
-    )  # fmt: skip
+    w = s.work
+    energy = 0.0
+    stretch_elements(elements, position, mesh.reference, mesh.response, w)
     for i in range(nodes):
-        s.cosine[i] = 0.0
-        s.slope[i] = 0.0
+        w.cosine[i] = 0.0
+        w.slope[i] = 0.0
     if mesh.framed:
-        element_force(
-            elements, ends.first, ends.last, s.tangent, s.inverse, s.tension, s.cosine, s.slope,
-            s.force,
-        )  # fmt: skip
+        element_force(elements, ends.first, ends.last, w)
         for c in range(3):
             s.walled[c, 0] = ends.first[c]
             s.walled[c, elements + 1] = ends.last[c]
             for i in range(elements):
-                s.walled[c, i + 1] = s.tangent[c, i]
+                s.walled[c, i + 1] = w.tangent[c, i]
             for i in range(elements + 2):
                 s.walled_force[c, i] = 0.0
         for i in range(elements):
-            s.walled_inverse[i + 1] = s.inverse[i]
+            s.walled_inverse[i + 1] = w.inverse[i]
         s.walled_inverse[0] = 0.0
         s.walled_inverse[elements + 1] = 0.0
         for i in range(elements + 2):
             s.torque[i] = 0.0
         carry_frames(elements + 2, s.walled, s.carried, s.director)
         reference_twist(elements, s.walled, s.director, s.own_twist)
-        frame_forces(
+        energy = frame_forces(
             0 if ends.clamped[0] > 0.0 else 1, nodes if ends.clamped[1] > 0.0 else elements,
             s.walled, s.walled_inverse, s.director, s.angle, s.own_twist, mesh.voronoi,
             mesh.natural, mesh.bending, mesh.torsion, s.walled_force, s.torque, s.curvature,
         )  # fmt: skip
         for c in range(3):
             for i in range(elements):
-                s.force[c, i] += s.walled_force[c, i + 1]
+                w.force[c, i] += s.walled_force[c, i + 1]
     else:
-        bend_nodes(elements, mesh.reference, mesh.bending, s.tangent, s.cosine, s.slope)
+        bend_nodes(elements, mesh.reference, mesh.bending, w)
         if ends.clamped[0] > 0.0:
-            bend_end(
-                0, 0, ends.first[0], ends.first[1], ends.first[2], mesh.reference[0],
-                mesh.bending, s.tangent, s.cosine, s.slope,
-            )  # fmt: skip
+            bend_end(0, 0, ends.first, mesh.reference[0], mesh.bending, w)
         if ends.clamped[1] > 0.0:
             end = elements - 1
-            bend_end(
-                elements, end, ends.last[0], ends.last[1], ends.last[2], mesh.reference[end],
-                mesh.bending, s.tangent, s.cosine, s.slope,
-            )  # fmt: skip
-        element_force(
-            elements, ends.first, ends.last, s.tangent, s.inverse, s.tension, s.cosine, s.slope,
-            s.force,
-        )  # fmt: skip
+            bend_end(elements, end, ends.last, mesh.reference[end], mesh.bending, w)
+        element_force(elements, ends.first, ends.last, w)
     # An end moment is a couple of forces on its element: m x t / length on the outer node.
     for side in range(2):
         e = 0 if side == 0 else elements - 1
         mx, my, mz = ends.moment[0, side], ends.moment[1, side], ends.moment[2, side]
-        tx, ty, tz = s.tangent[0, e], s.tangent[1, e], s.tangent[2, e]
-        inv = s.inverse[e] * load_factor
-        s.force[0, e] -= inv * (my * tz - mz * ty)
-        s.force[1, e] -= inv * (mz * tx - mx * tz)
-        s.force[2, e] -= inv * (mx * ty - my * tx)
+        tx, ty, tz = w.tangent[0, e], w.tangent[1, e], w.tangent[2, e]
+        inv = w.inverse[e] * load_factor
+        w.force[0, e] -= inv * (my * tz - mz * ty)
+        w.force[1, e] -= inv * (mz * tx - mx * tz)
+        w.force[2, e] -= inv * (mx * ty - my * tx)
         if mesh.framed:
             s.torque[e + 1] += load_factor * (mx * tx + my * ty + mz * tz)
     for c in range(3):
-        s.net[c, 0] = s.force[c, 0]
-        s.net[c, elements] = -s.force[c, elements - 1]
+        w.net[c, 0] = w.force[c, 0]
+        w.net[c, elements] = -w.force[c, elements - 1]
         for i in range(1, elements):
-            s.net[c, i] = s.force[c, i] - s.force[c, i - 1]
+            w.net[c, i] = w.force[c, i] - w.force[c, i - 1]
+    return energy
 
 
 @kernel
@@ -175,16 +152,17 @@ def advance_rod(
     kinetic = 0.0
     kick = 0.5 if around.calming else 1.0
     elements = nodes - 1
+    work = scratch.work
     for step in range(steps):
         t = start + step * dt
         factor = amplitude_at(t, around.load_times, around.load_values)
         rod_forces(nodes, points.position, mesh, ends, scratch, factor)
-        kinetic = move(dt, kick, points, scratch.net, scratch.couple, around, factor, touch, ledger)
+        kinetic = move(dt, kick, points, work.net, work.couple, around, factor, touch, ledger)
         for side in range(2):
             e = 0 if side == 0 else elements - 1
             mx, my, mz = ends.moment[0, side], ends.moment[1, side], ends.moment[2, side]
-            tx, ty, tz = scratch.tangent[0, e], scratch.tangent[1, e], scratch.tangent[2, e]
-            inv = factor * scratch.inverse[e] * dt
+            tx, ty, tz = work.tangent[0, e], work.tangent[1, e], work.tangent[2, e]
+            inv = factor * work.inverse[e] * dt
             v = points.velocity
             ledger[WORK_SPAN] += inv * (
                 (my * tz - mz * ty) * (v[0, e + 1] - v[0, e])
@@ -211,7 +189,7 @@ def advance_rod(
             else:
                 peak = kinetic
     for i in range(elements):
-        stretch = 1.0 / (scratch.inverse[i] * mesh.reference[i])
+        stretch = 1.0 / (work.inverse[i] * mesh.reference[i])
         if not TABLE_LOW < stretch < TABLE_HIGH:
             return i, kinetic
     if not math.isfinite(kinetic):

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.rod.rod import Rod
-
-FloatArray = NDArray[np.float64]
 
 
 def equilibrium(

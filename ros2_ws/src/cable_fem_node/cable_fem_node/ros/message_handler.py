@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.prediction import predict
+from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.run_history import RunHistory
-from cable_fem_node.winding.tension_pairing import LoadedReading, TensionPairing
 from winding_core.markers import CABLE_DTYPE, Markers
 from winding_core.reading_limits import ReadingLimits
 from winding_core.readings import AxisReading
+from winding_core.run_history import RunHistory
 from winding_core.run_inputs import RunInputs
+from winding_core.tension_pairing import LoadedReading, TensionPairing
 from winding_ros import topics
 from winding_ros.cloud_messages import encode_cloud, encode_line_strip
 from winding_ros.message_handler import Answer
@@ -114,7 +115,7 @@ class FemHandler:
         Args:
             model: Wound along some of this run's history.
         """
-        self.history.replay(model)
+        replay(self.history.inputs, model)
         self.model = model
 
     def _new_pairing(self) -> TensionPairing:

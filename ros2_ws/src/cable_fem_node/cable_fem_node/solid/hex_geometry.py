@@ -8,9 +8,9 @@ the hourglass vectors gamma = h - (h . x_i) b_i see no linear motion.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
+from cable_fem_node.dynamics.points import FloatArray
 
 CORNERS = np.array(
     [

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.solid.solid_law_kernels import piola
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 

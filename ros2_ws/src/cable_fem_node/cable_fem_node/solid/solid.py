@@ -9,13 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.model import ExplicitModel
+from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.solid.hex_geometry import greatest_stiffness, hex_geometry
 from cable_fem_node.solid.hex_kernels import HexMesh, hex_forces
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_step_kernels import advance_solid
 from winding_core.cases import Material
-
-FloatArray = NDArray[np.float64]
 
 
 class Solid(ExplicitModel):

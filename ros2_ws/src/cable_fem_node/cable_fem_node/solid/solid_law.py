@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.solid.solid_law_kernels import (
     HENCKY,
     HENCKY_CAUCHY,
@@ -15,8 +16,6 @@ from cable_fem_node.solid.solid_law_kernels import (
     piola,
 )
 from winding_core.material_law import MaterialLaw
-
-FloatArray = NDArray[np.float64]
 
 KINDS = {
     "linear": LINEAR,
@@ -64,16 +63,6 @@ class SolidLaw(MaterialLaw):
         f = np.asarray(gradient, dtype=float)
         stress = self.first_piola(f) @ np.swapaxes(f, -1, -2)
         return np.asarray(stress / np.linalg.det(f)[..., None, None])
-
-    def strain_energy(self, gradient: ArrayLike) -> FloatArray:
-        """Return the stored energy per reference volume [J/m^3], shape (...).
-
-        Raises:
-            ValueError: The law is hencky_cauchy, which stores none.
-        """
-        if self.law == "hencky_cauchy":
-            raise ValueError("hencky_cauchy is no hyperelastic law: it has no stored energy")
-        return self._evaluate(gradient)[1]
 
     def _evaluate(self, gradient: ArrayLike) -> tuple[FloatArray, FloatArray]:
         f = np.ascontiguousarray(gradient, dtype=float)

@@ -9,12 +9,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cable_fem_node.dynamics.compile import kernel
-
-FloatArray = NDArray[np.float64]
+from cable_fem_node.dynamics.points import FloatArray
 
 LINEAR, HENCKY, HENCKY_CAUCHY, HYPERELASTIC = range(4)
 

@@ -9,8 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray = NDArray[np.float64]
+from cable_fem_node.dynamics.points import FloatArray
+
 IntArray = NDArray[np.int64]
+
+# Share of the radius that the core of a section takes.
+CORE = 0.7
+# Roundness of the core: 0 a square, 1 a disc.
+BULGE = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +39,7 @@ class BarMesh:
 
 
 def section_mesh(
-    diameter: float, *, rim_nodes: int = 12, rings: int = 1, core: float = 0.7, bulge: float = 0.5
+    diameter: float, *, rim_nodes: int = 12, rings: int = 1
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """Return (points (p, 2) [m], quads (q, 4), rim (rim_nodes,)) of a round butterfly section.
 
@@ -45,8 +51,6 @@ def section_mesh(
         diameter: [m]
         rim_nodes: Nodes on the circumference, a multiple of 4.
         rings: Layers of elements between core and rim.
-        core: Share of the radius that the core takes.
-        bulge: Roundness of the core, dimensionless: 0 a square, 1 a disc.
 
     Raises:
         ValueError: rim_nodes is no multiple of 4, or there is no ring.
@@ -63,7 +67,7 @@ def section_mesh(
     s, t = (grid.ravel() for grid in np.meshgrid(side, side, indexing="ij"))
     disc = np.stack([s * np.sqrt(1.0 - 0.5 * t * t), t * np.sqrt(1.0 - 0.5 * s * s)], axis=1)
     square = np.stack([s, t], axis=1) / math.sqrt(2.0)
-    inner = core * radius * (bulge * disc + (1.0 - bulge) * square)
+    inner = CORE * radius * (BULGE * disc + (1.0 - BULGE) * square)
     index = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
     around = np.concatenate([index[:-1, 0], index[-1, :-1], index[:0:-1, -1], index[0, :0:-1]])
     angles = -0.75 * math.pi + math.tau * np.arange(rim_nodes) / rim_nodes

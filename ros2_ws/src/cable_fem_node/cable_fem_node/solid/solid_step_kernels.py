@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.motion_kernels import amplitude_at, move
-from cable_fem_node.dynamics.points import LOSS_DAMPING, Points
+from cable_fem_node.dynamics.points import LOSS_DAMPING, FloatArray, Points
 from cable_fem_node.dynamics.surroundings import Surroundings, Touch
 from cable_fem_node.solid.hex_kernels import HexMesh, hex_forces
-
-FloatArray = NDArray[np.float64]
 
 
 @kernel

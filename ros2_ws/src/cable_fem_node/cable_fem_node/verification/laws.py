@@ -7,30 +7,11 @@ import math
 import numpy as np
 
 from cable_fem_node.solid.solid_law import SolidLaw
-from cable_fem_node.verification.rod_statics import Values
+from cable_fem_node.verification.references import Values, given
 from winding_core.material_law import MaterialLaw
 from winding_core.units import MEGAPASCAL
 
 HYPERELASTIC = ("neo_hookean", "mooney_rivlin")
-
-# Deformation gradients with rotation, shear and 2 % of volume change.
-GRADIENTS = (
-    (
-        (0.935223295, -0.128421141, -0.364028139),
-        (-0.251561599, 0.916632192, -0.175860904),
-        (-0.611151345, 0.183187418, 1.26463143),
-    ),
-    (
-        (0.627042422, -0.0800217417, 0.104355368),
-        (-0.28007591, 1.03556763, 0.262493286),
-        (-0.140393714, 0.238190288, 1.59161803),
-    ),
-    (
-        (1.36334953, 0.0831648741, 0.0628939548),
-        (0.0476927744, 0.916809791, 0.199735108),
-        (0.146418051, -0.00889818368, 0.861157141),
-    ),
-)
 
 
 def uniaxial() -> Values:
@@ -86,7 +67,7 @@ def general() -> Values:
     """M05: Cauchy stress of general deformation gradients."""
     return {
         f"sigma_{law}_{n}": SolidLaw(law=law).cauchy(gradient).tolist()
-        for n, gradient in enumerate(GRADIENTS)
+        for n, gradient in enumerate(given("M05", "gradients"))
         for law in ("neo_hookean", "mooney_rivlin", "hencky", "hencky_cauchy")
     }
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.surroundings import CylinderContact
-from cable_fem_node.rod.rod import Rod, RodSection
-from cable_fem_node.verification.rod_statics import GRAVITY, Values, line
+from cable_fem_node.rod.rod import Rod
+from cable_fem_node.rod.rod_section import RodSection
+from cable_fem_node.verification.references import Values
+from cable_fem_node.verification.rod_statics import GRAVITY, line
 from cable_fem_node.winding.resolved_model import chord_radius
-
-FloatArray = NDArray[np.float64]
 
 LIMP = 1.0e-3
 

@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 
-from cable_fem_node.rod.rod import Rod, RodSection
+from cable_fem_node.rod.rod import Rod
+from cable_fem_node.rod.rod_section import RodSection
 from cable_fem_node.rod.statics import frequencies
-from cable_fem_node.verification.rod_statics import GRAVITY, Values, line
+from cable_fem_node.verification.references import Values, wave_record
+from cable_fem_node.verification.rod_statics import GRAVITY, line
 
 
 def free_flight() -> Values:
@@ -84,11 +86,7 @@ def step_load() -> Values:
     for _ in times:
         rod.advance(1.0e-5)
         track.append(rod.nodes[-1, 0] - 0.1)
-    top = int(np.argmax(track))
-    values: Values = {"peak": track[top], "t_peak": times[top]}
-    for ms in (2, 3, 4, 6, 8, 10, 12):
-        values[f"u_{ms}ms"] = track[100 * ms - 1]
-    return values
+    return wave_record(times, track)
 
 
 def _period(angle: float) -> float:

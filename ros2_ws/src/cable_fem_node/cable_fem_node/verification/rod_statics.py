@@ -6,14 +6,13 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cable_fem_node.rod.rod import Rod, RodSection
+from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.rod.rod import Rod
+from cable_fem_node.rod.rod_section import RodSection
 from cable_fem_node.rod.statics import equilibrium, frequencies, lowest_stiffness
+from cable_fem_node.verification.references import Values, rotations
 from winding_core.units import MILLIMETRE
-
-Values = dict[str, float | list[float]]
-FloatArray = NDArray[np.float64]
 
 GRAVITY = 9.81
 
@@ -209,12 +208,8 @@ def rigid_rotation() -> Values:
     section = RodSection(diameter=4.0e-3)
     rod = Rod(line(0.1, 20), section)
     start = rod.nodes
-    axis = np.array([1.0, 2.0, 3.0]) / math.sqrt(14.0)
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     force, energy = 0.0, 0.0
-    for degrees in (1.0, 10.0, 90.0, 180.0, 360.0, 720.0):
-        a = math.radians(degrees)
-        turn = np.eye(3) + math.sin(a) * cross + (1.0 - math.cos(a)) * cross @ cross
+    for turn in rotations():
         rod.set_nodes(start @ turn.T)
         force = max(force, float(np.abs(rod.internal_forces()).max()))
         energy = max(energy, rod.internal_energy())

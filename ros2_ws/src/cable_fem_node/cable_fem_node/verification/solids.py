@@ -7,64 +7,19 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.solid.hex_geometry import HOURGLASS, hex_geometry
+from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.solid.hex_geometry import CORNERS, HOURGLASS, hex_geometry
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import BarMesh, block, round_bar, section_mesh
 from cable_fem_node.solid.solid_statics import solid_equilibrium, solid_frequencies
-from cable_fem_node.verification.rod_statics import Values
-
-FloatArray = NDArray[np.float64]
+from cable_fem_node.verification.references import Values, given, rotations, wave_record
 
 RUBBER = SolidLaw(law="neo_hookean")
 DIAMETER = 4.0e-3
 AREA = 0.25 * math.pi * DIAMETER**2
 
-# The distorted hexahedron of the geometry check [mm].
-DISTORTED = 1.0e-3 * np.array(
-    [
-        [0.045034368, 0.142996968, 0.0992468485],
-        [1.10107459, -0.0719401374, 0.13447924],
-        [1.02189551, 1.11564223, 0.106944994],
-        [-0.011543417, 0.929091674, -0.0797667796],
-        [-0.0882469484, -0.0197725299, 2.00163737],
-        [1.21925905, 0.178380102, 2.10535829],
-        [1.24398452, 1.17602565, 1.89751113],
-        [-0.122323668, 1.04051426, 1.83581912],
-    ]
-)
-
-# Inner nodes of MacNeal and Harder's patch of seven hexahedra in the unit cube.
-PATCH = np.array(
-    [
-        [0.249, 0.342, 0.192],
-        [0.826, 0.288, 0.288],
-        [0.85, 0.649, 0.263],
-        [0.273, 0.75, 0.23],
-        [0.32, 0.186, 0.643],
-        [0.677, 0.305, 0.683],
-        [0.788, 0.693, 0.644],
-        [0.165, 0.745, 0.702],
-    ]
-)
-CUBE = np.array(
-    [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
-    dtype=float,
-)
-PATCH_HEXES = (
-    np.array(
-        [
-            [9, 10, 11, 12, 13, 14, 15, 16],
-            [1, 2, 3, 4, 9, 10, 11, 12],
-            [13, 14, 15, 16, 5, 6, 7, 8],
-            [1, 2, 10, 9, 5, 6, 14, 13],
-            [2, 3, 11, 10, 6, 7, 15, 14],
-            [3, 4, 12, 11, 7, 8, 16, 15],
-            [4, 1, 9, 12, 8, 5, 13, 16],
-        ]
-    )
-    - 1
-)
+CUBE = 0.5 * (CORNERS + 1.0)
 
 
 def bar(length: float, elements: int, **options: float) -> tuple[BarMesh, Solid]:
@@ -75,23 +30,24 @@ def bar(length: float, elements: int, **options: float) -> tuple[BarMesh, Solid]
 
 def geometry() -> Values:
     """H03: volume, mean gradient and hourglass vectors of a distorted hexahedron."""
-    volume, gradient, gamma = hex_geometry(DISTORTED[None])
-    linear = HOURGLASS @ DISTORTED
+    corners = _distorted()
+    volume, gradient, gamma = hex_geometry(corners[None])
+    linear = HOURGLASS @ corners
     expected = HOURGLASS - linear @ gradient[0].T
     return {
         "volume": float(volume[0]),
         "gradient": gradient[0].tolist(),
         "gamma_dot_one": float(np.abs(gamma[0].sum(axis=1)).max()),
-        "gamma_dot_x": float(np.abs(gamma[0] @ DISTORTED).max()),
+        "gamma_dot_x": float(np.abs(gamma[0] @ corners).max()),
         "gamma_formula": float(np.abs(gamma[0] - expected).max()),
     }
 
 
 def patch() -> Values:
-    """H02: a linear displacement of the boundary gives one stress everywhere."""
+    """H02: a linear displacement of MacNeal and Harder's patch gives one stress everywhere."""
     law = SolidLaw(young=1.0e6, poisson=0.25)
-    nodes = np.vstack([CUBE, PATCH])
-    solid = Solid(nodes, PATCH_HEXES, law)
+    nodes = np.vstack([CUBE, given("H02", "inner_nodes")])
+    solid = Solid(nodes, given("H02", "hexes").astype(int), law)
     # A thousandth of the published 1e-3, so that finite strain stays out of the comparison.
     scale = 1.0e-3
     field = scale * 0.5e-3 * (np.ones((3, 3)) + np.eye(3))
@@ -118,15 +74,11 @@ def patch() -> Values:
 
 def rigid_rotation() -> Values:
     """H01 (solid): rotated elements carry no stress, force or energy."""
-    axis = np.array([1.0, 2.0, 3.0]) / math.sqrt(14.0)
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     stress, force, energy = 0.0, 0.0, 0.0
     law = SolidLaw()
-    for corners in (1.0e-3 * CUBE, DISTORTED):
+    for corners in (1.0e-3 * CUBE, _distorted()):
         solid = Solid(corners, np.arange(8)[None], law)
-        for degrees in (1.0, 10.0, 90.0, 180.0, 360.0, 720.0):
-            a = math.radians(degrees)
-            turn = np.eye(3) + math.sin(a) * cross + (1.0 - math.cos(a)) * cross @ cross
+        for turn in rotations():
             solid.set_nodes(corners @ turn.T)
             stress = max(stress, float(np.abs(solid.stresses()).max()))
             force = max(force, float(np.abs(solid.internal_forces()).max()))
@@ -300,11 +252,12 @@ def step_load() -> Values:
     for _ in times:
         solid.advance(5.0e-5)
         track.append(float(solid.nodes[top, 2].mean()) - 0.1)
-    high = int(np.argmax(track))
-    values: Values = {"peak": track[high], "t_peak": times[high]}
-    for ms in (2, 3, 4, 6, 8, 10, 12):
-        values[f"u_{ms}ms"] = track[20 * ms - 1]
-    return values
+    return wave_record(times, track)
+
+
+def _distorted() -> FloatArray:
+    """Return the corners of a distorted hexahedron (8, 3) [m]."""
+    return 1.0e-3 * given("H03", "nodes_mm")
 
 
 def _weights(solid: Solid, section: NDArray[np.int64]) -> FloatArray:

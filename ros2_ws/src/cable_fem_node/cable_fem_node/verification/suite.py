@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -19,7 +16,7 @@ from cable_fem_node.verification import (
     solids,
     winding_runs,
 )
-from cable_fem_node.verification.rod_statics import Values
+from cable_fem_node.verification.references import Values, references
 
 PROBLEMS: dict[str, Callable[[], Values]] = {
     "B01": rod_statics.axial_frequencies,
@@ -102,14 +99,6 @@ class Row:
     def passed(self) -> bool:
         """Whether the error is within the tolerance."""
         return self.error <= self.tolerance
-
-
-@cache
-def references() -> dict[str, dict[str, Any]]:
-    """Return the references by problem: title, source, quantities."""
-    text = files("cable_fem_node").joinpath("data", "verification.json").read_text("utf-8")
-    data: dict[str, dict[str, Any]] = json.loads(text)
-    return data
 
 
 def run_problem(name: str) -> list[Row]:

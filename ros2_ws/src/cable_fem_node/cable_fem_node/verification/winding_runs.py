@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cable_fem_node.verification.rod_statics import Values
+from cable_fem_node.verification.references import Values
 from cable_fem_node.winding.prediction import Prediction, predict
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Case, paper_case

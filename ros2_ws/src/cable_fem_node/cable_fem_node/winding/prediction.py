@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.failure import EnergyBalanceError
+from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
@@ -19,7 +20,6 @@ from winding_core.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
 from winding_core.units import MILLIMETRE
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[float], None]
 Clock = Callable[[], float]
 

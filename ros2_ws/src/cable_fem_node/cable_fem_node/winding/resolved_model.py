@@ -8,16 +8,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.surroundings import penalty
+from cable_fem_node.rod.rod_arrays import AxialResponse, axial_response
 from cable_fem_node.winding.winding_state import MERGE_AT, Constants
-from winding_core.material_law import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, MaterialLaw
+from winding_core.material_law import TABLE_HIGH, MaterialLaw
 
 if TYPE_CHECKING:
     from cable_fem_node.winding.winding_config import WindingConfig
     from winding_core.cases import Case
 
-FloatArray = NDArray[np.float64]
 
 # Share of the critical step that is taken; the rest covers damping and large rotations.
 STEP_SAFETY = 0.8
@@ -92,13 +93,13 @@ class ResolvedModel:
             lateral=lateral,
             wound_radius=radius,
             constants=constants,
-            step=_stable_step(law, tension, stretch, constants),
+            step=_stable_step(case.axial_area, law, tension, stretch, constants),
         )
 
     @cached_property
-    def table(self) -> FloatArray:
-        """The law's table for the kernels, see `MaterialLaw.table`."""
-        return self.law.table()
+    def axial(self) -> AxialResponse:
+        """The law, tabulated for the kernels."""
+        return axial_response(self.law, self.case.axial_area)
 
     @cached_property
     def responses(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -109,13 +110,13 @@ class ResolvedModel:
         law, k, case = self.law, self.constants, self.case
         highest = min(law.limit()[1], TABLE_HIGH)
         stretch = np.linspace(0.8, highest, RESPONSE_POINTS)
-        tension = k.area * law.nominal_stress(stretch)
+        tension = case.axial_area * law.nominal_stress(stretch)
         lateral = law.lateral_stretch(stretch) if self.thins else np.ones_like(stretch)
         radius = case.cylinder_radius + case.cable_radius * np.maximum(lateral, 0.1)
         length = stretch * k.segment
         wound = np.maximum(tension - 0.5 * k.bending * stretch / radius**2, 0.0)
         half = np.minimum(0.5 * length / radius, 1.5)
-        landing = radius * half / np.sin(half) + wound * length / radius / k.normal_stiffness
+        landing = radius * half / np.sin(half) + wound * length / radius / k.touch.normal_stiffness
         return tension, stretch, landing
 
     def stretch_at(self, tension: float) -> float:
@@ -149,7 +150,6 @@ def _constants(
     mass = config.mass_scaling * case.material.density * case.section_area * h
     axial = case.material.young * case.axial_area / h
     normal = max(6.0 * axial, tension * stretch * h / (SINK_SHARE * radius**2))
-    stick = 0.25 * normal
     wave = math.sqrt(
         case.material.axial_factor
         * case.material.young
@@ -160,31 +160,31 @@ def _constants(
     return Constants(
         segment=h,
         mass=mass,
-        area=case.axial_area,
         bending=case.bending_stiffness,
-        table_low=TABLE_LOW,
-        table_per_spacing=TABLE_INTERVALS / (TABLE_HIGH - TABLE_LOW),
-        normal_stiffness=normal,
-        normal_damping=0.4 * math.sqrt(normal * mass),
-        stick_stiffness=stick,
-        stick_damping=0.2 * math.sqrt(stick * mass),
-        friction=config.friction,
+        touch=penalty(
+            normal,
+            mass,
+            friction=config.friction,
+            stick_share=0.25,
+            cable_radius=case.cable_radius,
+        ),
         damping_rate=2.0 * config.damping_ratio * first_mode,
         start_radius=chord_radius(radius, stretch * h),
         contact_line=radius,
         free_length=config.free_length,
-        cable_radius=case.cable_radius,
         roll_inertia=0.5 * mass * case.cable_radius**2,
         torsion=law.shear_modulus * polar,
     )
 
 
-def _stable_step(law: MaterialLaw, tension: float, stretch: float, k: Constants) -> float:
+def _stable_step(
+    area: float, law: MaterialLaw, tension: float, stretch: float, k: Constants
+) -> float:
     tangent = max(law.tangent(1.0), law.tangent(stretch))
-    along = 4.0 * tangent * k.area / k.segment + k.stick_stiffness
+    along = 4.0 * tangent * area / k.segment + k.touch.stick_stiffness
     short = 0.5 * (1.0 + MERGE_AT)
     across = (
-        k.normal_stiffness
+        k.touch.normal_stiffness
         + 16.0 * k.bending / (short * k.segment**3)
         + 8.0 * tension / (stretch * k.segment)
     )

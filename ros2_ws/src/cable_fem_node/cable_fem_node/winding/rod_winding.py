@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import empty_points
+from cable_fem_node.dynamics.points import FloatArray, empty_points
+from cable_fem_node.rod.rod_arrays import empty_work
 from cable_fem_node.rod.rod_kernels import bending_energy, stored_energy
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_kernels import advance_winding
@@ -23,14 +24,11 @@ from cable_fem_node.winding.winding_state import (
     EMPTY,
     FULL,
     TENSION,
-    empty_work,
     part_way,
 )
 from winding_core.markers import MarkerFlag, Markers
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 from winding_core.readings import AxisReading
-
-FloatArray = NDArray[np.float64]
 
 
 class RodWinding(WindingModel):
@@ -100,7 +98,9 @@ class RodWinding(WindingModel):
 
     def tension(self) -> FloatArray:
         """Return the tension [N] of every element, shape (nodes - 1,)."""
-        tension = self._constants.area * self.config.resolved.law.nominal_stress(self.stretch())
+        tension = self.config.case.axial_area * self.config.resolved.law.nominal_stress(
+            self.stretch()
+        )
         tension[-1] = self._drive[TENSION]
         return tension
 
@@ -125,7 +125,7 @@ class RodWinding(WindingModel):
             kinetic=0.5 * k.mass * float((cable.velocity[:, moving] ** 2).sum())
             + 0.5 * k.roll_inertia * float((cable.roll[1, moving] ** 2).sum()),
             internal=self._internal_energy() + self._torsion_energy(),
-            contact=contact_energy(cable, k, self.nodes),
+            contact=contact_energy(cable, k.touch, self.nodes),
             initial=self._initial_energy,
         )
 
@@ -147,7 +147,7 @@ class RodWinding(WindingModel):
                 self._reference,
                 self._work,
                 self._constants,
-                self.config.resolved.table,
+                self.config.resolved.axial,
                 self._ledger,
                 self.config.rolling,
             )
@@ -197,15 +197,8 @@ class RodWinding(WindingModel):
     def _internal_energy(self) -> float:
         cable, k = self._cable, self._constants
         elements = self.nodes - 2
-        stretching = stored_energy(
-            elements,
-            cable.position,
-            self._reference,
-            self.config.resolved.table,
-            k.table_low,
-            k.table_per_spacing,
-            k.area,
-        )
+        axial = self.config.resolved.axial
+        stretching = stored_energy(elements, cable.position, self._reference, axial)
         edges = np.diff(cable.position[:, : self.nodes], axis=1)
         tangents = edges / np.sqrt((edges**2).sum(axis=0))
         cosine = np.ones(self.nodes)

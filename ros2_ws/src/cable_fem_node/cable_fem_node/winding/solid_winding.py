@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.surroundings import Touch
+from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.surroundings import penalty
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import round_bar
@@ -26,8 +27,6 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel, wound_angles
 from winding_core.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
-
-FloatArray = NDArray[np.float64]
 
 STEP_SAFETY = 0.8
 RIM_NODES = 12
@@ -74,14 +73,7 @@ class SolidWinding(WindingModel):
         load = max(0.0, resolved.wound_tension(resolved.tension)) * arc / radius
         normal = 0.5 * load / (SINK_SHARE * radius)
         lightest = float(solid.mass.min())
-        self._touch = Touch(
-            normal_stiffness=normal,
-            normal_damping=0.4 * math.sqrt(normal * lightest),
-            stick_stiffness=0.25 * normal,
-            stick_damping=0.2 * math.sqrt(0.25 * normal * lightest),
-            friction=config.friction,
-            cable_radius=0.0,
-        )
+        self._touch = penalty(normal, lightest, friction=config.friction, stick_share=0.25)
         wave = math.sqrt(case.material.young / solid.density)
         self._solid = solid
         self._bar = bar

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.contact_kernels import touch_cylinder
@@ -17,14 +16,13 @@ from cable_fem_node.dynamics.points import (
     WORK_SPAN,
     WORK_SURFACE,
     WORK_TIE,
+    FloatArray,
     Points,
 )
 from cable_fem_node.dynamics.surroundings import Touch
 from cable_fem_node.solid.hex_kernels import HexMesh, hex_forces
 from cable_fem_node.winding.winding_kernels import hermite
 from cable_fem_node.winding.winding_state import ANGLE, FEED, GUIDE, SPEED, TENSION
-
-FloatArray = NDArray[np.float64]
 
 DONE, INSIDE_OUT, RAN_OUT = range(3)
 

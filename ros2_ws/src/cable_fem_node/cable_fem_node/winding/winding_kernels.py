@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.contact_kernels import touch_cylinder
@@ -20,8 +19,10 @@ from cable_fem_node.dynamics.points import (
     WORK_INFLOW,
     WORK_SPAN,
     WORK_TIE,
+    FloatArray,
     Points,
 )
+from cable_fem_node.rod.rod_arrays import AxialResponse, Work
 from cable_fem_node.rod.rod_kernels import (
     bend_end,
     bend_nodes,
@@ -44,11 +45,8 @@ from cable_fem_node.winding.winding_state import (
     STRETCH,
     TENSION,
     Constants,
-    Work,
 )
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
-
-FloatArray = NDArray[np.float64]
 
 
 @kernel
@@ -142,7 +140,7 @@ def advance_winding(
     reference: FloatArray,
     work: Work,
     k: Constants,
-    table: FloatArray,
+    response: AxialResponse,
     ledger: FloatArray,
     rolling: bool,
 ) -> tuple[int, int, float, int, int]:
@@ -158,7 +156,7 @@ def advance_winding(
         reference: Reference length of the elements (capacity,) [m], changed in place.
         work: Scratch.
         k: Constants.
-        table: See `MaterialLaw.table`.
+        response: Axial response of the cable.
         ledger: Energies [J], added to in place.
         rolling: Let the cable roll on the surface about its own axis.
 
@@ -166,8 +164,8 @@ def advance_winding(
         nodes, steps taken, the last step's rotation, status, element at fault.
     """
     x, v = cable.position, cable.velocity
-    tangent, inverse, tension = work.tangent, work.inverse, work.tension
-    cosine, slope, force, net = work.cosine, work.slope, work.force, work.net
+    tangent, inverse, slope = work.tangent, work.inverse, work.slope
+    force, net = work.force, work.net
     capacity = reference.shape[0]
     span = steps * dt
     first = np.zeros(3)
@@ -191,25 +189,14 @@ def advance_winding(
         elements = nodes - 1
         end = elements - 1
 
-        stretch_elements(
-            elements,
-            x,
-            reference,
-            table,
-            k.table_low,
-            k.table_per_spacing,
-            k.area,
-            tangent,
-            inverse,
-            tension,
-        )
-        tension[end] = pull
-        bend_nodes(elements, reference, k.bending, tangent, cosine, slope)
+        stretch_elements(elements, x, reference, response, work)
+        work.tension[end] = pull
+        bend_nodes(elements, reference, k.bending, work)
         first[0], first[1] = math.sin(angle), -math.cos(angle)
-        bend_end(0, 0, first[0], first[1], 0.0, reference[0], k.bending, tangent, cosine, slope)
-        cosine[elements] = 0.0
+        bend_end(0, 0, first, reference[0], k.bending, work)
+        work.cosine[elements] = 0.0
         slope[elements] = 0.0
-        element_force(elements, first, free, tangent, inverse, tension, cosine, slope, force)
+        element_force(elements, first, free, work)
 
         for c in range(3):
             for i in range(1, elements):
@@ -224,7 +211,7 @@ def advance_winding(
             cable,
             net,
             work.couple,
-            k,
+            k.touch,
             ledger,
             rolling,
         )
@@ -274,12 +261,12 @@ def advance_winding(
             cable.touching[nodes] = 0
             reference[end] = k.segment
             reference[elements] = last - k.segment
-            ledger[WORK_INFLOW] += inflow(x, v, end, elements, k, table)
+            ledger[WORK_INFLOW] += inflow(x, v, end, elements, k, response)
             nodes += 1
         elif last < MERGE_AT * k.segment:
             if nodes < 4:
                 return nodes, step + 1, surface_step, EMPTY, end
-            ledger[WORK_INFLOW] -= inflow(x, v, end - 1, end, k, table)
+            ledger[WORK_INFLOW] -= inflow(x, v, end - 1, end, k, response)
             for c in range(3):
                 x[c, end] = x[c, elements]
                 v[c, end] = v[c, elements]
@@ -296,13 +283,15 @@ def advance_winding(
 
 
 @kernel
-def inflow(x: FloatArray, v: FloatArray, a: int, b: int, k: Constants, table: FloatArray) -> float:
+def inflow(
+    x: FloatArray, v: FloatArray, a: int, b: int, k: Constants, response: AxialResponse
+) -> float:
     """Return the energy [J] of one segment between nodes a and b: strain, and motion of b or a."""
     ex = x[0, b] - x[0, a]
     ey = x[1, b] - x[1, a]
     ez = x[2, b] - x[2, a]
     stretch = math.sqrt(ex * ex + ey * ey + ez * ez) / k.segment
     motion = v[0, b] ** 2 + v[1, b] ** 2 + v[2, b] ** 2
-    strain = law_energy(stretch, table, k.table_low, k.table_per_spacing)
-    energy: float = k.area * k.segment * strain + 0.5 * k.mass * motion
+    strain = law_energy(stretch, response)
+    energy: float = response.area * k.segment * strain + 0.5 * k.mass * motion
     return energy

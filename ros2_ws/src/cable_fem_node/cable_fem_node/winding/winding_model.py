@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.energy import EnergyLedger
-from cable_fem_node.dynamics.points import LEDGER_SIZE
+from cable_fem_node.dynamics.points import LEDGER_SIZE, FloatArray
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_state import (
     ANGLE,
@@ -22,8 +22,6 @@ from cable_fem_node.winding.winding_state import (
 )
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 from winding_core.readings import AxisReading
-
-FloatArray = NDArray[np.float64]
 
 NODE_DTYPE = np.dtype([(name, "<f8") for name in ("x", "y", "z", "s", "tension", "strain")])
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
+from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.surroundings import Touch
 
 # Why an advance stopped.
 RUNNING = 0
@@ -20,38 +18,17 @@ CUT_AT = 1.6
 MERGE_AT = 0.4
 
 
-class Work(NamedTuple):
-    """Scratch arrays of the kernel, sized like the cable's."""
-
-    tangent: FloatArray
-    inverse: FloatArray
-    tension: FloatArray
-    cosine: FloatArray
-    slope: FloatArray
-    force: FloatArray
-    net: FloatArray
-    couple: FloatArray
-
-
 class Constants(NamedTuple):
     """Numbers that stay the same during a run (SI)."""
 
     segment: float
     mass: float
-    area: float  # that carries tension, see Case.axial_area
     bending: float
-    table_low: float
-    table_per_spacing: float
-    normal_stiffness: float
-    normal_damping: float
-    stick_stiffness: float
-    stick_damping: float
-    friction: float
+    touch: Touch
     damping_rate: float
     start_radius: float
     contact_line: float
     free_length: float
-    cable_radius: float
     roll_inertia: float
     torsion: float
 
@@ -73,17 +50,3 @@ def part_way(drive: FloatArray, u: float, span: float) -> FloatArray:
     for value in (TENSION, STRETCH, LANDING):
         part[value, 0] = drive[value, 0] + u * (drive[value, 1] - drive[value, 0])
     return part
-
-
-def empty_work(capacity: int) -> Work:
-    """Return scratch arrays for so many nodes."""
-    return Work(
-        tangent=np.zeros((3, capacity)),
-        inverse=np.zeros(capacity),
-        tension=np.zeros(capacity),
-        cosine=np.zeros(capacity),
-        slope=np.zeros(capacity),
-        force=np.zeros((3, capacity)),
-        net=np.zeros((3, capacity)),
-        couple=np.zeros(capacity),
-    )

@@ -92,7 +92,7 @@ def _runs(sources: list[Path], weights: list[float], typed: Typed) -> list[Track
 
 def _run(source: Path, typed: Typed) -> TrackedRun:
     from cable_fem_node.identification import TrackedRun
-    from cable_fem_node.winding.run_history import planned_inputs
+    from winding_core.planned_inputs import planned_inputs
     from winding_recorder.bags.tables import topic_rows
     from winding_study.identification.recorded import recorded_run
     from winding_study.identification.tables import read_readings
@@ -162,8 +162,8 @@ def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
 
 
 def _wound(run: TrackedRun, config: WindingConfig) -> Markers:
+    from cable_fem_node.winding.replay import replay
     from cable_fem_node.winding.rod_winding import RodWinding
-    from cable_fem_node.winding.run_history import replay
 
     model = RodWinding(config)
     replay(run.inputs, model)

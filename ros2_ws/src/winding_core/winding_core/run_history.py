@@ -3,31 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.drive import DriveProfile
 from winding_core.readings import AxisReading
-from winding_core.run_inputs import INPUT_DTYPE, RunInputs
+from winding_core.run_inputs import INPUT_DTYPE
 
 # Shape (n,) of INPUT_DTYPE; t since the start of the run, a tension of nan is the model's own.
 Inputs = NDArray[np.void]
-
-
-class Follower(Protocol):
-    """A model that is advanced along the machine's motion."""
-
-    time: float
-
-    def advance_to(self, t: float, reading: AxisReading, tension: float | None = None) -> None:
-        """Advance to a time [s] at which the machine stands and moves as read."""
-
-
-class AbandonedError(RuntimeError):
-    """A replay was no longer wanted."""
 
 
 class RunHistory:
@@ -55,14 +39,6 @@ class RunHistory:
         self._last = -math.inf
         self._pulls = 0.0
         self._pull_count = 0
-
-    @classmethod
-    def of(cls, inputs: Inputs, *, period: float = 0.02, capacity: int = 4096) -> RunHistory:
-        """Return a history of stored inputs, shape (n,) of INPUT_DTYPE, ascending in time."""
-        history = cls(period=period, capacity=capacity)
-        for t, reading, tension in RunInputs(samples=inputs):
-            history.record(t, reading, tension)
-        return history
 
     @property
     def inputs(self) -> Inputs:
@@ -117,14 +93,6 @@ class RunHistory:
         self._count += 1
         self._pulls, self._pull_count = 0.0, 0
 
-    def replay(self, model: Follower, going: Callable[[], bool] = lambda: True) -> None:
-        """Advance a model from its own time to the last kept sample.
-
-        Raises:
-            AbandonedError: `going` said no.
-        """
-        replay(self.inputs, model, going)
-
     def _thin(self) -> None:
         kept = self._rows[: self._count : 2].copy()
         dropped = self._rows["tension"][1 : self._count : 2]
@@ -133,66 +101,3 @@ class RunHistory:
         self._count = len(kept)
         self._rows[: self._count] = kept
         self.period *= 2.0
-
-
-def replay(inputs: Inputs, model: Follower, going: Callable[[], bool] = lambda: True) -> None:
-    """Advance a model from its own time along inputs, shape (n,) of INPUT_DTYPE.
-
-    Args:
-        inputs: Ascending in time.
-        model: What is advanced.
-        going: Asked before every step whether the result is still wanted.
-
-    Raises:
-        AbandonedError: `going` said no.
-    """
-    for t, reading, tension in RunInputs(samples=inputs[inputs["t"] > model.time]):
-        if not going():
-            raise AbandonedError(f"the replay was abandoned at t = {model.time:.6g} s")
-        model.advance_to(t, reading, tension)
-
-
-def planned_inputs(
-    drive: DriveProfile, duration: float, *, tension: float | None = None, period: float = 0.02
-) -> Inputs:
-    """Return the inputs of a run that goes as planned, shape (n,), t = 0 included.
-
-    Raises:
-        ValueError: The duration [s] is not positive and finite.
-    """
-    if not (math.isfinite(duration) and duration > 0.0):
-        raise ValueError(f"duration must be positive and finite, got {duration}")
-    times = np.linspace(0.0, duration, max(1, math.ceil(duration / period - 1.0e-9)) + 1)
-    inputs = np.zeros(times.size, dtype=INPUT_DTYPE)
-    inputs["t"] = times
-    inputs["cylinder_angle"], inputs["carriage_position"] = drive.positions(times)
-    inputs["angular_speed"], inputs["feed_speed"] = drive.speeds(times)
-    inputs["tension"] = math.nan if tension is None else tension
-    return inputs
-
-
-def continued_inputs(inputs: Inputs, angle: float, *, period: float = 0.02) -> Inputs:
-    """Return inputs that go on at the run's top speeds until the cylinder has reached an angle.
-
-    The tension stays the mean of the last second.
-
-    Args:
-        inputs: Of the run so far, shape (n,), n >= 1.
-        angle: Cylinder angle to reach [rad].
-        period: Time between the added samples [s].
-    """
-    last = inputs[-1]
-    left = angle - float(last["cylinder_angle"])
-    speed = float(inputs["angular_speed"].max())
-    if left <= 0.0 or speed <= 0.0:
-        return inputs
-    feed = float(inputs["feed_speed"].max())
-    count = math.ceil(left / (speed * period))
-    after = period * np.arange(1, count + 1)
-    more = np.zeros(count, dtype=INPUT_DTYPE)
-    more["t"] = last["t"] + after
-    more["cylinder_angle"] = last["cylinder_angle"] + speed * after
-    more["carriage_position"] = last["carriage_position"] + feed * after
-    more["angular_speed"], more["feed_speed"] = speed, feed
-    more["tension"] = inputs["tension"][inputs["t"] >= last["t"] - 1.0].mean()
-    return np.concatenate([inputs, more])

@@ -1,0 +1,49 @@
+"""What problems are given and compared with, which is data, and what several of them share."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.dynamics.points import FloatArray
+
+Values = dict[str, float | list[float]]
+
+
+@cache
+def references() -> dict[str, dict[str, Any]]:
+    """Return the references by problem: title, source, quantities, what is given."""
+    text = files("cable_fem_node").joinpath("data", "verification.json").read_text("utf-8")
+    data: dict[str, dict[str, Any]] = json.loads(text)
+    return data
+
+
+def given(problem: str, name: str) -> FloatArray:
+    """Return an array that a problem is given."""
+    return np.asarray(references()[problem]["given"][name], dtype=float)
+
+
+def rotations() -> Iterator[FloatArray]:
+    """Yield rotation matrices (3, 3) about a skew axis, from a degree to two turns."""
+    axis = np.array([1.0, 2.0, 3.0]) / math.sqrt(14.0)
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    for degrees in (1.0, 10.0, 90.0, 180.0, 360.0, 720.0):
+        a = math.radians(degrees)
+        yield np.eye(3) + math.sin(a) * cross + (1.0 - math.cos(a)) * cross @ cross
+
+
+def wave_record(times: NDArray[np.floating[Any]], way: Sequence[float]) -> Values:
+    """Return the greatest way [m] of a tip, when it is there [s], and the way at whole times."""
+    top = int(np.argmax(way))
+    per_ms = round(1.0e-3 / float(times[0]))
+    values: Values = {"peak": way[top], "t_peak": times[top]}
+    for ms in (2, 3, 4, 6, 8, 10, 12):
+        values[f"u_{ms}ms"] = way[per_ms * ms - 1]
+    return values
