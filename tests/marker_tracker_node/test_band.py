@@ -23,26 +23,26 @@ def view_and_body(film):
 
 
 @pytest.mark.parametrize("case", [1, 3, 5, 9])
-@pytest.mark.parametrize("azimuth", [0.0, 0.35, 1.0])
-def test_centroid_and_area_agree_with_the_renderers_ground_truth(smooth_film, case, azimuth):
+def test_centroid_and_area_agree_with_the_renderers_ground_truth(smooth_film, case):
     film = smooth_film(case, camera=SHARP)
     view, body = view_and_body(film)
-    made = film.scene(azimuth, 0.0, path_z=np.zeros_like(film.lay.path_z))
-    truth = film.renderer.visible_bands(made)[0]
-    a, b, area = band_centroid(view, body, Band(azimuth, 0.0, 0.0))
-    # 0.05 px is 4 um; the sections of the renderer are chords of 3 px.
-    np.testing.assert_allclose(pixel_of_plane(view, a, b), truth["centroid"], atol=0.05)
-    assert area * view.fx * view.fy == pytest.approx(truth["area"], rel=0.01)
+    for azimuth in (0.0, 0.35, 1.0):
+        made = film.scene(azimuth, 0.0, path_z=np.zeros_like(film.lay.path_z))
+        truth = film.renderer.visible_bands(made)[0]
+        a, b, area = band_centroid(view, body, Band(azimuth, 0.0, 0.0))
+        # 0.05 px is 4 um; the sections of the renderer are chords of 3 px.
+        np.testing.assert_allclose(pixel_of_plane(view, a, b), truth["centroid"], atol=0.05)
+        assert area * view.fx * view.fy == pytest.approx(truth["area"], rel=0.01)
 
 
-@pytest.mark.parametrize("azimuth", [-0.3, -0.05, 0.0, 0.2, 0.6, 1.05])
-def test_solving_inverts_the_model(smooth_film, azimuth):
+def test_solving_inverts_the_model(smooth_film):
     view, body = view_and_body(smooth_film(3))
-    a, b, _ = band_centroid(view, body, Band(azimuth, 0.031, 1.5e-3))
-    found, z = solve_band(view, body, a, b, Band(azimuth + 0.05, 0.032, 1.5e-3))
-    # The fixed point stops at changes of 2e-6 rad and contracts by at least two.
-    assert found == pytest.approx(azimuth, abs=4e-6)
-    assert z == pytest.approx(0.031, abs=1e-7)
+    for azimuth in (-0.3, -0.05, 0.0, 0.2, 0.6, 1.05):
+        a, b, _ = band_centroid(view, body, Band(azimuth, 0.031, 1.5e-3))
+        found, z = solve_band(view, body, a, b, Band(azimuth + 0.05, 0.032, 1.5e-3))
+        # The fixed point stops at changes of 2e-6 rad and contracts by at least two.
+        assert found == pytest.approx(azimuth, abs=4e-6)
+        assert z == pytest.approx(0.031, abs=1e-7)
 
 
 @pytest.mark.parametrize(("case", "least"), [(1, 30e-3), (3, 70e-3), (5, 130e-3)])

@@ -122,8 +122,7 @@ def test_projection_agrees_with_opencv():
     np.testing.assert_allclose(project_points(config, points), seen.reshape(-1, 2), atol=1e-9)
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.4, 6.4, 12.8, 25.0])
-def test_visible_bands_agree_with_an_independent_polygon_renderer(angle):
+def test_visible_bands_agree_with_an_independent_polygon_renderer():
     config = replace(
         CameraConfig().full_frame(2),
         noise=QUIET,
@@ -131,12 +130,15 @@ def test_visible_bands_agree_with_an_independent_polygon_renderer(angle):
         supersampling=4,
         tilt=(3e-3, -5e-3, 4e-3),
     )
-    made = scene(angle, marker_theta=np.array([angle - 0.3]) if angle > 0.4 else np.array([0.0]))
-    ours = centroid(yellow(picture(config, made)))
-    theirs = centroid(yellow(draw_polygons(config, made)))
+    off = []
+    for angle in (0.0, 0.4, 6.4, 12.8, 25.0):
+        late = np.array([angle - 0.3]) if angle > 0.4 else np.array([0.0])
+        made = scene(angle, marker_theta=late)
+        ours = centroid(yellow(picture(config, made)))
+        off.append(ours - centroid(yellow(draw_polygons(config, made))))
     # Polygon corners are rounded to 1/16 of a sample, edges inclusive: 0.16 px is what a
     # polygon renderer was measured to be good for at twice this resolution.
-    np.testing.assert_allclose(ours, theirs, atol=0.16)
+    np.testing.assert_allclose(off, 0.0, atol=0.16)
 
 
 def test_ground_truth_is_the_centroid_of_the_picture():
@@ -270,27 +272,27 @@ def test_preview_is_a_jpeg_of_the_frame():
     assert np.abs(back.astype(float) - small).mean() < 4.0  # loss of quality 90
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: CameraConfig(focal=0.0), "focal"),
-        (lambda: CameraConfig(encoding="mono8"), "encoding"),
-        (lambda: CameraConfig(width=100), "ends at column"),
-        (lambda: CameraConfig(defocus=-1.0), "defocus"),
-        (lambda: SensorNoise(read=-1.0), "read noise"),
-        (lambda: Light(gain=0.0), "gain"),
-        (lambda: Light(ambient=1.5), "ambient"),
-        (lambda: scene(path_z=np.zeros(3)), "one length"),
-        (lambda: scene(cylinder_angle=math.nan), "finite"),
-        (lambda: scene(cable_radius=-1.0), "cable_radius"),
-        (lambda: Patch(column=0, row=0, width=0, height=1, colour=(0, 0, 0)), "patch size"),
-        (lambda: Surroundings(photograph=np.zeros((4, 4))), "photograph"),
-        (lambda: encode_jpeg(np.zeros((4, 4, 3), np.uint8), quality=0), "quality"),
-    ],
-)
-def test_impossible_descriptions_are_refused(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()
+IMPOSSIBLE = [
+    (lambda: CameraConfig(focal=0.0), "focal"),
+    (lambda: CameraConfig(encoding="mono8"), "encoding"),
+    (lambda: CameraConfig(width=100), "ends at column"),
+    (lambda: CameraConfig(defocus=-1.0), "defocus"),
+    (lambda: SensorNoise(read=-1.0), "read noise"),
+    (lambda: Light(gain=0.0), "gain"),
+    (lambda: Light(ambient=1.5), "ambient"),
+    (lambda: scene(path_z=np.zeros(3)), "one length"),
+    (lambda: scene(cylinder_angle=math.nan), "finite"),
+    (lambda: scene(cable_radius=-1.0), "cable_radius"),
+    (lambda: Patch(column=0, row=0, width=0, height=1, colour=(0, 0, 0)), "patch size"),
+    (lambda: Surroundings(photograph=np.zeros((4, 4))), "photograph"),
+    (lambda: encode_jpeg(np.zeros((4, 4, 3), np.uint8), quality=0), "quality"),
+]
+
+
+def test_impossible_descriptions_are_refused():
+    for make, message in IMPOSSIBLE:
+        with pytest.raises(ValueError, match=message):
+            make()
 
 
 def test_calibration_says_what_camera_info_says():

@@ -89,19 +89,20 @@ def test_text_states_faults_with_their_usual_amounts() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("text", "sentence"),
-    [
-        ("camrea:off", "no signal 'camrea'; there are /clock, camera, load_cell"),
-        ("camera", "written target:kind"),
-        ("camera:broken", "no fault 'broken'"),
-        ("camera:off:1", "fault off has no amount"),
-        ("camera:intermittent:1.5", "must be 0 to 1, got 1.5"),
-        ("camera:intermittent:nan", "must be 0 to 1, got nan"),
-        ("camera:slow:x", "must be a number, got 'x'"),
-        ("camera:off,camera:stuck", "camera is given two faults"),
-    ],
-)
-def test_text_that_states_no_fault_is_refused(text: str, sentence: str) -> None:
-    with pytest.raises(FaultError, match=sentence.replace("(", "\\(")):
-        parse_faults(text, TARGETS)
+NO_FAULTS = {
+    "camrea:off": "no signal 'camrea'; there are /clock, camera, load_cell",
+    "camera": "written target:kind",
+    "camera:broken": "no fault 'broken'",
+    "camera:off:1": "fault off has no amount",
+    "camera:intermittent:1.5": "must be 0 to 1, got 1.5",
+    "camera:intermittent:nan": "must be 0 to 1, got nan",
+    "camera:slow:x": "must be a number, got 'x'",
+    "camera:off,camera:stuck": "camera is given two faults",
+}
+
+
+def test_text_that_states_no_fault_is_refused() -> None:
+    for text, sentence in NO_FAULTS.items():
+        with pytest.raises(FaultError) as refusal:
+            parse_faults(text, TARGETS)
+        assert sentence in str(refusal.value), text

@@ -7,7 +7,8 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.machine.machine import SAMPLE_RATE, Machine, MachineConfig
+from winding_rig_node.machine.machine import Machine
+from winding_rig_node.machine.machine_config import SAMPLE_RATE, MachineConfig
 
 
 def axis_trial(config: MachineConfig, seed: int = 0) -> NDArray[np.float64]:

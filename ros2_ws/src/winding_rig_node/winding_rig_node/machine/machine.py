@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from enum import Enum
 from functools import partial
 
 import numpy as np
 
-from winding_core.cases import Case
-from winding_core.drive import DriveProfile
 from winding_core.readings import CABLE_TENSION, AxisReading
 from winding_rig_node.machine.axis import (
     AxisConfig,
@@ -19,118 +14,25 @@ from winding_rig_node.machine.axis import (
     advance_axis,
     control_axis,
     modelled_speed,
-    tuned_pid,
 )
-from winding_rig_node.machine.encoder import CARRIAGE_ENCODER, CYLINDER_ENCODER
 from winding_rig_node.machine.faults import Faults
-from winding_rig_node.machine.motor import CARRIAGE_MOTOR, CYLINDER_MOTOR
-from winding_rig_node.machine.plausibility import (
-    AxisLimits,
-    AxisObservation,
-    Plausibility,
-    PlausibilityConfig,
+from winding_rig_node.machine.machine_config import (
+    CARRIAGE_ENCODER_SIGNAL,
+    CONTROL_RATE,
+    CYLINDER_ENCODER_SIGNAL,
+    FORCE_RATE,
+    LOAD_CELL_SIGNAL,
+    SAMPLE_RATE,
+    MachineConfig,
+    sensor_limits,
 )
+from winding_rig_node.machine.machine_state import MachineState, Phase, PhaseError
+from winding_rig_node.machine.plausibility import AxisObservation, Plausibility
 
-SAMPLE_RATE = 1000
-CONTROL_RATE = 500
-FORCE_RATE = 100
 _SAMPLE_PERIOD = 1.0 / SAMPLE_RATE
 _SAMPLES_PER_CONTROL = SAMPLE_RATE // CONTROL_RATE
 _SAMPLES_PER_FORCE = SAMPLE_RATE // FORCE_RATE
 _GRAVITY = 9.80665
-_LOOP_BANDWIDTH = 4.0
-CYLINDER_ENCODER_SIGNAL, CARRIAGE_ENCODER_SIGNAL = "cylinder_encoder", "carriage_encoder"
-LOAD_CELL_SIGNAL = "load_cell"
-SENSORS = (CYLINDER_ENCODER_SIGNAL, CARRIAGE_ENCODER_SIGNAL, LOAD_CELL_SIGNAL)
-
-CYLINDER_AXIS = AxisConfig(
-    motor=CYLINDER_MOTOR,
-    encoder=CYLINDER_ENCODER,
-    pid=tuned_pid(CYLINDER_MOTOR, _LOOP_BANDWIDTH),
-)
-CARRIAGE_AXIS = AxisConfig(
-    motor=CARRIAGE_MOTOR,
-    encoder=CARRIAGE_ENCODER,
-    pid=tuned_pid(CARRIAGE_MOTOR, _LOOP_BANDWIDTH),
-)
-
-
-class Phase(Enum):
-    """What the machine is doing."""
-
-    IDLE = "idle"
-    WINDING = "winding"
-    STOPPING = "stopping"
-    FINISHED = "finished"
-    PROTECTIVE = "protective stop"
-    EMERGENCY = "emergency stop"
-
-
-@dataclass(frozen=True, kw_only=True)
-class MachineConfig:
-    """The machine and its load.
-
-    Attributes:
-        case: What is wound.
-        drive: Target speeds.
-        duration: Drive time after which a run is finished [s].
-        cylinder: Rotating axis.
-        carriage: Traversing axis.
-        force_noise: One standard deviation of the load cell [N].
-        force_resolution: Step of its converter [N].
-        settling_time: How long the encoders go on after a quick or protective stop [s], so that
-            the readers see the machine stand.
-        quick_stop_time: Time from full speed to standstill in a quick or protective stop [s].
-    """
-
-    case: Case
-    drive: DriveProfile
-    duration: float
-    cylinder: AxisConfig = CYLINDER_AXIS
-    carriage: AxisConfig = CARRIAGE_AXIS
-    force_noise: float = 0.01
-    force_resolution: float = 0.001
-    settling_time: float = 0.1
-    quick_stop_time: float = 0.3
-
-
-@dataclass(kw_only=True)
-class MachineState:
-    """Everything that changes.
-
-    Attributes:
-        phase: What the machine does.
-        sample: Number of encoder samples since the machine was switched on.
-        drive_sample: Samples of the current run, the ramps of stops and starts included.
-        fraction: Share of full speed that the setpoints ask for.
-        fraction_rate: Its change per second [1/s].
-        full_speed_time: Time at full speed that covers the commanded way so far [s].
-        quick: Whether the present stop is a quick one.
-        reason: Why the machine was stopped, if nobody asked for it.
-        stop_began: When the last unplanned stop began, simulated time [s].
-        stood_at: When both axes stood after it [s].
-        tension: Last load cell sample [N]; None when it said nothing that can be.
-        cylinder: Its axis, in radians.
-        carriage: Its axis, in metres.
-    """
-
-    phase: Phase = Phase.IDLE
-    sample: int = 0
-    drive_sample: int = 0
-    fraction: float = 0.0
-    fraction_rate: float = 0.0
-    full_speed_time: float = 0.0
-    quick: bool = False
-    reason: str = ""
-    stop_began: float | None = None
-    stood_at: float | None = None
-    tension: float | None = None
-    cylinder: AxisState = field(default_factory=AxisState)
-    carriage: AxisState = field(default_factory=AxisState)
-
-
-class PhaseError(ValueError):
-    """The machine cannot do this in its present phase."""
 
 
 class Machine:
@@ -150,7 +52,7 @@ class Machine:
         self.config = config
         self.state = MachineState()
         self.faults = Faults()
-        self.plausibility = Plausibility(_limits(config))
+        self.plausibility = Plausibility(sensor_limits(config))
         self.sensors: Mapping[str, Callable[[], float | None]] = {
             CABLE_TENSION.name: lambda: self.state.tension,
         }
@@ -372,23 +274,3 @@ class Machine:
         )
         if reason is not None:
             self.protect(reason)
-
-
-def _limits(config: MachineConfig) -> PlausibilityConfig:
-    return PlausibilityConfig(
-        axes=(
-            AxisLimits(
-                name="cylinder",
-                full_speed=config.drive.angular_speed,
-                resolution=config.cylinder.encoder.resolution,
-            ),
-            AxisLimits(
-                name="carriage",
-                full_speed=config.drive.feed_speed,
-                resolution=config.carriage.encoder.resolution,
-            ),
-        ),
-        weight=config.case.weight,
-        # Without noise a healthy load cell says the same for ever.
-        still_tension=0.3 if config.force_noise > config.force_resolution else math.inf,
-    )

@@ -18,7 +18,8 @@ from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Scene
 from winding_rig_node.machine.faults import Faults
 from winding_rig_node.machine.lay import CableLay
-from winding_rig_node.machine.machine import SAMPLE_RATE, Machine
+from winding_rig_node.machine.machine import Machine
+from winding_rig_node.machine.machine_config import SAMPLE_RATE
 from winding_rig_node.ros.outputs import Outputs, due
 from winding_rig_node.ros.parameters import RigParameters
 from winding_ros import topics

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from winding_rig_node.machine.faults import FaultError, Faults, parse_faults
-from winding_rig_node.machine.machine import SENSORS
+from winding_rig_node.machine.machine_config import SENSORS
 from winding_rig_node.ros.camera import CAMERA_SIGNAL
 from winding_ros import graph
 

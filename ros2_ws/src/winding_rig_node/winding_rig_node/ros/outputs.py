@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from winding_core.readings import AxisReading, Quantity
 from winding_rig_node.machine.faults import Faults, Values
-from winding_rig_node.machine.machine import SAMPLE_RATE
+from winding_rig_node.machine.machine import Machine
+from winding_rig_node.machine.machine_config import SAMPLE_RATE
 from winding_ros import graph, topics
 from winding_ros.camera_messages import (
     CameraReading,
@@ -37,6 +38,16 @@ class Outputs:
     def __init__(self, node: ManagedNode[Any]) -> None:
         self.faults = Faults()
         self._publish = node.endpoints.publish
+
+    def sample(self, machine: Machine) -> None:
+        """Publish what of clock, axes and sensors is due at the machine's present sample."""
+        t, sample = machine.time, machine.state.drive_sample
+        if due(sample, topics.CLOCK):
+            self.clock(t)
+        self.joints(topics.JOINT_STATES, t, machine.reading())
+        if due(sample, topics.JOINT_COMMANDS):
+            self.joints(topics.JOINT_COMMANDS, t, machine.setpoints())
+        self.measured(t, sample, machine.sensors)
 
     def clock(self, t: float) -> None:
         """Publish simulated time [s]."""

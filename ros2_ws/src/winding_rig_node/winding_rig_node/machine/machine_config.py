@@ -1,0 +1,81 @@
+"""What the machine is: rates, axes, sensors, and the limits of what these can say."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from winding_core.cases import Case
+from winding_core.drive import DriveProfile
+from winding_rig_node.machine.axis import AxisConfig, tuned_pid
+from winding_rig_node.machine.encoder import CARRIAGE_ENCODER, CYLINDER_ENCODER
+from winding_rig_node.machine.motor import CARRIAGE_MOTOR, CYLINDER_MOTOR
+from winding_rig_node.machine.plausibility import AxisLimits, PlausibilityConfig
+
+SAMPLE_RATE = 1000
+CONTROL_RATE = 500
+FORCE_RATE = 100
+_LOOP_BANDWIDTH = 4.0
+CYLINDER_ENCODER_SIGNAL, CARRIAGE_ENCODER_SIGNAL = "cylinder_encoder", "carriage_encoder"
+LOAD_CELL_SIGNAL = "load_cell"
+SENSORS = (CYLINDER_ENCODER_SIGNAL, CARRIAGE_ENCODER_SIGNAL, LOAD_CELL_SIGNAL)
+
+CYLINDER_AXIS = AxisConfig(
+    motor=CYLINDER_MOTOR,
+    encoder=CYLINDER_ENCODER,
+    pid=tuned_pid(CYLINDER_MOTOR, _LOOP_BANDWIDTH),
+)
+CARRIAGE_AXIS = AxisConfig(
+    motor=CARRIAGE_MOTOR,
+    encoder=CARRIAGE_ENCODER,
+    pid=tuned_pid(CARRIAGE_MOTOR, _LOOP_BANDWIDTH),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineConfig:
+    """The machine and its load.
+
+    Attributes:
+        case: What is wound.
+        drive: Target speeds.
+        duration: Drive time after which a run is finished [s].
+        cylinder: Rotating axis.
+        carriage: Traversing axis.
+        force_noise: One standard deviation of the load cell [N].
+        force_resolution: Step of its converter [N].
+        settling_time: How long the encoders go on after a quick or protective stop [s], so that
+            the readers see the machine stand.
+        quick_stop_time: Time from full speed to standstill in a quick or protective stop [s].
+    """
+
+    case: Case
+    drive: DriveProfile
+    duration: float
+    cylinder: AxisConfig = CYLINDER_AXIS
+    carriage: AxisConfig = CARRIAGE_AXIS
+    force_noise: float = 0.01
+    force_resolution: float = 0.001
+    settling_time: float = 0.1
+    quick_stop_time: float = 0.3
+
+
+def sensor_limits(config: MachineConfig) -> PlausibilityConfig:
+    """Return what the sensors of a machine can say."""
+    return PlausibilityConfig(
+        axes=(
+            AxisLimits(
+                name="cylinder",
+                full_speed=config.drive.angular_speed,
+                resolution=config.cylinder.encoder.resolution,
+            ),
+            AxisLimits(
+                name="carriage",
+                full_speed=config.drive.feed_speed,
+                resolution=config.carriage.encoder.resolution,
+            ),
+        ),
+        weight=config.case.weight,
+        # Without noise a healthy load cell says the same for ever.
+        still_tension=0.3 if config.force_noise > config.force_resolution else math.inf,
+    )

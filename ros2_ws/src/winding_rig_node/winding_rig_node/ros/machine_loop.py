@@ -1,0 +1,217 @@
+"""The machine in a thread of its own with absolute deadlines, and the camera in another."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+
+from winding_rig_node.machine.machine import Machine
+from winding_rig_node.machine.machine_config import SAMPLE_RATE
+from winding_rig_node.machine.machine_state import Phase
+from winding_rig_node.machine.pace import Pace
+from winding_rig_node.ros.camera import Camera
+from winding_rig_node.ros.outputs import Outputs, due
+from winding_rig_node.ros.parameters import RigParameters
+from winding_ros import topics
+
+_POLL = 0.1
+_STEP_POLL = 0.01
+# A quick stop takes 0.3 s; a machine that does not come to rest may not keep its process.
+_REST_PATIENCE = 0.6
+_SAMPLE_PERIOD = 1.0 / SAMPLE_RATE
+# Stamps come back as seconds in binary: a microsecond decides nothing at 1 kHz.
+_ROUNDING = 1.0e-6
+
+
+class MachineLoop:
+    """Advances the machine as fast as the clock, the paced topics and the camera allow.
+
+    Every method may be called from any thread.
+
+    Attributes:
+        machine: What is advanced.
+        pace: What the readers of its data have answered.
+    """
+
+    def __init__(
+        self,
+        wanted: RigParameters,
+        machine: Machine,
+        pace: Pace,
+        outputs: Outputs,
+        camera: Camera,
+        *,
+        warn: Callable[[str], None],
+        fail: Callable[[Exception], None],
+    ) -> None:
+        """Prepare the loop; `begin` starts it.
+
+        Args:
+            wanted: Speed of simulated time, patience with its readers and the supervisor.
+            machine: What is advanced.
+            pace: What the readers have answered.
+            outputs: Publishers.
+            camera: Takes its pictures in the second thread.
+            warn: Receives the sentence of a stop that nobody asked for.
+            fail: Receives what ended a thread.
+        """
+        self.machine = machine
+        self.pace = pace
+        self._wanted = wanted
+        self._outputs = outputs
+        self._camera = camera
+        self._warn = warn
+        self._fail = fail
+        self._changed = threading.Condition()
+        self._threads: list[threading.Thread] = []
+        self._quit = False
+        self._failed = False
+        self._supervisor_heard = math.inf
+
+    @property
+    def running(self) -> bool:
+        """Whether the threads have been started and not ended."""
+        return bool(self._threads)
+
+    def begin(self) -> None:
+        """Start both threads; time waits for the machine to be started."""
+        self._quit = False
+        self._threads = [
+            threading.Thread(target=self._guard(self._run), name="machine"),
+            threading.Thread(
+                target=self._guard(lambda: self._camera.run(self._going)), name="camera"
+            ),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def end(self) -> None:
+        """Bring the axes to rest and stop both threads."""
+        self.come_to_rest()
+        with self._changed:
+            self._quit = True
+            self._changed.notify_all()
+        for thread in self._threads:
+            thread.join()
+        self._threads = []
+
+    def command(self, act: Callable[[Machine], None]) -> None:
+        """Do something to the machine between two of its steps.
+
+        Raises:
+            PhaseError: The machine cannot do this in its present phase.
+        """
+        with self._changed:
+            act(self.machine)
+            self._changed.notify_all()
+
+    def start(self, machine: Machine) -> None:
+        """Begin or resume winding; for `command`."""
+        self.hear_supervisor()
+        # A client repeats a request whose answer was lost: starting twice is starting once.
+        if machine.state.phase is not Phase.WINDING:
+            self.pace.begin(machine.time)
+        machine.start()
+
+    def answer(self, topic: str, t: float) -> None:
+        """Note that the publisher of a paced topic has dealt with everything up to t [s]."""
+        with self._changed:
+            self.pace.answer(topic, t)
+            self._changed.notify_all()
+
+    def hear_supervisor(self) -> None:
+        """Note a sign of life of the orchestrator."""
+        self._supervisor_heard = time.monotonic()
+
+    def stop_quickly(self, reason: str) -> None:
+        """Stop a machine that winds, and say why."""
+        if self.machine.state.phase is not Phase.WINDING:
+            return
+        self.command(lambda machine: machine.quick_stop(reason))
+        self._warn(f"stopped both axes: {reason}")
+
+    def come_to_rest(self) -> None:
+        """Stop both axes, and wait until they stand."""
+        if not self.running:
+            return
+        with self._changed:
+            self.machine.quick_stop("the node was told to end")
+            self._changed.notify_all()
+            end = time.monotonic() + _REST_PATIENCE
+            while self.machine.moving and not self._failed and time.monotonic() < end:
+                self._changed.wait(_STEP_POLL)
+
+    def _going(self) -> bool:
+        return not self._quit
+
+    def _guard(self, work: Callable[[], None]) -> Callable[[], None]:
+        def run() -> None:
+            try:
+                work()
+            except Exception as error:  # noqa: BLE001 - handed to the executor's thread
+                self._failed = True
+                self._fail(error)
+
+        return run
+
+    def _run(self) -> None:
+        machine = self.machine
+        begun = machine.state.drive_sample > 0
+        deadline = time.monotonic()
+        while not self._quit:
+            with self._changed:
+                if not machine.moving:
+                    self._changed.notify_all()
+                    self._changed.wait(_POLL)
+                    deadline = time.monotonic()
+                    continue
+            self._check_supervisor()
+            if not begun:
+                self._emit()
+                begun = True
+            if not self._wait_for_consumers():
+                continue
+            deadline = self._wait_for_deadline(deadline)
+            with self._changed:
+                machine.step()
+            self._emit()
+
+    def _check_supervisor(self) -> None:
+        limit = self._wanted.supervisor_timeout
+        if limit > 0.0 and time.monotonic() - self._supervisor_heard > limit:
+            self.stop_quickly(f"no sign of life of the orchestrator for {limit:g} s")
+
+    def _wait_for_consumers(self) -> bool:
+        """Return whether time may go on; False when the loop ends meanwhile."""
+        last_answer = time.monotonic()
+        with self._changed:
+            while self.machine.time + _SAMPLE_PERIOD > self.pace.limit + _ROUNDING:
+                # A machine that has to stand soon waits for nobody.
+                if self._quit or self.machine.hurried:
+                    break
+                self._check_supervisor()
+                if self._changed.wait(_POLL):
+                    last_answer = time.monotonic()
+                elif time.monotonic() - last_answer > self._wanted.pace_timeout:
+                    raise TimeoutError(
+                        f"no answer on {self.pace.slowest} for {self._wanted.pace_timeout:g} s at "
+                        f"{self.machine.time:.3f} s of simulated time"
+                    )
+        return not self._quit
+
+    def _wait_for_deadline(self, deadline: float) -> float:
+        """Sleep until the next control step is due; return the following deadline."""
+        speed = self._wanted.speed
+        if speed == 0.0:
+            return deadline
+        # Sleeping once per control step halves the wake-ups of a 1 kHz loop.
+        if self.machine.state.drive_sample % 2 == 0:
+            time.sleep(max(0.0, deadline - time.monotonic()))
+        return deadline + 1.0 / (SAMPLE_RATE * speed)
+
+    def _emit(self) -> None:
+        self._outputs.sample(self.machine)
+        if due(self.machine.state.drive_sample, topics.IMAGE):
+            self._camera.expose(self.machine, self._going)

@@ -1,0 +1,46 @@
+"""What the rig says of itself in its diagnostics."""
+
+from __future__ import annotations
+
+from winding_core.status import Level, Status
+from winding_rig_node.machine.machine import Machine
+from winding_rig_node.machine.machine_state import Phase
+from winding_rig_node.machine.pace import Pace
+from winding_ros import topics
+
+
+def rig_status(machine: Machine, pace: Pace, faults: str) -> Status:
+    """Return the machine's phase and time, and how far its readers are behind.
+
+    Args:
+        machine: The machine.
+        pace: What the readers have answered.
+        faults: The faults that are put in on purpose, as text.
+    """
+    state = machine.state
+    level = Level.WARN if state.reason or faults else Level.OK
+    if state.phase in (Phase.EMERGENCY, Phase.PROTECTIVE):
+        level = Level.ERROR
+    values = {
+        "time": f"{machine.time:.3f}",
+        "phase": state.phase.value,
+        "reason": state.reason,
+        "slowest": pace.slowest if pace.answered else "",
+    }
+    # Of simulated time: what waits on the way to a reader, and in it, is not longer.
+    values |= {
+        f"lead over {name} [s]": f"{max(machine.time - t, 0.0):.3f}"
+        for name, t in pace.answered.items()
+    }
+    refused = machine.plausibility.refused
+    values |= {f"refused {name}": str(count) for name, count in refused.items()}
+    if faults:
+        values["faults"] = faults
+    for name, moment in (("stop_began", state.stop_began), ("stood_at", state.stood_at)):
+        values |= {name: f"{moment:.3f}"} if moment is not None else {}
+    return Status(
+        name=topics.RIG,
+        level=level,
+        message=state.phase.value + (f": {state.reason}" if state.reason else ""),
+        values=values,
+    )
