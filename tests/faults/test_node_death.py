@@ -15,7 +15,11 @@ from rosbags.highlevel import AnyReader
 
 from winding_ros.process import SUPERVISED
 
-pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
+pytestmark = [
+    pytest.mark.processes,
+    pytest.mark.xdist_group("processes"),
+    pytest.mark.timeout(900),
+]
 
 PATIENCE = 600.0
 
