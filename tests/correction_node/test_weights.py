@@ -40,7 +40,7 @@ def test_a_weight_survives_the_way_to_disk(tmp_path, name: str) -> None:
 
 
 def test_missing_weights_say_how_to_make_them(tmp_path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"no trained weights at .*: run `winding train`"):
+    with pytest.raises(FileNotFoundError, match=r"no trained weights at .*: name one of rod, "):
         load_factor(tmp_path)
 
 

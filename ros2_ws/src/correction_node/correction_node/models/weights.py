@@ -136,7 +136,10 @@ def load_factor(directory: Path) -> TrainedFactor:
     """
     weights_file, card_file = directory / WEIGHTS_FILE, directory / CARD_FILE
     if not (weights_file.is_file() and card_file.is_file()):
-        raise FileNotFoundError(f"no trained weights at {directory}: run `winding train`")
+        raise FileNotFoundError(
+            f"no trained weights at {directory}: name one of {', '.join(SHIPPED)}, or a folder "
+            "that `winding train --out` has written"
+        )
     content = weights_file.read_bytes()
     try:
         card = json.loads(card_file.read_text(encoding="utf-8"))
@@ -154,7 +157,10 @@ def load_factor(directory: Path) -> TrainedFactor:
     if foreign:
         raise ValueError(f"{card_file} has schema {card['schema']!r}, expected {SCHEMA!r}")
     if hashlib.sha256(content).hexdigest() != digest:
-        raise ValueError(f"{weights_file} does not match its card: run `winding train`")
+        raise ValueError(
+            f"{weights_file} does not match its card, so it is damaged or of other weights: "
+            "restore both files, or train them anew with `winding train --out`"
+        )
     return TrainedFactor(
         name=name,
         model=_model(form, content, weights_file),
