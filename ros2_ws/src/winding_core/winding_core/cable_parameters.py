@@ -125,7 +125,15 @@ class CableParameters:
 
 
 def published_case(number: object, name: str) -> Case:
-    """Return a case of Table 1; a refusal calls the number by a name."""
+    """Return a case of Table 1.
+
+    Args:
+        number: Of the case, as it was given.
+        name: How a refusal writes what was given.
+
+    Raises:
+        ParameterError: There is no such case.
+    """
     known = published_conditions()
     if not isinstance(number, int) or number not in known:
         raise ParameterError(f"{name} must be one of 1 to {len(known)}, got {number}")
