@@ -26,7 +26,6 @@ demo: $(STAMP)
 	run=runs/demo-$$(date +%Y%m%d-%H%M%S)-$$$$; \
 	    $(BIN)/winding run --case 4 --output $$run --bag $$run/bag $(ARGS)
 
-# What to run before every commit: lint, and the tests that are quick and start no graph.
 # Kernels are compiled once and by one process: code that two make at once may round differently, and
 # a test that compiles on a slow computer may pass its time limit.
 kernels: $(STAMP)
@@ -35,6 +34,7 @@ kernels: $(STAMP)
 	    && $(BIN)/winding track $$film/film --case 4 --fps 50 --camera $$film/film/camera.yaml \
 	    --motion $$film/film/motion.csv --out $$film/markers.csv > /dev/null && rm -r $$film
 
+# What to run before every commit: lint, and the tests that are quick and start no graph.
 check: lint kernels
 	$(BIN)/python -m pytest -q -n 2 --dist loadgroup -m "not processes and not slow"
 
