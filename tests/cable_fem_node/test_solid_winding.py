@@ -7,7 +7,7 @@ import pytest
 
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.winding.prediction import predict
-from cable_fem_node.winding.solid_winding import SolidWinding, predict_solid
+from cable_fem_node.winding.solid_winding import SolidWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
@@ -22,7 +22,7 @@ def wind(model, duration):
 @pytest.mark.slow
 def test_paper_mesh_winds_four_turns_with_a_closed_balance():
     config = WindingConfig(case=paper_case(4), segment_length=20.0e-3, mass_scaling=2000.0)
-    run = predict_solid(config, duration=15.5, rate=10.0)
+    run = predict(config, duration=15.5, rate=10.0, element="solid")
     assert run.theta[-1] > 8.0 * np.pi
     # The bar of the specification.
     assert run.energy.balance_pct < 1.0
@@ -31,7 +31,7 @@ def test_paper_mesh_winds_four_turns_with_a_closed_balance():
 @pytest.mark.slow
 def test_solid_lies_like_the_rod():
     config = WindingConfig(case=paper_case(4), segment_length=5.0e-3, mass_scaling=1500.0)
-    solid = predict_solid(config, duration=2.8, rate=10.0)
+    solid = predict(config, duration=2.8, rate=10.0, element="solid")
     rod = predict(WindingConfig(case=paper_case(4)), duration=2.8, rate=10.0)
     place = 0.06
     theta = np.interp(place, solid.arc, solid.theta) / np.interp(place, rod.arc, rod.theta)

@@ -11,7 +11,6 @@ import pytest
 from cable_fem_node.identification import Readings, TrackedRun
 from cable_fem_node.identification.quasi_static import lay
 from cable_fem_node.winding.prediction import predict
-from cable_fem_node.winding.solid_winding import predict_solid
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Material, paper_case
 from winding_core.drive import DriveProfile
@@ -71,7 +70,7 @@ def test_identification_s_closed_form_honours_the_factors() -> None:
 @pytest.mark.parametrize("name", ["axial_factor", "bending_factor"])
 def test_solid_refuses_a_factor(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name} must be 1, got 0.5"):
-        predict_solid(config(**{name: 0.5}), duration=0.1)
+        predict(config(**{name: 0.5}), duration=0.1, element="solid")
 
 
 def test_factors_must_be_positive_and_finite() -> None:

@@ -13,12 +13,12 @@ import psutil
 import pyarrow.parquet as pq
 import pytest
 
-from cable_fem_node.winding.prediction import OverlapError
+from cable_fem_node.winding.prediction import OverlapError, PlannedRun
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Case, paper_case
 from winding_core.drive import DriveProfile
-from winding_study.runs.planned_run import PlannedRun
-from winding_study.runs.run_store import Arrays, RunStore
+from winding_study.runs.run_store import Arrays, RunStore, run_key
+from winding_study.runs.solver_version import solver_version
 from winding_study.sweep.campaign import Shard, stored_results, wind_missing
 from winding_study.sweep.cluster import Certificates, DaskEngine, refuse_open_scheduler
 from winding_study.sweep.engines import Engine, EngineError, JoblibEngine, batches
@@ -36,7 +36,11 @@ def run(friction: float = 0.1, **more: object) -> PlannedRun:
 
 def runs(count: int, **more: object) -> dict[str, PlannedRun]:
     planned = [run(friction, **more) for friction in np.linspace(0.05, 0.3, count).tolist()]
-    return {one.key: one for one in planned}
+    return {key_of(one): one for one in planned}
+
+
+def key_of(planned: PlannedRun) -> str:
+    return run_key(planned, solver_version())
 
 
 class KillsItsWorker(PlannedRun):
@@ -52,7 +56,7 @@ def quiet(_: object) -> None:
 
 def test_a_key_follows_all_that_decides_a_run() -> None:
     keys = {
-        one.key
+        key_of(one)
         for one in (
             run(),
             run(0.2),
@@ -63,7 +67,7 @@ def test_a_key_follows_all_that_decides_a_run() -> None:
         )
     }
     assert len(keys) == 6
-    assert run().key in keys
+    assert key_of(run()) in keys
 
 
 def test_a_run_that_cannot_be_wound_is_refused_while_it_is_planned() -> None:
@@ -101,12 +105,10 @@ def test_a_worker_with_another_solver_is_refused() -> None:
 
 
 def test_a_worker_takes_what_a_killed_one_has_stored(tmp_path: Path) -> None:
-    from winding_study.runs.solver_version import solver_version
-
     store = RunStore(tmp_path)
-    store.save(run().key, {"status": OK, "s": [7.0]})
-    ((key, found),) = wind_batch([(run().key, run())], store, solver_version(), None)
-    assert (key, found["s"].tolist()) == (run().key, [7.0])
+    store.save(key_of(run()), {"status": OK, "s": [7.0]})
+    ((key, found),) = wind_batch([(key_of(run()), run())], store, solver_version(), None)
+    assert (key, found["s"].tolist()) == (key_of(run()), [7.0])
 
 
 def test_many_runs_go_in_large_batches_and_few_one_by_one() -> None:
@@ -142,11 +144,11 @@ def table(given: dict[str, PlannedRun], results: dict[str, Arrays]) -> Arrays:
 
 def test_the_table_is_the_same_in_both_formats(tmp_path: Path) -> None:
     given = runs(2) | {
-        (fast := run(drive=DriveProfile(angular_speed=200.0, feed_speed=0.5))).key: fast
+        key_of(fast := run(drive=DriveProfile(angular_speed=200.0, feed_speed=0.5))): fast
     }
     # Eight seconds are two turns, and all markers.
     long = run(duration=8.0)
-    given[long.key] = long
+    given[key_of(long)] = long
     columns = table(given, {key: attempt(one) for key, one in given.items()})
     for name in ("table.npz", "table.parquet"):
         write_table(tmp_path / name, columns)
@@ -219,7 +221,7 @@ def test_a_killed_process_loses_nothing(tmp_path: Path) -> None:
 
 def deadly(count: int) -> dict[str, PlannedRun]:
     poison = KillsItsWorker(config=WindingConfig(case=CASE), duration=1.5)
-    return runs(count) | {poison.key: poison}
+    return runs(count) | {key_of(poison): poison}
 
 
 def test_a_run_that_kills_every_process_ends_the_sweep_but_no_other_run(tmp_path: Path) -> None:

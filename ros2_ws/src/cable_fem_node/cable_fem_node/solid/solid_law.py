@@ -8,22 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.solid.solid_law_kernels import (
-    HENCKY,
-    HENCKY_CAUCHY,
-    HYPERELASTIC,
-    LINEAR,
-    piola,
-)
+from cable_fem_node.solid.solid_law_kernels import KINDS, piola
 from winding_core.material_law import MaterialLaw
-
-KINDS = {
-    "linear": LINEAR,
-    "hencky": HENCKY,
-    "hencky_cauchy": HENCKY_CAUCHY,
-    "neo_hookean": HYPERELASTIC,
-    "mooney_rivlin": HYPERELASTIC,
-}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,6 +14,15 @@ from cable_fem_node.dynamics.points import FloatArray
 
 LINEAR, HENCKY, HENCKY_CAUCHY, HYPERELASTIC = range(4)
 
+# The number by which `piola` tells a law of `MaterialLaw` from others.
+KINDS = {
+    "linear": LINEAR,
+    "hencky": HENCKY,
+    "hencky_cauchy": HENCKY_CAUCHY,
+    "neo_hookean": HYPERELASTIC,
+    "mooney_rivlin": HYPERELASTIC,
+}
+
 
 @kernel
 def cofactor(f: FloatArray, out: FloatArray) -> float:

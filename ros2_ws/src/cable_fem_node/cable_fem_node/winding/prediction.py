@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.failure import EnergyBalanceError
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.drive import PAPER_DURATION, DriveProfile
@@ -104,90 +103,136 @@ class Prediction:
         return np.asarray(np.interp(np.asarray(theta, dtype=float), self.theta, self.z))
 
 
+@dataclass(frozen=True, kw_only=True)
+class PlannedRun:
+    """One run of the solver, checked, not yet wound.
+
+    Attributes:
+        config: The model.
+        drive: How the machine moves; the paper's motion by default.
+        duration: Time to wind [s].
+        element: One of ELEMENTS.
+
+    Raises:
+        OverlapError: The feed would lay the cable over itself.
+        ValueError: The duration is not positive, the element is unknown or has no stiffness
+            factors.
+    """
+
+    config: WindingConfig
+    drive: DriveProfile = field(default_factory=DriveProfile)
+    duration: float = PAPER_DURATION
+    element: str = "rod"
+
+    def __post_init__(self) -> None:
+        if self.element not in ELEMENTS:
+            raise ValueError(f"element must be {' or '.join(ELEMENTS)}, got {self.element!r}")
+        _refuse_unless_positive("duration", self.duration)
+        if self.element == "solid":
+            self.config.refuse_stiffness_factors()
+        refuse_overlap(self.config, self.drive)
+
+    def model(self) -> WindingModel:
+        """Return the model at the start of the run, its machine code loaded or built."""
+        return MODELS[self.element](self)
+
+    def wind(
+        self,
+        progress: Progress | None = None,
+        *,
+        rate: float = 50.0,
+        cpu_clock: Clock = time.process_time,
+    ) -> Prediction:
+        """Take the model along the machine's plan from start to finish.
+
+        Args:
+            progress: Called with the share done, 0..1.
+            rate: Marker records per second.
+            cpu_clock: Processor time [s], for the speed that is reported.
+
+        Raises:
+            DivergenceError: The integration failed.
+            EnergyBalanceError: The energy balance does not close within 1 %.
+            ValueError: The rate is not positive.
+        """
+        _refuse_unless_positive("rate", rate)
+        model = self.model()
+        frames = max(1, math.ceil(self.duration * rate - 1.0e-9))
+        times = self.duration * np.arange(frames + 1) / frames
+        start = model.markers()
+        history = np.empty((frames + 1, start.size), dtype=start.dtype)
+        history[0] = start
+        started = cpu_clock()
+        for i, t in enumerate(times[1:].tolist(), start=1):
+            model.advance_to(t, self.drive.reading_at(t))
+            history[i] = model.markers()
+            if progress is not None:
+                progress(i / frames)
+        cpu_seconds = cpu_clock() - started
+        energy = model.energy
+        refuse_open_balance(energy, self.duration)
+        arc, theta, z = model.wound_path()
+        span = model.span_tension
+        return Prediction(
+            config=self.config,
+            drive=self.drive,
+            times=times,
+            history=history,
+            arc=arc,
+            theta=theta,
+            z=z,
+            cable=model.cable(),
+            energy=energy,
+            stretch=model.wound_stretch(),
+            stretch_closed_form=self.config.resolved.wound_stretch(span),
+            span_stretch=self.config.resolved.stretch_at(span),
+            cpu_seconds=cpu_seconds,
+            element_steps=model.element_steps,
+        )
+
+
 def predict(
     config: WindingConfig,
     drive: DriveProfile | None = None,
     duration: float = PAPER_DURATION,
     progress: Progress | None = None,
     *,
+    element: str = "rod",
     rate: float = 50.0,
     cpu_clock: Clock = time.process_time,
 ) -> Prediction:
-    """Wind a whole run ahead with the rod; arguments and errors as `wind_ahead`."""
-
-    def build() -> RodWinding:
-        model = RodWinding(config)
-        model.compile()
-        return model
-
-    return wind_ahead(build, config, drive, duration, progress, rate=rate, cpu_clock=cpu_clock)
-
-
-def wind_ahead(
-    build: Callable[[], WindingModel],
-    config: WindingConfig,
-    drive: DriveProfile | None,
-    duration: float,
-    progress: Progress | None,
-    *,
-    rate: float,
-    cpu_clock: Clock,
-) -> Prediction:
-    """Take a model along the machine's plan from start to finish, with its markers on the way.
-
-    Args:
-        build: Makes the model, at the start of the run; called once nothing speaks against it.
-        config: What is wound.
-        drive: The machine's motion; the paper's by default.
-        duration: Time to wind [s].
-        progress: Called with the share done, 0..1.
-        rate: Marker records per second.
-        cpu_clock: Processor time [s], for the speed that is reported.
-
-    Raises:
-        OverlapError: The feed would lay the cable over itself.
-        DivergenceError: The integration failed.
-        EnergyBalanceError: The energy balance does not close within 1 %.
-        ValueError: Duration or rate is not positive.
-    """
-    drive = DriveProfile() if drive is None else drive
-    for name, value in (("duration", duration), ("rate", rate)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} must be positive and finite, got {value}")
-    refuse_overlap(config, drive)
-    model = build()
-    frames = max(1, math.ceil(duration * rate - 1.0e-9))
-    times = duration * np.arange(frames + 1) / frames
-    start = model.markers()
-    history = np.empty((frames + 1, start.size), dtype=start.dtype)
-    history[0] = start
-    started = cpu_clock()
-    for i, t in enumerate(times[1:].tolist(), start=1):
-        model.advance_to(t, drive.reading_at(t))
-        history[i] = model.markers()
-        if progress is not None:
-            progress(i / frames)
-    cpu_seconds = cpu_clock() - started
-    energy = model.energy
-    refuse_open_balance(energy, duration)
-    arc, theta, z = model.wound_path()
-    span = model.span_tension
-    return Prediction(
+    """Wind a whole run ahead; arguments and errors as `PlannedRun` and its `wind`."""
+    run = PlannedRun(
         config=config,
-        drive=drive,
-        times=times,
-        history=history,
-        arc=arc,
-        theta=theta,
-        z=z,
-        cable=model.cable(),
-        energy=energy,
-        stretch=model.wound_stretch(),
-        stretch_closed_form=config.resolved.wound_stretch(span),
-        span_stretch=config.resolved.stretch_at(span),
-        cpu_seconds=cpu_seconds,
-        element_steps=model.element_steps,
+        drive=DriveProfile() if drive is None else drive,
+        duration=duration,
+        element=element,
     )
+    return run.wind(progress, rate=rate, cpu_clock=cpu_clock)
+
+
+# Kernels take their time to load, so an element's are imported where a model of it is made.
+def _rod(run: PlannedRun) -> WindingModel:
+    from cable_fem_node.winding.rod_winding import RodWinding  # noqa: PLC0415
+
+    model = RodWinding(run.config)
+    model.compile()
+    return model
+
+
+def _solid(run: PlannedRun) -> WindingModel:
+    from cable_fem_node.winding.solid_winding import SolidWinding  # noqa: PLC0415
+
+    return SolidWinding(run.config, run.drive.positions(run.duration)[0])
+
+
+MODELS: dict[str, Callable[[PlannedRun], WindingModel]] = {"rod": _rod, "solid": _solid}
+ELEMENTS = tuple(MODELS)
+
+
+def _refuse_unless_positive(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name} must be positive and finite, got {value}")
 
 
 def refuse_open_balance(energy: EnergyLedger, t: float) -> None:

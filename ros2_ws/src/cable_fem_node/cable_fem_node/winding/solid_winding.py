@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,6 @@ from cable_fem_node.dynamics.surroundings import penalty
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import round_bar
-from cable_fem_node.winding.prediction import Clock, Prediction, Progress, wind_ahead
 from cable_fem_node.winding.resolved_model import chord_radius
 from cable_fem_node.winding.solid_winding_kernels import (
     INSIDE_OUT,
@@ -25,7 +23,6 @@ from cable_fem_node.winding.solid_winding_kernels import (
 )
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel, wound_angles
-from winding_core.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
 
 STEP_SAFETY = 0.8
@@ -190,21 +187,3 @@ class SolidWinding(WindingModel):
     def _laid(self) -> int:
         touching = np.flatnonzero(self._solid.points.touching)
         return int(touching[-1]) // self._machine.per_section + 1 if touching.size else 1
-
-
-def predict_solid(
-    config: WindingConfig,
-    drive: DriveProfile | None = None,
-    duration: float = PAPER_DURATION,
-    progress: Progress | None = None,
-    *,
-    rate: float = 50.0,
-    cpu_clock: Clock = time.process_time,
-) -> Prediction:
-    """Wind a whole run ahead with solid elements; arguments and errors as `wind_ahead`."""
-
-    def build() -> SolidWinding:
-        wanted = DriveProfile() if drive is None else drive
-        return SolidWinding(config, wanted.positions(duration)[0])
-
-    return wind_ahead(build, config, drive, duration, progress, rate=rate, cpu_clock=cpu_clock)

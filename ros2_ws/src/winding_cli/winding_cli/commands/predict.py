@@ -18,8 +18,7 @@ from winding_core.units import MILLIMETRE
 from winding_study.runs.run_parameters import RunParameters
 
 if TYPE_CHECKING:
-    from cable_fem_node.winding.prediction import Prediction
-    from winding_study.runs.planned_run import PlannedRun
+    from cable_fem_node.winding.prediction import PlannedRun, Prediction
 
 
 @with_options(RunParameters)

@@ -67,10 +67,11 @@ def study(
     ] = False,
 ) -> None:
     """Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models."""
+    from cable_fem_node.winding.prediction import ELEMENTS
     from winding_cli.commands import study_output
     from winding_cli.commands.study_conduct import conduct
     from winding_core.material_law import LAWS
-    from winding_study.paper.study import ELEMENTS, StudyConfig
+    from winding_study.paper.study import StudyConfig
 
     if element not in ELEMENTS:
         refuse(f"element must be {' or '.join(ELEMENTS)}, got {element!r}")

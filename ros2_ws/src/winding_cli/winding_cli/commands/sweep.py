@@ -16,7 +16,7 @@ from winding_core.options import option_kinds
 from winding_study.runs.run_parameters import RunParameters
 
 if TYPE_CHECKING:
-    from winding_study.runs.planned_run import PlannedRun
+    from cable_fem_node.winding.prediction import PlannedRun
     from winding_study.runs.run_store import Arrays, RunStore
     from winding_study.sweep.axes import Value
     from winding_study.sweep.engines import Engine
@@ -127,6 +127,8 @@ def _engine(
 
 def _plan(path: Path, part: Any) -> tuple[tuple[str, ...], Plan]:
     """Check every run of a sweep and return this part of it."""
+    from winding_study.runs.run_store import run_key
+    from winding_study.runs.solver_version import solver_version
     from winding_study.sweep.axes import SpecError
     from winding_study.sweep.spec import parse_spec
 
@@ -143,7 +145,7 @@ def _plan(path: Path, part: Any) -> tuple[tuple[str, ...], Plan]:
             run = parameters.plan()
         except ValueError as error:
             refuse(f"{path}: {_name(spec, number, given)}: {error}")
-        rows.append((number, run.key, parameters.as_typed(given), run))
+        rows.append((number, run_key(run, solver_version()), parameters.as_typed(given), run))
     wanted = set(part.keys([key for _, key, _, _ in rows]))
     if not wanted:
         refuse(f"{path}: shard {part.number}/{part.count} is empty: there are {len(rows)} runs")
@@ -193,7 +195,8 @@ def _wind(
 
     if not is_compiled():
         _say("compiling the solver's kernels: once after installation, a minute at most")
-        next(iter(plan.runs.values())).warm_up()
+        # Processes that are started later find the machine code.
+        next(iter(plan.runs.values())).model()
     finished, console = len(done), Console(stderr=True)
     try:
         with (

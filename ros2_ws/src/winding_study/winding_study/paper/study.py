@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 import joblib
 
 from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
-from cable_fem_node.winding.prediction import predict
-from cable_fem_node.winding.solid_winding import predict_solid
+from cable_fem_node.winding.prediction import ELEMENTS, predict
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Case, paper_case
 from winding_core.drive import PAPER_DURATION, DriveProfile
@@ -23,7 +22,6 @@ from winding_study.runs.run_store import RunStore, run_key
 from winding_study.runs.solver_version import solver_version
 
 PROCESSES = 2
-ELEMENTS = ("rod", "solid")
 ROD_SEGMENT = 5.0e-3
 # A wound solid element is a chord: D / 6 is a third of the wound radius, so 0.3 rad.
 SOLID_SEGMENT_SHARE = 1.0 / 6.0
@@ -121,12 +119,12 @@ def wind_case(
         DivergenceError: The integration failed.
         EnergyBalanceError: The energy balance does not close.
     """
-    wind = predict_solid if config.element == "solid" else predict
-    prediction = wind(
+    prediction = predict(
         config.winding(paper_case(number)),
         config.drive,
         config.duration,
         share,
+        element=config.element,
         # Cases run side by side in threads, so the process's clock would count the neighbours.
         cpu_clock=time.thread_time,
     )

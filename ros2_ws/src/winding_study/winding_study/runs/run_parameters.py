@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from cable_fem_node.winding.prediction import ELEMENTS, PlannedRun
 from cable_fem_node.winding.solver_parameters import SolverParameters
 from winding_core.condition import Condition
 from winding_core.parameters import parameter
 from winding_core.units import PLAIN
 
-if TYPE_CHECKING:
-    from winding_study.runs.planned_run import PlannedRun
-
 # The factor on the density: a solid's steps are so short that its true mass takes hours.
 _MASS_SCALING = {"rod": 1.0, "solid": 400.0}
-ELEMENTS = tuple(_MASS_SCALING)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,9 +28,6 @@ class RunParameters(SolverParameters, Condition):
         Raises:
             ValueError: The condition is incomplete or leaves the range of the model.
         """
-        # Commands declare options without waiting for the solver to load.
-        from winding_study.runs.planned_run import PlannedRun  # noqa: PLC0415
-
         what = self.resolved()
         return PlannedRun(
             config=self.config_of(what, mass_scaling=_MASS_SCALING[self.element]),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from winding_study.runs.planned_run import PlannedRun
+from cable_fem_node.winding.prediction import PlannedRun
 from winding_study.runs.run_store import Arrays, RunStore
 from winding_study.sweep.engines import Engine
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from winding_study.runs.planned_run import PlannedRun
+from cable_fem_node.winding.prediction import PlannedRun
 from winding_study.runs.run_store import Arrays, RunStore
 from winding_study.runs.solver_version import solver_version
 from winding_study.sweep.engines import EngineError, batches

@@ -11,7 +11,7 @@ from typing import Protocol
 import joblib
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from winding_study.runs.planned_run import PlannedRun
+from cable_fem_node.winding.prediction import PlannedRun
 from winding_study.runs.run_store import Arrays, RunStore
 from winding_study.runs.solver_version import solver_version
 from winding_study.sweep.outcome import wind_batch

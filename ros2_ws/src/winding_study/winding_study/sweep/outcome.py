@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
+from cable_fem_node.winding.prediction import PlannedRun
 from winding_core.markers import is_wound
-from winding_study.runs.planned_run import PlannedRun
 from winding_study.runs.run_store import Arrays, RunStore, canonical_text
 from winding_study.runs.solver_version import solver_version
 
