@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cable_fem_node.winding.solver_parameters import SolverParameters
-from cable_fem_node.winding.winding_config import WindingConfig
+from cable_fem_node.winding.winding_config import SolverParameters, WindingConfig
 from winding_core.condition import Condition
 from winding_core.parameters import parameter
 

@@ -8,10 +8,12 @@ from functools import cached_property
 
 from cable_fem_node.winding.resolved_model import ResolvedModel
 from winding_core.cases import Case
-from winding_core.condition import Condition
+from winding_core.condition import Condition, ResolvedCondition
 from winding_core.fleet_angle import PAPER_FREE_LENGTH
 from winding_core.material_law import MOONEY_RATIO
+from winding_core.parameters import parameter
 from winding_core.tension import DeadWeight, TensionLaw
+from winding_core.units import LENGTH, PLAIN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,3 +82,49 @@ class WindingConfig:
                 raise ValueError(
                     f"the solid element has no separate stiffnesses: {name} must be 1, got {value}"
                 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverParameters:
+    """How the solver winds a condition: mesh, mass scaling and rolling as parameters."""
+
+    segment_length: float = parameter(
+        WindingConfig.segment_length,
+        "undeformed length of an element",
+        LENGTH,
+        0.0005,
+        0.05,
+        option="segment",
+    )
+    mass_scaling: float = parameter(
+        0.0,
+        "factor on the cable's density",
+        PLAIN,
+        1.0,
+        1.0e4,
+        otherwise="1 with the rod and 400 with the solid",
+    )
+    rolling: bool = parameter(False, "whether the rod may roll on the cylinder", unit=PLAIN)
+
+    def config_of(self, what: ResolvedCondition, *, mass_scaling: float = 1.0) -> WindingConfig:
+        """Return the model of a condition.
+
+        Args:
+            what: What is wound.
+            mass_scaling: Factor on the density where the parameters leave it open.
+
+        Raises:
+            ValueError: The condition cannot be wound with this mesh, or the material cannot
+                carry the weight.
+        """
+        return WindingConfig(
+            case=what.case,
+            friction=what.friction,
+            law=what.law,
+            mooney_ratio=what.mooney_ratio,
+            tension_law=what.tension_law,
+            free_length=what.free_length,
+            segment_length=self.segment_length,
+            mass_scaling=self.mass_scaling or mass_scaling,
+            rolling=self.rolling,
+        )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cable_fem_node.winding.solver_parameters import SolverParameters
+from cable_fem_node.winding.winding_config import SolverParameters
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, check_output_folder, staged

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cable_fem_node.winding.prediction import ELEMENTS, PlannedRun
-from cable_fem_node.winding.solver_parameters import SolverParameters
+from cable_fem_node.winding.winding_config import SolverParameters
 from winding_core.condition import Condition
 from winding_core.parameters import parameter
 from winding_core.units import PLAIN
