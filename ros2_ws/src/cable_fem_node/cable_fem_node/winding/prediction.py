@@ -147,7 +147,7 @@ class PlannedRun:
 
         Args:
             progress: Called with the share done, 0..1.
-            rate: Marker records per second.
+            rate: Marker records per second [1/s].
             cpu_clock: Processor time [s], for the speed that is reported.
 
         Raises:
@@ -201,7 +201,21 @@ def predict(
     rate: float = 50.0,
     cpu_clock: Clock = time.process_time,
 ) -> Prediction:
-    """Wind a whole run ahead; arguments and errors as `PlannedRun` and its `wind`."""
+    """Wind a whole run ahead.
+
+    Args:
+        config: The model.
+        drive: The machine's motion; the paper's by default.
+        duration: Time to wind [s].
+        progress: Called with the share done, 0..1.
+        element: One of ELEMENTS.
+        rate: Marker records per second [1/s].
+        cpu_clock: Processor time [s], for the speed that is reported.
+
+    Raises:
+        OverlapError, ValueError: As `PlannedRun`.
+        DivergenceError, EnergyBalanceError, ValueError: As `PlannedRun.wind`.
+    """
     run = PlannedRun(
         config=config,
         drive=DriveProfile() if drive is None else drive,
