@@ -55,9 +55,9 @@ class Learner:
     learn_all: LearnAll
     description: str
     selection: str
-    seeded: bool
-    physical: bool
-    by_marker: bool
+    seeded: bool = True
+    physical: bool = False
+    by_marker: bool = True
 
 
 def learn_network(
@@ -128,17 +128,12 @@ LEARNERS: dict[str, Learner] = {
         learn_all=learn_network,
         description="The paper's network: three hidden layers of ten, ReLU, one h per case.",
         selection=_WEIGHT_DECAY,
-        seeded=True,
-        physical=False,
         by_marker=False,
     ),
     MARKER_NETWORK: Learner(
         learn_all=learn_marker_network,
         description="The same network over dimensionless inputs, one h per marker.",
-        selection=_WEIGHT_DECAY + " " + _INPUTS,
-        seeded=True,
-        physical=False,
-        by_marker=True,
+        selection=f"{_WEIGHT_DECAY} {_INPUTS}",
     ),
     RIG: Learner(
         learn_all=learn_rig,
@@ -146,14 +141,11 @@ LEARNERS: dict[str, Learner] = {
         selection=_FORM,
         seeded=False,
         physical=True,
-        by_marker=True,
     ),
     RIG_NETWORK: Learner(
         learn_all=learn_rig_network,
         description="The rig's physics, and a network over what it leaves unexplained.",
-        selection=" ".join((_FORM, _WEIGHT_DECAY, _INPUTS)),
-        seeded=True,
+        selection=f"{_FORM} {_WEIGHT_DECAY} {_INPUTS}",
         physical=True,
-        by_marker=True,
     ),
 }

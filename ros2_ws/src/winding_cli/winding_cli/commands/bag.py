@@ -12,7 +12,7 @@ import typer
 
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_folder, staged
-from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_cli.commands.ros_environment import joined
 from winding_cli.commands.space_key import space_key
 from winding_cli.commands.termination import end
@@ -34,10 +34,8 @@ def info(source: Source) -> None:
     from winding_recorder.bags.failure import BagError
     from winding_recorder.bags.notes import COMPLETE, RECOVERED
 
-    try:
+    with refused(BagError, code=FAILED):
         content = contents(source)
-    except BagError as error:
-        refuse(error, FAILED)
     console = result_console()
     size = sum(content.files.values()) / MEGABYTE
     console.print(f"{source}: {content.duration:.3f} s from {content.start:.3f} s, {size:.2f} MB")
@@ -89,10 +87,8 @@ def check(source: Source) -> None:
     from winding_recorder.bags.check import check as look
     from winding_recorder.bags.failure import BagError
 
-    try:
+    with refused(BagError, code=FAILED):
         verdict = look(source)
-    except BagError as error:
-        refuse(error, FAILED)
     for sentence in verdict.findings:
         print(f"found: {sentence}")
     for sentence in verdict.remarks:
@@ -112,11 +108,8 @@ def recover(
     from winding_recorder.bags.recover import recover as salvage
 
     check_output_folder(target, new=True)
-    try:
-        with staged(target) as place:
-            files = salvage(source, place)
-    except BagError as error:
-        refuse(error, FAILED)
+    with refused(BagError, code=FAILED), staged(target) as place:
+        files = salvage(source, place)
     for file in files:
         print(f"{file.name}: kept {file.kept} messages of {file.bytes / MEGABYTE:.2f} MB")
         for loss in file.losses:
@@ -152,10 +145,8 @@ def play(
     from winding_recorder.bags.pacing import Pacing
     from winding_recorder.playback.player import Player
 
-    try:
+    with refused(ValueError):
         pacing = Pacing(rate, paused=start_paused)
-    except ValueError as error:
-        refuse(error)
     stopped = threading.Event()
     try:
         with joined(domain), _player_node() as node:
@@ -203,11 +194,9 @@ def replay(
     from winding_ros.parameter_files import parameters_for
 
     own = None
-    try:
+    with refused(OSError, ValueError):
         if parameters is not None and node in REPLAYABLE:
             own = parameters_for(parameters, f"/{DEFAULT_NAMESPACE}/{REPLAYABLE[node].name}")
-    except (OSError, ValueError) as error:
-        refuse(error)
     try:
         result = feed(source, node, tolerance=tolerance, parameters=own)
     except BagError as error:
@@ -245,11 +234,8 @@ def export(
     from winding_recorder.bags.tables import export as write
 
     check_output_folder(out, new=True)
-    try:
-        with staged(out) as place:
-            files = write(source, place, form, _names(topics))
-    except BagError as error:
-        refuse(error, FAILED)
+    with refused(BagError, code=FAILED), staged(out) as place:
+        files = write(source, place, form, _names(topics))
     for file in files:
         print(out / file.name)
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from winding_cli.commands.output_path import check_output_file, staged
-from winding_cli.commands.refusal import refuse
+from winding_cli.commands.refusal import refused
 from winding_core.units import MILLIMETRE
 
 
@@ -28,7 +28,7 @@ def board(
     from marker_tracker_node.camera.calibration import Board, write_board
 
     check_output_file(out)
-    try:
+    with refused(ValueError):
         drawn = Board(
             columns=columns,
             rows=rows,
@@ -38,8 +38,6 @@ def board(
         )
         with staged(out) as place:
             width, height = write_board(place, drawn, dpi)
-    except ValueError as error:
-        refuse(error)
     print(
         f"{out}: print at {dpi:g} dots per inch, {width / MILLIMETRE:.1f} x "
         f"{height / MILLIMETRE:.1f} mm, and measure a square before you trust it"

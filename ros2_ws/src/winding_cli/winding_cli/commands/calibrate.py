@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from winding_cli.commands.output_path import check_output_file, staged
-from winding_cli.commands.refusal import refuse
+from winding_cli.commands.refusal import refuse, refused
 from winding_core.units import MILLIMETRE
 
 
@@ -39,7 +39,7 @@ def calibrate(
     if not files:
         refuse("there is no picture")
     check_output_file(out)
-    try:
+    with refused(OSError, ValueError):
         photographs = [read_picture(file) for file in files]
         board = Board(
             columns=columns,
@@ -49,8 +49,6 @@ def calibrate(
             dictionary=dictionary,
         )
         result = fit(photographs, board)
-    except (OSError, ValueError) as error:
-        refuse(error)
     with staged(out) as place:
         write_camera(place, result.camera, name)
     print(

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.commands.refusal import refuse
+from winding_cli.commands.refusal import refuse, refused
 from winding_cli.commands.ros_environment import check_namespace, joined
 
 
@@ -36,10 +36,8 @@ def dashboard(
             raise
         refuse("the page needs NiceGUI: pip install cable-winding-twin[dashboard]")
     values = {"host": host, "port": port, "token": token}
-    try:
+    with refused(ParameterError):
         build(DashboardParameters, values, owner="winding dashboard").check()
-    except ParameterError as error:
-        refuse(error)
     if namespace:
         check_namespace(namespace)
     with joined(domain):

@@ -15,7 +15,7 @@ import typer
 
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, write_json
-from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_cli.commands.ros_environment import joined
 
 # commands / winding_cli / winding_cli / src / ros2_ws / the checkout
@@ -45,11 +45,12 @@ def faults(
         outcomes: list[Any] = await campaign.try_rows(names, place.folder, _tell)
         return outcomes
 
-    try:
-        with joined(domain) as place, domain_lock(place.domain, campaign.NAMESPACE):
-            outcomes = run_closing(work)
-    except DomainError as error:
-        refuse(error)
+    with (
+        refused(DomainError),
+        joined(domain) as place,
+        domain_lock(place.domain, campaign.NAMESPACE),
+    ):
+        outcomes = run_closing(work)
     campaign.show(outcomes, result_console())
     if json is not None:
         write_json(json, [outcome.as_record() for outcome in outcomes])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +13,7 @@ from rich.table import Table
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, write_json
-from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE, MILLIRADIAN
 from winding_study.runs.run_parameters import RunParameters
 
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from cable_fem_node.winding.winding_config import WindingConfig
     from winding_core.markers import Markers
     from winding_study.identification.constants import ConstantsEstimate
-    from winding_study.identification.tensile import LawFit
 
 
 @with_options(RunParameters)
@@ -57,14 +55,12 @@ def identify(
     if (tensile is None) == (not sources):
         refuse("give recordings or tables of markers, or --tensile with a stress-strain table")
     check_output_file(json_file)
-    try:
+    with refused(IdentificationError, SourceError, BagError, ValueError):
         if tensile is not None:
             record = _tensile(tensile, RunParameters.from_typed(typed, case=RunParameters.case))
         else:
             runs = _runs(sources or [], weight_n or [], typed)
             record = _identified(runs, use)
-    except (IdentificationError, SourceError, BagError, ValueError) as error:
-        refuse(error)
     if json_file is not None:
         write_json(json_file, record)
     if record.get("refused"):
@@ -288,6 +284,7 @@ def _print_rest(
 
 
 def _tensile(path: Path, parameters: RunParameters) -> dict[str, Any]:
+    from winding_study.documents.data_table import known
     from winding_study.identification.tables import read_tensile_test
     from winding_study.identification.tensile import fit_laws, judgement
 
@@ -310,12 +307,7 @@ def _tensile(path: Path, parameters: RunParameters) -> dict[str, Any]:
         )
     console.print(table)
     console.print(judgement(fits), highlight=False)
-    return {"poisson": poisson, "judgement": judgement(fits), "laws": [_law(f) for f in fits]}
-
-
-def _law(item: LawFit) -> dict[str, Any]:
-    # JSON has no infinity.
-    return {
-        name: value if not isinstance(value, float) or math.isfinite(value) else None
-        for name, value in dataclasses.asdict(item).items()
-    }
+    laws = [
+        {name: known(value) for name, value in dataclasses.asdict(item).items()} for item in fits
+    ]
+    return {"poisson": poisson, "judgement": judgement(fits), "laws": laws}

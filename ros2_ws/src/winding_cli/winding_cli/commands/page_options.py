@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from winding_cli.commands.refusal import refuse
+from winding_cli.commands.refusal import refuse, refused
 
 if TYPE_CHECKING:
     from winding_core.condition import Condition
@@ -35,7 +35,7 @@ def page_parameters(port: int | None, file: Path | None, namespace: str) -> dict
 
     known = {item.name for item in declarations(parameters_of(PAGE))}
     values: dict[str, object] = {}
-    try:
+    with refused(ParameterError, ValueError):
         if file is not None:
             of_tracker = parameters_for(file, f"/{namespace}/{_TRACKER}")
             values |= {name: of_tracker[name] for name in _CAMERA if name in of_tracker}
@@ -45,8 +45,6 @@ def page_parameters(port: int | None, file: Path | None, namespace: str) -> dict
             values["port"] = port
         page: Any = build(parameters_of(PAGE), values, owner=PAGE.name)
         page.check()
-    except (ParameterError, ValueError) as error:
-        refuse(error)
     _refuse_without_page()
     _refuse_taken(page.host, page.port)
     return values | {"host": page.host, "port": page.port}

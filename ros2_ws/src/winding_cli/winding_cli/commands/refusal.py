@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
 
 import typer
@@ -15,3 +17,12 @@ def refuse(sentence: object, code: int = REFUSED) -> NoReturn:
     """End the command with one sentence."""
     print(f"winding: {sentence}", file=sys.stderr)
     raise typer.Exit(code)
+
+
+@contextmanager
+def refused(*errors: type[Exception], code: int = REFUSED) -> Iterator[None]:
+    """End the command with the sentence of any of these errors in the body."""
+    try:
+        yield
+    except errors as error:
+        refuse(error, code)

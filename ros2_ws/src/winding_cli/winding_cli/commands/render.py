@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from winding_cli.commands.output_path import check_output_folder, staged
-from winding_cli.commands.refusal import refuse
+from winding_cli.commands.refusal import refuse, refused
 
 if TYPE_CHECKING:
     from winding_rig_node.camera import Scene
@@ -42,14 +42,12 @@ def render(
     if not (fps > 0.0 and duration_s > 0.0 and start_s >= 0.0):
         refuse(f"rate and duration must be positive, got {fps} frames/s and {duration_s} s")
     check_output_folder(folder)
-    try:
+    with refused(ValueError):
         wound, drive = paper_case(case), DriveProfile()
         end = drive.positions(start_s + duration_s)[0]
         lay = published_lay(wound, drive, PAPER_FREE_LENGTH, end)
         config = CameraConfig(noise=SensorNoise(read=noise), bayer=bayer)
         renderer = Renderer(config.full_frame() if full else config)
-    except ValueError as error:
-        refuse(error)
 
     def instants() -> Iterator[tuple[float, Scene]]:
         for k in range(round(duration_s * fps)):

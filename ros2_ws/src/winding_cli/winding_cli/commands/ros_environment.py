@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from winding_cli.commands.refusal import refuse
+from winding_cli.commands.refusal import refuse, refused
 from winding_cli.commands.termination import interruptible
 
 _NAMESPACE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*")
@@ -44,10 +44,8 @@ def joined(domain: int | None) -> Iterator[Joined]:
     from winding_ros.environment import set_process_environment
     from winding_supervisor.domain_lock import DomainError, chosen_domain
 
-    try:
+    with refused(DomainError):
         chosen = chosen_domain(domain)
-    except DomainError as error:
-        refuse(error)
     with interruptible(), tempfile.TemporaryDirectory(prefix="winding-") as folder:
         set_process_environment(chosen, Path(folder) / "log")
         yield Joined(domain=chosen, folder=Path(folder))

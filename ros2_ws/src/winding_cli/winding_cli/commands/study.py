@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from winding_cli.commands.output_path import check_output_file, check_output_folder
-from winding_cli.commands.refusal import refuse
+from winding_cli.commands.refusal import refuse, refused
 
 STORE = Path("runs") / "study"
 # A row or a range of rows.
@@ -97,7 +97,7 @@ def study(
     if fem == "published" and lengths is not None:
         refuse("--fem published winds nothing, so it has no --lengths")
     chosen, drawn = _cases(cases), _seeds(seeds)
-    try:
+    with refused(ValueError):
         config = StudyConfig(
             element=element,
             law=law or "linear",
@@ -105,8 +105,6 @@ def study(
             mass_scaling=mass_scaling,
             duration=duration_s,
         )
-    except ValueError as error:
-        refuse(error)
     record, stored = conduct(
         config if fem == "own" else None,
         chosen,

@@ -7,7 +7,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.console import progress_bar
+from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_cli.commands.termination import end, interruptible
 
 if TYPE_CHECKING:
@@ -46,10 +47,8 @@ def conduct(
     stored = 0
     if config is not None:
         results, stored = _wind(config, cases, store, processes)
-    try:
+    with refused(ValueError, code=FAILED):
         comparison = beside_experiment(config, cases, results)
-    except ValueError as error:
-        refuse(error, FAILED)
     try:
         with interruptible(), _progress() as progress:
             task = progress.add_task("learning", total=None)
@@ -138,17 +137,6 @@ def _say(sentence: str) -> None:
 
 
 def _progress() -> Progress:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-    from rich.progress import TimeRemainingColumn as Remaining
+    from rich.progress import TimeElapsedColumn, TimeRemainingColumn
 
-    console = Console(stderr=True)
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        Remaining(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
+    return progress_bar(TimeElapsedColumn(), TimeRemainingColumn())

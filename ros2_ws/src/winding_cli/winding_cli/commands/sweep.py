@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from winding_cli.commands.console import progress_bar
 from winding_cli.commands.output_path import check_output_file, staged
-from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_cli.commands.termination import end, interruptible
 from winding_core.options import option_kinds
 from winding_study.runs.run_parameters import RunParameters
@@ -82,11 +83,9 @@ def sweep(
     if out is not None and out.suffix not in SUFFIXES:
         refuse(f"out must end in {' or '.join(SUFFIXES)}, got {out.name}")
     check_output_file(out)
-    try:
+    with refused(ValueError):
         part = Shard() if shard is None else Shard.parse(shard)
         winder = _engine(engine, processes, scheduler, (tls_ca, tls_cert, tls_key))
-    except ValueError as error:
-        refuse(error)
     varied, plan = _plan(spec, part)
     kept = RunStore(store)
     done = _stored(kept, plan, part)
@@ -184,9 +183,7 @@ def _stored(store: RunStore, plan: Plan, part: Any) -> dict[str, Arrays]:
 def _wind(
     plan: Plan, done: dict[str, Arrays], engine: Engine, store: RunStore
 ) -> dict[str, Arrays]:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-    from rich.progress import TimeRemainingColumn as Remaining
+    from rich.progress import MofNCompleteColumn, TimeRemainingColumn
 
     from cable_fem_node.dynamics.compile import is_compiled
     from winding_study.sweep.campaign import wind_missing
@@ -197,19 +194,11 @@ def _wind(
         _say("compiling the solver's kernels: once after installation, a minute at most")
         # Processes that are started later find the machine code.
         next(iter(plan.runs.values())).model()
-    finished, console = len(done), Console(stderr=True)
+    finished = len(done)
     try:
         with (
             interruptible(),
-            Progress(
-                TextColumn("{task.description}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                Remaining(),
-                console=console,
-                transient=True,
-                disable=not console.is_terminal,
-            ) as progress,
+            progress_bar(MofNCompleteColumn(), TimeRemainingColumn()) as progress,
         ):
             task = progress.add_task("winding", total=len(plan.runs), completed=finished)
             failed = sum(str(results["status"]) != OK for results in done.values())

@@ -13,7 +13,7 @@ from rich.table import Table
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, staged
-from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_core.condition import Condition, ResolvedCondition
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 
@@ -66,7 +66,7 @@ def track(
     if not source.exists():
         refuse(f"{source} does not exist")
     check_output_file(out)
-    try:
+    with refused(OSError, ValueError):
         wound = Condition.from_typed(typed, spelling=spelled, case=Condition.case)
         config = _config(wound.resolved(), band_mm, camera_position_mm)
         bag = _is_bag(source)
@@ -79,8 +79,6 @@ def track(
             refuse("there is no motion: give --motion")
         tracker = Tracker(config, lens, remember=refined)
         rows = list(_measure(tracker, _frames(source, bag, fps), drive))
-    except (OSError, ValueError) as error:
-        refuse(error)
     with staged(out) as place:
         write_measurements(place, rows)
     _print(tracker, lens, refined)

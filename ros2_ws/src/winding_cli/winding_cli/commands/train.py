@@ -10,7 +10,7 @@ import typer
 
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_folder, staged
-from winding_cli.commands.refusal import refuse
+from winding_cli.commands.refusal import refuse, refused
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -54,10 +54,8 @@ def train(
     from correction_node.training.training import TrainingConfig
 
     console = result_console()
-    try:
+    with refused(FileNotFoundError, ValueError):
         data_set = load_data_set(data)
-    except (FileNotFoundError, ValueError) as error:
-        refuse(error)
     if compare:
         _compare(data_set, steps)
         return
@@ -67,11 +65,8 @@ def train(
             refuse(f"give --out: no weights of model {model} on data {data} are shipped")
         out = weights_directory(shipped[data, model])
     check_output_folder(out)
-    try:
-        with Console(stderr=True).status("learning") as status:
-            learned = learn(data_set, model, TrainingConfig(steps=steps), status.update, seed=seed)
-    except ValueError as error:
-        refuse(error)
+    with refused(ValueError), Console(stderr=True).status("learning") as status:
+        learned = learn(data_set, model, TrainingConfig(steps=steps), status.update, seed=seed)
     with staged(out) as place:
         save_factor(learned.factor, place)
     console.print(_table(learned.scores, data))

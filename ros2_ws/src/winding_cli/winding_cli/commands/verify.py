@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import MofNCompleteColumn, TimeElapsedColumn
 from rich.table import Table
 
-from winding_cli.commands.console import result_console
+from winding_cli.commands.console import progress_bar, result_console
 from winding_cli.commands.output_path import check_output_file, write_json
 from winding_cli.commands.refusal import FAILED, refuse
 
@@ -36,19 +36,13 @@ def verify(
     unknown = [name for name in names if name not in PROBLEMS]
     if unknown:
         refuse(f"no problem named {', '.join(unknown)}; there are {', '.join(PROBLEMS)}")
-    errors = Console(stderr=True)
     if not is_compiled():
-        errors.print("compiling the solver's kernels: once after installation, a minute at most")
+        Console(stderr=True).print(
+            "compiling the solver's kernels: once after installation, a minute at most"
+        )
     check_output_file(json_file)
     rows: list[Row] = []
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=errors,
-        transient=True,
-    ) as bar:
+    with progress_bar(MofNCompleteColumn(), TimeElapsedColumn()) as bar:
         task = bar.add_task("verifying", total=len(names))
         for name, found in run_suite(names):
             rows += found

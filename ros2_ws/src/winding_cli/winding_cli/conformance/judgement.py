@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -55,51 +55,42 @@ class Heard:
     refused: list[str] = field(default_factory=list)
 
 
-def judge_stream(name: str, heard: Heard, lowest_rate: float) -> list[Finding]:
-    """Return findings on one topic: messages can be read, stamps run forward, often enough."""
+def judge_stream(name: str, heard: Heard, lowest_rate: float) -> Iterator[Finding]:
+    """Yield findings on one topic: messages can be read, stamps run forward, often enough."""
     stamps = np.array(heard.stamps)
-    findings = [
-        Finding(
-            promise=f"{name}: every message can be read",
-            kept=not heard.refused and len(stamps) > 0,
-            measured=heard.refused[0] if heard.refused else f"{len(stamps)} messages",
-        )
-    ]
+    yield Finding(
+        promise=f"{name}: every message can be read",
+        kept=not heard.refused and len(stamps) > 0,
+        measured=heard.refused[0] if heard.refused else f"{len(stamps)} messages",
+    )
     if len(stamps) < 2:
-        return findings
+        return
     steps = np.diff(stamps)
     backwards = int((steps <= 0.0).sum())
-    findings.append(
-        Finding(
-            promise=f"{name}: stamps increase",
-            kept=backwards == 0,
-            measured=f"{backwards} of {len(steps)} do not",
-        )
+    yield Finding(
+        promise=f"{name}: stamps increase",
+        kept=backwards == 0,
+        measured=f"{backwards} of {len(steps)} do not",
     )
     rate = float((len(stamps) - 1) / max(stamps[-1] - stamps[0], 1.0e-9))
-    findings.append(
-        Finding(
-            promise=f"{name}: at least {lowest_rate:g} Hz by its stamps",
-            kept=rate >= lowest_rate,
-            measured=f"{rate:.1f} Hz",
-        )
+    yield Finding(
+        promise=f"{name}: at least {lowest_rate:g} Hz by its stamps",
+        kept=rate >= lowest_rate,
+        measured=f"{rate:.1f} Hz",
     )
-    return findings
 
 
-def judge_encoder(heard: Heard) -> list[Finding]:
-    """Return findings on rig/joint_states beyond those of any stream."""
+def judge_encoder(heard: Heard) -> Iterator[Finding]:
+    """Yield findings on rig/joint_states beyond those of any stream."""
     stamps, values = np.array(heard.stamps), np.array(heard.values)
     if len(stamps) < 3:
-        return []
+        return
     gap = float(np.diff(stamps).max())
-    findings = [
-        Finding(
-            promise=f"rig/joint_states: no gap above {LONGEST_GAP_S / MILLISECOND:g} ms",
-            kept=gap <= LONGEST_GAP_S,
-            measured=f"largest {gap / MILLISECOND:.1f} ms",
-        )
-    ]
+    yield Finding(
+        promise=f"rig/joint_states: no gap above {LONGEST_GAP_S / MILLISECOND:g} ms",
+        kept=gap <= LONGEST_GAP_S,
+        measured=f"largest {gap / MILLISECOND:.1f} ms",
+    )
     span = stamps[-1] - stamps[0]
     for name, position, velocity, unit in (
         ("cylinder", 0, 1, "rad/s"),
@@ -108,59 +99,44 @@ def judge_encoder(heard: Heard) -> list[Finding]:
         moved = float(values[-1, position] - values[0, position]) / span
         told = float(np.trapezoid(values[:, velocity], stamps)) / span
         largest = max(abs(moved), abs(told))
-        findings.append(
-            Finding(
-                promise=f"rig/joint_states: {name} velocity is the rate of its position",
-                kept=largest == 0.0 or abs(moved - told) <= SPEED_TOLERANCE * largest,
-                measured=f"position moves {moved:.4g} {unit}, velocity says {told:.4g} {unit}",
-            )
+        yield Finding(
+            promise=f"rig/joint_states: {name} velocity is the rate of its position",
+            kept=largest == 0.0 or abs(moved - told) <= SPEED_TOLERANCE * largest,
+            measured=f"position moves {moved:.4g} {unit}, velocity says {told:.4g} {unit}",
         )
-    return findings
 
 
-def judge_tension(heard: Heard) -> list[Finding]:
-    """Return findings on rig/tension beyond those of any stream."""
+def judge_tension(heard: Heard) -> Iterator[Finding]:
+    """Yield findings on rig/tension beyond those of any stream."""
     force = np.array([value[0] for value in heard.values])
-    if len(force) == 0:
-        return []
-    return [
-        Finding(
+    if len(force):
+        yield Finding(
             promise="rig/tension: force.x pulls, in newton",
             kept=bool((force > 0.0).all()),
             measured=f"{force.min():.3f} to {force.max():.3f} N",
         )
-    ]
 
 
-def judge_camera(images: Heard, infos: Heard, encoder: Heard) -> list[Finding]:
-    """Return findings on frames: each with its calibration, each within the encoder's samples."""
+def judge_camera(images: Heard, infos: Heard, encoder: Heard) -> Iterator[Finding]:
+    """Yield findings on frames: each with its calibration, each within the encoder's samples."""
     frames, calibrations = set(images.stamps), set(infos.stamps)
     # The newest frame's calibration may still be on its way, and the other way round.
     open_end = max(frames | calibrations, default=0.0)
     alone = (frames ^ calibrations) - {open_end}
-    findings = [
-        Finding(
-            promise="camera/camera_info: one for each frame, with its stamp",
-            kept=bool(frames) and not alone,
-            measured=f"{len(alone)} of {len(frames)} frames differ",
-        )
-    ]
+    yield Finding(
+        promise="camera/camera_info: one for each frame, with its stamp",
+        kept=bool(frames) and not alone,
+        measured=f"{len(alone)} of {len(frames)} frames differ",
+    )
     if encoder.stamps and images.stamps:
-        outside = [
-            t
-            for t in images.stamps
-            if not encoder.stamps[0] - CLOCK_TOLERANCE_S
-            <= t
-            <= encoder.stamps[-1] + CLOCK_TOLERANCE_S
-        ]
-        findings.append(
-            Finding(
-                promise="camera/image_raw: stamped by the encoder's clock",
-                kept=not outside,
-                measured=f"{len(outside)} of {len(images.stamps)} frames lie outside",
-            )
+        first, last = encoder.stamps[0], encoder.stamps[-1]
+        earliest, latest = first - CLOCK_TOLERANCE_S, last + CLOCK_TOLERANCE_S
+        outside = [t for t in images.stamps if not earliest <= t <= latest]
+        yield Finding(
+            promise="camera/image_raw: stamped by the encoder's clock",
+            kept=not outside,
+            measured=f"{len(outside)} of {len(images.stamps)} frames lie outside",
         )
-    return findings
 
 
 def judge_clock(streams: Sequence[Heard]) -> Finding:

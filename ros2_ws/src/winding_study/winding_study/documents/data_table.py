@@ -112,7 +112,7 @@ class DataTable:
         return {
             "title": self.title,
             "columns": [column.name for column in self.columns],
-            "rows": [[_known(value) for value in row] for row in self.rows],
+            "rows": [[known(value) for value in row] for row in self.rows],
             "means": self.means,
         }
 
@@ -122,17 +122,17 @@ class DataTable:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow([column.name for column in self.columns])
         for row in self.rows:
-            known = [_known(value) for value in row]
-            writer.writerow(["" if value is None else value for value in known])
+            writer.writerow([known(value) for value in row])
         return text.getvalue()
 
 
-def _known(value: Value) -> Value:
+def known(value: Value) -> Value:
+    """Return a value, or None in place of a number that is not finite, which JSON has not."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _text(value: Value, digits: int) -> str:
-    value = _known(value)
+    value = known(value)
     if value is None:
         return MISSING
     return f"{value:.{digits}f}" if isinstance(value, float) else str(value)

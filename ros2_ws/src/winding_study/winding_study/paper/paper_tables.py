@@ -66,18 +66,8 @@ def _lay_table(
             "cylinder, mm": case.cylinder_diameter / MILLIMETRE,
             "tension, MPa": case.nominal_stress / MEGAPASCAL,
         }
-        for name, lay in sides.items():
-            content[f"theta {name}, rad"] = lay.theta if lay else None
-        for name, lay in sides.items():
-            content[f"z {name}, mm"] = lay.z / MILLIMETRE if lay else None
-        for name, lay in sides.items():
-            if name != EXPERIMENT:
-                content[f"|dtheta| {name}, rad"] = _gap(lay, row.experiment, "theta")
-        for name, lay in sides.items():
-            if name != EXPERIMENT:
-                gap = _gap(lay, row.experiment, "z")
-                content[f"|dz| {name}, mm"] = None if gap is None else gap / MILLIMETRE
-        return content
+        content |= _places(sides, "theta", "rad", 1.0) | _places(sides, "z", "mm", MILLIMETRE)
+        return content | _gaps(sides, "theta", "rad", 1.0) | _gaps(sides, "z", "mm", MILLIMETRE)
 
     return _table(
         number,
@@ -100,13 +90,8 @@ def _length_table(
     def values(row: PublishedMarker) -> Row:
         sides = _sides(row, ours, who)
         content: dict[str, Value] = {"undeformed, mm": row.original_length / MILLIMETRE}
-        for name, lay in sides.items():
-            content[f"S {name}, mm"] = lay.s / MILLIMETRE if lay else None
-        for name, lay in sides.items():
-            if name != EXPERIMENT:
-                gap = _gap(lay, row.experiment, "s")
-                content[f"|dS| {name}, mm"] = None if gap is None else gap / MILLIMETRE
-        return content
+        content |= _places(sides, "S", "mm", MILLIMETRE)
+        return content | _gaps(sides, "S", "mm", MILLIMETRE)
 
     return _table(
         number,
@@ -178,10 +163,27 @@ def _sides(
     return {**own, PAPER: row.simulation, EXPERIMENT: row.experiment}
 
 
-def _gap(one: Lay | None, other: Lay | None, name: str) -> float | None:
-    if one is None or other is None:
-        return None
-    return abs(float(getattr(one, name)) - float(getattr(other, name)))
+def _places(
+    sides: Mapping[str, Lay | None], quantity: str, unit: str, scale: float
+) -> dict[str, Value]:
+    return {
+        f"{quantity} {name}, {unit}": getattr(lay, quantity.lower()) / scale if lay else None
+        for name, lay in sides.items()
+    }
+
+
+def _gaps(
+    sides: Mapping[str, Lay | None], quantity: str, unit: str, scale: float
+) -> dict[str, Value]:
+    wanted = sides[EXPERIMENT]
+    field = quantity.lower()
+    return {
+        f"|d{quantity}| {name}, {unit}": abs(getattr(lay, field) - getattr(wanted, field)) / scale
+        if lay and wanted
+        else None
+        for name, lay in sides.items()
+        if name != EXPERIMENT
+    }
 
 
 def _table(

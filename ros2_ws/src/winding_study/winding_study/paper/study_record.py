@@ -18,7 +18,7 @@ from correction_node.training.comparison import (
 )
 from correction_node.training.learners import NETWORK, RIG, RIG_NETWORK
 from winding_core.published import published_markers, published_weights
-from winding_study.documents.data_table import DataTable
+from winding_study.documents.data_table import DataTable, known
 from winding_study.paper.comparison import Comparison, compare_paper
 from winding_study.paper.paper_tables import Factors, paper_tables
 from winding_study.paper.study import StudyConfig
@@ -219,7 +219,7 @@ class StudyRecord:
                     "kind": model.kind,
                     "description": model.description,
                     **{
-                        field_name: _number(getattr(model, field_name))
+                        field_name: known(getattr(model, field_name))
                         for field_name in (
                             "in_sample_pct",
                             "leave_one_case_out_pct",
@@ -249,7 +249,3 @@ def _lowest(models: Mapping[str, ModelScore], kinds: Iterable[str]) -> str | Non
         if model.kind in wanted and math.isfinite(model.leave_one_case_out_pct)
     }
     return min(known, key=lambda name: known[name]) if known else None
-
-
-def _number(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value)
