@@ -9,8 +9,8 @@ from fault_table.outcome import Outcome
 from rich.console import Console
 from typer.testing import CliRunner
 
-from winding_cli.commands.app import app
 from winding_cli.commands import faults
+from winding_cli.commands.app import app
 
 LATE = {"fault": "late", "outcome": "the run went on", "detected_after": 2.0, "detect_within": 1.0}
 
