@@ -116,6 +116,7 @@ PYPI_ONLY = {
         "pyarrow",
         "rosbags",
         "safetensors",
+        "starlette",
         "torch",
         "typer",
         "zstandard",

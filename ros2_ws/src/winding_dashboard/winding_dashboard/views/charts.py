@@ -10,6 +10,7 @@ from typing import Any
 from nicegui import ui
 
 from winding_core.units import MILLIMETRE
+from winding_dashboard.views.elements import heading
 from winding_dashboard.views.palette import CORRECTED, LINE, MEASURED, PREDICTED, SETPOINT, SOFT
 from winding_dashboard.views.trace import Trace
 from winding_dashboard.views.view_state import ViewState
@@ -55,7 +56,7 @@ class LiveChart:
         self._series, self._scale, self._least = tuple(series), scale, least
         with ui.element("section").classes("card").props(f'aria-label="Chart: {title}"'):
             with ui.element("div").classes("heading-row"):
-                self.title = ui.label(title).classes("heading").props("role=heading aria-level=2")
+                self.title = heading(title)
                 self.corner = ui.element("div")
             self._chart = ui.echart(_options(self._series)).classes("chart")
         self._shown: tuple[int, float, str] = (0, 0.0, "")

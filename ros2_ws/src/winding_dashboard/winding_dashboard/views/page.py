@@ -11,6 +11,7 @@ from nicegui import ui
 from winding_dashboard.views import commands
 from winding_dashboard.views.charts import Charts
 from winding_dashboard.views.commands import CommandError, Graph
+from winding_dashboard.views.elements import question
 from winding_dashboard.views.palette import DANGER
 from winding_dashboard.views.panels import CameraPanel, Figures, MarkerTable, NodeTable, number
 from winding_dashboard.views.record_panel import RecordPanel
@@ -113,17 +114,14 @@ class Page:
                     # Nothing is asked here: it acts on the click.
                     commands.EMERGENCY_STOP: self._button(commands.EMERGENCY_STOP, DANGER),
                 }
-        with ui.dialog() as self._dialog, ui.card().classes("dialog"):
-            ui.label("Reset the machine to the start of a run?").classes("title")
-            ui.label(
-                "What this page shows of the present run is dropped, and solver, tracker and "
-                "correction begin anew. A recording keeps what it has."
-            )
-            with ui.row():
-                ui.button("Keep the run", on_click=self._dialog.close).props(
-                    "unelevated no-caps color=grey-9 autofocus"
-                )
-                ui.button("Reset", on_click=self._reset).props("outline no-caps color=grey-9")
+        self._dialog = question(
+            "Reset the machine to the start of a run?",
+            "What this page shows of the present run is dropped, and solver, tracker and "
+            "correction begin anew. A recording keeps what it has.",
+            keep="Keep the run",
+            act="Reset",
+            do=self._reset,
+        )
 
     def _button(self, command: str, colour: str = "grey-9") -> ui.button:
         async def click() -> None:

@@ -18,26 +18,22 @@ SETPOINT = "#52606d"
 DANGER = "#b3261e"
 
 # viridis at nine even steps: monotone in lightness, so also readable in grey.
-_VIRIDIS = (
-    np.array(
-        [
-            [68, 1, 84],
-            [71, 44, 122],
-            [59, 81, 139],
-            [44, 113, 142],
-            [33, 144, 141],
-            [39, 173, 129],
-            [92, 200, 99],
-            [170, 220, 50],
-            [253, 231, 37],
-        ]
-    )
-    / 255.0
-)
-GRADIENT = "linear-gradient(to right, #440154, #3b518b, #21908d, #5cc863, #fde725)"
+_STOPS = [
+    "440154",
+    "472c7a",
+    "3b518b",
+    "2c718e",
+    "21908d",
+    "27ad81",
+    "5cc863",
+    "aadc32",
+    "fde725",
+]
+GRADIENT = f"linear-gradient(to right, {', '.join(f'#{stop}' for stop in _STOPS[::2])})"
 
 
 def viridis(share: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return RGB, shape (n, 3) in [0, 1], of shares in [0, 1], shape (n,)."""
-    stops = np.linspace(0.0, 1.0, len(_VIRIDIS))
-    return np.stack([np.interp(share, stops, channel) for channel in _VIRIDIS.T], axis=1)
+    colours = np.array([list(bytes.fromhex(stop)) for stop in _STOPS]) / 255.0
+    stops = np.linspace(0.0, 1.0, len(colours))
+    return np.stack([np.interp(share, stops, channel) for channel in colours.T], axis=1)

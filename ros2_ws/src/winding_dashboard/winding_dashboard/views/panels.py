@@ -9,6 +9,7 @@ from nicegui import ui
 
 from winding_core.status import Level
 from winding_core.units import MILLIMETRE
+from winding_dashboard.views.elements import heading
 from winding_dashboard.views.health import NodeHealth
 from winding_dashboard.views.marker_rows import MOST_MARKERS, MarkerRow
 from winding_dashboard.views.material_view import material_sentence
@@ -36,11 +37,6 @@ def number(value: float, digits: int, scale: float = 1.0, sign: bool = False) ->
     # Minus zero is noise.
     rounded = round(scale * value, digits) + 0.0
     return f"{rounded:+.{digits}f}" if sign else f"{rounded:.{digits}f}"
-
-
-def heading(text: str) -> ui.label:
-    """Return a card's heading."""
-    return ui.label(text).classes("heading").props("role=heading aria-level=2")
 
 
 class CameraPanel:

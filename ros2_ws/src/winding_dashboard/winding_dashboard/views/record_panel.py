@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable
 from nicegui import ui
 
 from winding_dashboard.views.commands import Graph
+from winding_dashboard.views.elements import heading, question
 from winding_dashboard.views.recording import recording_sentence
 from winding_dashboard.views.view_state import ViewState
 
@@ -34,25 +35,20 @@ class RecordPanel:
         self._state, self._graph, self._do, self._clock = state, graph, do, clock
         self._busy = False
         with ui.element("section").classes("card setup").props('aria-label="Recording"'):
-            ui.label("Recording").classes("heading").props("role=heading aria-level=2")
+            heading("Recording")
             with ui.element("div").classes("row"):
                 self._button = ui.button("Record", on_click=self._turn).props(
                     "outline no-caps color=grey-9"
                 )
                 self._said = ui.label().classes("remark").props("role=status")
-        with ui.dialog() as self._dialog, ui.card().classes("dialog"):
-            ui.label("Stop recording while the machine winds?").classes("title")
-            ui.label(
-                "What comes from now on is not recorded. What has been recorded stays and is "
-                "closed; recording again goes into a further bag."
-            )
-            with ui.row():
-                ui.button("Keep recording", on_click=self._dialog.close).props(
-                    "unelevated no-caps color=grey-9 autofocus"
-                )
-                ui.button("Stop recording", on_click=self._end).props(
-                    "outline no-caps color=grey-9"
-                )
+        self._dialog = question(
+            "Stop recording while the machine winds?",
+            "What comes from now on is not recorded. What has been recorded stays and is "
+            "closed; recording again goes into a further bag.",
+            keep="Keep recording",
+            act="Stop recording",
+            do=self._end,
+        )
 
     def update(self) -> None:
         """Show the state, and enable what can be done now."""

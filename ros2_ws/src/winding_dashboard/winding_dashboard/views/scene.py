@@ -8,6 +8,7 @@ import numpy as np
 from nicegui import ui
 
 from winding_core.markers import MarkerFlag
+from winding_dashboard.views.elements import heading
 from winding_dashboard.views.marker_rows import MOST_MARKERS
 from winding_dashboard.views.palette import GRADIENT, INK, MEASURED, TINT
 from winding_dashboard.views.shape import SCALE, scene_points
@@ -27,9 +28,7 @@ class SceneView:
     def __init__(self) -> None:
         with ui.element("section").classes("card grows").props('aria-label="3-D view"'):
             with ui.element("div").classes("heading-row"):
-                ui.label("Predicted cable and tracked markers").classes("heading").props(
-                    "role=heading aria-level=2"
-                )
+                heading("Predicted cable and tracked markers")
                 with ui.element("div").classes("scale remark"):
                     self._low = ui.label("tension")
                     ui.element("div").classes("bar").style(f"background: {GRADIENT}")

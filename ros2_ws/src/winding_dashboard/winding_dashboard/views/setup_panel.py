@@ -19,6 +19,7 @@ from winding_dashboard.views.condition_form import (
     hint,
     label,
 )
+from winding_dashboard.views.elements import heading, question
 from winding_dashboard.views.view_state import ViewState
 
 _OWN = 0
@@ -45,7 +46,7 @@ class SetupPanel:
         self._known = False
         self._busy = False
         with ui.element("section").classes("card setup").props('aria-label="Next run"'):
-            ui.label("Next run").classes("heading").props("role=heading aria-level=2")
+            heading("Next run")
             with ui.element("div").classes("row"):
                 self._case = ui.select(_cases(), label="Case", value=None).props("dense outlined")
                 self._law = ui.select(
@@ -65,17 +66,14 @@ class SetupPanel:
                     "outline no-caps color=grey-9"
                 )
                 self._said = ui.label().classes("remark").props("role=status")
-        with ui.dialog() as self._dialog, ui.card().classes("dialog"):
-            ui.label("Prepare another run?").classes("title")
-            ui.label(
-                "The machine has already been moved. Its nodes are taken down and built anew: "
-                "time begins at zero, and what this page shows of the present run is dropped."
-            )
-            with ui.row():
-                ui.button("Keep the run", on_click=self._dialog.close).props(
-                    "unelevated no-caps color=grey-9 autofocus"
-                )
-                ui.button("Prepare", on_click=self._prepare).props("outline no-caps color=grey-9")
+        self._dialog = question(
+            "Prepare another run?",
+            "The machine has already been moved. Its nodes are taken down and built anew: "
+            "time begins at zero, and what this page shows of the present run is dropped.",
+            keep="Keep the run",
+            act="Prepare",
+            do=self._prepare,
+        )
         self._elements: tuple[DisableableElement, ...] = (
             self._case,
             self._law,
