@@ -40,7 +40,7 @@ class Case:
     """One winding condition.
 
     Attributes:
-        number: Row of Table 1, or 0 for a condition of one's own.
+        number: Row of Table 1, or 0 for any other condition.
         cylinder_diameter: [m]
         cable_diameter: Undeformed [m]
         weight: Force of the dead weight on the cable's end [N].

@@ -1,4 +1,4 @@
-"""Least-squares fit of the rig's span-tension law to whatever a cable's lay tells of it."""
+"""Least-squares fit of the rig's span-tension law to what is known of a cable's lay."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def watch_heartbeat(
     name: str,
     told: Callable[[Sign], None],
 ) -> Subscription:
-    """Return a subscription that tells of a node's signs of life and of their end.
+    """Return a subscription that reports a node's signs of life and their end.
 
     Args:
         node: Who watches.

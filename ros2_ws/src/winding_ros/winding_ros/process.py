@@ -50,7 +50,7 @@ def _settle() -> None:
 
 
 def run_node(factory: Callable[[], ManagedNode[Any]]) -> int:
-    """Spin a node until it is told to stop; return the exit code.
+    """Spin a node until a signal ends it; return the exit code.
 
     On SIGINT and SIGTERM the node comes to rest first, while it can still publish, and then the
     process ends. A parameter that is refused ends it with code 2 and one sentence on stderr.

@@ -75,7 +75,7 @@ class Topic:
     ) -> Subscription:
         """Return a subscription on a node; raw callbacks get the serialised bytes.
 
-        `found` is told how many messages waited at each wake-up.
+        `found` is called with the number of messages that waited at each wake-up.
 
         One wake-up serves every message that waits. An executor by itself takes one message of
         each topic per round: a reader in arrears would see a 1 kHz topic fall ever further

@@ -49,7 +49,7 @@ def subscribers_of(values: Mapping[str, str]) -> dict[str, int]:
 
 
 def news(statuses: Iterable[Status]) -> list[object]:
-    """Return what of these statuses is told at once when it changes."""
+    """Return what of these statuses is published at once when it changes."""
     return [
         (status.name, status.level, status.message, subscribers_of(status.values))
         for status in statuses

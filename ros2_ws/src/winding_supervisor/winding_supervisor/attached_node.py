@@ -57,7 +57,7 @@ class AttachedNode:
         return 0
 
     async def stop(self) -> int:
-        """Leave the process alone; a node let go of waits for the next run."""
+        """Leave the process alone; a detached node waits for the next run."""
         return 0
 
     async def refusal(self, patience: float) -> str:

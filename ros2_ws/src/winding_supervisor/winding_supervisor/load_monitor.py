@@ -97,7 +97,7 @@ class LoadMonitor:
                 known = process is not None and process.pid == pid
                 if process is None or not known:
                     process = self._processes[name] = psutil.Process(pid)
-                # The first call begins the span that the second one tells of.
+                # The first call begins the span that the second one measures.
                 share = process.cpu_percent()
                 if known:
                     values[f"cpu {name} [%]"] = f"{share:.0f}"

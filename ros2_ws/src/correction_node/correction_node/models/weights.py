@@ -100,7 +100,7 @@ class TrainedFactor:
 
 
 def weights_directory(name: str) -> Path:
-    """Return the folder of shipped weights, one of SHIPPED, or a path of one's own."""
+    """Return the folder of shipped weights, one of SHIPPED, or the path of another."""
     if name in SHIPPED:
         return Path(str(files("correction_node").joinpath("trained", name)))
     return Path(name)

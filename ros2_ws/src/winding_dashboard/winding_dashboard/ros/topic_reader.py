@@ -32,7 +32,7 @@ class TopicReader:
     Args:
         node: A node that no executor spins.
         parameters: Where the camera stands.
-        state: What is told.
+        state: What the page shows.
     """
 
     def __init__(self, node: Node, parameters: DashboardParameters, state: ViewState) -> None:

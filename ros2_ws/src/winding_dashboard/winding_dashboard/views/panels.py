@@ -20,7 +20,7 @@ _DASH = "–"
 _PER_METRE = 1.0 / MILLIMETRE
 _MOST_NODES = 12
 _FEWEST_ROWS = 4
-# Votes that are told; the others are below.
+# Votes that are shown; the others are below.
 _TOLD_VOTES = 3
 _LEVELS = {
     Level.OK: ("ok", "quiet"),

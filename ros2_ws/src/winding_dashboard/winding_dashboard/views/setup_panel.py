@@ -132,7 +132,7 @@ class SetupPanel:
         self.update()
 
     def _chosen(self) -> Choice | None:
-        """Return what stands in the form; None when it is refused, which is told."""
+        """Return what stands in the form; None when it is refused, with a notice."""
         filled = {key: field.value for key, field in self._fields.items()}
         try:
             condition = filled_condition(

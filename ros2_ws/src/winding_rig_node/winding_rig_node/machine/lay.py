@@ -35,7 +35,7 @@ class CableLay:
 
 @dataclass(frozen=True, kw_only=True)
 class HiddenCable:
-    """Properties of the simulated cable that no other node is told.
+    """Properties of the simulated cable that no other node is given.
 
     Attributes:
         free_length: True tangent span [m].

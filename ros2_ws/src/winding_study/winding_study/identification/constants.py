@@ -61,7 +61,7 @@ class ConstantsEstimate:
             return "Neo-Hookean has one constant, C10; C01 is zero"
         if self.separable:
             return (
-                f"C10 and C01 are told apart: C01 is {self.share:.0%} of their sum, "
+                f"C10 and C01 are distinguished: C01 is {self.share:.0%} of their sum, "
                 f"standard error {self.share_standard_error:.0%}"
             )
         return (

@@ -144,7 +144,7 @@ def wind_cases(
 ) -> tuple[CaseResult, ...]:
     """Wind cases side by side and return them in order.
 
-    The kernels let go of the interpreter, so threads use as many processors as processes would.
+    The kernels release the interpreter lock, so threads use as many processors as processes would.
     A case that the store has is not wound again; every other one is stored as it ends, so that
     a study which was interrupted goes on where it was.
 
