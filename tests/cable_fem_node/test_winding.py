@@ -33,6 +33,10 @@ def drive_to(model, t, **more):
     model.advance_to(t, DRIVE.reading_at(t), **more)
 
 
+# One process computes what the tests of this file share.
+pytestmark = pytest.mark.xdist_group("winding")
+
+
 @pytest.fixture(scope="module")
 def run():
     return predict(WindingConfig(case=paper_case(4)))

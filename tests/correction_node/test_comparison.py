@@ -21,7 +21,8 @@ from correction_node.training.learners import MARKER_NETWORK, NETWORK, RIG, RIG_
 from winding_core.published import published_markers, published_weights
 
 # Every model is trained as long as the shipped ones.
-pytestmark = pytest.mark.slow
+# One process computes what the tests of this file share.
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("comparison")]
 
 ROD = load_data_set("rod")
 

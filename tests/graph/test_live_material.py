@@ -17,7 +17,8 @@ from winding_ros.graph import expected_subscribers, pace_topics
 from winding_ros.material_messages import decode_material
 from winding_ros.topic import Topic
 
-pytestmark = pytest.mark.slow
+# One process computes what the tests of this file share.
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("live_material")]
 
 # Quicker than the paper's runs, so that four markers land in seven seconds of winding.
 CONDITION: dict[str, Any] = {
