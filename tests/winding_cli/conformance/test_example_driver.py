@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-DRIVER = Path(__file__).parents[2] / "examples" / "driver_node.py"
+DRIVER = Path(__file__).parents[3] / "examples" / "driver_node.py"
 
 pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("conformance")]
 
