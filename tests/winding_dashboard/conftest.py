@@ -293,13 +293,26 @@ class Tab:
 
     def misfits(self) -> list[str]:
         """Return what sticks out, is clipped or covers something else."""
-        wide, room = self.page.evaluate(
+        wide, room = self.measured(
             "[document.documentElement.scrollWidth, document.documentElement.clientWidth]"
         )
         found = []
         if wide > room:
-            found = [f"the page is {wide} wide in {room}", *self.page.evaluate(WIDE)]
-        return found + self.page.evaluate(CLIPPED) + self.page.evaluate(OVERLAPPING)
+            found = [f"the page is {wide} wide in {room}", *self.measured(WIDE)]
+        return found + self.measured(CLIPPED) + self.measured(OVERLAPPING)
+
+    def measured(self, script: str) -> Any:
+        """Evaluate a script; a page whose connection broke meanwhile loads itself again."""
+        from playwright.sync_api import Error
+
+        end = time.monotonic() + TAB_PATIENCE
+        while True:
+            try:
+                return self.page.evaluate(script)
+            except Error as error:
+                if "context was destroyed" not in str(error) or time.monotonic() > end:
+                    raise
+                self.page.wait_for_load_state()
 
     def strangers(self, url: str) -> list[str]:
         """Return who else was asked for something."""
