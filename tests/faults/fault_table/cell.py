@@ -14,6 +14,7 @@ from typing import Any
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.serialization import deserialize_message
+from std_srvs.srv import Trigger
 
 from winding_core.status import Status
 from winding_recorder.live.recorder import Recorder
@@ -25,6 +26,7 @@ from winding_ros.rig_messages import MessageError, decode_joint_state
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog
 from winding_supervisor.orchestrator import GraphConfig, Orchestrator
+from winding_supervisor.simulated_machine import SimulatedMachine
 from winding_supervisor.supervision import Supervisor, replay_parameters
 
 CASE = 4
@@ -97,6 +99,7 @@ class FaultCell:
         )
         self.supervisor = Supervisor(
             self.orchestrator,
+            SimulatedMachine(self.client, self.recorder.buffer, _RUN_LENGTH),
             self.client,
             self.recorder.buffer,
             self.log,
@@ -285,7 +288,7 @@ class FaultCell:
             await self.orchestrator.rematch(dead)
         if topics.RIG not in dead:
             await self.inject("")
-            await self.orchestrator.command("rig/quick_stop")
+            await self._command("rig/quick_stop")
             await self.until(self._stands, "standstill before a reset")
             await self._reset()
         await self.orchestrator.begin_anew()
@@ -296,13 +299,20 @@ class FaultCell:
         await self.until(self._nobody_complains, "healthy topics")
         self._began, self._begun = max(self.t, 0.0), time.monotonic()
         self.supervision = asyncio.create_task(self.supervisor.watch())
-        await self.orchestrator.command("rig/start")
+        await self._command("rig/start")
+
+    async def _command(self, service: str) -> None:
+        answer = await self.client.call(
+            Trigger, f"/{self.namespace}/{service}", Trigger.Request(), _PATIENCE
+        )
+        if not answer.success:
+            raise GraphError(f"{service} was refused: {answer.message}")
 
     async def _reset(self) -> None:
         end = time.monotonic() + _PATIENCE
         while True:
             try:
-                await self.orchestrator.command("rig/reset")
+                await self._command("rig/reset")
             except GraphError:
                 # It says idle a moment before the brakes hold.
                 if time.monotonic() > end:

@@ -10,12 +10,14 @@ from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
+from winding_core.machine_axes import AxisReader, JointSample, MachineAxes
 from winding_core.readings import CABLE_TENSION, AxisReading, Quantity
 from winding_ros.stamps import decode_stamp, encode_stamp
 
 CYLINDER_JOINT = "cylinder_joint"
 CARRIAGE_JOINT = "carriage_joint"
 BASE_FRAME = "winder_axis"
+_PLAIN_AXES = MachineAxes()
 
 
 class MessageError(ValueError):
@@ -35,35 +37,73 @@ def encode_joint_state(t: float, reading: AxisReading) -> JointState:
 
 
 def decode_joint_state(message: JointState) -> tuple[float, AxisReading]:
-    """Return (t [s], reading) of a JointState, whatever the order of its joints.
+    """Return (t [s], reading) of a JointState in radians and metres, whatever its joints' order.
+
+    Raises:
+        MessageError: A joint or a velocity is missing, or a number is not finite.
+    """
+    sample = decode_joint_sample(message, _PLAIN_AXES)
+    reading = AxisReader(_PLAIN_AXES).read(sample)
+    if math.isnan(sample.cylinder_speed) or math.isnan(sample.carriage_speed):
+        raise MessageError(_incomplete(message, _PLAIN_AXES, "position and velocity"))
+    return sample.t, reading
+
+
+def decode_joint_sample(message: JointState, axes: MachineAxes) -> JointSample:
+    """Return both joints of a JointState in their own units; a velocity may be missing.
 
     Raises:
         MessageError: A joint is missing or a number is not finite.
     """
     names = list(message.name)
     try:
-        cylinder, carriage = names.index(CYLINDER_JOINT), names.index(CARRIAGE_JOINT)
-        reading = AxisReading(
-            cylinder_angle=message.position[cylinder],
-            angular_speed=message.velocity[cylinder],
-            carriage_position=message.position[carriage],
-            feed_speed=message.velocity[carriage],
-        )
+        cylinder, carriage = names.index(axes.cylinder_joint), names.index(axes.carriage_joint)
+        positions = (message.position[cylinder], message.position[carriage])
     except (ValueError, IndexError):
-        raise MessageError(
-            f"joint state needs position and velocity of {CYLINDER_JOINT} and {CARRIAGE_JOINT}, "
-            f"got names {names}, {len(message.position)} positions, "
-            f"{len(message.velocity)} velocities"
-        ) from None
-    numbers = (
-        reading.cylinder_angle,
-        reading.angular_speed,
-        reading.carriage_position,
-        reading.feed_speed,
+        raise MessageError(_incomplete(message, axes, "position")) from None
+    velocity = message.velocity
+    speeds = tuple(
+        velocity[joint] if joint < len(velocity) else math.nan for joint in (cylinder, carriage)
     )
-    if not all(map(math.isfinite, numbers)):
-        raise MessageError(f"joint state must be finite, got {numbers}")
-    return decode_stamp(message.header.stamp), reading
+    # A velocity that is not a number is one that the driver does not measure.
+    if not all(map(math.isfinite, positions)) or any(map(math.isinf, speeds)):
+        raise MessageError(f"joint state must be finite, got {(*positions, *speeds)}")
+    return JointSample(
+        t=decode_stamp(message.header.stamp),
+        cylinder=positions[0],
+        carriage=positions[1],
+        cylinder_speed=speeds[0],
+        carriage_speed=speeds[1],
+    )
+
+
+class JointStateReader:
+    """Decodes the joint states of one machine, one after the other.
+
+    Args:
+        axes: Of the machine.
+    """
+
+    def __init__(self, axes: MachineAxes) -> None:
+        self.axes = axes
+        self._reader = AxisReader(axes)
+
+    def __call__(self, message: JointState) -> tuple[float, AxisReading]:
+        """Return (t [s], reading) of a JointState.
+
+        Raises:
+            MessageError: A joint is missing or a number is not finite.
+        """
+        sample = decode_joint_sample(message, self.axes)
+        return sample.t, self._reader.read(sample)
+
+
+def _incomplete(message: JointState, axes: MachineAxes, wanted: str) -> str:
+    return (
+        f"joint state needs {wanted} of {axes.cylinder_joint} and {axes.carriage_joint}, "
+        f"got names {list(message.name)}, {len(message.position)} positions, "
+        f"{len(message.velocity)} velocities"
+    )
 
 
 def encode_quantity(type_: type, quantity: Quantity, t: float, value: float) -> Any:

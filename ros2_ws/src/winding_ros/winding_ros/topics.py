@@ -26,6 +26,8 @@ from winding_ros.topic import Topic
 
 # Reliable delivery keeps what a stalled reader has not taken yet: depth is rate x worst stall.
 WORST_STALL_S = 2.0
+# Encoders of real machines are read at up to this rate [Hz].
+FASTEST_DRIVER = 2000.0
 
 
 def _topic(
@@ -35,14 +37,28 @@ def _topic(
     publisher: str,
     description: str,
     decode: Callable[[Any], tuple[float, Any]],
+    *,
+    fastest: float = 0.0,
     **further: Any,
 ) -> Topic:
+    """Return a topic whose readers keep what comes within the worst stall.
+
+    Args:
+        name: Relative to the namespace, or absolute.
+        type_: Message class.
+        rate: Nominal, of the simulated machine's topics [Hz].
+        publisher: Node.
+        description: One line.
+        decode: Makes (t [s], content) of a message.
+        fastest: Rate at which a real machine's driver may publish it, where that is more [Hz].
+        further: Fields of `Topic`.
+    """
     return Topic(
         name=name,
         type=type_,
         rate=rate,
         publisher=publisher,
-        depth=max(10, int((rate or 0.0) * WORST_STALL_S)),
+        depth=max(10, int(max(rate or 0.0, fastest) * WORST_STALL_S)),
         description=description,
         decode=decode,
         **further,
@@ -52,7 +68,9 @@ def _topic(
 def _measured(name: str, type_: type, rate: float, description: str, quantity: Quantity) -> Topic:
     """Return a topic of the rig whose messages carry one number of a sensor."""
     decode = partial(decode_quantity, quantity)
-    return _topic(name, type_, rate, RIG, description, decode, quantity=quantity)
+    return _topic(
+        name, type_, rate, RIG, description, decode, fastest=FASTEST_DRIVER, quantity=quantity
+    )
 
 
 def _records(dtype: np.dtype[np.void]) -> Callable[[Any], tuple[float, Any]]:
@@ -71,6 +89,7 @@ JOINT_STATES = _topic(
     RIG,
     "encoder samples of cylinder and carriage",
     decode_joint_state,
+    fastest=FASTEST_DRIVER,
 )
 JOINT_COMMANDS = _topic(
     "rig/joint_commands",

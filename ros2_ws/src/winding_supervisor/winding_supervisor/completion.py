@@ -16,11 +16,13 @@ class Completion:
     """Says when each node has dealt with a run's last sample.
 
     Args:
-        duration: Simulated length of the run [s].
+        end: Stamp of the run's end [s].
+        camera: Whether frames are tracked.
     """
 
-    def __init__(self, duration: float) -> None:
-        self._duration = duration
+    def __init__(self, end: float, *, camera: bool = True) -> None:
+        self._end = end
+        self._camera = camera
         self._last_frame = -1.0
         self._since = math.inf
 
@@ -29,6 +31,8 @@ class Completion:
         followers = (topics.JOINT_STATES, topics.FEM_MARKERS, topics.CORRECTED_MARKERS)
         if not all(self._ends(topic, buffer) for topic in followers):
             return False
+        if not self._camera:
+            return True
         if self._ends(topics.CAMERA_INFO, buffer) and self._ends(topics.TRACKED_MARKERS, buffer):
             return True
         # The camera may have lost its last frames: then the one before has to be answered.
@@ -39,4 +43,4 @@ class Completion:
 
     def _ends(self, topic: Topic, buffer: RunBuffer) -> bool:
         assert topic.rate is not None
-        return buffer.last_stamp(topic) > self._duration - 1.0 / topic.rate
+        return buffer.last_stamp(topic) > self._end - 1.0 / topic.rate

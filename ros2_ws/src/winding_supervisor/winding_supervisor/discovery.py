@@ -10,7 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
-from winding_ros.graph import GRAPH, expected_subscribers
+from winding_ros.graph import NodeSpec, expected_subscribers
 from winding_ros.message_guard import UNKNOWN_NODE
 from winding_ros.topic import Topic
 
@@ -18,7 +18,6 @@ PATIENCE = 30.0
 # A stranger that cannot be reached is not waited for any longer.
 _STRANGER_PATIENCE = 5.0
 _POLL = 0.02
-_NODES = frozenset(spec.name for spec in GRAPH)
 
 
 class Discovery:
@@ -31,12 +30,16 @@ class Discovery:
     Args:
         client: Knows what the nodes say, and who subscribes.
         recorded: Topics that the recorder listens to.
+        graph: The nodes.
     """
 
-    def __init__(self, client: AsyncClient, recorded: frozenset[str]) -> None:
+    def __init__(
+        self, client: AsyncClient, recorded: frozenset[str], graph: tuple[NodeSpec, ...]
+    ) -> None:
         self._client = client
         self._recorded = recorded
-        self._expected = expected_subscribers(recorded)
+        self._expected = expected_subscribers(recorded, graph)
+        self._nodes = frozenset(spec.name for spec in graph)
 
     async def complete(self) -> None:
         """Wait until nobody is missing.
@@ -69,7 +72,7 @@ class Discovery:
     def _outsiders(self, name: str) -> int:
         topic = next(topic for topic in topics.TOPICS if topic.name == name)
         # A recorder that takes pictures on demand comes and goes, too.
-        own = _NODES | {topics.RECORDER} if name in self._recorded else _NODES
+        own = self._nodes | {topics.RECORDER} if name in self._recorded else self._nodes
         return outsiders(self._client, topic, own)
 
 

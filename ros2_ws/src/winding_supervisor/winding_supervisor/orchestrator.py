@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from std_srvs.srv import Trigger
-
 from winding_core.parameters import declarations
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
@@ -51,6 +49,8 @@ class GraphConfig:
         parameters_file: Parameter file of the user, given to every node.
         recorded: Topics that the recorder of this process listens to.
         attach: Whether somebody else runs the nodes, such as a container each.
+        graph: The nodes, those first that only listen.
+        sim_time: Whether the nodes' time is the simulated machine's.
     """
 
     namespace: str
@@ -59,6 +59,8 @@ class GraphConfig:
     parameters_file: Path | None = None
     recorded: frozenset[str] = frozenset()
     attach: bool = False
+    graph: tuple[NodeSpec, ...] = GRAPH
+    sim_time: bool = True
 
 
 class Orchestrator:
@@ -68,9 +70,9 @@ class Orchestrator:
         self.config = config
         self._client = client
         self._transitions = LifecycleDriver(client, config.namespace, self._reason)
-        self.processes: list[Member] = [self._process(spec) for spec in GRAPH]
+        self.processes: list[Member] = [self._process(spec) for spec in config.graph]
         self._active: set[str] = set()
-        self._matching = Discovery(client, config.recorded)
+        self._matching = Discovery(client, config.recorded, config.graph)
         # What the nodes were found to be set to, for those that are started again.
         self._adopted: dict[str, dict[str, object]] = {}
 
@@ -164,20 +166,8 @@ class Orchestrator:
 
     async def begin_anew(self) -> None:
         """Let every node but the rig begin a new run: what it knew of the last one is gone."""
-        names = (spec.name for spec in GRAPH if spec.name != topics.RIG)
+        names = (spec.name for spec in self.config.graph if spec.name != topics.RIG)
         await self._while_alive(self._transitions.renew(names))
-
-    async def command(self, service: str) -> None:
-        """Call one of the rig's commands, such as rig/start.
-
-        Raises:
-            GraphError: It was refused.
-        """
-        response = await self._client.call(
-            Trigger, f"/{self.config.namespace}/{service}", Trigger.Request(), START_TIMEOUT
-        )
-        if not response.success:
-            raise GraphError(f"{service} was refused: {response.message}")
 
     async def first_death(self, among: Sequence[Member] = ()) -> Member:
         """Wait until a process ends, of some or of all; return it."""
@@ -212,7 +202,7 @@ class Orchestrator:
 
     def _process(self, spec: NodeSpec, extra: Mapping[str, object] | None = None) -> Member:
         namespace = self.config.namespace
-        values = {"use_sim_time": True, **self.config.parameters.get(spec.name, {})}
+        values = {"use_sim_time": self.config.sim_time, **self.config.parameters.get(spec.name, {})}
         values |= extra or {}
         if self.config.attach:
             if self.config.parameters_file is not None:

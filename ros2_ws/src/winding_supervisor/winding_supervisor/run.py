@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import AsyncExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,10 +20,13 @@ from winding_supervisor.completion import Completion
 from winding_supervisor.dashboard_process import DashboardConfig, DashboardProcess
 from winding_supervisor.domain_lock import chosen_domain, domain_lock
 from winding_supervisor.event_log import Event, EventLog
+from winding_supervisor.external_machine import ExternalMachine
 from winding_supervisor.interruption import Interruption, run_closing
+from winding_supervisor.machine import Machine
 from winding_supervisor.operator_run import OperatorRun, parameter_notes
 from winding_supervisor.orchestrator import GraphConfig, Orchestrator
 from winding_supervisor.run_config import RunConfig, check_run, claim_folder
+from winding_supervisor.simulated_machine import SimulatedMachine
 from winding_supervisor.supervision import Supervisor, replay_parameters
 
 _POLL = 0.05
@@ -43,6 +46,8 @@ class RunResult:
         wound: Parameters of the machine in a run that an operator conducted; nothing when none
             was begun.
         bags: What was recorded.
+        ended: Why the run ended before its end; empty for one that came to its end.
+        simulated: Whether its machine was the simulated one, with samples at known instants.
     """
 
     buffer: RunBuffer
@@ -51,6 +56,8 @@ class RunResult:
     events: tuple[Event, ...] = ()
     wound: Mapping[str, object] = field(default_factory=dict)
     bags: tuple[Path, ...] = ()
+    ended: str = ""
+    simulated: bool = True
 
 
 View = Callable[[RunBuffer, float], None]
@@ -85,7 +92,9 @@ class Run:
         self.config = config
         self._log = EventLog(file=config.directory / "events.jsonl")
         self._wall = 0.0
-        self._wound: Mapping[str, object] = {}
+        self._operated: OperatorRun | None = None
+        self._recorder_of_run: Recorder | None = None
+        self._began: float | None = None
 
     def wind(self, view: View, say: Say = print) -> RunResult:
         """Run the graph once from start to finish, or as an operator conducts it.
@@ -102,14 +111,32 @@ class Run:
         async def work(stack: AsyncExitStack, interruption: Interruption) -> Recorder:
             return await self._wind(stack, interruption, view, say)
 
-        recorder = run_closing(work)
+        return self._result(run_closing(work))
+
+    def remains(self, reason: str) -> RunResult | None:
+        """Return what a run leaves that ended early for a reason; None if nothing was wound."""
+        recorder = self._recorder_of_run
+        begun = self._began is not None or (self._operated is not None and self._operated.wound)
+        if recorder is None or not begun or recorder.buffer.time <= 0.0:
+            return None
+        return self._result(recorder, reason)
+
+    def _result(self, recorder: Recorder, ended: str = "") -> RunResult:
+        operated = self._operated
+        wall = self._wall
+        if operated is not None:
+            wall = operated.wall_s
+        elif ended and self._began is not None:
+            wall = time.monotonic() - self._began
         return RunResult(
             buffer=recorder.buffer,
-            wall_s=self._wall,
+            wall_s=wall,
             recording_error=recorder.error,
             events=tuple(self._log.events),
-            wound=self._wound,
+            wound={} if operated is None else operated.wound,
             bags=tuple(recorder.bags.folders),
+            ended=ended,
+            simulated=self.config.machine is None,
         )
 
     async def _wind(
@@ -118,13 +145,19 @@ class Run:
         config = self.config
         client = AsyncClient(config.namespace)
         stack.callback(client.close)
-        recorder = self._recorder(client)
+        recorder = self._recorder_of_run = self._recorder(client)
         # It publishes until everything is stored, so it is closed before the client.
         stack.callback(recorder.close)
         client.start()
-        orchestrator = Orchestrator(self._graph(), client)
+        machine = self._machine(client, recorder.buffer)
+        await machine.stand()
+        axes = machine.parameters()
+        if axes:
+            recorder.bags.note(parameter_notes(config.parameters(axes)))
+        orchestrator = Orchestrator(self._graph(axes), client)
         supervisor = Supervisor(
             orchestrator,
+            machine,
             client,
             recorder.buffer,
             self._log,
@@ -138,34 +171,61 @@ class Run:
             stack.push_async_callback(interruption.unless_hastened, page.stop)
         stack.push_async_callback(orchestrator.kill)
         stack.push_async_callback(interruption.unless_hastened, orchestrator.stop)
+        stack.push_async_callback(interruption.unless_hastened, machine.leave)
         await orchestrator.start()
         await orchestrator.bring_up()
         await stack.enter_async_context(supervisor.beating())
-        if page is None:
-            await self._follow(orchestrator, supervisor, recorder, view)
-            return recorder
-        await page.start()
-        say(f"operator's page: {page.url}  (Start is there; Ctrl-C here ends the run)")
         ended = asyncio.Event()
+        if page is not None:
+            await page.start()
+            say(f"operator's page: {page.url}  (Start is there; Ctrl-C here ends the run)")
+        if page is None or not machine.simulated:
+            if not machine.simulated:
+                say("ready; Ctrl-C ends the run")
+                interruption.instead_of_sigint(ended.set)
+            beside = () if page is None else (page.keep(),)
+            await self._follow(machine, supervisor, recorder, view, ended, beside)
+            return recorder
         interruption.instead_of_sigint(ended.set)
-        operated = OperatorRun(client, orchestrator, recorder, ended)
-        await operated.follow((supervisor.watch(), page.keep()), view)
-        self._wound, self._wall = operated.wound, operated.wall_s
+        self._operated = OperatorRun(client, orchestrator, recorder, ended)
+        await self._operated.follow((supervisor.watch(), page.keep()), view)
         return recorder
 
     async def _follow(
-        self, orchestrator: Orchestrator, supervisor: Supervisor, recorder: Recorder, view: View
+        self,
+        machine: Machine,
+        supervisor: Supervisor,
+        recorder: Recorder,
+        view: View,
+        ended: asyncio.Event,
+        further: Sequence[Coroutine[Any, Any, None]],
     ) -> None:
-        """Start the machine and wait until every node has dealt with the run's last sample."""
-        begin = time.monotonic()
-        await orchestrator.command("rig/start")
+        """Start the machine and wait until every node has dealt with the run's last sample.
+
+        Args:
+            machine: Started here, unless it or its operator does that.
+            supervisor: Watches meanwhile.
+            recorder: Its buffer.
+            view: Shows the run.
+            ended: Ends the run at once.
+            further: What must go on meanwhile; when one of it fails, so does this.
+        """
+        machine.check_ready()
         supervision = asyncio.create_task(supervisor.watch())
-        ending = Completion(self.config.duration)
-        shown = begin - _VIEW_PERIOD
+        starting = asyncio.create_task(self._begin(machine))
+        beside = [supervision, starting, *map(asyncio.create_task, further)]
+        ending: Completion | None = None
+        shown = -_VIEW_PERIOD
         try:
-            while not ending.reached(recorder.buffer, time.monotonic()):
-                if supervision.done():
-                    supervision.result()
+            while ending is None or not ending.reached(recorder.buffer, time.monotonic()):
+                if ended.is_set():
+                    break
+                for task in beside:
+                    if task.done():
+                        task.result()
+                begin = self._began or time.monotonic()
+                if ending is None and starting.done() and machine.end is not None:
+                    ending = Completion(machine.end, camera=topics.CAMERA_INFO in machine.sensors)
                 now = time.monotonic()
                 if now - shown >= _VIEW_PERIOD:
                     view(recorder.buffer, now - begin)
@@ -173,8 +233,17 @@ class Run:
                 await asyncio.sleep(_POLL)
             view(recorder.buffer, time.monotonic() - begin)
         finally:
-            supervision.cancel()
-        self._wall = time.monotonic() - begin
+            for task in beside:
+                task.cancel()
+        self._wall = time.monotonic() - (self._began or time.monotonic())
+
+    async def _begin(self, machine: Machine) -> None:
+        """Let the machine wind; an operator's begins when the operator wants."""
+        self._began = time.monotonic()
+        if self.config.page is None:
+            await machine.start()
+        await machine.begun()
+        self._began = time.monotonic()
 
     def _recorder(self, client: AsyncClient) -> Recorder:
         """Return the recorder; an operator's takes pictures only while a bag is asked for."""
@@ -202,15 +271,23 @@ class Run:
             if topic.recorded and (throughout or topic not in _PICTURES)
         )
 
-    def _graph(self) -> GraphConfig:
+    def _machine(self, client: AsyncClient, buffer: RunBuffer) -> Machine:
+        config = self.config
+        if config.machine is None:
+            return SimulatedMachine(client, buffer, config.duration)
+        return ExternalMachine(config.machine, client, buffer)
+
+    def _graph(self, axes: Mapping[str, object]) -> GraphConfig:
         config = self.config
         return GraphConfig(
             namespace=config.namespace,
             log_directory=config.log_directory,
-            parameters=config.own_parameters(),
+            parameters=config.own_parameters(axes),
             parameters_file=config.parameters_file,
             recorded=frozenset(topic.name for topic in self._recorded()),
             attach=config.attach,
+            graph=config.graph,
+            sim_time=config.machine is None,
         )
 
     def _page(

@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 from winding_core.parameters import ParameterError, build
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.live.recorder import RecorderError
 from winding_ros import topics
-from winding_ros.graph import DEFAULT_NAMESPACE, GRAPH, PAGE, pace_topics, parameters_of
+from winding_ros.graph import (
+    DEFAULT_NAMESPACE,
+    GRAPH,
+    PAGE,
+    RIG,
+    TRACKER,
+    NodeSpec,
+    pace_topics,
+    parameters_of,
+)
 from winding_ros.parameter_files import check_readable, declared_names, parameters_for
 from winding_supervisor.domain_lock import chosen_domain
+from winding_supervisor.external_machine import ExternalMachineConfig
 
 # The machine stops when the orchestrator has given no sign of life for so long.
 _SUPERVISOR_TIMEOUT = 1.5
@@ -38,6 +48,7 @@ class RunConfig:
         domain: DDS domain, or None for the environment's.
         namespace: Namespace of the graph.
         attach: Whether somebody else runs the nodes; nothing is started or ended here.
+        machine: The machine behind somebody else's driver; None for the simulated one.
         page: Parameters of the operator's page; None for a run that starts by itself.
     """
 
@@ -52,6 +63,7 @@ class RunConfig:
     domain: int | None = None
     namespace: str = DEFAULT_NAMESPACE
     attach: bool = False
+    machine: ExternalMachineConfig | None = None
     page: Mapping[str, object] | None = None
 
     @property
@@ -59,13 +71,33 @@ class RunConfig:
         """Folder of the nodes' output."""
         return self.directory / "log"
 
-    def own_parameters(self) -> dict[str, dict[str, object]]:
-        """Return what the run itself sets, by node."""
+    @property
+    def graph(self) -> tuple[NodeSpec, ...]:
+        """The nodes of the run; a real machine needs no rig, and without a camera no tracker."""
+        if self.machine is None:
+            return GRAPH
+        camera = self.machine.camera
+        return tuple(spec for spec in GRAPH if spec is not RIG and (camera or spec is not TRACKER))
+
+    def own_parameters(
+        self, axes: Mapping[str, object] | None = None
+    ) -> dict[str, dict[str, object]]:
+        """Return what the run itself sets, by node.
+
+        Args:
+            axes: Parameters of those nodes that read the machine's axes.
+        """
         parameters = {
-            spec.name: {**self.condition, **self.own.get(spec.name, {})} for spec in GRAPH
+            spec.name: {
+                **self.condition,
+                **_declared(spec, axes or {}),
+                **self.own.get(spec.name, {}),
+            }
+            for spec in self.graph
         }
-        parameters[topics.RIG]["pace_topics"] = ",".join(topic.name for topic in pace_topics())
-        parameters[topics.RIG]["supervisor_timeout"] = _SUPERVISOR_TIMEOUT
+        if topics.RIG in parameters:
+            parameters[topics.RIG]["pace_topics"] = ",".join(topic.name for topic in pace_topics())
+            parameters[topics.RIG]["supervisor_timeout"] = _SUPERVISOR_TIMEOUT
         return parameters
 
     def file_parameters(self, node: str) -> dict[str, object]:
@@ -74,10 +106,15 @@ class RunConfig:
             return {}
         return declared_names(parameters_for(self.parameters_file, f"/{self.namespace}/{node}"))
 
-    def parameters(self) -> dict[str, dict[str, object]]:
-        """Return what every node is run with; the run's own values go over the file's."""
+    def parameters(self, axes: Mapping[str, object] | None = None) -> dict[str, dict[str, object]]:
+        """Return what every node is run with; the run's own values go over the file's.
+
+        Args:
+            axes: Parameters of those nodes that read the machine's axes.
+        """
         return {
-            name: self.file_parameters(name) | own for name, own in self.own_parameters().items()
+            name: self.file_parameters(name) | own
+            for name, own in self.own_parameters(axes).items()
         }
 
 
@@ -93,7 +130,7 @@ def check_run(config: RunConfig) -> None:
     """
     if config.parameters_file is not None:
         check_readable(config.parameters_file)
-    for spec in GRAPH:
+    for spec in config.graph:
         kind = parameters_of(spec)
         try:
             build(kind, config.file_parameters(spec.name), owner=spec.name)
@@ -129,6 +166,11 @@ def claim_folder(config: RunConfig) -> Path:
             candidate = config.directory.with_name(f"{config.directory.name}-{count}")
         else:
             return candidate
+
+
+def _declared(spec: NodeSpec, values: Mapping[str, object]) -> dict[str, object]:
+    known = {item.name for item in fields(parameters_of(spec))}
+    return {name: value for name, value in values.items() if name in known}
 
 
 def _about(node: str, sentence: str) -> str:

@@ -13,30 +13,27 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-from std_srvs.srv import Trigger
-
 from winding_core.status import Level
 from winding_recorder.live.buffered_inputs import buffered_inputs
 from winding_recorder.live.recorder import RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import NAME, AsyncClient
-from winding_ros.graph import GRAPH, Policy
+from winding_ros.graph import Policy
 from winding_ros.graph_error import GraphError
 from winding_ros.heartbeat import Sign
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog
 from winding_supervisor.load_monitor import LoadMonitor
-from winding_supervisor.machine_state import MachineState
+from winding_supervisor.machine import Machine
 from winding_supervisor.orchestrator import Orchestrator
+from winding_supervisor.rival_watch import RivalWatch
 from winding_supervisor.sensor_watch import SensorWatch
 
 _LOOK_PERIOD = 0.05
 _BEAT_PERIOD = 0.1
 _LOAD_PERIOD = 1.0
-_STOP_TIMEOUT = 2.0
 _STAND_TIMEOUT = 3.0
 _STALLS = 2
-_SENSORS = (topics.CLOCK, topics.JOINT_STATES, topics.TENSION, topics.CAMERA_INFO)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +64,7 @@ class Supervisor:
 
     Args:
         orchestrator: Whose processes.
+        machine: What moves.
         client: The orchestrator's node.
         buffer: What the graph has said so far.
         log: Where events go.
@@ -81,6 +79,7 @@ class Supervisor:
     def __init__(
         self,
         orchestrator: Orchestrator,
+        machine: Machine,
         client: AsyncClient,
         buffer: RunBuffer,
         log: EventLog,
@@ -94,7 +93,8 @@ class Supervisor:
         self._orchestrator = orchestrator
         self._client = client
         self._buffer = buffer
-        self._machine = MachineState(client, buffer)
+        self._machine = machine
+        self._graph = orchestrator.config.graph
         self._replay = replay
         self._operated = operated
         self._stand_timeout = stand_timeout
@@ -103,12 +103,13 @@ class Supervisor:
         self._misses: Counter[str] = Counter()
         self._backoff: dict[str, Backoff] = defaultdict(backoff)
         self._sensors = SensorWatch()
+        self._rivals = RivalWatch(client.node, (spec.name for spec in self._graph))
         self._ends: dict[str, asyncio.Task[None]] = {}
 
     @asynccontextmanager
     async def beating(self) -> AsyncIterator[None]:
         """Give the signs of life that keep the machine moving."""
-        for spec in GRAPH:
+        for spec in self._graph:
             self._client.watch(spec.name, partial(self._note_sign, spec.name))
         task = asyncio.create_task(self._beat())
         try:
@@ -124,7 +125,7 @@ class Supervisor:
         """
         self._findings = asyncio.Queue()
         self._sensors.forget()
-        for spec in GRAPH:
+        for spec in self._graph:
             self._trust(spec.name)
         tasks = [asyncio.create_task(self._look()), asyncio.create_task(self._publish_load())]
         try:
@@ -145,8 +146,9 @@ class Supervisor:
 
     @property
     def _left_alone(self) -> bool:
-        """Whether the operator's machine stands, so that nodes may be silent and topics late."""
-        return self._operated and not self._machine.moving
+        """Whether a machine stands that may, so that nodes may be silent and topics late."""
+        may_stand = self._operated or not self._machine.simulated
+        return may_stand and not self._machine.moving
 
     def _trust(self, name: str) -> None:
         self._healthy.add(name)
@@ -182,7 +184,7 @@ class Supervisor:
 
     def _find(self, node: str, text: str, *, fatal: bool = False) -> None:
         """Take note of a failure, once for as long as it is dealt with."""
-        known = node in {spec.name for spec in GRAPH}
+        known = node in {spec.name for spec in self._graph}
         if known and not fatal:
             if node not in self._healthy:
                 return
@@ -198,9 +200,13 @@ class Supervisor:
         """Watch the stamps of the sensors and the diagnostics of the nodes."""
         while True:
             await asyncio.sleep(_LOOK_PERIOD)
-            status = self._client.status(topics.RIG)
-            if status is not None and status.values.get("reason"):
-                self._find(topics.RIG, f"is in {status.message}", fatal=True)
+            complaint = self._machine.complaint()
+            if complaint:
+                self._find(self._machine.name, complaint, fatal=True)
+                return
+            contested = self._rivals.look(time.monotonic())
+            if contested:
+                self._find(*contested.split(" ", 1), fatal=True)
                 return
             # A node that is given nothing it can use has asked the machine to stop by itself.
             for name in self._healthy:
@@ -208,14 +214,16 @@ class Supervisor:
                 if status is not None and status.level >= Level.ERROR:
                     self._find(name, status.message, fatal=True)
                     return
-            sensors = {topic.name: self._buffer.last_stamp(topic) for topic in _SENSORS}
-            awake = min(sensors.values()) >= 0.0 and len(self._healthy) == len(GRAPH)
+            sensors = {
+                topic.name: self._buffer.last_stamp(topic) for topic in self._machine.sensors
+            }
+            awake = min(sensors.values()) >= 0.0 and len(self._healthy) == len(self._graph)
             if self._left_alone or not awake:
                 self._sensors.forget()
                 continue
             answers = {
                 spec.answer.name: self._buffer.last_stamp(spec.answer)
-                for spec in GRAPH
+                for spec in self._graph
                 if spec.answer is not None
             }
             wrong = self._sensors.look(time.monotonic(), sensors, answers)
@@ -236,7 +244,7 @@ class Supervisor:
         return {**self._orchestrator.pids(), NAME: os.getpid()}
 
     async def _handle(self, finding: Finding) -> None:
-        sentence = f"{finding.node} {finding.text} at {self.t:.3f} s of simulated time"
+        sentence = f"{finding.node} {finding.text} {self._machine.when}"
         self._note("detected", finding.node, finding.text, wall=finding.wall)
         if finding.node == topics.RIG and not finding.fatal:
             # Nobody is left who could stop the axes; its process goes, and its drives with it.
@@ -250,22 +258,19 @@ class Supervisor:
         await self._stop_machine()
         if finding.fatal:
             self._end(finding.node, sentence)
-        policy = next(spec.policy for spec in GRAPH if spec.name == finding.node)
+        policy = next(spec.policy for spec in self._graph if spec.name == finding.node)
         if policy is Policy.END:
             await self._orchestrator.process(finding.node).kill()
             self._end(finding.node, sentence)
         await self._start_again(finding, policy, sentence)
 
     async def _stop_machine(self) -> None:
-        service = f"/{self._orchestrator.config.namespace}/rig/quick_stop"
-        try:
-            answer = await self._client.call(Trigger, service, Trigger.Request(), _STOP_TIMEOUT)
-            failure = "" if answer.success else f"refused rig/quick_stop ({answer.message})"
-        except TimeoutError:
-            failure = "did not answer to rig/quick_stop"
-        if failure:
+        failure = await self._machine.quick_stop()
+        if failure and self._machine.simulated:
             await self._orchestrator.process(topics.RIG).kill()
-            self._end(topics.RIG, f"{topics.RIG} {failure} and was killed")
+            failure += " and was killed"
+        if failure:
+            self._end(topics.RIG, failure)
         self._note("stopped", topics.RIG, "rig/quick_stop")
         end = time.monotonic() + self._stand_timeout
         while not self._machine.standing:
@@ -288,7 +293,7 @@ class Supervisor:
         await self._orchestrator.rematch([name])
         # An operator may have pressed Stop while the machine stood; Start is theirs.
         if self._findings.empty() and not self._operated:
-            await self._orchestrator.command("rig/start")
+            await self._machine.start()
             self._note("resumed", topics.RIG, "rig/start")
         self._sensors.forget()
         self._trust(name)

@@ -14,6 +14,7 @@ from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
 from winding_core.markers import CABLE_DTYPE, Markers
+from winding_core.motion_start import MotionStart
 from winding_core.reading_limits import ReadingLimits
 from winding_core.readings import AxisReading
 from winding_core.run_history import RunHistory
@@ -22,7 +23,7 @@ from winding_core.tension_pairing import LoadedReading, TensionPairing
 from winding_ros import topics
 from winding_ros.cloud_messages import encode_cloud, encode_line_strip
 from winding_ros.message_handler import Answer
-from winding_ros.rig_messages import MessageError, decode_joint_state, decode_tension
+from winding_ros.rig_messages import JointStateReader, MessageError, decode_tension
 from winding_ros.topic import Topic
 
 
@@ -46,6 +47,9 @@ class FemHandler:
 
     def __init__(self, wanted: FemParameters, go_on: Callable[[], None] = lambda: None) -> None:
         self.config = wanted.winding_config()
+        self._axes = wanted
+        self._read = JointStateReader(wanted)
+        self._motion = self._new_motion()
         self._follow_tension = wanted.follow_tension
         self._pairing = self._new_pairing()
         drive = wanted.resolved().drive
@@ -77,6 +81,8 @@ class FemHandler:
         self._start = None
         self._pairing = self._new_pairing()
         self._before = None
+        self._read = JointStateReader(self._axes)
+        self._motion = self._new_motion()
         self._markers_due = self._cable_due = 0.0
         if self._replay is not None:
             self._catch_up(self.model, RunInputs.read(self._replay))
@@ -98,12 +104,13 @@ class FemHandler:
             _refuse(self._limits.against_tension(force))
             self._pairing.add_tension(t, max(force, 0.0))
         else:
-            t, reading = decode_joint_state(message)
+            t, reading = self._read(message)
             _refuse(self._limits.against_motion(t, reading, self._before))
             self._before = (t, reading)
             self._pairing.add_reading(t, reading)
-        for loaded in self._pairing.ready():
-            yield from self._follow(self.model, loaded)
+        for paired in self._pairing.ready():
+            for loaded in self._motion.passed(paired):
+                yield from self._follow(self.model, loaded)
 
     def predicted(self, t: float, markers: Markers) -> Answer:
         """Return a prediction of the run's final markers, made at a time [s]."""
@@ -117,6 +124,9 @@ class FemHandler:
         """
         replay(self.history.inputs, model)
         self.model = model
+
+    def _new_motion(self) -> MotionStart[LoadedReading]:
+        return MotionStart(awaited=self._axes.await_motion)
 
     def _new_pairing(self) -> TensionPairing:
         return TensionPairing(_period(topics.TENSION), listened=self._follow_tension)
@@ -153,11 +163,14 @@ class FemHandler:
             self._before = (t, reading)
             usable = tension is not None and not self._limits.against_tension(tension)
             followed = max(tension or 0.0, 0.0) if self._follow_tension and usable else None
-            self._advance(model, LoadedReading(t=t, reading=reading, tension=followed))
-            while t >= self._markers_due:
-                self._markers_due += _due_period(topics.FEM_MARKERS)
-            while t >= self._cable_due:
-                self._cable_due += _due_period(topics.FEM_CABLE)
+            for loaded in self._motion.passed(
+                LoadedReading(t=t, reading=reading, tension=followed)
+            ):
+                self._advance(model, loaded)
+                while loaded.t >= self._markers_due:
+                    self._markers_due += _due_period(topics.FEM_MARKERS)
+                while loaded.t >= self._cable_due:
+                    self._cable_due += _due_period(topics.FEM_CABLE)
             if followed is not None:
                 self._pairing.add_tension(t, followed)
         self.replayed = model.time

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 from cable_fem_node.winding.winding_config import SolverParameters, WindingConfig
 from winding_core.condition import Condition
+from winding_core.machine_axes import MachineAxes
 from winding_core.parameters import parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class FemParameters(SolverParameters, Condition):
+class FemParameters(SolverParameters, MachineAxes, Condition):
     """What is wound, how the rod model discretises it, and what it follows."""
 
     follow_tension: bool = parameter(

@@ -17,7 +17,7 @@ from winding_ros import topics
 from winding_ros.camera_messages import CameraReading, decode_camera_info, decode_image
 from winding_ros.cloud_messages import encode_cloud
 from winding_ros.message_handler import Answer
-from winding_ros.rig_messages import MessageError, decode_joint_state
+from winding_ros.rig_messages import JointStateReader, MessageError
 from winding_ros.topic import Topic
 
 # Topics overtake each other: the first calibration may come a few frames late.
@@ -48,6 +48,8 @@ class TrackerHandler:
             advance_per_radian=drive.advance_per_radian,
             free_length=what.free_length,
         )
+        self._axes = wanted
+        self._read = JointStateReader(wanted)
         self.tracker: Tracker | None = None
         self._camera: CameraReading | None = None
         self._synchroniser = Synchroniser()
@@ -56,6 +58,7 @@ class TrackerHandler:
     def begin(self, t: float) -> Iterator[Answer]:
         """Begin a new run; nothing is said before the first frame."""
         self.tracker = None
+        self._read = JointStateReader(self._axes)
         self._camera = None
         self._synchroniser = Synchroniser()
         self._uncalibrated = 0
@@ -71,7 +74,7 @@ class TrackerHandler:
             self._calibrate(message)
             yield from self._measure()
         elif topic is topics.JOINT_STATES:
-            t, reading = decode_joint_state(message)
+            t, reading = self._read(message)
             self._synchroniser.add_reading(t, reading)
             yield from self._measure()
         else:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from winding_core.condition import Condition
+from winding_core.machine_axes import MachineAxes
 from winding_core.parameters import parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrackerParameters(Condition):
+class TrackerParameters(MachineAxes, Condition):
     """What is wound, and where the camera stands."""
 
     band_width: float = parameter(

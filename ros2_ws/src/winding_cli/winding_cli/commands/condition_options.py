@@ -21,33 +21,47 @@ def spelled(option: str) -> str:
     return f"--{option.replace('_', '-')}"
 
 
-def with_options(record: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Let a command take the options that a record declares.
+def with_options(*records: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Let a command take the options that records declare.
 
     Args:
-        record: Declares parameters. The command takes what was typed of them as its first
-            argument, without what was not typed; its other arguments stay as they are.
+        records: Declare parameters. The command takes what was typed of each, without what was
+            not typed, as its first arguments; its other arguments stay as they are.
     """
 
     def wrap(command: Callable[..., None]) -> Callable[..., None]:
-        first, *rest = inspect.signature(command).parameters.values()
+        own = list(inspect.signature(command).parameters.values())
+        firsts, rest = own[: len(records)], own[len(records) :]
         hints = get_type_hints(command, include_extras=True)
-        taken = [
-            inspect.Parameter(
-                key, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=_annotation(key, item)
-            )
-            for key, item in options(record).items()
-        ]
+        taken = {
+            first.name: [
+                inspect.Parameter(
+                    key,
+                    inspect.Parameter.KEYWORD_ONLY,
+                    default=None,
+                    annotation=_annotation(key, item),
+                )
+                for key, item in options(record).items()
+            ]
+            for first, record in zip(firsts, records, strict=True)
+        }
         others = [item.replace(annotation=hints[item.name]) for item in rest]
 
         @functools.wraps(command)
         def call(**given: Any) -> None:
-            said = {item.name: given.pop(item.name) for item in taken}
-            typed = {name: value for name, value in said.items() if value is not None}
-            command(**{first.name: typed}, **given)
+            typed = {
+                name: {
+                    item.name: value
+                    for item in items
+                    if (value := given.pop(item.name)) is not None
+                }
+                for name, items in taken.items()
+            }
+            command(**typed, **given)
 
-        call.__signature__ = inspect.Signature([*taken, *others])  # type: ignore[attr-defined]
-        call.__annotations__ = {item.name: item.annotation for item in (*taken, *others)}
+        added = [item for items in taken.values() for item in items]
+        call.__signature__ = inspect.Signature([*added, *others])  # type: ignore[attr-defined]
+        call.__annotations__ = {item.name: item.annotation for item in (*added, *others)}
         del call.__wrapped__
         return call
 

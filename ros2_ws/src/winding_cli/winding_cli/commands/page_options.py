@@ -58,9 +58,8 @@ def operated_condition(condition: Condition, result: RunResult) -> Condition | N
         result: Of the session.
     """
     from winding_core.parameters import build, declarations
-    from winding_ros import topics
 
-    reached = result.buffer.last_stamp(topics.JOINT_STATES) - result.buffer.origin
+    reached = result.buffer.time
     if not result.wound or reached <= 0.0:
         return None
     names = {item.name for item in declarations(type(condition))}

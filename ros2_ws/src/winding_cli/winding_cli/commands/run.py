@@ -5,19 +5,23 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 from cable_fem_node.winding.winding_config import SolverParameters
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
+from winding_cli.commands.machine_options import MachineOptions, machine_of
 from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
 from winding_cli.commands.refusal import FAILED, refuse
 from winding_cli.commands.ros_environment import check_namespace
 from winding_cli.commands.termination import end
 from winding_core.condition import Condition
+from winding_core.machine_axes import MachineAxes
 from winding_core.options import typed_values
 from winding_core.units import MEGABYTE
 
@@ -30,9 +34,10 @@ if TYPE_CHECKING:
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
 
-@with_options(Condition)
+@with_options(Condition, MachineAxes)
 def run(
     typed: Typed,
+    axes: Typed,
     *,
     lay: Annotated[
         str | None,
@@ -73,6 +78,30 @@ def run(
     dashboard_port: Annotated[
         int | None, typer.Option(help="TCP port of that page; 8080 by default.")
     ] = None,
+    machine: Annotated[
+        str,
+        typer.Option(help="simulated, or external: somebody else's driver, already running."),
+    ] = "simulated",
+    camera: Annotated[
+        bool, typer.Option("--camera/--no-camera", help="Whether an external machine has one.")
+    ] = True,
+    start: Annotated[
+        str,
+        typer.Option(
+            help="How an external machine begins: service calls rig/start, motion waits for it."
+        ),
+    ] = "service",
+    turns: Annotated[
+        float | None,
+        typer.Option(help="An external run ends after so many turns; else after the drive's."),
+    ] = None,
+    wound_length_mm: Annotated[
+        float | None,
+        typer.Option(help="An external run ends after so much undeformed cable, about."),
+    ] = None,
+    standing_s: Annotated[
+        float, typer.Option(help="An external machine that stands for longer has ended its run.")
+    ] = 60.0,
     attach: Annotated[
         bool,
         typer.Option("--attach", help="The nodes run already, such as in containers of their own."),
@@ -105,6 +134,19 @@ def run(
     if parameters is not None and not parameters.is_file():
         refuse(f"no parameter file at {parameters}")
     recording = _recording(compression, split_mb)
+    external = machine_of(
+        machine,
+        axes,
+        what,
+        MachineOptions(
+            camera=camera,
+            start=start,
+            turns=turns,
+            wound_length_mm=wound_length_mm,
+            standing_s=standing_s,
+        ),
+        simulated={"speed": speed, "lay": lay, "seed": seed},
+    )
     lay = lay or ("paper" if wound.is_published else "fem")
     if lay == "paper" and not wound.is_published:
         refuse("--lay paper is what the paper measured of cases 1 to 12; use --lay fem")
@@ -117,8 +159,9 @@ def run(
         or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{_label(wound.number)}",
         numbered=output is None,
         condition=values,
+        machine=external,
         own={
-            topics.RIG: _given(speed=speed, lay=lay, seed=seed),
+            **({topics.RIG: _given(speed=speed, lay=lay, seed=seed)} if external is None else {}),
             topics.CORRECTION: _given(weights=weights),
         },
         duration=condition.duration,
@@ -132,14 +175,18 @@ def run(
     )
     check_output_folder(report)
     check_output_file(json, make_folder=True)
-    directory, result = _wind(config, condition)
-    if dashboard:
+    directory, result, failure = _wind(config, condition)
+    if dashboard and config.machine is None:
         operated = operated_condition(condition, result)
         if operated is None:
+            if failure is not None:
+                failure()
             print("the operator ended the run before anything was wound", flush=True)
             return
         condition = operated
     _deliver(condition, result, report or directory / "report", json or directory / "run.json")
+    if failure is not None:
+        failure()
     if result.recording_error is not None:
         refuse(f"the recording is incomplete: {result.recording_error}", FAILED)
 
@@ -198,8 +245,14 @@ def _check_weights(config: RunConfig) -> None:
             refuse(error)
 
 
-def _wind(config: RunConfig, condition: Condition) -> tuple[Path, RunResult]:
-    """Wind with a live picture on a terminal, and with lines of progress elsewhere."""
+def _wind(
+    config: RunConfig, condition: Condition
+) -> tuple[Path, RunResult, Callable[[], NoReturn] | None]:
+    """Wind with a live picture on a terminal, and with lines of progress elsewhere.
+
+    Returns:
+        The run's folder, what it leaves, and how the command is to end if it ended early.
+    """
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
@@ -216,21 +269,30 @@ def _wind(config: RunConfig, condition: Condition) -> tuple[Path, RunResult]:
     try:
         with opened_run(config) as run:
             directory = run.config.directory
-            if not console.is_terminal:
-                return directory, run.wind(_ProgressLines(config.duration), _say)
-            with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
+            try:
+                if not console.is_terminal:
+                    return directory, run.wind(_ProgressLines(config.duration), _say), None
+                with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
 
-                def view(buffer: RunBuffer, wall: float) -> None:
-                    picture = LiveView(condition.resolved().case, config.duration, buffer)
-                    live.update(picture.render(wall))
+                    def view(buffer: RunBuffer, wall: float) -> None:
+                        picture = LiveView(condition.resolved().case, config.duration, buffer)
+                        live.update(picture.render(wall))
 
-                return directory, run.wind(view, live.console.print)
+                    return directory, run.wind(view, live.console.print), None
+            except (GraphError, TimeoutError, OSError) as error:
+                reason = str(error)
+                ending = partial(refuse, reason, FAILED)
+            except KeyboardInterrupt:
+                reason = "interrupted"
+                ending = partial(end, "interrupted; the nodes are stopped")
+            remains = run.remains(reason)
+            if remains is None:
+                ending()
+            return directory, remains, ending
     except (DomainError, RecorderError, RunFolderError) as error:
         refuse(error)
-    except (GraphError, TimeoutError, OSError) as error:
+    except OSError as error:
         refuse(error, FAILED)
-    except KeyboardInterrupt:
-        end("interrupted; the nodes are stopped")
 
 
 def _say(sentence: str) -> None:
@@ -246,9 +308,8 @@ class _ProgressLines:
         print(_FIRST_WORDS, file=sys.stderr, flush=True)
 
     def __call__(self, buffer: RunBuffer, wall: float) -> None:
-        from winding_ros import topics
 
-        t = buffer.last_stamp(topics.JOINT_STATES)
+        t = buffer.time
         tenth = int(10.0 * t / self._duration)
         if tenth > self._printed:
             self._printed = tenth

@@ -30,10 +30,11 @@ class LiveView:
 
     def render(self, wall: float) -> RenderableType:
         """Return the present picture, `wall` seconds after the start."""
-        reading = self._buffer.newest(topics.JOINT_STATES, decode_joint_state)
+        reading = self._buffer.newest_axis_reading()
         if reading is None:
             return Text("waiting for the first encoder sample")
-        t, measured = reading
+        _, measured = reading
+        t = self._buffer.time
         command = self._buffer.newest(topics.JOINT_COMMANDS, decode_joint_state)
         wanted = command[1] if command is not None else None
         tension = self._buffer.newest(topics.TENSION, decode_tension)

@@ -41,7 +41,7 @@ def run_record(condition: Condition, result: RunResult) -> RunRecord:
     buffer = result.buffer
     what = condition.resolved()
     case = what.case
-    measured = _in_run(buffer, topics.JOINT_STATES, decode_joint_state)
+    measured = [(t - buffer.origin, reading) for t, reading in buffer.axis_readings()]
     commanded = _in_run(buffer, topics.JOINT_COMMANDS, decode_joint_state)
     tension = _in_run(buffer, topics.TENSION, decode_tension)
     tracked = _series(buffer, topics.TRACKED_MARKERS, MARKER_DTYPE, unseen=_UNSEEN)
@@ -54,6 +54,10 @@ def run_record(condition: Condition, result: RunResult) -> RunRecord:
     published = published_markers(case.number) if case.is_published else ()
     experiment = {item.marker: item.experiment.s for item in published if item.experiment}
     final = _final_corrections(buffer)
+    reached = buffer.time
+    missing = _gaps
+    if result.simulated:
+        missing = partial(_missing, duration=reached if result.ended else condition.duration)
     return RunRecord(
         case=case,
         drive=what.drive,
@@ -78,12 +82,12 @@ def run_record(condition: Condition, result: RunResult) -> RunRecord:
             for marker in range(1, case.marker_count + 1)
         ),
         frames=len(answered),
-        frames_lost=_missing(frames, topics.CAMERA_INFO, condition.duration)
-        + len(np.setdiff1d(frames, answered)),
+        frames_lost=missing(frames, topics.CAMERA_INFO) + len(np.setdiff1d(frames, answered)),
         joint_states=len(joints),
-        joint_states_lost=_missing(joints, topics.JOINT_STATES, condition.duration),
+        joint_states_lost=missing(joints, topics.JOINT_STATES),
         wall_s=result.wall_s,
-        sim_s=buffer.last_stamp(topics.JOINT_STATES) - buffer.origin,
+        sim_s=reached,
+        ended=result.ended,
         facts=_facts(buffer),
         notes=(*_notes(published=case.is_published), *([_THINNED] if buffer.thinned else [])),
     )
@@ -160,6 +164,14 @@ def _missing(stamps: NDArray[np.int64], topic: Topic, duration: float) -> int:
     assert topic.rate is not None
     instants = np.round(np.arange(int(duration * topic.rate + 1e-9) + 1) * (1e9 / topic.rate))
     return len(np.setdiff1d(instants.astype(np.int64), stamps))
+
+
+def _gaps(stamps: NDArray[np.int64], _topic: Topic) -> int:
+    """Return how many messages the gaps between stamps would hold, at the usual period."""
+    steps = np.diff(stamps)
+    if len(steps) == 0:
+        return 0
+    return int(np.maximum(np.round(steps / np.median(steps)) - 1.0, 0.0).sum())
 
 
 def _final_corrections(buffer: RunBuffer) -> dict[int, np.void]:

@@ -7,7 +7,7 @@ import numpy as np
 from winding_core.run_inputs import INPUT_DTYPE, RunInputs
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
-from winding_ros.rig_messages import decode_joint_state, decode_tension
+from winding_ros.rig_messages import decode_tension
 
 
 def buffered_inputs(buffer: RunBuffer, since: float = 0.0) -> RunInputs:
@@ -20,7 +20,7 @@ def buffered_inputs(buffer: RunBuffer, since: float = 0.0) -> RunInputs:
         buffer: What the graph has said.
         since: Leaves out what came before this monotonic wall time [s].
     """
-    readings = list(buffer.readings(topics.JOINT_STATES, decode_joint_state, since))
+    readings = list(buffer.axis_readings(since))
     tensions = list(buffer.readings(topics.TENSION, decode_tension, since))
     samples = np.full(len(readings), np.nan, dtype=INPUT_DTYPE)
     samples["t"] = [t for t, _ in readings]

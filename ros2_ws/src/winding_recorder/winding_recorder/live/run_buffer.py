@@ -10,9 +10,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from winding_core.machine_axes import MachineAxes
+from winding_core.readings import AxisReading
 from winding_recorder.live.thinned_history import StampRuns, ThinnedHistory
 from winding_ros import topics
-from winding_ros.rig_messages import MessageError
+from winding_ros.rig_messages import JointStateReader, MessageError
 from winding_ros.serialised import deserialised
 from winding_ros.topic import Topic
 
@@ -22,6 +24,8 @@ _PICTURES = (topics.IMAGE, topics.PREVIEW)
 # Simulated time of which the buffer has every message, and of which it keeps as many before that.
 _WHOLE_S, _SAMPLE_S = 10.0, 20.0
 _FEWEST = 200
+# The newest joint states that speeds are taken from.
+_SLOPE_SAMPLES = 50
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -49,11 +53,14 @@ class RunBuffer:
 
     Attributes:
         messages: By topic name.
-        origin: Simulated time at which the run begins [s]; a reset leaves time as it is.
+        origin: Stamp at which the run begins [s], infinite while a real machine stands before
+            it; a reset leaves time as it is.
+        axes: How the joint states of its machine are read.
     """
 
     def __init__(self, recorded: Iterable[Topic]) -> None:
         self.origin = 0.0
+        self.axes = MachineAxes()
         self._lock = threading.Lock()
         self._kept = kept = [topic for topic in recorded if topic not in _PICTURES]
         self.messages: dict[str, ThinnedHistory[BufferedMessage]] = {
@@ -113,6 +120,11 @@ class RunBuffer:
         message = self.last(topic)
         return message.stamp_ns * 1e-9 if message else -1.0
 
+    @property
+    def time(self) -> float:
+        """Time of the run that the encoder has reached [s]; 0 while it has not begun."""
+        return max(self.last_stamp(topics.JOINT_STATES) - self.origin, 0.0)
+
     def readings(
         self, topic: Topic, decode: Callable[[Any], Reading], since: float = 0.0
     ) -> Iterator[Reading]:
@@ -132,6 +144,26 @@ class RunBuffer:
                 yield decode(deserialised(message.data, topic))
             except MessageError:
                 continue
+
+    def axis_readings(self, since: float = 0.0) -> Iterator[tuple[float, AxisReading]]:
+        """Yield (t [s], reading) of the usable joint states.
+
+        Args:
+            since: Leaves out what came before this monotonic wall time [s].
+        """
+        return self.readings(topics.JOINT_STATES, JointStateReader(self.axes), since)
+
+    def newest_axis_reading(self) -> tuple[float, AxisReading] | None:
+        """Return (t [s], reading) of the last usable joint state; None before the first."""
+        read = JointStateReader(self.axes)
+        found = None
+        # Speeds that are not reported are slopes over the last samples.
+        for message in self.messages[topics.JOINT_STATES.name].newest(_SLOPE_SAMPLES):
+            try:
+                found = read(deserialised(message.data, topics.JOINT_STATES))
+            except MessageError:
+                continue
+        return found
 
     def newest(self, topic: Topic, decode: Callable[[Any], Reading]) -> Reading | None:
         """Return the last that a decoder makes of a topic's messages; None before the first."""

@@ -39,6 +39,7 @@ def render_report(record: RunRecord) -> str:
             speeds_picture(record),
             tension_picture(record),
         ],
+        ended=record.ended,
         facts=record.facts,
         notes=record.notes,
     )

@@ -144,6 +144,7 @@ class RunRecord(AxisSpeeds):
         joint_states_lost: Encoder samples that never reached the recorder.
         wall_s: Wall time of the run [s].
         sim_s: Simulated time of the run [s].
+        ended: Why the run ended before its end; empty for one that came to its end.
         facts: Short facts by name for the head of the report, such as the trained factor.
         notes: Sentences on what the numbers are worth.
     """
@@ -160,6 +161,7 @@ class RunRecord(AxisSpeeds):
     joint_states_lost: int | None = None
     wall_s: float | None = None
     sim_s: float | None = None
+    ended: str = ""
     facts: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -186,6 +188,7 @@ def run_json(record: RunRecord) -> dict[str, Any]:
     """Return the run's numbers as JSON values; null where nothing was measured."""
     return {
         "case": record.case.number,
+        "ended": record.ended or None,
         "markers": [
             {
                 "id": row.id,

@@ -1,0 +1,109 @@
+"""Whose machine a run winds with, as options of the command line say it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from winding_cli.commands.condition_options import Typed, spelled
+from winding_cli.commands.refusal import refuse, refused
+from winding_core.condition import ResolvedCondition
+from winding_core.machine_axes import MachineAxes
+from winding_core.options import typed_values
+from winding_core.parameters import ParameterError, build
+from winding_core.units import MILLIMETRE
+
+if TYPE_CHECKING:
+    from winding_supervisor.external_machine import ExternalMachineConfig
+
+SIMULATED, EXTERNAL = "simulated", "external"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineOptions:
+    """What is typed of an external machine beside its axes.
+
+    Attributes:
+        camera: Whether it has one.
+        start: How it begins: service or motion.
+        turns: After which the run ends; None for the drive's.
+        wound_length_mm: Undeformed cable after which the run ends [mm]; None for the drive's.
+        standing_s: A machine that stands for longer has ended its run [s].
+    """
+
+    camera: bool = True
+    start: str = "service"
+    turns: float | None = None
+    wound_length_mm: float | None = None
+    standing_s: float = 60.0
+
+
+def machine_of(
+    machine: str,
+    axes: Typed,
+    what: ResolvedCondition,
+    options: MachineOptions,
+    simulated: Mapping[str, object],
+) -> ExternalMachineConfig | None:
+    """Return the external machine that was asked for; None for the simulated one.
+
+    Ends the command when the options contradict each other.
+
+    Args:
+        machine: simulated or external.
+        axes: What was typed of its axes.
+        what: Is wound.
+        options: What was typed of it beside.
+        simulated: What was typed that only the simulated machine takes, by option.
+    """
+    if machine not in (SIMULATED, EXTERNAL):
+        refuse(f"--machine must be {SIMULATED} or {EXTERNAL}, got {machine}")
+    if machine == SIMULATED:
+        if axes or options != MachineOptions():
+            refuse(
+                "axes, --no-camera, --start, --turns, --wound-length-mm and --standing-s need "
+                f"--machine {EXTERNAL}"
+            )
+        return None
+    for name, value in simulated.items():
+        if value is not None:
+            refuse(f"--{name} is for the simulated machine")
+    _check(options)
+    from winding_supervisor.external_machine import ExternalMachineConfig
+
+    with refused(ParameterError, ValueError):
+        known = build(MachineAxes, typed_values(MachineAxes, axes, spelled), owner="the machine")
+    return ExternalMachineConfig(
+        axes=known,
+        drive=what.drive,
+        end_angle=_end_angle(options, what),
+        camera=options.camera,
+        starts_itself=options.start == "motion",
+        standing_limit=options.standing_s,
+    )
+
+
+def _check(options: MachineOptions) -> None:
+    if options.start not in ("service", "motion"):
+        refuse(f"--start must be service or motion, got {options.start}")
+    if options.turns is not None and options.wound_length_mm is not None:
+        refuse("give --turns or --wound-length-mm, not both")
+    for name, value in (
+        ("turns", options.turns),
+        ("wound-length-mm", options.wound_length_mm),
+        ("standing-s", options.standing_s),
+    ):
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            refuse(f"--{name} must be positive, got {value}")
+
+
+def _end_angle(options: MachineOptions, what: ResolvedCondition) -> float:
+    """Return the angle [rad] at which the run ends."""
+    if options.turns is not None:
+        return 2.0 * math.pi * options.turns
+    if options.wound_length_mm is not None:
+        laid = math.hypot(what.case.centreline_radius, what.drive.advance_per_radian)
+        return MILLIMETRE * options.wound_length_mm * what.case.expected_stretch / laid
+    return float(what.drive.positions(what.duration)[0])

@@ -1,0 +1,337 @@
+"""A real machine behind somebody else's driver, known by its topics and services alone."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from std_srvs.srv import Trigger
+
+from winding_core.axis_check import wrong_axis
+from winding_core.drive import DriveProfile
+from winding_core.machine_axes import AxisReader, JointSample, MachineAxes
+from winding_core.motion_start import LEAD_IN, has_moved
+from winding_core.readings import AxisReading
+from winding_core.units import MILLIMETRE
+from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
+from winding_ros import services, topics
+from winding_ros.async_client import AsyncClient
+from winding_ros.graph_error import GraphError
+from winding_ros.rig_messages import MessageError, decode_joint_sample
+from winding_ros.serialised import deserialised
+from winding_ros.topic import Topic
+from winding_supervisor.simulated_machine import STANDING
+
+_POLL = 0.02
+# Standing readings are looked at for so long, and waited for so much longer [s].
+_LOOK, PATIENCE = 0.5, 30.0
+# Positions of a machine that stands tremble by less than this within a look [rad, m].
+_TREMBLING = (0.01, 2.0e-4)
+_SILENCE = 2.0
+_START_TIMEOUT = 5.0
+# A brake is released and a drive switched on before the axes move [s].
+_MOTION_PATIENCE = 20.0
+# Two services are asked, one after the other, before a stop is given up.
+_STOP_TIMEOUT = 0.8
+# So long after the first motion its direction and speed are judged [s].
+_JUDGED = 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExternalMachineConfig:
+    """How a run deals with a machine that somebody else's driver moves.
+
+    Attributes:
+        axes: Its joints; the offsets are measured before the start.
+        drive: How its axes are expected to move.
+        end_angle: Cylinder angle at which the run is over [rad].
+        camera: Whether there is one.
+        starts_itself: Whether the machine begins by itself instead of by rig/start.
+        standing_limit: A machine that stands for longer has ended its run [s].
+    """
+
+    axes: MachineAxes = field(default_factory=MachineAxes)
+    drive: DriveProfile = field(default_factory=DriveProfile)
+    end_angle: float
+    camera: bool = True
+    starts_itself: bool = False
+    standing_limit: float = 60.0
+
+
+class ExternalMachine:
+    """Reads a machine's encoders from the buffer of the run, and calls its driver's services.
+
+    Args:
+        config: What is known of it.
+        client: Calls its services.
+        buffer: Has what its driver has said.
+        clock: Monotonic wall time [s].
+
+    Attributes:
+        axes: With the offsets of this run, once the machine was seen standing.
+        began: Stamp of its first motion [s]; None before.
+        end: Stamp at which the run was over [s]; None before.
+    """
+
+    name = topics.JOINT_STATES.name
+    simulated = False
+
+    def __init__(
+        self,
+        config: ExternalMachineConfig,
+        client: AsyncClient,
+        buffer: RunBuffer,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.axes = config.axes
+        self.began: float | None = None
+        self.end: float | None = None
+        self.sensors: tuple[Topic, ...] = (topics.JOINT_STATES, topics.TENSION)
+        if config.camera:
+            self.sensors += (topics.CAMERA_INFO,)
+        self._config = config
+        self._client = client
+        self._buffer = buffer
+        self._clock = clock
+        self._reader = AxisReader(self.axes)
+        self._reading: tuple[float, AxisReading] | None = None
+        self._still_since: float | None = None
+        self._wrong = ""
+
+    @property
+    def t(self) -> float:
+        """Stamp of the newest encoder sample [s]."""
+        return max(self._buffer.last_stamp(topics.JOINT_STATES), 0.0)
+
+    @property
+    def when(self) -> str:
+        """The present time of the run in words."""
+        if self.began is None:
+            return "before the machine moved"
+        return f"{self.t - self.began:.3f} s after the machine's first motion"
+
+    @property
+    def built(self) -> bool:
+        """Whether its driver has spoken."""
+        return self._buffer.last(topics.JOINT_STATES) is not None
+
+    @property
+    def moving(self) -> bool:
+        """Whether an axis moves."""
+        return not self.standing
+
+    @property
+    def standing(self) -> bool:
+        """Whether both axes stand, by their encoders."""
+        self.look()
+        if self._reading is None:
+            return True
+        _, reading = self._reading
+        return abs(reading.angular_speed) < STANDING[0] and abs(reading.feed_speed) < STANDING[1]
+
+    @property
+    def reading(self) -> AxisReading | None:
+        """Both axes, as the newest encoder sample has them."""
+        return None if self._reading is None else self._reading[1]
+
+    def parameters(self) -> Mapping[str, object]:
+        """Return the axes as the nodes are to read them."""
+        return {**dataclasses.asdict(self.axes), "await_motion": True}
+
+    def look(self) -> None:
+        """Take note of the newest encoder sample: motion, its direction, the end of the run."""
+        message = self._buffer.last(topics.JOINT_STATES)
+        sample = None if message is None else self._sample(message, self.axes)
+        if sample is None or (self._reading is not None and sample.t <= self._reading[0]):
+            return
+        reading = self._reader.read(sample)
+        self._reading = (sample.t, reading)
+        if self.began is None and has_moved(reading):
+            self.began = sample.t
+        if self.began is None:
+            return
+        # What the first motion did not show yet belongs to the ramp.
+        elapsed = sample.t - self.began + _LOOK
+        if elapsed < _JUDGED and not self._wrong:
+            self._wrong = wrong_axis(reading, elapsed, self._config.drive)
+        self._note_end(sample.t, reading)
+
+    def complaint(self) -> str:
+        """Return why the run cannot go on with this machine, to follow its name, or nothing."""
+        self.look()
+        if self._wrong:
+            return f"say that {self._wrong}"
+        message = self._buffer.last(topics.JOINT_STATES)
+        if message is not None:
+            silent = self._clock() - message.received_ns * 1e-9
+            if silent > _SILENCE:
+                return f"are silent for {silent:.1f} s"
+        return ""
+
+    async def stand(self) -> None:
+        """Wait until the machine is heard and stands; its place is the origin of the run.
+
+        Raises:
+            GraphError: No driver is heard, its joints have other names, or the machine moves.
+        """
+        end = self._clock() + PATIENCE
+        while True:
+            samples = self._recent()
+            if samples is not None and not _trembling(samples, self.axes):
+                break
+            if self._clock() > end:
+                raise GraphError(self._why_not_standing(samples))
+            await asyncio.sleep(_POLL)
+        self.axes = self.axes.standing_at((item.cylinder, item.carriage) for item in samples)
+        self._buffer.axes = self.axes
+        self._buffer.origin = math.inf
+        self._reader = AxisReader(self.axes)
+        self._reading = None
+
+    def check_ready(self) -> None:
+        """Refuse a machine that has left its place while the nodes were starting.
+
+        Raises:
+            GraphError: It has moved, or a sensor is silent.
+        """
+        for topic in self.sensors:
+            if self._buffer.last(topic) is None:
+                hint = "; without a camera give --no-camera" if topic is topics.CAMERA_INFO else ""
+                raise GraphError(f"nothing has come on {topic.name}{hint}")
+        self.look()
+        reading = self.reading
+        if reading is not None and has_moved(reading):
+            raise GraphError(
+                f"the machine moved by {reading.cylinder_angle:.3g} rad and "
+                f"{reading.carriage_position / MILLIMETRE:.3g} mm while the nodes were starting: "
+                "let it stand and begin again"
+            )
+
+    async def start(self) -> None:
+        """Call rig/start, unless the machine begins by itself.
+
+        Raises:
+            GraphError: It was refused, or nobody serves it.
+        """
+        if self._config.starts_itself:
+            return
+        failure = await self._ask(services.START.name, _START_TIMEOUT)
+        if failure:
+            raise GraphError(failure)
+
+    async def begun(self) -> None:
+        """Wait for the first motion, and let the buffer begin with it.
+
+        Raises:
+            GraphError: A machine that was started does not move.
+        """
+        end = self._clock() + _MOTION_PATIENCE
+        while self.began is None:
+            self.look()
+            if not self._config.starts_itself and self._clock() > end:
+                raise GraphError(
+                    f"{services.START.name} was accepted and neither axis has moved within "
+                    f"{_MOTION_PATIENCE:g} s"
+                )
+            await asyncio.sleep(_POLL)
+        first = round(1e9 * (self.began - LEAD_IN))
+        for message in self._buffer.messages[topics.JOINT_STATES.name]:
+            if message.stamp_ns >= first:
+                self._buffer.begin_anew(message.received_ns, message.stamp_ns * 1e-9)
+                return
+
+    async def quick_stop(self) -> str:
+        """Call rig/quick_stop, then rig/stop if that fails; return how both failed, or nothing."""
+        failures = []
+        for service in (services.QUICK_STOP.name, services.STOP.name):
+            failure = await self._ask(service, _STOP_TIMEOUT)
+            if not failure:
+                return ""
+            failures.append(failure)
+        return f"the stop could not be delivered: {'; '.join(failures)}"
+
+    async def leave(self) -> None:
+        """Bring a machine to rest that this run has started; it stays to its driver otherwise."""
+        if self._config.starts_itself or self.began is None or self.standing:
+            return
+        if await self._ask(services.STOP.name, _START_TIMEOUT):
+            await self.quick_stop()
+
+    async def _ask(self, service: str, timeout: float) -> str:
+        """Call a service; return how that failed, or nothing."""
+        name = str(self._client.node.resolve_service_name(service))
+        # A client that was made a moment ago may not have found its server yet.
+        end = self._clock() + 0.5 * timeout
+        while not self._client.ready(Trigger, name):
+            if self._clock() > end:
+                return f"nobody serves {service}"
+            await asyncio.sleep(_POLL)
+        try:
+            answer = await self._client.call(Trigger, name, Trigger.Request(), timeout, retry=False)
+        except TimeoutError:
+            return f"no answer from {service} in {timeout:g} s"
+        return "" if answer.success else f"{service} was refused: {answer.message}"
+
+    def _note_end(self, t: float, reading: AxisReading) -> None:
+        standing = (
+            abs(reading.angular_speed) < STANDING[0] and abs(reading.feed_speed) < STANDING[1]
+        )
+        self._still_since = (self._still_since or t) if standing else None
+        if self.end is not None:
+            return
+        rested = 0.0 if self._still_since is None else t - self._still_since
+        if reading.cylinder_angle >= self._config.end_angle or rested > self._config.standing_limit:
+            self.end = t
+
+    def _sample(self, message: BufferedMessage, axes: MachineAxes) -> JointSample | None:
+        try:
+            return decode_joint_sample(deserialised(message.data, topics.JOINT_STATES), axes)
+        except MessageError:
+            return None
+
+    def _recent(self) -> list[JointSample] | None:
+        """Return the samples of the last look; None before they cover it."""
+        found: list[JointSample] = []
+        now = self._clock()
+        for message in reversed(self._buffer.messages[topics.JOINT_STATES.name]):
+            sample = self._sample(message, self.axes)
+            if sample is None or now - message.received_ns * 1e-9 > 2.0 * _LOOK:
+                return None
+            found.append(sample)
+            if found[0].t - sample.t >= _LOOK:
+                return found
+        return None
+
+    def _why_not_standing(self, samples: list[JointSample] | None) -> str:
+        message = self._buffer.last(topics.JOINT_STATES)
+        if message is None:
+            return (
+                f"no driver is heard on {self._client.node.resolve_topic_name('rig/joint_states')} "
+                f"for {PATIENCE:g} s; start it, or see `winding conform`"
+            )
+        try:
+            decode_joint_sample(deserialised(message.data, topics.JOINT_STATES), self.axes)
+        except MessageError as error:
+            return f"the driver's {error}; name its joints by cylinder_joint and carriage_joint"
+        if samples is None:
+            return f"{topics.JOINT_STATES.name} comes too seldom to tell whether the machine stands"
+        turned, moved = _spread(samples, self.axes)
+        return (
+            f"the machine does not stand: within {_LOOK:g} s the cylinder turned {turned:.3g} rad "
+            f"and the carriage moved {moved / MILLIMETRE:.3g} mm; a run begins at a standstill"
+        )
+
+
+def _spread(samples: list[JointSample], axes: MachineAxes) -> tuple[float, float]:
+    places = [axes.positions(item.cylinder, item.carriage) for item in samples]
+    angles, ways = zip(*places, strict=True)
+    return max(angles) - min(angles), max(ways) - min(ways)
+
+
+def _trembling(samples: list[JointSample], axes: MachineAxes) -> bool:
+    turned, moved = _spread(samples, axes)
+    return turned > _TREMBLING[0] or moved > _TREMBLING[1]
