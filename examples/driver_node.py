@@ -11,7 +11,8 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-PERIOD, OMEGA, FEED, RAMP = 0.002, 1.74, 5.0e-3, 1.0  # s, rad/s, m/s, s
+PERIOD, OMEGA, FEED = 0.002, 1.74, 5.0e-3  # s, rad/s, m/s
+RAMP, QUICK_RAMP = 1.0, 0.3  # s
 
 
 class Driver(Node):
@@ -20,8 +21,8 @@ class Driver(Node):
         self.joints = self.create_publisher(JointState, "rig/joint_states", 2000)
         self.tension = self.create_publisher(WrenchStamped, "rig/tension", 2000)
         self.goal = self.share = self.angle = self.carriage = 0.0
-        self.latched = False  # your safety relay
-        for name in ("start", "stop", "emergency_stop", "reset"):
+        self.ramp, self.latched = RAMP, False  # your safety relay
+        for name in ("start", "stop", "quick_stop", "emergency_stop", "reset"):
             self.create_service(Trigger, f"rig/{name}", getattr(self, name))
         self.due = self.get_clock().now()
         self.create_timer(PERIOD, self.sample)
@@ -29,7 +30,7 @@ class Driver(Node):
 
     def sample(self) -> None:
         while self.due <= self.get_clock().now():  # what a busy machine missed is made up for
-            step = 0.0 if self.latched else PERIOD / RAMP
+            step = 0.0 if self.latched else PERIOD / self.ramp
             self.share += min(step, max(-step, self.goal - self.share))
             self.angle += self.share * OMEGA * PERIOD  # your encoder of the cylinder [rad]
             self.carriage += self.share * FEED * PERIOD  # your encoder of the carriage [m]
@@ -44,12 +45,16 @@ class Driver(Node):
             self.due += Duration(seconds=PERIOD)
 
     def start(self, _: Any, response: Trigger.Response) -> Trigger.Response:
-        self.goal, response.success = 1.0, not self.latched
+        self.goal, self.ramp, response.success = 1.0, RAMP, not self.latched
         response.message = "emergency stop: reset first" if self.latched else "winding"
         return response
 
     def stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:
         self.goal, response.success = 0.0, True
+        return response
+
+    def quick_stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+        self.goal, self.ramp, response.success = 0.0, QUICK_RAMP, True
         return response
 
     def emergency_stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:

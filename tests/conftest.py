@@ -255,3 +255,46 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
         pytest.skip("only root may mount a file system of 1 MB")
     yield disk
     subprocess.run(["umount", str(disk)], check=True)
+
+
+EXAMPLE_DRIVER = Path(__file__).parents[1] / "examples" / "driver_node.py"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Driver:
+    """A machine's driver in a process of its own.
+
+    Attributes:
+        namespace: Where it publishes.
+        process: Its process.
+    """
+
+    namespace: str
+    process: "subprocess.Popen[str]"
+
+
+@pytest.fixture
+def driver(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Driver]:
+    """Run the example driver, its source changed as the test asks: old text to new text."""
+    source = EXAMPLE_DRIVER.read_text(encoding="utf-8")
+    for old, new in getattr(request, "param", {}).items():
+        assert old in source
+        source = source.replace(old, new)
+    script = tmp_path / "driver.py"
+    script.write_text(source, encoding="utf-8")
+    namespace = "driven"
+    process = subprocess.Popen(
+        [sys.executable, str(script), "--ros-args", "-r", f"__ns:=/{namespace}"],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    try:
+        assert any("ready" in line for line in process.stderr)
+        yield Driver(namespace=namespace, process=process)
+        process.terminate()
+        assert process.wait(timeout=60) == 0
+    finally:
+        process.kill()
+        process.wait()

@@ -21,7 +21,8 @@ def wrong_axis(reading: AxisReading, elapsed: float, drive: DriveProfile) -> str
     """
     angle, way = reading.cylinder_angle, reading.carriage_position
     expected_angle, expected_way = drive.positions(elapsed)
-    if abs(way) > max(_DECISIVE[0], _FACTOR * float(expected_way)) and abs(angle) < abs(way):
+    slow = _FACTOR * float(expected_way)
+    if abs(way) > max(_DECISIVE[0], slow) and abs(angle) < max(slow, _DECISIVE[1]):
         return (
             f"cylinder and carriage are swapped: the carriage moved {way:.3g} m while the cylinder "
             f"turned {angle:.3g} rad; exchange cylinder_joint and carriage_joint"

@@ -7,17 +7,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from winding_cli.commands.condition_options import Typed, with_options
 from winding_cli.commands.console import result_console
+from winding_cli.commands.machine_options import machine_axes
 from winding_cli.commands.refusal import FAILED, refuse
 from winding_cli.commands.ros_environment import joined
 from winding_core.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
+from winding_core.machine_axes import MachineAxes
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
     from winding_cli.conformance.judgement import Finding
 
 
+@with_options(MachineAxes)
 def conform(
+    axes: Typed,
     *,
     namespace: Annotated[str, typer.Option(help="Namespace of the driver.")] = "winding",
     domain: Annotated[
@@ -47,12 +52,14 @@ def conform(
     ):
         if not value > 0.0:
             refuse(f"--{name} must be positive, got {value}")
+    known = machine_axes(axes)
     with joined(domain) as place:
         try:
             findings = asyncio.run(
                 _probe(
                     namespace,
                     camera=camera,
+                    axes=known,
                     seconds=seconds,
                     running=(omega_rad_s, MILLIMETRE * feed_mm_s) if move else None,
                     stop_within=stop_within_s,
@@ -78,6 +85,7 @@ async def _probe(
     namespace: str,
     *,
     camera: bool,
+    axes: MachineAxes,
     seconds: float,
     running: tuple[float, float] | None,
     stop_within: float,
@@ -87,7 +95,7 @@ async def _probe(
 
     client = AsyncClient(namespace)
     try:
-        probe = Probe(client, camera=camera)
+        probe = Probe(client, camera=camera, axes=axes)
         client.start()
         await probe.listen(seconds)
         findings = [*await probe.services(), *probe.findings()]

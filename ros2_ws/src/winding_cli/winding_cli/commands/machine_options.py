@@ -73,16 +73,20 @@ def machine_of(
     _check(options)
     from winding_supervisor.external_machine import ExternalMachineConfig
 
-    with refused(ParameterError, ValueError):
-        known = build(MachineAxes, typed_values(MachineAxes, axes, spelled), owner="the machine")
     return ExternalMachineConfig(
-        axes=known,
+        axes=machine_axes(axes),
         drive=what.drive,
         end_angle=_end_angle(options, what),
         camera=options.camera,
         starts_itself=options.start == "motion",
         standing_limit=options.standing_s,
     )
+
+
+def machine_axes(typed: Typed) -> MachineAxes:
+    """Return the axes that were typed; end the command when they contradict each other."""
+    with refused(ParameterError, ValueError):
+        return build(MachineAxes, typed_values(MachineAxes, typed, spelled), owner="the machine")
 
 
 def _check(options: MachineOptions) -> None:

@@ -12,8 +12,10 @@ from winding_core.units import MILLISECOND
 
 Array = NDArray[np.float64]
 
+# Slower encoders leave too much of a ramp between two samples.
+LOWEST_ENCODER_RATE_HZ = 40.0
 # The tracker interpolates the encoder over at most this gap.
-LONGEST_GAP_S = 0.02
+LONGEST_GAP_S = 0.1
 LOWEST_TENSION_RATE_HZ = 50.0
 LOWEST_FRAME_RATE_HZ = 25.0
 # Predictions, frames and encoder are put together by their stamps.

@@ -11,7 +11,7 @@ from rclpy.qos import ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 from winding_cli.conformance.judgement import (
-    LONGEST_GAP_S,
+    LOWEST_ENCODER_RATE_HZ,
     LOWEST_FRAME_RATE_HZ,
     LOWEST_TENSION_RATE_HZ,
     Finding,
@@ -24,13 +24,23 @@ from winding_cli.conformance.judgement import (
     runs,
     stands,
 )
+from winding_core.axis_check import wrong_axis
+from winding_core.drive import DriveProfile
+from winding_core.machine_axes import MachineAxes
+from winding_core.readings import AxisReading
 from winding_ros import services, topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.camera_messages import decode_camera_info, decode_image
-from winding_ros.rig_messages import MessageError, decode_joint_state, decode_tension
+from winding_ros.rig_messages import JointStateReader, MessageError, decode_tension
 from winding_ros.topic import Topic
 
-RIG_SERVICES = (services.START, services.STOP, services.EMERGENCY_STOP, services.RESET)
+RIG_SERVICES = (
+    services.START,
+    services.STOP,
+    services.QUICK_STOP,
+    services.EMERGENCY_STOP,
+    services.RESET,
+)
 _ANSWER_WITHIN = 5.0
 _POLL = 0.01
 _RAMP_S = 3.0
@@ -42,13 +52,14 @@ class Probe:
     Args:
         client: A spinning node in the driver's namespace.
         camera: Whether the driver brings a camera.
+        axes: Joints of the machine.
     """
 
-    def __init__(self, client: AsyncClient, *, camera: bool) -> None:
+    def __init__(self, client: AsyncClient, *, camera: bool, axes: MachineAxes) -> None:
         self._client = client
         self._camera = camera
         wanted: dict[Topic, Callable[[Any], tuple[float, tuple[float, ...]]]] = {
-            topics.JOINT_STATES: _encoder,
+            topics.JOINT_STATES: _encoder(JointStateReader(axes)),
             topics.TENSION: _tension,
         }
         if camera:
@@ -72,7 +83,7 @@ class Probe:
         encoder = self.heard[topics.JOINT_STATES.name]
         tension = self.heard[topics.TENSION.name]
         found = [self._offered(topic) for topic in self._topics]
-        found += judge_stream(topics.JOINT_STATES.name, encoder, 1.0 / LONGEST_GAP_S)
+        found += judge_stream(topics.JOINT_STATES.name, encoder, LOWEST_ENCODER_RATE_HZ)
         found += judge_encoder(encoder)
         found += judge_stream(topics.TENSION.name, tension, LOWEST_TENSION_RATE_HZ)
         found += judge_tension(tension)
@@ -107,8 +118,12 @@ class Probe:
                 above half of both and as standing below a hundredth.
             stop_within: Longest time from the answered request to standstill [s].
         """
+        stood = self._encoder.values[-1]
         found = [await self._begins("rig/start", running)]
+        found.append(self._axes(stood, running))
         found.append(await self._ends("rig/stop", running, stop_within))
+        found.append(await self._begins("rig/start", running))
+        found.append(await self._ends("rig/quick_stop", running, stop_within))
         found.append(await self._begins("rig/start", running))
         found.append(await self._ends("rig/emergency_stop", running, stop_within))
         refused = await self._ask("rig/start")
@@ -124,6 +139,25 @@ class Probe:
             Finding(promise="rig/reset: accepted", kept=reset.success, measured=reset.message)
         )
         return found
+
+    def _axes(self, stood: tuple[float, ...], running: tuple[float, float]) -> Finding:
+        """Return whether both axes have moved the right way since they stood."""
+        now = self._encoder.values[-1]
+        wrong = wrong_axis(
+            AxisReading(
+                cylinder_angle=now[0] - stood[0],
+                angular_speed=now[1],
+                carriage_position=now[2] - stood[2],
+                feed_speed=now[3],
+            ),
+            _RAMP_S,
+            DriveProfile(angular_speed=running[0], feed_speed=running[1], ramp_time=0.0),
+        )
+        return Finding(
+            promise="rig/joint_states: positive in the direction of winding, in radians and metres",
+            kept=not wrong,
+            measured=wrong or f"{now[0] - stood[0]:.3g} rad and {now[2] - stood[2]:.3g} m",
+        )
 
     @property
     def _encoder(self) -> Heard:
@@ -206,14 +240,17 @@ class Probe:
         return note
 
 
-def _encoder(message: Any) -> tuple[float, tuple[float, ...]]:
-    t, reading = decode_joint_state(message)
-    return t, (
-        reading.cylinder_angle,
-        reading.angular_speed,
-        reading.carriage_position,
-        reading.feed_speed,
-    )
+def _encoder(read: JointStateReader) -> Callable[[Any], tuple[float, tuple[float, ...]]]:
+    def decode(message: Any) -> tuple[float, tuple[float, ...]]:
+        t, reading = read(message)
+        return t, (
+            reading.cylinder_angle,
+            reading.angular_speed,
+            reading.carriage_position,
+            reading.feed_speed,
+        )
+
+    return decode
 
 
 def _tension(message: Any) -> tuple[float, tuple[float, ...]]:

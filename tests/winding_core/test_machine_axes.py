@@ -1,0 +1,97 @@
+"""Joints of any machine become the axes of a run: offset, direction, unit, missing speeds."""
+
+import math
+
+import numpy as np
+import pytest
+
+from winding_core.axis_check import wrong_axis
+from winding_core.drive import DriveProfile
+from winding_core.machine_axes import AxisReader, JointSample, MachineAxes
+from winding_core.motion_start import LEAD_IN, MotionStart
+from winding_core.readings import AxisReading
+from winding_core.tension_pairing import LoadedReading
+
+DRIVE = DriveProfile()
+
+
+def reading(angle: float, position: float, omega: float = 0.0, feed: float = 0.0) -> AxisReading:
+    return AxisReading(
+        cylinder_angle=angle, angular_speed=omega, carriage_position=position, feed_speed=feed
+    )
+
+
+def wound(t: float, sample_rate: float, axes: MachineAxes) -> AxisReading:
+    """Return the reading at t of a machine whose driver reports positions alone."""
+    read = AxisReader(axes)
+    times = np.arange(0.0, t + 0.5 / sample_rate, 1.0 / sample_rate)
+    for now in times:
+        angle, way = DRIVE.positions(float(now))
+        found = read.read(
+            JointSample(
+                t=1.8e9 + float(now),
+                cylinder=axes.cylinder_offset + angle / axes.cylinder_scale,
+                carriage=axes.carriage_offset + way / axes.carriage_scale,
+            )
+        )
+    return found
+
+
+def test_a_standing_machine_is_at_the_origin_wherever_its_encoders_count_from() -> None:
+    axes = MachineAxes(cylinder_scale=-1.0).standing_at([(37.2, 0.1), (37.2002, 0.1)])
+    angle, position = axes.positions(37.2001, 0.1)
+    assert (angle, position) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert axes.positions(36.2001, 0.15) == pytest.approx((1.0, 0.05))
+
+
+@pytest.mark.parametrize("rate", [40.0, 100.0, 500.0, 2000.0])
+@pytest.mark.parametrize("t", [0.5, 3.0])
+def test_speeds_that_are_not_reported_are_the_slopes_of_positions(rate: float, t: float) -> None:
+    axes = MachineAxes(cylinder_scale=math.radians(1.0), cylinder_offset=2131.0)
+    omega, feed = DRIVE.speeds(t)
+    found = wound(t, rate, axes)
+    # Stamps since the epoch are whole multiples of 0.24 us, a tenth of a promille of 10 ms.
+    assert found.angular_speed == pytest.approx(omega, rel=1e-3)
+    assert found.feed_speed == pytest.approx(feed, rel=1e-3)
+
+
+def test_two_axes_cannot_be_one_joint() -> None:
+    with pytest.raises(ValueError, match="must be two joints, got spindle"):
+        MachineAxes(cylinder_joint="spindle", carriage_joint="spindle")
+
+
+@pytest.mark.parametrize(
+    ("angle", "way", "sentence"),
+    [
+        (-1.0, 1.0, "cylinder turned backwards"),
+        (1.0, -1.0, "carriage moved backwards"),
+        (math.degrees(1.0), 1.0, "cylinder_scale must give radians"),
+        (1.0, 1000.0, "carriage_scale must give metres"),
+    ],
+)
+def test_a_wrong_direction_or_unit_is_named(angle: float, way: float, sentence: str) -> None:
+    theta, z = DRIVE.positions(1.0)
+    assert wrong_axis(reading(theta, z), 1.0, DRIVE) == ""
+    assert sentence in wrong_axis(reading(angle * theta, way * z), 1.0, DRIVE)
+
+
+def test_swapped_axes_are_named() -> None:
+    theta, z = DRIVE.positions(1.0)
+    assert "are swapped" in wrong_axis(reading(z, theta), 1.0, DRIVE)
+
+
+def test_a_slower_machine_than_the_condition_is_no_wrong_axis() -> None:
+    theta, z = DRIVE.positions(1.0)
+    assert wrong_axis(reading(0.2 * theta, 0.2 * z), 1.0, DRIVE) == ""
+
+
+def test_a_run_begins_with_the_first_motion_and_half_a_second_of_standstill() -> None:
+    start: MotionStart[LoadedReading] = MotionStart(awaited=True)
+    passed = []
+    for k in range(1000):
+        t = 1.8e9 + 0.01 * k
+        angle = 1e-4 * (-1) ** k if k < 900 else 0.01 * (k - 899)
+        item = LoadedReading(t=t, reading=reading(angle, 0.0), tension=None)
+        passed += [loaded.t - 1.8e9 for loaded in start.passed(item)]
+    assert passed[0] == pytest.approx(9.0 - LEAD_IN, abs=0.011)
+    assert passed == pytest.approx(list(np.arange(passed[0], 9.995, 0.01)), abs=1e-6)

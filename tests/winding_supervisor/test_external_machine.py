@@ -1,0 +1,136 @@
+"""`winding run --machine external` with a driver that keeps the tutorial's table and no more."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from winding_recorder.bags.check import check
+
+pytestmark = [
+    pytest.mark.processes,
+    pytest.mark.timeout(600),
+    pytest.mark.xdist_group("processes"),
+]
+
+# P1 of case 4 has landed by then, and P2 has not.
+DURATION = "5"
+
+
+@pytest.fixture
+def wind(driver: Any, tmp_path: Path, command: Callable[..., Any]) -> Callable[..., Any]:
+    """Wind case 4 with the driver; the run's folder is `run`."""
+
+    def run(*further: object) -> Any:
+        return command(
+            *("run", "--case", 4, "--machine", "external", "--no-camera"),
+            *("--namespace", driver.namespace, "--duration-s", DURATION),
+            *("--output", tmp_path / "run", *further),
+            cwd=tmp_path,
+        )
+
+    return run
+
+
+def numbers(folder: Path) -> Any:
+    return json.loads((folder / "run.json").read_text(encoding="utf-8"))
+
+
+# What the simulated machine's run of the same length gives [m].
+P1 = 0.105868
+# The machine's speeds are what its encoder says, so a different place of the origin, direction
+# and unit change a length by no more than rounding: the specification's 0.05 %.
+SAME = 5.0e-4
+
+
+def test_a_driver_of_the_tutorials_table_is_wound_with(
+    wind: Callable[..., Any], tmp_path: Path
+) -> None:
+    done = wind("--bag", tmp_path / "bag")
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = numbers(tmp_path / "run")
+    assert found["ended"] is None
+    assert found["markers"][0]["s_fem_m"] == pytest.approx(P1, rel=SAME)
+    assert found["joint_states_lost"] == 0
+    assert (tmp_path / "run" / "report" / "index.html").is_file()
+    assert check(tmp_path / "bag").findings == []
+
+
+@pytest.mark.parametrize(
+    "driver",
+    [
+        {
+            "[self.angle, self.carriage]": "[37.2 - self.angle, 100.0 - 1e3 * self.carriage]",
+            "            state.velocity = [self.share * OMEGA, self.share * FEED]\n": "",
+            '"cylinder_joint", "carriage_joint"': '"spindle", "slide"',
+            "PERIOD, OMEGA, FEED = 0.002": "PERIOD, OMEGA, FEED = 0.010",
+        }
+    ],
+    indirect=True,
+)
+def test_offset_reversed_renamed_positions_in_millimetres_at_100_hz_make_no_difference(
+    wind: Callable[..., Any], tmp_path: Path
+) -> None:
+    done = wind(
+        *("--cylinder-joint", "spindle", "--carriage-joint", "slide"),
+        *("--cylinder-scale", -1.0, "--carriage-scale", -0.001),
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert numbers(tmp_path / "run")["markers"][0]["s_fem_m"] == pytest.approx(P1, rel=SAME)
+
+
+@pytest.mark.parametrize("driver", [{"[self.angle, self": "[-self.angle, self"}], indirect=True)
+def test_a_reversed_axis_is_named_and_what_was_wound_is_kept(
+    wind: Callable[..., Any], tmp_path: Path
+) -> None:
+    done = wind()
+    assert done.returncode == 1
+    assert "the cylinder turned backwards" in done.stderr
+    assert "the cylinder turned backwards" in numbers(tmp_path / "run")["ended"]
+    page = (tmp_path / "run" / "report" / "index.html").read_text(encoding="utf-8")
+    assert "This run ended early" in page
+
+
+@pytest.mark.parametrize(
+    "driver",
+    [{'"rig/{name}", getattr': '"rig/" + ("no_" * ("stop" in name)) + name, getattr'}],
+    indirect=True,
+)
+def test_a_stop_that_cannot_be_delivered_ends_the_run(driver: Any, tmp_path: Path) -> None:
+    errors = tmp_path / "stderr"
+    with errors.open("w", encoding="utf-8") as stderr:
+        run = subprocess.Popen(
+            [sys.executable, "-m", "winding_cli.cli", "run", "--case", "4", "--machine", "external",
+             "--no-camera", "--namespace", driver.namespace, "--duration-s", "60",
+             "--output", str(tmp_path / "run")],
+            stderr=stderr,
+        )  # fmt: skip
+    try:
+        wait_until(lambda: "of 60.00 s" in errors.read_text(encoding="utf-8"))
+        child_of(run.pid, "cable_fem_node").send_signal(signal.SIGKILL)
+        assert run.wait(240.0) == 1
+    finally:
+        run.kill()
+    said = errors.read_text(encoding="utf-8")
+    assert "nobody serves rig/quick_stop; nobody serves rig/stop" in said
+    assert "could not be delivered" in numbers(tmp_path / "run")["ended"]
+
+
+def wait_until(reached: Callable[[], Any], patience: float = 240.0) -> Any:
+    end = time.monotonic() + patience
+    while not (value := reached()):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    return value
+
+
+def child_of(pid: int, package: str) -> psutil.Process:
+    (found,) = (c for c in psutil.Process(pid).children(recursive=True) if package in c.cmdline())
+    return found
