@@ -1,0 +1,204 @@
+"""A cell with encoders, load cell and camera, as a process of its own: wall clock, own threads.
+
+`python camera_cell.py '{"joint_rate": 100.0, ...}' --ros-args -r __ns:=/cell`; the fields of `Cell`
+say what is odd about it. It winds what the paper measured of a case.
+"""
+
+import json
+import queue
+import random
+import signal
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import WrenchStamped
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import CameraInfo, Image, JointState
+from std_srvs.srv import Trigger
+
+from winding_core.cases import paper_case
+from winding_core.condition import Condition
+from winding_core.readings import ImageWindow
+from winding_rig_node.camera.config import CameraConfig
+from winding_rig_node.camera.renderer import Renderer
+from winding_rig_node.camera.scene import Scene
+from winding_rig_node.machine.lay import published_lay
+from winding_ros.camera_messages import CameraReading, encode_camera_info, encode_image
+from winding_ros.stamps import encode_stamp
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """What this cell is like.
+
+    Attributes:
+        case: Row of the paper's Table 2.
+        joint_rate: Encoder samples per second.
+        frame_rate: Frames per second.
+        angle: Reading of the cylinder's encoder where it stands at first [rad].
+        carriage: Reading of the carriage's encoder there [m].
+        reversed: Whether both encoders count backwards.
+        velocities: Whether the drives measure speeds.
+        loss: Share of joint states that is never published.
+        jitter: Longest delay of a joint state, in order [s].
+        camera_offset: Of the camera's clock [s].
+        pause_at: Time of the programme at which the machine stands for a while [s].
+        pause: For how long [s].
+        frames_in_pause: Whether the camera goes on meanwhile.
+    """
+
+    case: int = 4
+    joint_rate: float = 200.0
+    frame_rate: float = 50.0
+    angle: float = 0.0
+    carriage: float = 0.0
+    reversed: bool = False
+    velocities: bool = True
+    loss: float = 0.0
+    jitter: float = 0.0
+    camera_offset: float = 0.0
+    pause_at: float = 0.0
+    pause: float = 0.0
+    frames_in_pause: bool = True
+
+
+class CellNode(Node):
+    """Publishes what the cell's sensors say; every thread keeps its own absolute schedule."""
+
+    def __init__(self, cell: Cell) -> None:
+        super().__init__("cell")
+        self.cell = cell
+        self.condition = Condition(case=cell.case, duration=20.0).resolved()
+        self.case, self.drive = paper_case(cell.case), self.condition.drive
+        self.begun: float | None = None
+        self.stopped: float | None = None
+        self.random = random.Random(1)
+        self.joints = self.create_publisher(JointState, "rig/joint_states", 100)
+        self.force = self.create_publisher(WrenchStamped, "rig/tension", 100)
+        self.images = self.create_publisher(Image, "camera/image_raw", 50)
+        self.infos = self.create_publisher(CameraInfo, "camera/camera_info", 50)
+        for name, act in (("start", self.start), ("stop", self.stop), ("quick_stop", self.stop)):
+            self.create_service(Trigger, f"rig/{name}", act)
+        config = CameraConfig()
+        end = float(self.drive.positions(20.0)[0])
+        self.lay = published_lay(self.case, self.drive, self.condition.free_length, end)
+        self.renderer, self.noise = Renderer(config), np.random.default_rng(1)
+        calibration = config.calibration()
+        x, y, width, height = calibration.roi
+        self.calibration = CameraReading(
+            width=calibration.width,
+            height=calibration.height,
+            matrix=calibration.k,
+            distortion=calibration.d,
+            window=ImageWindow(
+                x_offset=x, y_offset=y, width=width, height=height, binning=calibration.binning
+            ),
+        )
+        # The first picture compiles the renderer.
+        self.picture(0.0)
+        self.quit = threading.Event()
+        self.outbox: queue.SimpleQueue[tuple[float, JointState]] = queue.SimpleQueue()
+        for work in (self.encode, self.photograph, self.deliver):
+            threading.Thread(target=work, daemon=True).start()
+        self.get_logger().info("ready")
+
+    def start(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+        self.begun, response.success = time.time(), True
+        return response
+
+    def stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+        self.stopped, response.success = self.stopped or time.time(), True
+        return response
+
+    def programme_time(self, now: float) -> float:
+        """Return how far the drive's programme has come at wall time `now` [s]."""
+        if self.begun is None:
+            return 0.0
+        t = min(now, self.stopped or now) - self.begun
+        cell = self.cell
+        if not cell.pause or t < cell.pause_at:
+            return max(t, 0.0)
+        return max(cell.pause_at, t - cell.pause)
+
+    def paused(self, now: float) -> bool:
+        cell = self.cell
+        since = -1.0 if self.begun is None else now - self.begun - cell.pause_at
+        return bool(cell.pause) and 0.0 <= since < cell.pause
+
+    def encode(self) -> None:
+        cell, due = self.cell, time.time()
+        sign = -1.0 if cell.reversed else 1.0
+        while not self.quit.is_set():
+            due += 1.0 / cell.joint_rate
+            time.sleep(max(0.0, due - time.time()))
+            t = self.programme_time(due)
+            angle, way = self.drive.positions(t)
+            omega, feed = self.drive.speeds(t)
+            still = self.paused(due) or self.stopped is not None
+            message = JointState(name=["carriage_joint", "cylinder_joint"])
+            message.header.stamp = encode_stamp(due)
+            message.position = [cell.carriage + sign * way, cell.angle + sign * angle]
+            if cell.velocities:
+                message.velocity = [0.0, 0.0] if still else [sign * feed, sign * omega]
+            if self.random.random() >= cell.loss:
+                self.outbox.put((due + cell.jitter * self.random.random(), message))
+            force = WrenchStamped(header=message.header)
+            force.wrench.force.x = self.case.weight
+            self.force.publish(force)
+
+    def deliver(self) -> None:
+        while not self.quit.is_set():
+            due, message = self.outbox.get()
+            time.sleep(max(0.0, due - time.time()))
+            self.joints.publish(message)
+
+    def photograph(self) -> None:
+        cell, due = self.cell, time.time()
+        while not self.quit.is_set():
+            due += 1.0 / cell.frame_rate
+            time.sleep(max(0.0, due - time.time()))
+            if self.paused(due) and not cell.frames_in_pause:
+                continue
+            stamp = due + cell.camera_offset
+            self.infos.publish(encode_camera_info(stamp, self.calibration))
+            self.images.publish(encode_image(stamp, self.picture(self.programme_time(due))))
+
+    def picture(self, t: float) -> Any:
+        angle, way = self.drive.positions(t)
+        return self.renderer.render(
+            Scene(
+                cylinder_radius=self.case.cylinder_radius,
+                cable_radius=self.case.cable_radius,
+                cylinder_angle=float(angle),
+                cylinder_speed=float(self.drive.speeds(t)[0]),
+                path_theta=self.lay.path_theta,
+                path_z=self.lay.path_z,
+                marker_theta=self.lay.marker_theta,
+                guide_z=float(way),
+                free_length=self.condition.free_length,
+                band_width=0.006,
+            ),
+            self.noise,
+        )
+
+
+def main() -> None:
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    node = CellNode(Cell(**json.loads(sys.argv[1])))
+    try:
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        node.quit.set()
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()
