@@ -105,8 +105,11 @@ class CellNode(Node):
         self.picture(0.0)
         self.quit = threading.Event()
         self.outbox: queue.SimpleQueue[tuple[float, JointState]] = queue.SimpleQueue()
-        for work in (self.encode, self.photograph, self.deliver):
-            threading.Thread(target=work, daemon=True).start()
+        self.threads = [
+            threading.Thread(target=work) for work in (self.encode, self.photograph, self.deliver)
+        ]
+        for thread in self.threads:
+            thread.start()
         self.get_logger().info("ready")
 
     def start(self, _: Any, response: Trigger.Response) -> Trigger.Response:
@@ -155,7 +158,10 @@ class CellNode(Node):
 
     def deliver(self) -> None:
         while not self.quit.is_set():
-            due, message = self.outbox.get()
+            try:
+                due, message = self.outbox.get(timeout=0.1)
+            except queue.Empty:
+                continue
             time.sleep(max(0.0, due - time.time()))
             self.joints.publish(message)
 
@@ -197,6 +203,8 @@ def main() -> None:
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException):
         node.quit.set()
+        for thread in node.threads:
+            thread.join()
         rclpy.try_shutdown()
 
 

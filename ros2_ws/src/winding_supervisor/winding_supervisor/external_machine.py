@@ -24,6 +24,7 @@ from winding_ros.graph_error import GraphError
 from winding_ros.rig_messages import MessageError, decode_joint_sample
 from winding_ros.serialised import deserialised
 from winding_ros.topic import Topic
+from winding_supervisor.rival_watch import RivalWatch
 from winding_supervisor.simulated_machine import STANDING
 
 _POLL = 0.02
@@ -317,6 +318,9 @@ class ExternalMachine:
             decode_joint_sample(deserialised(message.data, topics.JOINT_STATES), self.axes)
         except MessageError as error:
             return f"the driver's {error}; name its joints by cylinder_joint and carriage_joint"
+        contested = RivalWatch(self._client.node, ()).look(self._clock())
+        if contested:
+            return contested
         if samples is None:
             return f"{topics.JOINT_STATES.name} comes too seldom to tell whether the machine stands"
         turned, moved = _spread(samples, self.axes)

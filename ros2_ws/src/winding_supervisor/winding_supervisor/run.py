@@ -166,7 +166,7 @@ class Run:
         )
         page: DashboardProcess | None = None
         if config.page is not None:
-            page = self._page(config.page, client, supervisor)
+            page = self._page({**config.page, **axes}, client, supervisor)
             stack.push_async_callback(page.kill)
             stack.push_async_callback(interruption.unless_hastened, page.stop)
         stack.push_async_callback(orchestrator.kill)

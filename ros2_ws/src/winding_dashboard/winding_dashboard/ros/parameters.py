@@ -5,12 +5,13 @@ from __future__ import annotations
 import ipaddress
 from dataclasses import dataclass
 
+from winding_core.machine_axes import MachineAxes
 from winding_core.parameters import ParameterError, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class DashboardParameters:
-    """Where the page is served, and where the camera stands."""
+class DashboardParameters(MachineAxes):
+    """Where the page is served, where the camera stands, and the machine's axes."""
 
     host: str = parameter(
         "127.0.0.1", "address that the page is served on; others than loopback need a token"

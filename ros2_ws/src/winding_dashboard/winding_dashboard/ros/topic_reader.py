@@ -16,7 +16,7 @@ from winding_dashboard.views.view_state import ViewState
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading
 from winding_ros.graph import PAGE
-from winding_ros.rig_messages import MessageError
+from winding_ros.rig_messages import JointStateReader, MessageError
 from winding_ros.topic import Topic
 
 # The newest one is all that a look needs; a page must never hold up a publisher.
@@ -59,6 +59,7 @@ class TopicReader:
             (_subscribe(node, topic), topic, notes.get(topic) or self._measured(topic))
             for topic in PAGE.beside
         ]
+        self._decode = {topics.JOINT_STATES: JointStateReader(parameters)}
         self._now = 0.0
 
     def look(self, now: float) -> None:
@@ -75,7 +76,7 @@ class TopicReader:
                 if topic is topics.DIAGNOSTICS:
                     self._leave_out_others(message)
                 try:
-                    note(*topic.decode(message))
+                    note(*self._decode.get(topic, topic.decode)(message))
                 except MessageError:
                     self.refused += 1
         self._state.tick(now)
