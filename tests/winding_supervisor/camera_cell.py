@@ -200,7 +200,9 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     node = CellNode(Cell(**json.loads(sys.argv[1])))
     try:
-        rclpy.spin(node)
+        # A signal is only seen between two waits.
+        while True:
+            rclpy.spin_once(node, timeout_sec=0.1)
     except (KeyboardInterrupt, ExternalShutdownException):
         node.quit.set()
         for thread in node.threads:

@@ -13,25 +13,21 @@ from std_srvs.srv import Trigger
 
 from winding_core.axis_check import wrong_axis
 from winding_core.drive import DriveProfile
-from winding_core.machine_axes import AxisReader, JointSample, MachineAxes
+from winding_core.machine_axes import AxisReader, MachineAxes
 from winding_core.motion_start import LEAD_IN, has_moved
 from winding_core.readings import AxisReading
 from winding_core.units import MILLIMETRE
-from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
+from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import services, topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph_error import GraphError
-from winding_ros.rig_messages import MessageError, decode_joint_sample
-from winding_ros.serialised import deserialised
 from winding_ros.topic import Topic
-from winding_supervisor.rival_watch import RivalWatch
 from winding_supervisor.simulated_machine import STANDING
+from winding_supervisor.standing_axes import joint_sample, standing_axes
 
 _POLL = 0.02
-# Standing readings are looked at for so long, and waited for so much longer [s].
-_LOOK, PATIENCE = 0.5, 30.0
-# Positions of a machine that stands tremble by less than this within a look [rad, m].
-_TREMBLING = (0.01, 2.0e-4)
+# The first half second of a motion may be over before it is noticed [s].
+_NOTICED = 0.5
 _SILENCE = 2.0
 _START_TIMEOUT = 5.0
 # A brake is released and a drive switched on before the axes move [s].
@@ -146,7 +142,7 @@ class ExternalMachine:
     def look(self) -> None:
         """Take note of the newest encoder sample: motion, its direction, the end of the run."""
         message = self._buffer.last(topics.JOINT_STATES)
-        sample = None if message is None else self._sample(message, self.axes)
+        sample = None if message is None else joint_sample(message, self.axes)
         if sample is None or (self._reading is not None and sample.t <= self._reading[0]):
             return
         reading = self._reader.read(sample)
@@ -156,7 +152,7 @@ class ExternalMachine:
         if self.began is None:
             return
         # What the first motion did not show yet belongs to the ramp.
-        elapsed = sample.t - self.began + _LOOK
+        elapsed = sample.t - self.began + _NOTICED
         if elapsed < _JUDGED and not self._wrong:
             self._wrong = wrong_axis(reading, elapsed, self._config.drive)
         self._note_end(sample.t, reading)
@@ -179,15 +175,7 @@ class ExternalMachine:
         Raises:
             GraphError: No driver is heard, its joints have other names, or the machine moves.
         """
-        end = self._clock() + PATIENCE
-        while True:
-            samples = self._recent()
-            if samples is not None and not _trembling(samples, self.axes):
-                break
-            if self._clock() > end:
-                raise GraphError(self._why_not_standing(samples))
-            await asyncio.sleep(_POLL)
-        self.axes = self.axes.standing_at((item.cylinder, item.carriage) for item in samples)
+        self.axes = await standing_axes(self._client.node, self._buffer, self.axes, self._clock)
         self._buffer.axes = self.axes
         self._buffer.origin = math.inf
         self._reader = AxisReader(self.axes)
@@ -287,55 +275,3 @@ class ExternalMachine:
         rested = 0.0 if self._still_since is None else t - self._still_since
         if reading.cylinder_angle >= self._config.end_angle or rested > self._config.standing_limit:
             self.end = t
-
-    def _sample(self, message: BufferedMessage, axes: MachineAxes) -> JointSample | None:
-        try:
-            return decode_joint_sample(deserialised(message.data, topics.JOINT_STATES), axes)
-        except MessageError:
-            return None
-
-    def _recent(self) -> list[JointSample] | None:
-        """Return the samples of the last look; None before they cover it."""
-        found: list[JointSample] = []
-        now = self._clock()
-        for message in reversed(self._buffer.messages[topics.JOINT_STATES.name]):
-            sample = self._sample(message, self.axes)
-            if sample is None or now - message.received_ns * 1e-9 > 2.0 * _LOOK:
-                return None
-            found.append(sample)
-            if found[0].t - sample.t >= _LOOK:
-                return found
-        return None
-
-    def _why_not_standing(self, samples: list[JointSample] | None) -> str:
-        message = self._buffer.last(topics.JOINT_STATES)
-        if message is None:
-            return (
-                f"no driver is heard on {self._client.node.resolve_topic_name('rig/joint_states')} "
-                f"for {PATIENCE:g} s; start it, or see `winding conform`"
-            )
-        try:
-            decode_joint_sample(deserialised(message.data, topics.JOINT_STATES), self.axes)
-        except MessageError as error:
-            return f"the driver's {error}; name its joints by cylinder_joint and carriage_joint"
-        contested = RivalWatch(self._client.node, ()).look(self._clock())
-        if contested:
-            return contested
-        if samples is None:
-            return f"{topics.JOINT_STATES.name} comes too seldom to tell whether the machine stands"
-        turned, moved = _spread(samples, self.axes)
-        return (
-            f"the machine does not stand: within {_LOOK:g} s the cylinder turned {turned:.3g} rad "
-            f"and the carriage moved {moved / MILLIMETRE:.3g} mm; a run begins at a standstill"
-        )
-
-
-def _spread(samples: list[JointSample], axes: MachineAxes) -> tuple[float, float]:
-    places = [axes.positions(item.cylinder, item.carriage) for item in samples]
-    angles, ways = zip(*places, strict=True)
-    return max(angles) - min(angles), max(ways) - min(ways)
-
-
-def _trembling(samples: list[JointSample], axes: MachineAxes) -> bool:
-    turned, moved = _spread(samples, axes)
-    return turned > _TREMBLING[0] or moved > _TREMBLING[1]
