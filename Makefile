@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 TORCH_INDEX ?=
 # Further options of the demo's run, such as ARGS="--namespace left".
 ARGS ?=
-EXTRAS := ros,dashboard,cluster,dev
+EXTRAS := ros,dashboard,cluster,opcua,dev
 BIN := .venv/bin
 STAMP := .venv/.installed
 

@@ -67,6 +67,9 @@ PACKAGES = {
         description="Records, checks, recovers, plays and replays rosbag2 recordings.",
         tests=("winding_recorder",),
     ),
+    "winding_plc_driver": _node(
+        "winding_plc_driver", "Driver for a winding machine that a PLC runs, over OPC UA."
+    ),
     "winding_supervisor": Package(
         description="Starts the graph's processes, drives their lifecycle, supervises a run.",
         tests=("winding_supervisor", "graph"),
@@ -93,6 +96,7 @@ PACKAGES = {
 
 # Import name -> rosdep key, where rosdep knows the library on Ubuntu Noble.
 ROSDEP_KEYS = {
+    "cryptography": "python3-cryptography",
     "cv2": "python3-opencv",
     "jinja2": "python3-jinja2",
     "joblib": "python3-joblib",
@@ -108,6 +112,7 @@ ROSDEP_KEYS = {
 PYPI_ONLY = {
     name: name
     for name in (
+        "asyncua",
         "dask",
         "distributed",
         "mcap",

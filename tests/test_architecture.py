@@ -26,13 +26,14 @@ PLACES = {
         r"(winding_ros|winding_supervisor|winding_cli)/"
         r"|winding_recorder/winding_recorder/(live|playback)/"
         r"|winding_bringup/launch/"
-        r"|(\w+_node|winding_dashboard)/\w+/(node\.py|__main__\.py|ros/)"
+        r"|(\w+_node|winding_dashboard|winding_plc_driver)/\w+/(node\.py|__main__\.py|ros/)"
     ),
     re.compile(r"torch"): re.compile(r"correction_node/"),
     re.compile(r"cv2"): re.compile(
         r"marker_tracker_node/|winding_rig_node/winding_rig_node/camera/"
     ),
     re.compile(r"nicegui"): re.compile(r"winding_dashboard/"),
+    re.compile(r"asyncua"): re.compile(r"winding_plc_driver/winding_plc_driver/opcua/"),
 }
 
 

@@ -1,0 +1,222 @@
+"""Keeps the link, passes on what the PLC tells and what the graph commands; knows no ROS."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from contextlib import aclosing
+from typing import Protocol
+
+from winding_core.status import Status
+from winding_plc_driver.machine.joining import Joiner, Sample
+from winding_plc_driver.machine.link import HeartbeatWatch, Link
+from winding_plc_driver.machine.mapping import START, TENSION, MachineMapping
+from winding_plc_driver.machine.reading import ServerValue, VariableReader
+from winding_plc_driver.machine.report import machine_state, report
+from winding_plc_driver.opcua.errors import LinkError, RefusedError
+from winding_plc_driver.opcua.nodes import READ, STATE
+from winding_plc_driver.opcua.session import Session
+
+# A value that waits for others is let go so much later at most [s].
+_LOOK = 0.02
+_REPORT = 1.0
+
+
+class Outlets(Protocol):
+    """Where the driver's results go."""
+
+    def joints(self, sample: Sample) -> None:
+        """Publish the axes."""
+
+    def tension(self, stamp_ns: int, force: float) -> None:
+        """Publish the load cell's force [N] of a source timestamp [ns]."""
+
+    def status(self, status: Status) -> None:
+        """Publish the driver's state."""
+
+    def log(self, text: str) -> None:
+        """Tell the operator something that happened."""
+
+
+class Driver:
+    """Drives one machine; every method runs on one event loop.
+
+    Args:
+        mapping: Of the machine.
+        session: With its server.
+        clock: Monotonic time [s].
+        wall: Wall time [s since 1970].
+    """
+
+    def __init__(
+        self,
+        mapping: MachineMapping,
+        session: Session,
+        clock: Callable[[], float],
+        wall: Callable[[], float],
+    ) -> None:
+        self._mapping = mapping
+        self._session = session
+        self._clock, self._wall = clock, wall
+        self._link = Link(mapping.server, clock())
+        self._heartbeat = HeartbeatWatch(mapping.heartbeat)
+        self._readers = {name: VariableReader(name, v) for name, v in mapping.variables.items()}
+        self._joiner = Joiner(mapping.axes, mapping.server.join_wait_s)
+        self._state: object = None
+        self._beat_complaint = ""
+        self._outlets: Outlets | None = None
+        self._opened = False
+        self._changed = asyncio.Event()
+
+    async def contact(self) -> None:
+        """Try to reach the PLC once; `run` goes on trying.
+
+        Raises:
+            RefusedError: It refuses user, certificate or mapping.
+        """
+        try:
+            await self._session.open()
+            self._opened = True
+        except LinkError as error:
+            self._session.abandon()
+            self._link.failed(str(error))
+        except RefusedError:
+            self._session.abandon()
+            raise
+
+    async def run(self, outlets: Outlets) -> None:
+        """Drive until cancelled."""
+        self._outlets = outlets
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._let_go())
+                tasks.create_task(self._tell())
+                tasks.create_task(self._keep_link(outlets))
+        finally:
+            await self._session.close()
+
+    async def command(self, name: str) -> tuple[bool, str]:
+        """Return (whether the machine did as told, one sentence)."""
+        refusal = self._link.refuse(name, self._clock())
+        if not refusal and name == START:
+            refusal = self._heartbeat.complaint(self._clock())
+        if refusal:
+            return False, refusal
+        try:
+            return await self._session.call(name, self._mapping.commands[name])
+        except LinkError as error:
+            return False, str(error)
+
+    async def _keep_link(self, outlets: Outlets) -> None:
+        while True:
+            try:
+                if not self._opened:
+                    await self._session.open()
+                self._opened = False
+                stop = self._link.stop_on_return(self._clock())
+                if stop:
+                    _, said = await self._session.call(stop, self._mapping.commands[stop])
+                    outlets.log(f"the link is back and the machine was told to {stop}: {said}")
+                self._link.established()
+                self._changed.set()
+                outlets.log(f"ready: the link to {self._mapping.server.endpoint} is up")
+                await self._follow()
+            except (LinkError, RefusedError) as error:
+                self._session.abandon()
+                wait = 0.0
+                if self._link.up:
+                    self._link.lost(self._clock(), str(error))
+                    outlets.log(self._link.complaint(self._clock()))
+                else:
+                    wait = self._link.failed(str(error))
+                self._changed.set()
+                await asyncio.sleep(wait)
+
+    async def _follow(self) -> None:
+        """Take what the PLC sends until the link is lost."""
+        self._heartbeat.restart(self._clock())
+        beat = asyncio.create_task(self._beat())
+        try:
+            async with aclosing(self._session.subscription.notifications()) as notifications:
+                async for values in notifications:
+                    for value in values:
+                        self._take(value)
+                    self._publish()
+                    await self._session.renew()
+        finally:
+            beat.cancel()
+
+    def _take(self, value: ServerValue) -> None:
+        if value.title == READ:
+            self._heartbeat.see(value.value, self._clock())
+        elif value.title == STATE:
+            if value.value != self._state:
+                self._changed.set()
+            self._state = value.value
+        elif (read := self._readers[value.title].read(value)) is not None:
+            stamp_ns, number = read
+            if value.title != TENSION:
+                self._joiner.add(value.title, stamp_ns, number, self._clock())
+            elif self._outlets is not None:
+                self._outlets.tension(stamp_ns, number)
+
+    def _publish(self) -> None:
+        for sample in self._joiner.take(self._clock()):
+            if self._outlets is not None:
+                self._outlets.joints(sample)
+
+    async def _let_go(self) -> None:
+        while True:
+            await asyncio.sleep(_LOOK)
+            self._publish()
+
+    async def _beat(self) -> None:
+        heartbeat = self._mapping.heartbeat
+        while heartbeat.write:
+            try:
+                await self._session.beat(self._heartbeat.advance())
+                self._beat_complaint = ""
+            except (LinkError, RefusedError) as error:
+                self._beat_complaint = str(error)
+            await asyncio.sleep(heartbeat.period_s)
+
+    async def _tell(self) -> None:
+        while True:
+            self._changed.clear()
+            if self._outlets is not None:
+                self._outlets.status(self._status())
+            try:
+                await asyncio.wait_for(self._changed.wait(), _REPORT)
+            except TimeoutError:
+                continue
+
+    def _status(self) -> Status:
+        now = self._clock()
+        errors = [self._link.complaint(now)]
+        if self._link.up:
+            errors.append(self._heartbeat.complaint(now))
+        further = {
+            "endpoint": self._mapping.server.endpoint,
+            "links lost": str(self._link.losses),
+            "sessions resumed": str(self._session.resumed),
+            "channels renewed": str(self._session.renewed),
+        }
+        if self._mapping.state is not None:
+            words, fault = machine_state(self._mapping.state, self._state)
+            further["machine"] = words
+            if fault and self._link.up:
+                errors.append(f"the machine reports {words}")
+        if self._mapping.heartbeat.read:
+            further["heartbeat of the PLC"] = str(self._heartbeat.seen)
+        newest = max(reader.newest_ns for reader in self._readers.values())
+        if newest:
+            # The PLC's clock and the way from it: far from zero, one of the clocks is not set.
+            further["age of the newest value"] = f"{self._wall() - 1e-9 * newest:.3f} s"
+        return report(
+            [error for error in errors if error],
+            [self._beat_complaint] if self._beat_complaint else [],
+            readers=self._readers,
+            joiner=self._joiner,
+            numbers=self._session.subscription.numbers,
+            further=further,
+        )

@@ -1,0 +1,1 @@
+"""What the driver knows without a network: mapping, joining, order, link, heartbeats."""

@@ -1,0 +1,135 @@
+"""The link to the PLC: up or lost, since when, when to try again, and both heartbeats."""
+
+from __future__ import annotations
+
+from winding_plc_driver.machine.mapping import (
+    EMERGENCY_STOP,
+    QUICK_STOP,
+    STOP,
+    Heartbeat,
+    Server,
+)
+
+# Fits the smallest counter that a PLC has for it.
+_COUNTER = 2**15
+# The later, the stronger.
+_STOPS = (STOP, QUICK_STOP, EMERGENCY_STOP)
+
+
+class Link:
+    """State of the link.
+
+    Args:
+        server: Waits and limits.
+        now: Monotonic time [s].
+
+    Attributes:
+        up: Whether commands and values pass.
+        losses: Times that it was lost.
+        reason: Why it is not up.
+        owed: The stop that was asked for while it was not up; empty for none.
+    """
+
+    def __init__(self, server: Server, now: float) -> None:
+        self.up = False
+        self.losses = 0
+        self.reason = "not reached yet"
+        self.owed = ""
+        self._server = server
+        self._lost_at = now
+        self._established = False
+        self._failures = 0
+
+    def failed(self, reason: str) -> float:
+        """Note an attempt that failed; return the wait until the next one [s]."""
+        self.reason = reason
+        wait = self._server.reconnect_wait_s * 2.0 ** min(self._failures, 30)
+        self._failures += 1
+        return min(wait, self._server.reconnect_wait_max_s)
+
+    def lost(self, now: float, reason: str) -> None:
+        """Note at a monotonic time [s] that the link is lost."""
+        if self.up:
+            self.up = False
+            self.losses += 1
+            self._lost_at = now
+        self.reason = reason
+
+    def stop_on_return(self, now: float) -> str:
+        """Return the stop that a machine is told when it is reached at a monotonic time [s].
+
+        Empty when it may go on.
+        """
+        limit = self._server.stop_after_link_loss_s
+        if self._established and 0.0 < limit < now - self._lost_at:
+            return self.owed or STOP
+        return self.owed
+
+    def established(self) -> None:
+        """Note that values and commands pass from now on."""
+        self.up = self._established = True
+        self._failures = 0
+        self.reason = self.owed = ""
+
+    def complaint(self, now: float) -> str:
+        """Return why nothing passes at a monotonic time [s]; empty when the link is up."""
+        if self.up:
+            return ""
+        since = "lost" if self._established else "down"
+        return (
+            f"the link to the PLC at {self._server.endpoint} has been {since} for "
+            f"{now - self._lost_at:.1f} s: {self.reason}"
+        )
+
+    def refuse(self, command: str, now: float) -> str:
+        """Return why a command does not pass at a monotonic time [s]; empty when it does.
+
+        A stop that does not pass is owed to the machine.
+        """
+        if self.up:
+            return ""
+        said = self.complaint(now)
+        if command not in _STOPS:
+            return said
+        self.owed = max(self.owed, command, key=("", *_STOPS).index)
+        return f"{said}; the machine is told to {self.owed} when the link returns"
+
+
+class HeartbeatWatch:
+    """Watches the PLC's counter, and counts for the driver.
+
+    Attributes:
+        seen: The PLC's newest value; None before the first.
+        count: The driver's own counter.
+    """
+
+    def __init__(self, heartbeat: Heartbeat) -> None:
+        self.seen: object = None
+        self.count = 0
+        self._heartbeat = heartbeat
+        self._changed_at: float | None = None
+
+    def restart(self, now: float) -> None:
+        """Give the PLC its time again from a monotonic time [s] on."""
+        self._changed_at = now
+
+    def see(self, value: object, now: float) -> None:
+        """Note the PLC's counter at a monotonic time [s]."""
+        if value != self.seen:
+            self.seen = value
+            self._changed_at = now
+
+    def advance(self) -> int:
+        """Return the next value of the driver's counter, which stays below 2^15."""
+        self.count = (self.count + 1) % _COUNTER
+        return self.count
+
+    def complaint(self, now: float) -> str:
+        """Return that the PLC's program stands at a monotonic time [s]; empty while it runs."""
+        silent = now - self._changed_at if self._changed_at is not None else 0.0
+        if not self._heartbeat.read or silent <= self._heartbeat.timeout_s:
+            return ""
+        return (
+            f"the PLC's heartbeat has stood at {self.seen} for {silent:.1f} s, more than "
+            f"{self._heartbeat.timeout_s:g} s: its program does not run"
+        )

@@ -1,0 +1,79 @@
+"""Values as the server sent them become numbers in SI, each once, and what is amiss is counted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from winding_plc_driver.machine.mapping import Variable
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServerValue:
+    """One value of a notification.
+
+    Attributes:
+        title: What the mapping calls the variable.
+        value: As the server has it; None where it has none.
+        stamp_ns: Source timestamp, or the server's where there is none [ns since 1970]; None
+            without either.
+        bad: Name of the status when it is bad; empty otherwise.
+        overflow: Whether the server dropped values before or after this one: its queue was full.
+    """
+
+    title: str
+    value: object
+    stamp_ns: int | None
+    bad: str = ""
+    overflow: bool = False
+
+
+class VariableReader:
+    """Reads the values of one variable.
+
+    Attributes:
+        taken: Values that became numbers.
+        repeated: Values not newer than one before, which are dropped.
+        unusable: Values that are no number or have a bad status or no timestamp.
+        overflows: Times that the server's queue was full.
+        complaint: What is wrong with the newest value; empty when nothing is.
+        newest_ns: Newest timestamp [ns since 1970]; 0 before the first.
+    """
+
+    def __init__(self, name: str, variable: Variable) -> None:
+        self.taken = self.repeated = self.unusable = self.overflows = self.newest_ns = 0
+        self.complaint = ""
+        self._name = name
+        self._variable = variable
+        self._raw: float | None = None
+        self._turns = 0
+
+    def read(self, value: ServerValue) -> tuple[int, float] | None:
+        """Return (timestamp [ns], value in SI), or None for a value that is of no use."""
+        self.overflows += value.overflow
+        number, stamp_ns = value.value, value.stamp_ns
+        self.complaint = ""
+        if value.bad:
+            self.complaint = f"{self._name} has the status {value.bad}"
+        elif not isinstance(number, int | float) or not math.isfinite(number):
+            self.complaint = f"{self._name} is no finite number but {number!r:.60}"
+        elif stamp_ns is None:
+            self.complaint = f"{self._name} comes without a timestamp"
+        if self.complaint or stamp_ns is None or not isinstance(number, int | float):
+            self.unusable += 1
+            return None
+        if stamp_ns <= self.newest_ns:
+            # A new subscription begins with the value that the old one ended with.
+            self.repeated += 1
+            return None
+        self.newest_ns = stamp_ns
+        self.taken += 1
+        return stamp_ns, self._unwrapped(float(number)) * self._variable.factor
+
+    def _unwrapped(self, raw: float) -> float:
+        """Return a value [unit of the server] that does not start again from 0."""
+        span = self._variable.wraps_at
+        if span and self._raw is not None:
+            self._turns -= round((raw - self._raw) / span)
+        self._raw = raw
+        return raw + self._turns * span

@@ -1,0 +1,132 @@
+"""ROS side of the driver: the topics and services of a machine, and nothing else."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Awaitable, Callable
+from concurrent.futures import CancelledError
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from winding_core.status import Status
+from winding_plc_driver.machine.joining import Sample
+from winding_plc_driver.machine.mapping import (
+    ANGLE,
+    ANGULAR_SPEED,
+    CARRIAGE,
+    COMMANDS,
+    FEED_SPEED,
+)
+from winding_ros import services, topics
+from winding_ros.diagnostic_messages import encode_diagnostics
+from winding_ros.rig_messages import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, encode_tension
+
+_NANO = 1_000_000_000
+_ENDING = "the driver ends"
+
+
+class PlcDriverNode(Node):  # type: ignore[misc]
+    """Plain node `winding_rig`: rig/joint_states, rig/tension, /diagnostics, rig/start and so on.
+
+    Publishes on the thread that calls it. Services are served by threads of their own, so that a
+    command that hangs holds no stop back.
+
+    Args:
+        context: Of ROS, initialised.
+        command: Returns (whether it was done, one sentence) for a command's name.
+        loop: Event loop that commands run on.
+        endpoint: Address of the PLC, for /diagnostics.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        command: Callable[[str], Awaitable[tuple[bool, str]]],
+        loop: asyncio.AbstractEventLoop,
+        endpoint: str,
+    ) -> None:
+        super().__init__(topics.RIG, context=context)
+        self._command, self._loop, self._endpoint = command, loop, endpoint
+        self._joint_states = topics.JOINT_STATES.advertise(self)
+        self._tension = topics.TENSION.advertise(self)
+        self._diagnostics = topics.DIAGNOSTICS.advertise(self)
+        group = ReentrantCallbackGroup()
+        served = (
+            services.START,
+            services.STOP,
+            services.QUICK_STOP,
+            services.RESET,
+            services.EMERGENCY_STOP,
+        )
+        for name, service in zip(COMMANDS, served, strict=True):
+            self.create_service(service.type, service.name, self._serve(name), callback_group=group)
+        self._executor = MultiThreadedExecutor(2 * len(COMMANDS), context=context)
+        self._executor.add_node(self)
+        self._thread = threading.Thread(target=self._spin, name="services")
+        self._thread.start()
+
+    def joints(self, sample: Sample) -> None:
+        """Publish the axes, with velocities where the PLC has both."""
+        values = sample.values
+        message = JointState(
+            name=[CYLINDER_JOINT, CARRIAGE_JOINT], position=[values[ANGLE], values[CARRIAGE]]
+        )
+        if ANGULAR_SPEED in values and FEED_SPEED in values:
+            message.velocity = [values[ANGULAR_SPEED], values[FEED_SPEED]]
+        message.header.frame_id = BASE_FRAME
+        message.header.stamp = _stamp(sample.stamp_ns)
+        self._joint_states.publish(message)
+
+    def tension(self, stamp_ns: int, force: float) -> None:
+        """Publish the load cell's force [N] of a source timestamp [ns]."""
+        message = encode_tension(0.0, force)
+        message.header.stamp = _stamp(stamp_ns)
+        self._tension.publish(message)
+
+    def status(self, status: Status) -> None:
+        """Publish the driver's state."""
+        self._diagnostics.publish(encode_diagnostics(time.time(), [status], self._endpoint))
+
+    def log(self, text: str) -> None:
+        """Tell the operator something that happened."""
+        self.get_logger().info(text)
+
+    def close(self) -> None:
+        """Stop serving and leave the graph; the event loop has ended."""
+        self._executor.shutdown()
+        self._thread.join()
+        self.destroy_node()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return
+
+    def _serve(self, name: str) -> Callable[[Any, Any], Any]:
+        def answer(_: Any, response: Any) -> Any:
+            response.success, response.message = self._ask(name)
+            return response
+
+        return answer
+
+    def _ask(self, name: str) -> tuple[bool, str]:
+        work = self._command(name)
+        try:
+            return asyncio.run_coroutine_threadsafe(work, self._loop).result()  # type: ignore[arg-type]
+        except (CancelledError, RuntimeError):
+            # The loop has ended, or ends.
+            return False, _ENDING
+
+
+def _stamp(ns: int) -> Time:
+    seconds, rest = divmod(ns, _NANO)
+    return Time(sec=seconds, nanosec=rest)

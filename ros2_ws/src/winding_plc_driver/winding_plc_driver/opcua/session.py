@@ -1,0 +1,166 @@
+"""One session with the PLC's server, resumed with all that it queued when the link returns."""
+
+from __future__ import annotations
+
+import asyncio
+
+from asyncua import Client, ua
+
+from winding_plc_driver.machine.mapping import Command, MachineMapping
+from winding_plc_driver.opcua.errors import RefusedError, told
+from winding_plc_driver.opcua.nodes import WRITE, Nodes
+from winding_plc_driver.opcua.security import secure
+from winding_plc_driver.opcua.subscription import Subscription
+
+_CHANNEL_LIFETIME_S = 3600.0
+# Part 4 of OPC UA, 5.5.2: a channel is renewed after three quarters of its lifetime.
+_RENEWAL = 0.75
+
+
+class Session:
+    """A session, its subscription and its commands.
+
+    Args:
+        mapping: What is read, written and called.
+        password: Of the user; empty for an anonymous session.
+
+    Attributes:
+        subscription: To every variable of the mapping.
+        resumed: Times that the server had kept session and queue.
+        renewed: Times that the channel was renewed.
+    """
+
+    def __init__(self, mapping: MachineMapping, password: str) -> None:
+        self.resumed = self.renewed = 0
+        self._server = server = mapping.server
+        self._timeout = server.call_timeout_s
+        self._client = Client(server.endpoint, timeout=self._timeout)
+        self._client.name = self._client.description = "winding_plc_driver"
+        self._client.session_timeout = round(1000.0 * server.hold_s)
+        self._client.secure_channel_timeout = round(1000.0 * _CHANNEL_LIFETIME_S)
+        self._password = password
+        self._secured = False
+        self._renewal = 0.0
+        self._nodes = Nodes(mapping)
+        self.subscription = Subscription(self._client, server, self._nodes)
+
+    async def open(self) -> None:
+        """Reach the server, resume the session or begin one, and subscribe.
+
+        Raises:
+            LinkError: The server cannot be reached.
+            RefusedError: It refuses user, certificate, session or mapping.
+        """
+        client = self._client
+        with told(f"the connection to {self._server.endpoint}", self._timeout):
+            if not self._secured:
+                await secure(client, self._server)
+                self._secured = True
+            await client.connect_socket()
+            await client.send_hello()
+            await client.open_secure_channel()
+            self._set_renewal()
+            if await self._resume():
+                self.resumed += 1
+            else:
+                self.subscription.forget()
+                await client.create_session()
+                await self._activate()
+        if not self.subscription.begun:
+            with told("the subscription", self._timeout):
+                await self._nodes.find(client)
+                await self.subscription.begin()
+
+    def abandon(self) -> None:
+        """Let the connection go without a word, and keep what a resumption needs."""
+        protocol = self._client.uaclient.protocol
+        if protocol is not None and protocol.transport is not None:
+            # A link that hangs would not take what is left to send.
+            protocol.transport.abort()
+        self._client.disconnect_socket()
+
+    async def close(self) -> None:
+        """End session and connection; a server that does not answer ends them in its time."""
+        session = self._client.uaclient.session
+        try:
+            await asyncio.wait_for(session.close_session(True), self._timeout)
+        except (OSError, ua.UaError):
+            return
+        finally:
+            self.abandon()
+
+    async def renew(self) -> None:
+        """Renew the channel once its time has come.
+
+        Raises:
+            LinkError: The connection is lost, or there was no answer in time.
+            RefusedError: The server does not renew it.
+        """
+        if asyncio.get_running_loop().time() > self._renewal:
+            with told("the renewal of the channel", self._timeout):
+                await self._client.open_secure_channel(renew=True)
+                self._client.uaclient.revolve_security_token()
+            self.renewed += 1
+            self._set_renewal()
+
+    async def call(self, name: str, command: Command) -> tuple[bool, str]:
+        """Return (whether the PLC did as told, one sentence).
+
+        Raises:
+            LinkError: The connection is lost, or there was no answer in time.
+        """
+        try:
+            with told(name, self._timeout):
+                if command.node:
+                    await self._write(f"command {name}", command.value)
+                    return True, f"{name}: {command.value} is written"
+                request = ua.CallMethodRequest(
+                    ObjectId=self._nodes[f"object of {name}"],
+                    MethodId=self._nodes[f"method of {name}"],
+                )
+                (result,) = await self._client.uaclient.session.call([request])
+                result.StatusCode.check()
+        except RefusedError as error:
+            return False, str(error)
+        outputs = [item.Value for item in result.OutputArguments or []]
+        said = next((item for item in outputs if isinstance(item, str)), "")
+        done = next((item for item in outputs if isinstance(item, bool)), True)
+        return done, said or f"{name}: {'done' if done else 'the PLC says no'}"
+
+    async def beat(self, count: int) -> None:
+        """Write the driver's counter.
+
+        Raises:
+            LinkError: The connection is lost, or there was no answer in time.
+            RefusedError: The server does not take it.
+        """
+        with told("the driver's heartbeat", self._timeout):
+            await self._write(WRITE, count)
+
+    def _set_renewal(self) -> None:
+        lifetime = 1e-3 * self._client.secure_channel_timeout
+        self._renewal = asyncio.get_running_loop().time() + _RENEWAL * lifetime
+
+    async def _resume(self) -> bool:
+        """Return whether the server has kept the session of before."""
+        session = self._client.uaclient.session
+        if not session.has_session:
+            return False
+        session.rebind_authentication_token()
+        try:
+            await self._activate()
+        except ua.UaError:
+            session.reset_authentication_token()
+            return False
+        return True
+
+    async def _activate(self) -> None:
+        await self._client.activate_session(self._server.user or None, self._password or None)
+
+    async def _write(self, title: str, value: bool | int) -> None:
+        # Some PLCs refuse a write that brings a status or a timestamp of its own.
+        data = ua.DataValue(self._nodes.variant(title, value), StatusCode=None)
+        (status,) = await self._client.uaclient.session.write_attributes(
+            [self._nodes[title]], [data]
+        )
+        status.check()

@@ -1,0 +1,277 @@
+"""The driver as a process between a real OPC UA server and DDS."""
+
+import math
+import signal
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from asyncua.crypto.cert_gen import setup_self_signed_certificate
+from cryptography.x509.oid import ExtendedKeyUsageOID
+from std_srvs.srv import Trigger
+
+from winding_core.status import Level, Status
+from winding_ros import topics
+from winding_ros.diagnostic_messages import decode_diagnostics
+
+pytestmark = [pytest.mark.processes, pytest.mark.slow]
+
+
+class Listener:
+    """Everything that the driver publishes, and its services."""
+
+    def __init__(self, ros: Any) -> None:
+        self.joints: list[Any] = []
+        self.forces: list[Any] = []
+        self.statuses: list[Status] = []
+        self._ros, self._node = ros, ros.plain()
+        topics.JOINT_STATES.subscribe(self._node, self.joints.append)
+        topics.TENSION.subscribe(self._node, self.forces.append)
+        topics.DIAGNOSTICS.subscribe(self._node, self._told)
+
+    def call(self, name: str) -> tuple[bool, str]:
+        answer = self._ros.call(self._node, Trigger, f"rig/{name}", Trigger.Request())
+        return answer.success, answer.message
+
+    def wait(self, reached: Callable[[], Any]) -> None:
+        self._ros.spin_until(reached)
+
+    def wait_for(self, level: Level, text: str) -> Status:
+        """Return the next status of a level whose message has a text."""
+        self.statuses.clear()
+        self.wait(lambda: any(s.level is level and text in s.message for s in self.statuses))
+        return self.statuses[-1]
+
+    def more(self, count: int) -> None:
+        """Wait for so many further joint states."""
+        target = len(self.joints) + count
+        self.wait(lambda: len(self.joints) >= target)
+
+    def _told(self, message: Any) -> None:
+        self.statuses += decode_diagnostics(message)[1]
+
+
+@pytest.fixture
+def listener(ros: Any) -> Listener:
+    return Listener(ros)
+
+
+def stamp_ns(message: Any) -> int:
+    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
+
+
+def check_nothing_is_lost_or_doubled(listener: Listener, machine: Any) -> None:
+    """Every value that the server wrote from the first to the last that was heard, once."""
+    written = machine.written()
+    for messages in (listener.joints, listener.forces):
+        heard = [stamp_ns(message) for message in messages]
+        assert heard == [ns for ns in written if heard[0] <= ns <= heard[-1]]
+    for message in listener.joints:
+        angle, carriage, _ = written[stamp_ns(message)]
+        # The same product of the same two numbers.
+        assert list(message.position) == [angle * (math.pi / 180.0), carriage * 1e-3]
+    assert all(m.wrench.force.x == written[stamp_ns(m)][2] for m in listener.forces)
+
+
+def test_every_value_arrives_once_with_its_source_timestamp(
+    machine: Any, driver: Any, listener: Listener
+) -> None:
+    plc = machine()
+    process = driver(plc.port)
+    listener.more(1)
+    assert listener.call("start") == (True, "start: done")
+    listener.more(300)
+    assert listener.call("stop") == (True, "stop: done")
+    listener.more(150)
+    assert plc.calls == ["ready", "Start", "Stop"]
+    check_nothing_is_lost_or_doubled(listener, plc)
+    # 3 s of winding at 1.74 rad/s and a ramp of 1 s at each end.
+    assert listener.joints[-1].position[0] > 3.0
+    assert listener.joints[-1].position == listener.joints[-2].position
+    status = listener.wait_for(Level.OK, "the link is up")
+    assert status.values["machine"] == "standing"
+    assert {"0"} == {status.values[key] for key in ("angle repeated", "queue overflows")}
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(60) == 0
+    assert "Traceback" not in process.stderr.read()
+
+
+def test_a_refusal_of_the_plc_is_the_answer_of_the_service(
+    machine: Any, driver: Any, listener: Listener
+) -> None:
+    driver(machine().port)
+    listener.more(1)
+    assert listener.call("emergency_stop")[0]
+    done, said = listener.call("start")
+    assert not done
+    assert said.startswith("start was refused: ")
+    assert "(BadInvalidState)" in said
+    listener.wait_for(Level.ERROR, "the machine reports emergency stop")
+    assert listener.call("reset")[0]
+    assert listener.call("start")[0]
+
+
+def test_a_call_that_hangs_is_given_up(machine: Any, driver: Any, listener: Listener) -> None:
+    slow = {"return machine.call(name)": "await asyncio.sleep(600.0 * (name == 'Reset'))"}
+    driver(machine(changes=slow).port, call_timeout_s=0.5)
+    listener.more(1)
+    assert listener.call("reset") == (False, "reset was not answered within 0.5 s")
+
+
+def test_a_cut_link_is_said_and_the_queue_of_the_server_is_taken(
+    machine: Any, driver: Any, relay: Any, listener: Listener
+) -> None:
+    plc = machine()
+    path = relay(plc.port)
+    driver(path.port, stop_after_link_loss_s=0.0)
+    listener.more(1)
+    assert listener.call("start")[0]
+    listener.more(100)
+    path.cut()
+    listener.wait_for(Level.ERROR, "has been lost for")
+    done, said = listener.call("start")
+    assert not done
+    assert f"the link to the PLC at opc.tcp://127.0.0.1:{path.port} has been lost" in said
+    path.restore()
+    status = listener.wait_for(Level.OK, "the link is up")
+    assert (status.values["links lost"], status.values["sessions resumed"]) == ("1", "1")
+    listener.more(300)
+    assert plc.calls == ["ready", "Start"]
+    check_nothing_is_lost_or_doubled(listener, plc)
+
+
+def test_a_silent_link_is_lost(machine: Any, driver: Any, relay: Any, listener: Listener) -> None:
+    plc = machine()
+    path = relay(plc.port)
+    driver(path.port, link_timeout_s=3.0)
+    listener.more(100)
+    path.silence()
+    listener.wait(
+        lambda: any("was not answered within 3 s" in s.message for s in listener.statuses)
+    )
+    listener.wait_for(Level.OK, "the link is up")
+    listener.more(100)
+    check_nothing_is_lost_or_doubled(listener, plc)
+
+
+@pytest.mark.parametrize("asked", ["", "quick_stop"])
+def test_a_machine_is_stopped_when_the_link_returns(
+    asked: str, machine: Any, driver: Any, relay: Any, listener: Listener
+) -> None:
+    plc = machine()
+    path = relay(plc.port)
+    driver(path.port, stop_after_link_loss_s=0.0 if asked else 0.05)
+    listener.more(1)
+    assert listener.call("start")[0]
+    listener.more(100)
+    path.cut()
+    listener.wait_for(Level.ERROR, "has been lost for")
+    if asked:
+        done, said = listener.call(asked)
+        assert not done
+        assert said.endswith("the machine is told to quick_stop when the link returns")
+    path.restore()
+    listener.wait_for(Level.OK, "the link is up")
+    assert plc.calls == ["ready", "Start", "QuickStop" if asked else "Stop"]
+    listener.wait(lambda: listener.joints[-1].position == listener.joints[-2].position)
+
+
+def test_a_server_that_has_forgotten_the_session_gets_a_new_one(
+    machine: Any, driver: Any, relay: Any, listener: Listener
+) -> None:
+    path = relay(machine().port)
+    driver(path.port)
+    listener.more(100)
+    path.cut()
+    listener.wait_for(Level.ERROR, "has been lost for")
+    path._target = machine().port
+    path.restore()
+    status = listener.wait_for(Level.OK, "the link is up")
+    assert status.values["sessions resumed"] == "0"
+    listener.more(100)
+    stamps = [stamp_ns(message) for message in listener.joints]
+    assert stamps == sorted(set(stamps))
+
+
+async def certificates(folder: Path) -> tuple[dict[str, str], list[object]]:
+    """Make a self-signed pair for each side; return the driver's keys and the machine's options."""
+    for name, uri in (("driver", "urn:winding:driver"), ("plc", "urn:freeopcua:python:server")):
+        await setup_self_signed_certificate(
+            folder / f"{name}.pem",
+            folder / f"{name}.der",
+            uri,
+            socket.gethostname(),
+            [ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH],
+            {},
+        )
+    mapping = {
+        "security_policy": "Basic256Sha256",
+        "security_mode": "SignAndEncrypt",
+        "certificate": "driver.der",
+        "private_key": "driver.pem",
+        "server_certificate": "plc.der",
+    }
+    return mapping, ["--certificate", folder / "plc.der", "--key", folder / "plc.pem"]
+
+
+@pytest.mark.asyncio
+async def test_certificates_and_a_user_name_open_the_session(
+    machine: Any, driver: Any, relay: Any, listener: Listener, tmp_path: Path
+) -> None:
+    security, options = await certificates(tmp_path)
+    plc = machine("--user", "winding", "--password", "right", *options)
+    path = relay(plc.port)
+    user = {"user": "winding", "password_variable": "PLC_PASSWORD"}
+    driver(path.port, {"PLC_PASSWORD": "right"}, **security, **user)
+    listener.more(100)
+    path.cut()
+    listener.wait_for(Level.ERROR, "has been lost for")
+    path.restore()
+    status = listener.wait_for(Level.OK, "the link is up")
+    assert status.values["sessions resumed"] == "1"
+    listener.more(100)
+    check_nothing_is_lost_or_doubled(listener, plc)
+
+
+@pytest.mark.parametrize("secured", [False, True])
+@pytest.mark.asyncio
+async def test_a_wrong_password_is_one_sentence_before_anything_else(
+    secured: bool, machine: Any, driver: Any, tmp_path: Path
+) -> None:
+    security, options = await certificates(tmp_path) if secured else ({}, [])
+    plc = machine("--user", "winding", "--password", "right", *options)
+    (tmp_path / "password.txt").write_text("wrong\n", encoding="utf-8")
+    process = driver(plc.port, user="winding", password_file="password.txt", **security)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == 2
+    assert said.startswith(f"error: the connection to opc.tcp://127.0.0.1:{plc.port} was refused: ")
+    assert "(BadUserAccessDenied)" in said
+    assert said.count("\n") == 1
+    assert "wrong" not in said
+
+
+def test_a_variable_that_is_not_there_is_one_sentence(
+    machine: Any, driver: Any, tmp_path: Path
+) -> None:
+    plc = machine(changes={'("Tension", 0.0)': '("Torque", 0.0)', '"Tension": t': '"Torque": t'})
+    process = driver(plc.port)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == 2
+    assert said == (
+        "error: tension cannot be read at nsu=urn:winding-machine;s=Machine.Tension: "
+        "BadNodeIdUnknown\n"
+    )
+
+
+def test_a_plc_that_comes_later_is_waited_for(
+    machine: Any, driver: Any, relay: Any, listener: Listener
+) -> None:
+    path = relay(machine().port)
+    path.cut()
+    driver(path.port)
+    listener.wait_for(Level.ERROR, "has been down for")
+    assert not listener.call("start")[0]
+    path.restore()
+    listener.more(10)
