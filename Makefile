@@ -36,12 +36,12 @@ kernels: $(STAMP)
 
 # What to run before every commit: lint, and the tests that are quick and start no graph.
 check: lint kernels
-	$(BIN)/python -m pytest -q -n 2 --dist loadgroup -m "not processes and not slow"
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not processes and not slow"
 
 # A graph of processes fills both cores of a small machine by itself: such tests run one by one.
 # Lines are counted over both parts; the second one prints them and holds fail_under.
 test: kernels
-	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not processes" \
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not processes" \
 	    --cov --cov-report= --cov-fail-under=0
 	$(BIN)/python -m pytest -m processes --cov --cov-append --cov-report=term
 

@@ -149,7 +149,6 @@ def test_markers_of_no_cable_are_not_explained_away(tmp_path: Path) -> None:
 
 
 @pytest.mark.processes
-@pytest.mark.xdist_group("processes")
 def test_recorded_run_is_read_with_its_own_condition(recorded_run, tmp_path: Path) -> None:
     out = tmp_path / "found.json"
     result = identify(recorded_run.bag, "--json", out)

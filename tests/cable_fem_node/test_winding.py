@@ -34,9 +34,6 @@ def drive_to(model, t, **more):
 
 
 # One process computes what the tests of this file share.
-pytestmark = pytest.mark.xdist_group("winding")
-
-
 @pytest.fixture(scope="module")
 def run():
     return predict(WindingConfig(case=paper_case(4)))

@@ -11,7 +11,7 @@ import pytest
 
 from winding_supervisor.event_log import read_events
 
-pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("containers")]
+pytestmark = pytest.mark.processes
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
 from winding_ros.graph import GRAPH
 
-pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("containers")]
+pytestmark = pytest.mark.processes
 
 PROFILE = Path(__file__).parents[2] / "docker" / "fastdds_bridge.xml"
 ENVIRONMENT = {

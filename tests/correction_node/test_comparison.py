@@ -22,7 +22,7 @@ from winding_core.published import published_markers, published_weights
 
 # Every model is trained as long as the shipped ones.
 # One process computes what the tests of this file share.
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("comparison")]
+pytestmark = pytest.mark.slow
 
 ROD = load_data_set("rod")
 

@@ -23,9 +23,6 @@ LAW = WithinRun(build_up_length=0.15, relative_bounds=(0.05, 0.04))
 
 
 # One process computes what the tests of this file share.
-pytestmark = pytest.mark.xdist_group("within_run")
-
-
 @pytest.fixture(scope="module")
 def scored() -> WithinRunScore:
     return score_within_run(CELLS)

@@ -24,7 +24,6 @@ def test_every_tutorial_has_something_to_run() -> None:
 
 @pytest.mark.processes
 @pytest.mark.slow
-@pytest.mark.xdist_group("tutorials")
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_the_tutorial_works_when_pasted(page: Path, tmp_path: Path) -> None:
     for part in ("examples", "tests", "pyproject.toml"):

@@ -19,7 +19,6 @@ from winding_supervisor.domain_lock import domain_lock
 
 pytestmark = [
     pytest.mark.processes,
-    pytest.mark.xdist_group("fault_table"),
     pytest.mark.timeout(600),
 ]
 

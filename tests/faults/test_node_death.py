@@ -17,7 +17,6 @@ from winding_ros.process import SUPERVISED
 
 pytestmark = [
     pytest.mark.processes,
-    pytest.mark.xdist_group("processes"),
     pytest.mark.timeout(900),
 ]
 

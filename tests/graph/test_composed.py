@@ -16,7 +16,7 @@ from winding_ros.rig_messages import decode_joint_state
 from winding_ros.topic import Topic
 
 # One process computes what the tests of this file share.
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("composed")]
+pytestmark = pytest.mark.slow
 
 # Long enough for P1 of case 4, wound at 6.28 rad, 4.1 s.
 DURATION = 5.0

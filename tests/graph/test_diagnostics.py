@@ -19,7 +19,7 @@ from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.graph import GRAPH
 from winding_ros.rig_messages import encode_joint_state, encode_tension
 
-pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
+pytestmark = pytest.mark.processes
 
 NODES = tuple(spec.name for spec in GRAPH)
 # Simulated time leads the slowest reader by at most so much.

@@ -18,7 +18,6 @@ pytestmark = [
     pytest.mark.soak,
     pytest.mark.processes,
     pytest.mark.slow,
-    pytest.mark.xdist_group("processes"),
 ]
 
 MINUTES = float(os.environ.get("SOAK_MINUTES", "30"))

@@ -25,7 +25,6 @@ pytestmark = [
     pytest.mark.processes,
     pytest.mark.slow,
     pytest.mark.timeout(900),
-    pytest.mark.xdist_group("processes"),
 ]
 
 PATIENCE = 240.0

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-pytestmark = [pytest.mark.processes, pytest.mark.slow, pytest.mark.xdist_group("processes")]
+pytestmark = [pytest.mark.processes, pytest.mark.slow]
 
 MINUTES = 10.0
 # Buffers fill during the first minute (60 s of charts); after that nothing may grow.

@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 
 from winding_ros import topics
 
-pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
+pytestmark = pytest.mark.processes
 
 RECORDED = {
     (topic.name if topic.name.startswith("/") else f"/winding/{topic.name}"): topic

@@ -26,7 +26,7 @@ from winding_ros import topics
 from winding_ros.polled import PolledTopic
 from winding_ros.topic import Topic
 
-pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
+pytestmark = pytest.mark.processes
 
 JOINTS = "/winding/rig/joint_states"
 SAMPLES = 600

@@ -12,7 +12,7 @@ from winding_recorder.bags.contents import contents
 from winding_recorder.playback.replay import replay
 from winding_ros import topics
 
-pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
+pytestmark = pytest.mark.processes
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from winding_ros.cloud_messages import encode_cloud
 from winding_ros.diagnostic_messages import decode_diagnostics
 from winding_ros.rig_messages import encode_joint_state
 
-pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
+pytestmark = pytest.mark.processes
 
 READING = AxisReading(
     cylinder_angle=1.0, angular_speed=1.74, carriage_position=0.01, feed_speed=0.005

@@ -102,9 +102,6 @@ def _record(learned: float = 3.0, plain: float = 5.0) -> StudyRecord:
 
 
 # One process computes what the tests of this file share.
-pytestmark = pytest.mark.xdist_group("study_record")
-
-
 @pytest.fixture(scope="module")
 def record() -> StudyRecord:
     return _record()

@@ -79,7 +79,6 @@ def test_events_without_end_are_kept_short(tmp_path: Path) -> None:
 
 
 @pytest.mark.processes
-@pytest.mark.xdist_group("processes")
 def test_a_run_writes_no_log_but_those_with_a_bound(recorded_run: Any) -> None:
     """ROS' own log files have no bound; the nodes' output says the same and has one."""
     assert recorded_run.finished.returncode == 0, recorded_run.finished.stderr

@@ -17,7 +17,6 @@ from winding_recorder.bags.check import check
 pytestmark = [
     pytest.mark.processes,
     pytest.mark.timeout(600),
-    pytest.mark.xdist_group("processes"),
 ]
 
 # P1 of case 4 has landed by then, and P2 has not.

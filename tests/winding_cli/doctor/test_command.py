@@ -14,7 +14,7 @@ import pytest
 from winding_cli.commands import doctor
 from winding_ros.graph import DEFAULT_NAMESPACE
 
-pytestmark = [pytest.mark.processes, pytest.mark.xdist_group("processes")]
+pytestmark = pytest.mark.processes
 
 MODULES = (
     "rclpy", "diagnostic_msgs", "geometry_msgs", "lifecycle_msgs", "rosgraph_msgs", "sensor_msgs",

@@ -125,7 +125,6 @@ def test_loopback_that_is_down_is_a_failure() -> None:
 
 
 @pytest.mark.processes
-@pytest.mark.xdist_group("processes")
 def test_two_processes_exchange_messages_and_see_a_stranger(ros: Any, tmp_path: Path) -> None:
     stranger = ros.plain("stranger")
     # A busy machine may be slower than the time that strangers are given to show themselves.
@@ -146,7 +145,6 @@ def test_two_processes_exchange_messages_and_see_a_stranger(ros: Any, tmp_path: 
 
 
 @pytest.mark.processes
-@pytest.mark.xdist_group("processes")
 def test_middleware_that_is_nowhere_is_a_failure_with_its_reason(tmp_path: Path) -> None:
     result = exchange({**os.environ, "RMW_IMPLEMENTATION": "rmw_nowhere"}, DOMAIN, tmp_path)
     middleware, message = judge_exchange(result)
@@ -155,7 +153,6 @@ def test_middleware_that_is_nowhere_is_a_failure_with_its_reason(tmp_path: Path)
 
 
 @pytest.mark.processes
-@pytest.mark.xdist_group("processes")
 def test_discovery_that_is_off_is_a_failure(tmp_path: Path) -> None:
     hidden = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}
     hidden.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
