@@ -81,8 +81,8 @@ async def serve(options: argparse.Namespace) -> None:
         await plc.add_method(ua.NodeId(f"Machine.{name}", space), name, called)
 
     async def write(name: str, value: float, due: datetime) -> None:
-        variant = ua.Variant(value, ua.VariantType.Double if "." in str(value) else None)
-        await nodes[name].write_value(ua.DataValue(variant, SourceTimestamp=due))
+        data = ua.DataValue(ua.Variant(value), SourceTimestamp=due)
+        await server.write_attribute_value(nodes[name].nodeid, data)
 
     async with server:
         print("ready", flush=True)
@@ -102,6 +102,7 @@ async def serve(options: argparse.Namespace) -> None:
                         machine.call("Stop")  # the driver is silent: the PLC stops by itself
                 cycle += 1
                 due += timedelta(seconds=PERIOD)
+                await asyncio.sleep(0.0)  # however busy the computer: the server answers
             await asyncio.sleep(PERIOD / 2.0)
 
 
