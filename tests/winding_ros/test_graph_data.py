@@ -27,7 +27,7 @@ NAMESPACE = "/endpoints"
 def test_every_topic_has_a_publisher() -> None:
     published = {topic for spec in GRAPH for topic in spec.publishes}
     outside = set(topics.published_by(topics.COMMANDER))
-    shared = {topics.DIAGNOSTICS, topics.RECORDER_PROGRESS}
+    shared = {topics.DIAGNOSTICS, topics.RECORDER_PROGRESS, topics.ROBOT_DESCRIPTION}
     assert set(topics.TOPICS) - published == shared | outside
     assert outside <= set(RIG.subscribes)
 

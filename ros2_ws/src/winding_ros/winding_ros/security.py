@@ -71,7 +71,8 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     process = _enclave(enclaves, namespace, ORCHESTRATOR)
     profile = _profile(process, namespace, ORCHESTRATOR)
     signs = [heartbeat_topic(spec.name) for spec in (*graph, PAGE)]
-    _allow(profile, "topics", "publish", [heartbeat_topic(ORCHESTRATOR)])
+    said = [topic.name for topic in topics.published_by(ORCHESTRATOR)]
+    _allow(profile, "topics", "publish", [heartbeat_topic(ORCHESTRATOR), *said])
     _allow(profile, "topics", "subscribe", [topics.DIAGNOSTICS.name, *signs])
     asked = [f"{spec.name}/{name}" for spec in graph for name in _OWN_SERVICES]
     _allow(profile, "services", "request", [*served_by(topics.RIG), *asked])

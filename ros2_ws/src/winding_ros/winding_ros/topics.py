@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState, PointCloud2
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker
 
@@ -231,6 +231,18 @@ RECORDER_PROGRESS = _topic(
     lambda header: (decode_stamp(header.stamp), None),
     recorded=False,
     answer=True,
+)
+ROBOT_DESCRIPTION = _topic(
+    "robot_description",
+    String,
+    None,
+    ORCHESTRATOR,
+    "the machine as URDF; its joints are those of rig/joint_states",
+    lambda text: (0.0, text.data),
+    latched=True,
+    # Without a stamp it has no place in a bag.
+    recorded=False,
+    depth=1,
 )
 
 # In the order of their declaration.
