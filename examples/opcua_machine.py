@@ -11,7 +11,7 @@ from typing import Any
 from asyncua import Server, ua
 from asyncua.crypto.permission_rules import User, UserRole
 
-PERIOD, OMEGA, FEED = 0.01, 99.7, 5.0  # s, deg/s, mm/s
+PERIOD, OMEGA, FEED, TENSION = 0.01, 99.7, 5.0, 1.96  # s, deg/s, mm/s, N
 RAMP, QUICK_RAMP, DRIVER_TIMEOUT = 1.0, 0.3, timedelta(seconds=5)
 STANDING, WINDING, LATCHED = 0, 1, 2
 
@@ -27,11 +27,10 @@ class Machine:
         self.share += min(step, max(-step, self.goal - self.share))
         self.angle += self.share * OMEGA * PERIOD
         self.carriage += self.share * FEED * PERIOD
-        tension = 1.96 + 0.1 * self.share
         if self.record:
-            print(due.isoformat(), self.angle, self.carriage, tension, file=self.record, flush=True)
+            print(due.isoformat(), self.angle, self.carriage, TENSION, file=self.record, flush=True)
         speeds = {"AngularSpeed": self.share * OMEGA, "FeedSpeed": self.share * FEED}
-        return {"Angle": self.angle, "Carriage": self.carriage, "Tension": tension, **speeds}
+        return {"Angle": self.angle, "Carriage": self.carriage, "Tension": TENSION, **speeds}
 
     def call(self, name: str) -> ua.StatusCode:
         print(name, flush=True)

@@ -166,8 +166,9 @@ def driver(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
         mapping |= sections or {}
         file = tmp_path / "machine.yaml"
         file.write_text(yaml.safe_dump(mapping), encoding="utf-8")
+        command = [sys.executable, "-m", "winding_plc_driver", "--mapping", str(file)]
         process = subprocess.Popen(
-            [sys.executable, "-m", "winding_plc_driver", "--mapping", str(file)],
+            [*command, "--ros-args", "-r", "__ns:=/winding"],
             env=os.environ | (environment or {}),
             stderr=subprocess.PIPE,
             text=True,

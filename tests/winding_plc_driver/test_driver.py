@@ -1,5 +1,6 @@
 """The driver as a process between a real OPC UA server and DDS."""
 
+import json
 import math
 import signal
 import socket
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from cryptography.x509.oid import ExtendedKeyUsageOID
+from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from winding_core.status import Level, Status
@@ -26,7 +28,7 @@ class Listener:
         self.joints: list[Any] = []
         self.forces: list[Any] = []
         self.statuses: list[Status] = []
-        self._ros, self._node = ros, ros.plain()
+        self._ros, self._node = ros, ros.add(Node, "probe", namespace="winding")
         topics.JOINT_STATES.subscribe(self._node, self.joints.append)
         topics.TENSION.subscribe(self._node, self.forces.append)
         topics.DIAGNOSTICS.subscribe(self._node, self._told)
@@ -155,9 +157,27 @@ def test_conform_finds_every_promise_kept(
 ) -> None:
     driver(machine().port)
     listener.more(100)
-    options = ("--namespace", "", "--no-camera", "--seconds", 1, "--move")
+    options = ("--no-camera", "--seconds", 1, "--move")
     done = command("conform", *options, cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_graph_winds_with_it(
+    machine: Any, driver: Any, listener: Listener, command: Callable[..., Any], tmp_path: Path
+) -> None:
+    plc = machine()
+    driver(plc.port)
+    listener.more(100)
+    done = command(
+        *("run", "--case", 4, "--machine", "external", "--no-camera"),
+        *("--duration-s", 5, "--output", tmp_path / "run"),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert plc.calls == ["ready", "Start", "Stop"]
+    record = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
+    # The simulated machine's run of the same length, and the specification's 0.05 %.
+    assert record["markers"][0]["s_fem_m"] == pytest.approx(0.105868, rel=5.0e-4)
 
 
 def test_a_call_that_hangs_is_given_up(machine: Any, driver: Any, listener: Listener) -> None:
