@@ -11,7 +11,7 @@ from typing import Any
 from asyncua import Server, ua
 from asyncua.crypto.permission_rules import User, UserRole
 
-PERIOD, OMEGA, FEED = 0.01, 99.7, 5.0  # s, deg/s, mm/s
+PERIOD, OMEGA, FEED, TENSION = 0.01, 99.7, 5.0, 1.96  # s, deg/s, mm/s, N
 RAMP, QUICK_RAMP, DRIVER_TIMEOUT = 1.0, 0.3, timedelta(seconds=5)
 STANDING, WINDING, LATCHED = 0, 1, 2
 
@@ -27,11 +27,10 @@ class Machine:
         self.share += min(step, max(-step, self.goal - self.share))
         self.angle += self.share * OMEGA * PERIOD
         self.carriage += self.share * FEED * PERIOD
-        tension = 1.96 + 0.1 * self.share
         if self.record:
-            print(due.isoformat(), self.angle, self.carriage, tension, file=self.record, flush=True)
+            print(due.isoformat(), self.angle, self.carriage, TENSION, file=self.record, flush=True)
         speeds = {"AngularSpeed": self.share * OMEGA, "FeedSpeed": self.share * FEED}
-        return {"Angle": self.angle, "Carriage": self.carriage, "Tension": tension, **speeds}
+        return {"Angle": self.angle, "Carriage": self.carriage, "Tension": TENSION, **speeds}
 
     def call(self, name: str) -> ua.StatusCode:
         print(name, flush=True)
@@ -81,8 +80,8 @@ async def serve(options: argparse.Namespace) -> None:
         await plc.add_method(ua.NodeId(f"Machine.{name}", space), name, called)
 
     async def write(name: str, value: float, due: datetime) -> None:
-        variant = ua.Variant(value, ua.VariantType.Double if "." in str(value) else None)
-        await nodes[name].write_value(ua.DataValue(variant, SourceTimestamp=due))
+        data = ua.DataValue(ua.Variant(value), SourceTimestamp=due)
+        await server.write_attribute_value(nodes[name].nodeid, data)
 
     async with server:
         print("ready", flush=True)
@@ -102,6 +101,7 @@ async def serve(options: argparse.Namespace) -> None:
                         machine.call("Stop")  # the driver is silent: the PLC stops by itself
                 cycle += 1
                 due += timedelta(seconds=PERIOD)
+                await asyncio.sleep(0.0)  # however busy the computer: the server answers
             await asyncio.sleep(PERIOD / 2.0)
 
 

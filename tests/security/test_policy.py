@@ -56,9 +56,22 @@ def test_only_the_orchestrator_and_the_page_command_the_machine() -> None:
     assert set(served_by(topics.RIG)) <= allowed(policy, topics.RIG, "services", "reply")
 
 
+def test_only_a_commander_publishes_commands_for_the_axes() -> None:
+    root = ET.fromstring(sros2_policy("cell"))
+    for topic in topics.published_by(topics.COMMANDER):
+        publishers = {
+            profile.get("node")
+            for profile in root.iter("profile")
+            if topic.name
+            in allowed(sros2_policy("cell"), profile.get("node") or "", "topics", "publish")
+        }
+        assert publishers == {topics.COMMANDER}
+
+
 def test_every_node_has_an_enclave_in_its_namespace() -> None:
     paths = {item.get("path") for item in ET.fromstring(sros2_policy("cell")).iter("enclave")}
-    assert paths == {f"/cell/{spec.name}" for spec in (*GRAPH, PAGE)} | {"/cell/orchestrator"}
+    beside = {"/cell/orchestrator", "/cell/commander"}
+    assert paths == {f"/cell/{spec.name}" for spec in (*GRAPH, PAGE)} | beside
 
 
 def test_a_secure_run_without_the_settings_is_refused() -> None:

@@ -62,7 +62,7 @@ class Relay:
     """A TCP path to a port that can be cut and restored."""
 
     def __init__(self, target: int) -> None:
-        self._target = target
+        self.target = target
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever)
         self._thread.start()
@@ -103,7 +103,7 @@ class Relay:
         self._writers.clear()
 
     async def _pass_on(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        there, back = await asyncio.open_connection("127.0.0.1", self._target)
+        there, back = await asyncio.open_connection("127.0.0.1", self.target)
         self._writers += [writer, back]
         await asyncio.gather(self._pump(reader, back), self._pump(there, writer))
 
@@ -148,20 +148,27 @@ def relay() -> Iterator[Callable[[int], Relay]]:
 
 @pytest.fixture
 def driver(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """Start drivers of a machine at a port, the server section of the mapping changed."""
+    """Start drivers of a machine at a port, the mapping changed as the test asks."""
     drivers = []
 
-    def start(port: int, environment: Mapping[str, str] | None = None, **server: object) -> Any:
+    def start(
+        port: int,
+        environment: Mapping[str, str] | None = None,
+        sections: Mapping[str, Any] | None = None,
+        **server: object,
+    ) -> Any:
         text = (EXAMPLES / "opcua_machine.yaml").read_text(encoding="utf-8")
         mapping = yaml.safe_load(text)
         # Patient enough for a busy computer.
         waits = {"call_timeout_s": 30.0, "link_timeout_s": 30.0}
         mapping["server"] |= {"endpoint": f"opc.tcp://127.0.0.1:{port}", **waits, **server}
         mapping["heartbeat"]["timeout_s"] = 60.0
+        mapping |= sections or {}
         file = tmp_path / "machine.yaml"
         file.write_text(yaml.safe_dump(mapping), encoding="utf-8")
+        command = [sys.executable, "-m", "winding_plc_driver", "--mapping", str(file)]
         process = subprocess.Popen(
-            [sys.executable, "-m", "winding_plc_driver", "--mapping", str(file)],
+            [*command, "--ros-args", "-r", "__ns:=/winding"],
             env=os.environ | (environment or {}),
             stderr=subprocess.PIPE,
             text=True,
@@ -172,4 +179,4 @@ def driver(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     yield start
     for process in drivers:
         process.kill()
-        process.communicate()
+        assert "Traceback" not in (process.communicate()[1] or "")

@@ -1,5 +1,6 @@
 """The driver as a process between a real OPC UA server and DDS."""
 
+import json
 import math
 import signal
 import socket
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from cryptography.x509.oid import ExtendedKeyUsageOID
+from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from winding_core.status import Level, Status
@@ -26,7 +28,7 @@ class Listener:
         self.joints: list[Any] = []
         self.forces: list[Any] = []
         self.statuses: list[Status] = []
-        self._ros, self._node = ros, ros.plain()
+        self._ros, self._node = ros, ros.add(Node, "probe", namespace="winding")
         topics.JOINT_STATES.subscribe(self._node, self.joints.append)
         topics.TENSION.subscribe(self._node, self.forces.append)
         topics.DIAGNOSTICS.subscribe(self._node, self._told)
@@ -113,6 +115,71 @@ def test_a_refusal_of_the_plc_is_the_answer_of_the_service(
     assert listener.call("start")[0]
 
 
+def test_a_command_may_be_a_variable(machine: Any, driver: Any, listener: Listener) -> None:
+    space = "nsu=urn:winding-machine;s=Machine."
+    commands = {
+        name: {"node": f"{space}{node}", "value": 77}
+        for name, node in (
+            *(("start", "DriverAlive"), ("stop", "State")),
+            *(("reset", "DriverAlive"), ("emergency_stop", "DriverAlive")),
+        )
+    }
+    heartbeat = {"read": f"{space}DriverAlive", "timeout_s": 600.0}
+    driver(machine().port, sections={"commands": commands, "heartbeat": heartbeat})
+    listener.more(1)
+    done, said = listener.call("quick_stop")
+    assert not done
+    # State is the PLC's alone.
+    assert said.startswith("quick_stop was refused: ")
+    assert listener.call("start") == (True, "start: 77 is written")
+    status = listener.wait_for(Level.OK, "the link is up")
+    assert status.values["heartbeat of the PLC"] == "77"
+
+
+def test_losses_and_bad_values_that_the_server_marks_are_counted(
+    machine: Any, driver: Any, listener: Listener
+) -> None:
+    """Good with the overflow bit, and BadSensorFailure, from the server on its own."""
+    status = "0x480 if cycle % 10 == 3 else 0x808C0000 if cycle % 10 == 7 else 0"
+    marked = {"SourceTimestamp=due)": f"ua.StatusCode({status}), due)"}
+    driver(machine(changes=marked).port)
+    listener.more(100)
+    listener.statuses.clear()
+    listener.wait(lambda: listener.statuses)
+    values = listener.statuses[-1].values
+    assert int(values["queue overflows"]) > 0
+    assert int(values["angle unusable"]) > 0
+    listener.wait(lambda: any("lost so far" in s.message for s in listener.statuses))
+
+
+def test_conform_finds_every_promise_kept(
+    machine: Any, driver: Any, listener: Listener, command: Callable[..., Any], tmp_path: Path
+) -> None:
+    driver(machine().port)
+    listener.more(100)
+    options = ("--no-camera", "--seconds", 1, "--move")
+    done = command("conform", *options, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_graph_winds_with_it(
+    machine: Any, driver: Any, listener: Listener, command: Callable[..., Any], tmp_path: Path
+) -> None:
+    plc = machine()
+    driver(plc.port)
+    listener.more(100)
+    done = command(
+        *("run", "--case", 4, "--machine", "external", "--no-camera"),
+        *("--duration-s", 5, "--output", tmp_path / "run"),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert plc.calls == ["ready", "Start", "Stop"]
+    record = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
+    # The simulated machine's run of the same length, and the specification's 0.05 %.
+    assert record["markers"][0]["s_fem_m"] == pytest.approx(0.105868, rel=5.0e-4)
+
+
 def test_a_call_that_hangs_is_given_up(machine: Any, driver: Any, listener: Listener) -> None:
     slow = {"return machine.call(name)": "await asyncio.sleep(600.0 * (name == 'Reset'))"}
     driver(machine(changes=slow).port, call_timeout_s=0.5)
@@ -186,7 +253,7 @@ def test_a_server_that_has_forgotten_the_session_gets_a_new_one(
     listener.more(100)
     path.cut()
     listener.wait_for(Level.ERROR, "has been lost for")
-    path._target = machine().port
+    path.target = machine().port
     path.restore()
     status = listener.wait_for(Level.OK, "the link is up")
     assert status.values["sessions resumed"] == "0"

@@ -47,9 +47,19 @@ def test_the_strongest_stop_is_owed_and_paid_once() -> None:
     for command in ("emergency_stop", "start", "stop"):
         link.refuse(command, 10.5)
     assert link.stop_on_return(10.6) == "emergency_stop"
+    link.stopped("emergency_stop")
+    assert link.stop_on_return(20.0) == ""
     link.established()
     link.lost(20.0, "cable out")
     assert link.stop_on_return(20.1) == ""
+
+
+def test_a_stop_that_is_asked_for_while_a_weaker_one_is_given_is_owed() -> None:
+    link = lost_link()
+    assert link.stop_on_return(13.0) == "stop"
+    link.refuse("quick_stop", 13.1)
+    link.stopped("stop")
+    assert link.stop_on_return(13.2) == "quick_stop"
 
 
 def test_a_program_that_stands_is_said() -> None:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from winding_plc_driver.machine.joining import Joiner, Sample
 from winding_plc_driver.machine.mapping import Variable
+from winding_plc_driver.machine.pacing import Pacer
 from winding_plc_driver.machine.reading import ServerValue, VariableReader
 from winding_plc_driver.machine.sequence import SequenceNumbers
 
@@ -71,6 +72,26 @@ def test_samples_do_not_depend_on_how_notifications_are_cut(order: list[bool], c
             join.add(name, ns, float(ns), 0.0)
     samples += join.take(0.0)
     assert values(samples) == [(ns, float(ns), float(ns)) for ns in range(1, 21)]
+
+
+def test_what_comes_as_it_was_measured_is_passed_on_at_once_and_in_order() -> None:
+    pacer = Pacer(0.0)
+    for ns in (30, 10, 20):
+        pacer.add(ns, float(ns))
+    assert pacer.take(0.0) == [(10, 10.0), (20, 20.0), (30, 30.0)]
+
+
+def test_a_long_queue_is_passed_on_at_four_times_its_pace() -> None:
+    pacer, step = Pacer(0.0), 10_000_000
+    for k in range(500):
+        pacer.add(k * step, float(k))
+    # 20 ms at four times the pace of 100 Hz are 8 values after the first.
+    assert len(pacer.take(0.02)) == 9
+    assert len(pacer.take(0.04)) == 9
+    # However late the next look is, no more than half a second's worth goes at once.
+    bursts = [len(pacer.take(1.0 * look)) for look in range(1, 20)]
+    assert max(bursts) <= 51
+    assert sum(bursts) == 500 - 18
 
 
 def value(number: object, ns: int | None, **further: bool | str) -> ServerValue:

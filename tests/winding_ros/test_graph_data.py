@@ -9,6 +9,7 @@ from winding_cli.output.interface_table import as_markdown
 from winding_ros import topics
 from winding_ros.graph import (
     GRAPH,
+    RIG,
     as_mermaid,
     as_text,
     expected_subscribers,
@@ -25,7 +26,10 @@ NAMESPACE = "/endpoints"
 
 def test_every_topic_has_a_publisher() -> None:
     published = {topic for spec in GRAPH for topic in spec.publishes}
-    assert set(topics.TOPICS) - published == {topics.DIAGNOSTICS, topics.RECORDER_PROGRESS}
+    outside = set(topics.published_by(topics.COMMANDER))
+    shared = {topics.DIAGNOSTICS, topics.RECORDER_PROGRESS, topics.ROBOT_DESCRIPTION}
+    assert set(topics.TOPICS) - published == shared | outside
+    assert outside <= set(RIG.subscribes)
 
 
 def test_listeners_come_before_those_they_listen_to() -> None:

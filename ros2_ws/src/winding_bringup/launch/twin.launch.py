@@ -3,16 +3,23 @@
     ros2 launch winding_bringup twin.launch.py case:=4 duration:=20.0
     ros2 service call /winding/rig/start std_srvs/srv/Trigger
 
+Where robot_state_publisher is installed, it publishes robot_description and the frames.
+
 launch brings every node up to active; winding begins with the service call. Nothing is recorded
 and nothing is supervised here: `ros2 bag record` and `winding run` do that.
 """
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import LifecycleNode
+from launch_ros.actions import LifecycleNode, Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from winding_core.camera_placement import CameraPlacement
+from winding_core.condition import Condition
+from winding_core.machine_axes import MachineAxes
+from winding_core.urdf import machine_urdf
 from winding_ros import topics
 from winding_ros.graph import DEFAULT_NAMESPACE, GRAPH
 
@@ -56,5 +63,32 @@ def generate_launch_description() -> LaunchDescription:
                 )
                 for spec in GRAPH
             ),
+            OpaqueFunction(function=_frames),
         ]
     )
+
+
+def _frames(context: LaunchContext) -> list[Node]:
+    """Return robot_state_publisher with the machine's URDF, where it is installed."""
+    try:
+        get_package_prefix("robot_state_publisher")
+    except PackageNotFoundError:
+        return []
+    said = {name: LaunchConfiguration(name).perform(context) for name in ("case", "duration")}
+    what = Condition(case=int(said["case"]), duration=float(said["duration"])).resolved()
+    urdf = machine_urdf(what, MachineAxes(), CameraPlacement())
+    return [
+        Node(
+            package="robot_state_publisher",
+            executable="robot_state_publisher",
+            namespace=LaunchConfiguration("namespace"),
+            parameters=[
+                {
+                    "use_sim_time": True,
+                    "robot_description": ParameterValue(urdf, value_type=str),
+                }
+            ],
+            remappings=[("joint_states", topics.JOINT_STATES.name)],
+            output="screen",
+        )
+    ]

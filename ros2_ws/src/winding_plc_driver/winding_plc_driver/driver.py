@@ -11,13 +11,14 @@ from winding_core.status import Status
 from winding_plc_driver.machine.joining import Joiner, Sample
 from winding_plc_driver.machine.link import HeartbeatWatch, Link
 from winding_plc_driver.machine.mapping import START, TENSION, MachineMapping
+from winding_plc_driver.machine.pacing import Pacer
 from winding_plc_driver.machine.reading import ServerValue, VariableReader
 from winding_plc_driver.machine.report import machine_state, report
 from winding_plc_driver.opcua.errors import LinkError, RefusedError
 from winding_plc_driver.opcua.nodes import READ, STATE
 from winding_plc_driver.opcua.session import Session
 
-# A value that waits for others is let go so much later at most [s].
+# What waits for its time is looked at so often [s].
 _LOOK = 0.02
 _REPORT = 1.0
 
@@ -62,9 +63,9 @@ class Driver:
         self._heartbeat = HeartbeatWatch(mapping.heartbeat)
         self._readers = {name: VariableReader(name, v) for name, v in mapping.variables.items()}
         self._joiner = Joiner(mapping.axes, mapping.server.join_wait_s)
+        self._pacer = Pacer(clock())
         self._state: object = None
         self._beat_complaint = ""
-        self._outlets: Outlets | None = None
         self._opened = False
         self._changed = asyncio.Event()
 
@@ -86,11 +87,10 @@ class Driver:
 
     async def run(self, outlets: Outlets) -> None:
         """Drive until cancelled."""
-        self._outlets = outlets
         try:
             async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._let_go())
-                tasks.create_task(self._tell())
+                tasks.create_task(self._let_go(outlets))
+                tasks.create_task(self._tell(outlets))
                 tasks.create_task(self._keep_link(outlets))
         finally:
             await self._session.close()
@@ -113,14 +113,14 @@ class Driver:
                 if not self._opened:
                     await self._session.open()
                 self._opened = False
-                stop = self._link.stop_on_return(self._clock())
-                if stop:
+                while stop := self._link.stop_on_return(self._clock()):
                     _, said = await self._session.call(stop, self._mapping.commands[stop])
+                    self._link.stopped(stop)
                     outlets.log(f"the link is back and the machine was told to {stop}: {said}")
                 self._link.established()
                 self._changed.set()
                 outlets.log(f"ready: the link to {self._mapping.server.endpoint} is up")
-                await self._follow()
+                await self._follow(outlets)
             except (LinkError, RefusedError) as error:
                 self._session.abandon()
                 wait = 0.0
@@ -132,7 +132,7 @@ class Driver:
                 self._changed.set()
                 await asyncio.sleep(wait)
 
-    async def _follow(self) -> None:
+    async def _follow(self, outlets: Outlets) -> None:
         """Take what the PLC sends until the link is lost."""
         self._heartbeat.restart(self._clock())
         beat = asyncio.create_task(self._beat())
@@ -141,7 +141,7 @@ class Driver:
                 async for values in notifications:
                     for value in values:
                         self._take(value)
-                    self._publish()
+                    self._publish(outlets)
                     await self._session.renew()
         finally:
             beat.cancel()
@@ -157,18 +157,23 @@ class Driver:
             stamp_ns, number = read
             if value.title != TENSION:
                 self._joiner.add(value.title, stamp_ns, number, self._clock())
-            elif self._outlets is not None:
-                self._outlets.tension(stamp_ns, number)
+            else:
+                self._pacer.add(stamp_ns, number)
 
-    def _publish(self) -> None:
-        for sample in self._joiner.take(self._clock()):
-            if self._outlets is not None:
-                self._outlets.joints(sample)
+    def _publish(self, outlets: Outlets) -> None:
+        now = self._clock()
+        for sample in self._joiner.take(now):
+            self._pacer.add(sample.stamp_ns, sample)
+        for stamp_ns, item in self._pacer.take(now):
+            if isinstance(item, Sample):
+                outlets.joints(item)
+            else:
+                outlets.tension(stamp_ns, item)
 
-    async def _let_go(self) -> None:
+    async def _let_go(self, outlets: Outlets) -> None:
         while True:
             await asyncio.sleep(_LOOK)
-            self._publish()
+            self._publish(outlets)
 
     async def _beat(self) -> None:
         heartbeat = self._mapping.heartbeat
@@ -180,11 +185,10 @@ class Driver:
                 self._beat_complaint = str(error)
             await asyncio.sleep(heartbeat.period_s)
 
-    async def _tell(self) -> None:
+    async def _tell(self, outlets: Outlets) -> None:
         while True:
             self._changed.clear()
-            if self._outlets is not None:
-                self._outlets.status(self._status())
+            outlets.status(self._status())
             try:
                 await asyncio.wait_for(self._changed.wait(), _REPORT)
             except TimeoutError:

@@ -16,6 +16,7 @@ from winding_rig_node.machine.machine_config import MachineConfig
 from winding_rig_node.machine.machine_state import PhaseError
 from winding_rig_node.machine.pace import Pace
 from winding_rig_node.ros.camera import Camera, FrameListener
+from winding_rig_node.ros.command_input import take_commands
 from winding_rig_node.ros.fault_parameters import follow_fault_parameters, stated_faults
 from winding_rig_node.ros.machine_loop import MachineLoop
 from winding_rig_node.ros.outputs import Outputs
@@ -31,8 +32,8 @@ from winding_ros.stamps import serialised_stamp_ns
 class RigNode(ManagedNode[RigParameters]):
     """Simulated winding machine; owns simulated time.
 
-    Publishes and serves what `winding graph --interfaces` says. Listens to `pace_topics` for
-    their stamps alone, and to the orchestrator's signs of life.
+    Publishes and serves what `winding graph --interfaces` says. Listens to commands for its axes
+    and brake, to `pace_topics` for their stamps alone, and to the orchestrator's signs of life.
 
     The machine runs in a thread of its own with absolute deadlines, the camera in another; the
     executor only serves requests and answers.
@@ -74,7 +75,15 @@ class RigNode(ManagedNode[RigParameters]):
         self._camera = Camera(wanted, lay, self._outputs)
         self._loop = MachineLoop(
             wanted,
-            Machine(MachineConfig(case=case, drive=drive, duration=wanted.duration), rng),
+            Machine(
+                MachineConfig(
+                    case=case,
+                    drive=drive,
+                    duration=wanted.duration,
+                    commands=wanted.command_limits(),
+                ),
+                rng,
+            ),
             Pace(self._paced(), wanted.max_lead),
             self._outputs,
             self._camera,
@@ -84,6 +93,7 @@ class RigNode(ManagedNode[RigParameters]):
         self._put_in(
             stated_faults(wanted.inject_fault, enabled=wanted.inject_faults, seed=wanted.seed)
         )
+        take_commands(self, self._loop)
         for topic in topics.TOPICS:
             if topic.name in self._loop.pace.answered:
                 self.endpoints.subscribe(topic, self._answer(self._loop, topic.name), raw=True)

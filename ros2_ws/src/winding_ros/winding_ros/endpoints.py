@@ -85,6 +85,12 @@ class Endpoints:
             )
         )
 
+    def listen(self, topic: Topic, callback: Callable[[Any], None]) -> None:
+        """Subscribe to what comes from outside the graph; the callback judges it by itself."""
+        self._subscriptions.append(
+            topic.subscribe(self._node, callback, events=self._events(topic))
+        )
+
     def connect(
         self, handler: MessageHandler, *, busy: AbstractContextManager[Any] | None = None
     ) -> None:

@@ -98,8 +98,11 @@ RIG = NodeSpec(
     name=topics.RIG,
     package="winding_rig_node",
     parameters_class="RigParameters",
-    # Their stamps alone: they hold simulated time.
-    beside=tuple(topic for topic in topics.TOPICS if topic.answer),
+    # Commands, and the answers' stamps alone: they hold simulated time.
+    beside=(
+        *topics.published_by(topics.COMMANDER),
+        *(topic for topic in topics.TOPICS if topic.answer),
+    ),
 )
 # Sinks first, the rig last: who listens is awake before anybody speaks.
 GRAPH: tuple[NodeSpec, ...] = (CORRECTION, FEM, TRACKER, RIG)
@@ -113,6 +116,7 @@ PAGE = NodeSpec(
         topic
         for topic in topics.TOPICS
         if topic not in (topics.CLOCK, topics.IMAGE, topics.RECORDER_PROGRESS)
+        and topic.publisher not in (topics.COMMANDER, topics.ORCHESTRATOR)
     ),
     policy=Policy.ASIDE,
 )
@@ -169,6 +173,11 @@ def as_text(graph: tuple[NodeSpec, ...] = GRAPH) -> str:
                 f"  {topic.name}  [{topic.type_name}, {rate}]"
                 + (f"  -> {', '.join(heard)}" if heard else "")
             )
+    lines.append(f"{topics.COMMANDER}  (outside the graph)")
+    lines += [
+        f"  {topic.name}  [{topic.type_name}, on change]  -> {RIG.name}"
+        for topic in topics.published_by(topics.COMMANDER)
+    ]
     return "\n".join(lines)
 
 
@@ -192,6 +201,10 @@ def as_mermaid(graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     ]
     progress = topics.RECORDER_PROGRESS.name
     lines.append(_arrow(topics.RECORDER, "-.->", f"stamps of {progress}", topics.RIG))
+    lines += [
+        _arrow(topics.COMMANDER, "-.->", topic.name, topics.RIG)
+        for topic in topics.published_by(topics.COMMANDER)
+    ]
     return "\n".join(lines)
 
 

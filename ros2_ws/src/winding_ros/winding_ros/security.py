@@ -52,8 +52,8 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     """Return the graph's access policy as SROS2 policy XML (version 0.2.0).
 
     Every node may publish, hear and serve what the graph says and nothing else. Only the
-    orchestrator and the operator's page may ask for transitions, parameters and commands of the
-    machine.
+    orchestrator and the operator's page may ask for transitions, parameters and services of the
+    machine, only a commander may publish commands for its axes.
     """
     root = ET.Element("policy", version="0.2.0")
     enclaves = ET.SubElement(root, "enclaves")
@@ -71,7 +71,8 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     process = _enclave(enclaves, namespace, ORCHESTRATOR)
     profile = _profile(process, namespace, ORCHESTRATOR)
     signs = [heartbeat_topic(spec.name) for spec in (*graph, PAGE)]
-    _allow(profile, "topics", "publish", [heartbeat_topic(ORCHESTRATOR)])
+    said = [topic.name for topic in topics.published_by(ORCHESTRATOR)]
+    _allow(profile, "topics", "publish", [heartbeat_topic(ORCHESTRATOR), *said])
     _allow(profile, "topics", "subscribe", [topics.DIAGNOSTICS.name, *signs])
     asked = [f"{spec.name}/{name}" for spec in graph for name in _OWN_SERVICES]
     _allow(profile, "services", "request", [*served_by(topics.RIG), *asked])
@@ -88,6 +89,12 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     _allow(profile, "services", "reply", [f"{PAGE.name}/{n}" for n in _PARAMETER_SERVICES])
     profile = _profile(profiles, namespace, f"{PAGE.name}_eyes")
     _allow(profile, "topics", "subscribe", [topic.name for topic in PAGE.subscribes])
+    # Whatever node commands the machine runs under this one enclave.
+    outside = _enclave(enclaves, namespace, topics.COMMANDER)
+    profile = _profile(outside, namespace, topics.COMMANDER)
+    _allow(profile, "topics", "publish", [t.name for t in topics.published_by(topics.COMMANDER)])
+    seen = (topics.CLOCK, topics.DIAGNOSTICS, topics.JOINT_STATES, topics.TENSION)
+    _allow(profile, "topics", "subscribe", [topic.name for topic in seen])
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 

@@ -25,7 +25,8 @@ class Topic:
         name: Relative to the graph's namespace, or absolute.
         type: Message class.
         rate: Nominal messages per simulated second; None for topics sent on change.
-        publisher: Name of the node that publishes it; EVERY_NODE for shared topics.
+        publisher: Name of the node that publishes it; EVERY_NODE for shared topics, COMMANDER for
+            those that come from outside the graph, or not at all.
         depth: History kept for a slow reader.
         latched: Whether late subscribers get the last message.
         recorded: Whether the recorder stores it.

@@ -11,13 +11,19 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState, PointCloud2
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
+from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker
 
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
 from winding_core.readings import CABLE_TENSION, Quantity
 from winding_ros.camera_messages import decode_camera_info, decode_image, decode_preview
 from winding_ros.cloud_messages import decode_cloud, decode_line_width
+from winding_ros.command_messages import (
+    decode_targets,
+    decode_tension_command,
+    decode_trajectory,
+)
 from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostics
 from winding_ros.material_messages import decode_material
 from winding_ros.rig_messages import decode_clock, decode_joint_state, decode_quantity
@@ -58,7 +64,7 @@ def _topic(
         type=type_,
         rate=rate,
         publisher=publisher,
-        depth=max(10, int(max(rate or 0.0, fastest) * WORST_STALL_S)),
+        depth=further.pop("depth", max(10, int(max(rate or 0.0, fastest) * WORST_STALL_S))),
         description=description,
         decode=decode,
         **further,
@@ -80,6 +86,8 @@ def _records(dtype: np.dtype[np.void]) -> Callable[[Any], tuple[float, Any]]:
 RIG, TRACKER, FEM, CORRECTION = "winding_rig", "marker_tracker", "cable_fem", "correction"
 RECORDER, DASHBOARD, ORCHESTRATOR = "recorder", "dashboard", "orchestrator"
 EVERY_NODE = "every node"
+# Whoever commands the axes from outside the graph; a run does without.
+COMMANDER = "commander"
 
 CLOCK = _topic("/clock", Clock, 100.0, RIG, "simulated time", decode_clock)
 JOINT_STATES = _topic(
@@ -98,6 +106,33 @@ JOINT_COMMANDS = _topic(
     RIG,
     "setpoints of cylinder and carriage",
     decode_joint_state,
+)
+JOINT_TARGETS = _topic(
+    "rig/joint_targets",
+    JointState,
+    None,
+    COMMANDER,
+    "positions or velocities for one or both axes; NaN for what is not commanded",
+    decode_targets,
+    # As controllers send it: what has been replaced is not worth taking.
+    depth=1,
+)
+JOINT_TRAJECTORY = _topic(
+    "rig/joint_trajectory",
+    JointTrajectory,
+    None,
+    COMMANDER,
+    "trajectory of one or both axes; without points they hold",
+    decode_trajectory,
+)
+TENSION_COMMAND = _topic(
+    "rig/tension_command",
+    WrenchStamped,
+    None,
+    COMMANDER,
+    "pull of the brake on the cable, force.x [N]",
+    decode_tension_command,
+    depth=1,
 )
 TENSION = _measured(
     "rig/tension", WrenchStamped, 100.0, "load cell at the guide, force.x [N]", CABLE_TENSION
@@ -196,6 +231,18 @@ RECORDER_PROGRESS = _topic(
     lambda header: (decode_stamp(header.stamp), None),
     recorded=False,
     answer=True,
+)
+ROBOT_DESCRIPTION = _topic(
+    "robot_description",
+    String,
+    None,
+    ORCHESTRATOR,
+    "the machine as URDF; its joints are those of rig/joint_states",
+    lambda text: (0.0, text.data),
+    latched=True,
+    # Without a stamp it has no place in a bag.
+    recorded=False,
+    depth=1,
 )
 
 # In the order of their declaration.

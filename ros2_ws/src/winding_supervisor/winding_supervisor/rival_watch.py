@@ -21,7 +21,9 @@ class RivalWatch:
 
     def __init__(self, node: Node, nodes: Iterable[str]) -> None:
         self._node = node
-        own = [topic.name for topic in topics.TOPICS if topic.publisher != topics.EVERY_NODE]
+        # A robot_state_publisher says the same as the orchestrator.
+        shared = (topics.EVERY_NODE, topics.ORCHESTRATOR)
+        own = [topic.name for topic in topics.TOPICS if topic.publisher not in shared]
         signs = [heartbeat_topic(name) for name in (*nodes, topics.ORCHESTRATOR)]
         self._rivals = {name: Rivals() for name in (*own, *signs)}
 

@@ -23,6 +23,7 @@ from winding_supervisor.event_log import Event, EventLog
 from winding_supervisor.external_machine import ExternalMachine
 from winding_supervisor.interruption import Interruption, run_closing
 from winding_supervisor.machine import Machine
+from winding_supervisor.machine_description import describe_machine
 from winding_supervisor.operator_run import OperatorRun, parameter_notes
 from winding_supervisor.orchestrator import GraphConfig, Orchestrator
 from winding_supervisor.run_config import RunConfig, check_run, claim_folder
@@ -152,6 +153,7 @@ class Run:
         machine = self._machine(client, recorder.buffer)
         await machine.stand()
         axes = machine.parameters()
+        describe_machine(config, axes, client.node, say)
         if axes:
             recorder.bags.note(parameter_notes(config.parameters(axes)))
         orchestrator = Orchestrator(self._graph(axes), client)

@@ -1,10 +1,13 @@
-"""`winding graph`: the graph as text, Mermaid picture, interface tables or access policy."""
+"""`winding graph`: the graph as text, Mermaid picture, tables, access policy; the URDF."""
 
 from __future__ import annotations
 
 from typing import Annotated
 
 import typer
+
+from winding_cli.commands.condition_options import spelled
+from winding_cli.commands.refusal import refused
 
 
 def graph(
@@ -15,14 +18,27 @@ def graph(
     sros2: Annotated[
         bool, typer.Option("--sros2", help="Print the access policy for `ros2 security`.")
     ] = False,
+    urdf: Annotated[
+        bool,
+        typer.Option("--urdf", help="Print the machine's URDF (robot_description)."),
+    ] = False,
+    case: Annotated[int, typer.Option(help="Row of Table 1 in the URDF.")] = 4,
     namespace: Annotated[str, typer.Option(help="Namespace in the policy.")] = "winding",
 ) -> None:
     """Show the nodes, their topics and who listens."""
     from winding_cli.output.interface_table import as_markdown
+    from winding_core.camera_placement import CameraPlacement
+    from winding_core.condition import Condition
+    from winding_core.machine_axes import MachineAxes
+    from winding_core.urdf import machine_urdf
     from winding_ros.graph import as_mermaid, as_text
     from winding_ros.security import sros2_policy
 
-    if sros2:
+    if urdf:
+        with refused(ValueError):
+            what = Condition.from_typed({"case": case}, spelling=spelled).resolved()
+        print(machine_urdf(what, MachineAxes(), CameraPlacement()), end="")
+    elif sros2:
         print(sros2_policy(namespace), end="")
     elif interfaces:
         print(as_markdown())

@@ -5,12 +5,13 @@ from __future__ import annotations
 import ipaddress
 from dataclasses import dataclass
 
+from winding_core.camera_placement import CameraPlacement
 from winding_core.machine_axes import MachineAxes
 from winding_core.parameters import ParameterError, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class DashboardParameters(MachineAxes):
+class DashboardParameters(CameraPlacement, MachineAxes):
     """Where the page is served, where the camera stands, and the machine's axes."""
 
     host: str = parameter(
@@ -18,15 +19,6 @@ class DashboardParameters(MachineAxes):
     )
     port: int = parameter(8080, "TCP port of the page", low=1, high=65535)
     token: str = parameter("", "secret that a browser must bring; empty for none")
-    camera_position: list[float] = parameter(
-        [0.4175, 0.0, 0.05], "camera position in winder_axis [m]", low=-10.0, high=10.0
-    )
-    camera_tilt: list[float] = parameter(
-        [0.0, 0.0, 0.0],
-        "rotation of the camera from facing -x, image right +z, image down +y [rad]",
-        low=-0.5,
-        high=0.5,
-    )
 
     @property
     def loopback(self) -> bool:

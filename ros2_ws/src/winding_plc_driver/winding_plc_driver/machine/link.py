@@ -37,7 +37,7 @@ class Link:
         self.owed = ""
         self._server = server
         self._lost_at = now
-        self._established = False
+        self._established = self._stopped = False
         self._failures = 0
 
     def failed(self, reason: str) -> float:
@@ -61,15 +61,22 @@ class Link:
         Empty when it may go on.
         """
         limit = self._server.stop_after_link_loss_s
-        if self._established and 0.0 < limit < now - self._lost_at:
+        if self._established and not self._stopped and 0.0 < limit < now - self._lost_at:
             return self.owed or STOP
         return self.owed
+
+    def stopped(self, stop: str) -> None:
+        """Note that the machine was told a stop; a stronger one may be owed meanwhile."""
+        self._stopped = True
+        if self.owed == stop:
+            self.owed = ""
 
     def established(self) -> None:
         """Note that values and commands pass from now on."""
         self.up = self._established = True
+        self._stopped = False
         self._failures = 0
-        self.reason = self.owed = ""
+        self.reason = ""
 
     def complaint(self, now: float) -> str:
         """Return why nothing passes at a monotonic time [s]; empty when the link is up."""

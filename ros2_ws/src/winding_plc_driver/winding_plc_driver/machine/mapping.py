@@ -91,7 +91,7 @@ class Server:
     reconnect_wait_s: float = parameter(
         0.5, "wait after the first failed attempt, doubled with each", None, 0.05, 60.0
     )
-    reconnect_wait_max_s: float = parameter(10.0, "longest such wait", None, 0.05, 600.0)
+    reconnect_wait_max_s: float = parameter(2.0, "longest such wait", None, 0.05, 600.0)
     stop_after_link_loss_s: float = parameter(
         0.0, "a link lost for longer has the machine stopped on return; 0: never", None, 0.0, 3600.0
     )

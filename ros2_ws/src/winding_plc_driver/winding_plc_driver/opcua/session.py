@@ -13,6 +13,8 @@ from winding_plc_driver.opcua.security import secure
 from winding_plc_driver.opcua.subscription import Subscription
 
 _CHANNEL_LIFETIME_S = 3600.0
+# For requests that nobody waits for but the driver [s]: an answer may bring a long queue.
+_PATIENCE = 5.0
 # Part 4 of OPC UA, 5.5.2: a channel is renewed after three quarters of its lifetime.
 _RENEWAL = 0.75
 
@@ -33,7 +35,7 @@ class Session:
     def __init__(self, mapping: MachineMapping, password: str) -> None:
         self.resumed = self.renewed = 0
         self._server = server = mapping.server
-        self._timeout = server.call_timeout_s
+        self._timeout = max(_PATIENCE, server.call_timeout_s)
         self._client = Client(server.endpoint, timeout=self._timeout)
         self._client.name = self._client.description = "winding_plc_driver"
         self._client.session_timeout = round(1000.0 * server.hold_s)
@@ -42,7 +44,7 @@ class Session:
         self._secured = False
         self._renewal = 0.0
         self._nodes = Nodes(mapping)
-        self.subscription = Subscription(self._client, server, self._nodes)
+        self.subscription = Subscription(self._client, server, self._nodes, self._timeout)
 
     async def open(self) -> None:
         """Reach the server, resume the session or begin one, and subscribe.
@@ -83,7 +85,7 @@ class Session:
         """End session and connection; a server that does not answer ends them in its time."""
         session = self._client.uaclient.session
         try:
-            await asyncio.wait_for(session.close_session(True), self._timeout)
+            await asyncio.wait_for(session.close_session(True), self._server.call_timeout_s)
         except (OSError, ua.UaError):
             return
         finally:
@@ -110,16 +112,17 @@ class Session:
             LinkError: The connection is lost, or there was no answer in time.
         """
         try:
-            with told(name, self._timeout):
-                if command.node:
-                    await self._write(f"command {name}", command.value)
-                    return True, f"{name}: {command.value} is written"
-                request = ua.CallMethodRequest(
-                    ObjectId=self._nodes[f"object of {name}"],
-                    MethodId=self._nodes[f"method of {name}"],
-                )
-                (result,) = await self._client.uaclient.session.call([request])
-                result.StatusCode.check()
+            with told(name, self._server.call_timeout_s):
+                async with asyncio.timeout(self._server.call_timeout_s):
+                    if command.node:
+                        await self._write(f"command {name}", command.value)
+                        return True, f"{name}: {command.value} is written"
+                    request = ua.CallMethodRequest(
+                        ObjectId=self._nodes[f"object of {name}"],
+                        MethodId=self._nodes[f"method of {name}"],
+                    )
+                    (result,) = await self._client.uaclient.session.call([request])
+                    result.StatusCode.check()
         except RefusedError as error:
             return False, str(error)
         outputs = [item.Value for item in result.OutputArguments or []]

@@ -32,13 +32,15 @@ class Subscription:
         client: Connected when it is used.
         server: Intervals, queue and waits.
         nodes: What is watched.
+        timeout: After which the client gives a request up [s].
 
     Attributes:
         numbers: Order of the notifications.
     """
 
-    def __init__(self, client: Client, server: Server, nodes: Nodes) -> None:
+    def __init__(self, client: Client, server: Server, nodes: Nodes, timeout: float) -> None:
         self.numbers = SequenceNumbers()
+        self._timeout = timeout
         self._client = client
         self._server = server
         self._nodes = nodes
@@ -115,7 +117,7 @@ class Subscription:
     async def _fetch(self, number: int, available: list[int]) -> list[ServerValue]:
         """Return the values of a notification that was missed, none when it cannot be had."""
         if number in available:
-            with told("a repetition", self._server.call_timeout_s):
+            with told("a repetition", self._timeout):
                 message = await self._client.uaclient.session.republish(self._id or 0, number)
             if message.SequenceNumber == number:
                 self.numbers.fetched += 1

@@ -62,7 +62,9 @@ class BagSeries:
         self._notes: list[tuple[int, Mapping[str, str]]] = [(0, dict(notes))]
         self.folders: list[Path] = []
         self.losses = {
-            topic.name: LossCount() for topic in recorded if topic.publisher != topics.EVERY_NODE
+            topic.name: LossCount()
+            for topic in recorded
+            if topic.publisher not in (topics.EVERY_NODE, topics.COMMANDER)
         }
         self.error: Exception | None = None
         self._recorded = tuple(recorded)

@@ -209,7 +209,10 @@ class Recorder:
             topic, stamp, taken = item
             if self._further is not None:
                 self._follow_time(topic, stamp, taken.received_ns)
-            if topic.publisher == topics.EVERY_NODE:
+            if topic.publisher == topics.COMMANDER:
+                # A command's stamp says when it holds: now, or in a while.
+                stamp = self._newest_ns
+            elif topic.publisher == topics.EVERY_NODE:
                 # Strangers publish there too, and their clocks are their own.
                 stamp = min(stamp, self._newest_ns)
             self._newest_ns = max(self._newest_ns, stamp)

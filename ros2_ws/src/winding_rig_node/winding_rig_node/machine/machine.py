@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from winding_core.commands import AXES, Command
 from winding_core.readings import CABLE_TENSION, AxisReading
 from winding_rig_node.machine.axis import (
     AxisConfig,
@@ -15,6 +17,7 @@ from winding_rig_node.machine.axis import (
     control_axis,
     modelled_speed,
 )
+from winding_rig_node.machine.commander import Commander, CommandError
 from winding_rig_node.machine.faults import Faults
 from winding_rig_node.machine.machine_config import (
     CARRIAGE_ENCODER_SIGNAL,
@@ -28,6 +31,7 @@ from winding_rig_node.machine.machine_config import (
 )
 from winding_rig_node.machine.machine_state import MachineState, Phase, PhaseError
 from winding_rig_node.machine.plausibility import AxisObservation, Plausibility
+from winding_rig_node.machine.setpoints import Setpoints
 
 _SAMPLE_PERIOD = 1.0 / SAMPLE_RATE
 _SAMPLES_PER_CONTROL = SAMPLE_RATE // CONTROL_RATE
@@ -44,6 +48,7 @@ class Machine:
     Attributes:
         faults: What is wrong with its sensors on purpose.
         plausibility: Judge of its sensors.
+        commander: What outside commanders have asked for since the last start.
         sensors: What each sensor beside the encoders said last, by the name of its quantity;
             None when it said nothing that can be.
     """
@@ -53,6 +58,7 @@ class Machine:
         self.state = MachineState()
         self.faults = Faults()
         self.plausibility = Plausibility(sensor_limits(config))
+        self.commander = Commander(config.commands)
         self.sensors: Mapping[str, Callable[[], float | None]] = {
             CABLE_TENSION.name: lambda: self.state.tension,
         }
@@ -61,7 +67,7 @@ class Machine:
     @property
     def time(self) -> float:
         """Simulated time since the machine was switched on [s]."""
-        return self.state.sample / SAMPLE_RATE
+        return self.state.time
 
     @property
     def moving(self) -> bool:
@@ -76,10 +82,14 @@ class Machine:
         """Begin or resume winding; a machine that winds goes on.
 
         Raises:
-            PhaseError: It neither stands at a start, winds nor ramps down.
+            PhaseError: It neither stands at a start, winds nor ramps down, or an axis that was
+                commanded is still coming to rest.
         """
         if self.state.phase not in (Phase.IDLE, Phase.STOPPING, Phase.WINDING):
             raise PhaseError(f"cannot start while the machine is in {self.state.phase.value}")
+        if self.state.phase is not Phase.WINDING:
+            self._setpoints.take_back()
+            self.plausibility.config = sensor_limits(self.config)
         if self.state.phase is Phase.IDLE:
             self.plausibility.begin(self.time)
         if self.state.drive_sample == 0:
@@ -111,10 +121,28 @@ class Machine:
         if self.state.phase not in (Phase.EMERGENCY, Phase.PROTECTIVE):
             self._hurry(Phase.PROTECTIVE, reason)
 
+    def command(self, command: Command) -> None:
+        """Do what an outside commander says; its axes leave the drive programme until a start.
+
+        Raises:
+            CommandError: The machine does not wind, or cannot do that; nothing has changed.
+        """
+        try:
+            if self.state.phase is not Phase.WINDING:
+                raise CommandError(
+                    f"commands are taken while the machine winds, it is in {self.state.phase.value}"
+                )
+            self.commander.take(command, self.time, self._setpoints.as_taken_over(), self._pull())
+        except CommandError as error:
+            self.commander.refuse(str(error))
+            raise
+        self.plausibility.config = sensor_limits(self.config, self._setpoints.full_speeds())
+
     def emergency_stop(self) -> None:
         """Cut the drives and apply the brakes."""
         self._hurry(Phase.EMERGENCY, self.state.reason)
         self.state.fraction = self.state.fraction_rate = 0.0
+        self.commander.halt()
 
     def reset(self) -> None:
         """Go back to the start of a run; simulated time goes on.
@@ -127,6 +155,8 @@ class Machine:
         if self.state.phase is Phase.WINDING or (self._turns() and not finished):
             raise PhaseError("cannot reset while the machine moves; stop it first")
         self.state = MachineState(sample=self.state.sample)
+        self.commander = Commander(self.config.commands)
+        self.plausibility.config = sensor_limits(self.config)
         self.plausibility.forget()
 
     def step(self) -> None:
@@ -136,7 +166,8 @@ class Machine:
             return
         if state.drive_sample % _SAMPLES_PER_CONTROL == 0:
             self._control()
-        braked = state.phase is Phase.EMERGENCY or (self.hurried and state.fraction == 0.0)
+        asked_to_stand = state.fraction == 0.0 and self.commander.standing
+        braked = state.phase is Phase.EMERGENCY or (self.hurried and asked_to_stand)
         state.sample += 1
         for index, (axis_config, axis, load, _) in enumerate(self._axes()):
             advance_axis(
@@ -151,7 +182,7 @@ class Machine:
         state.full_speed_time += _SAMPLE_PERIOD * state.fraction
         if self.hurried and state.stood_at is None and not self._turns():
             state.stood_at = self.time
-        if state.phase is Phase.STOPPING and state.fraction == 0.0 and self._settled():
+        if state.phase is Phase.STOPPING and asked_to_stand and self._settled():
             state.phase = Phase.IDLE
         elif state.phase is Phase.WINDING and state.drive_sample >= round(
             config.duration * SAMPLE_RATE
@@ -174,22 +205,25 @@ class Machine:
 
     def setpoints(self) -> AxisReading:
         """Return what the controllers are asked for now."""
-        drive, share = self.config.drive, self.state.fraction
+        (angle, angular_speed), (way, feed_speed) = map(self._setpoints.now, AXES)
         return AxisReading(
-            cylinder_angle=drive.angular_speed * self.state.full_speed_time,
-            angular_speed=drive.angular_speed * share,
-            carriage_position=drive.feed_speed * self.state.full_speed_time,
-            feed_speed=drive.feed_speed * share,
+            cylinder_angle=angle,
+            angular_speed=angular_speed,
+            carriage_position=way,
+            feed_speed=feed_speed,
         )
 
     def tension(self) -> float | None:
         """Return one load cell sample [N], or None when the load cell says nothing that can be.
 
-        It is the weight, its acceleration, noise and the converter's steps.
+        It is the weight and its acceleration, or the brake's pull, noise and the converter's steps.
         """
         angular = self.config.drive.angular_speed * self.state.fraction_rate
         acceleration = angular * self.config.case.centreline_radius
         force = self.config.case.weight * (1.0 + acceleration / _GRAVITY)
+        if self.commander.brake is not None:
+            force = self._pull()
+            self.plausibility.config = replace(self.plausibility.config, weight=force)
         noisy = force + self.config.force_noise * self._rng.standard_normal()
         step = self.config.force_resolution
         said = self.faults.through(LOAD_CELL_SIGNAL, self.time, step * round(noisy / step))
@@ -220,14 +254,19 @@ class Machine:
         return stood is not None and self.time - stood >= self.config.settling_time
 
     def _axes(self) -> tuple[tuple[AxisConfig, AxisState, float, str], ...]:
-        load = self.config.case.weight * self.config.case.centreline_radius
+        load = self._pull() * self.config.case.centreline_radius
         return (
             (self.config.cylinder, self.state.cylinder, load, CYLINDER_ENCODER_SIGNAL),
             (self.config.carriage, self.state.carriage, 0.0, CARRIAGE_ENCODER_SIGNAL),
         )
 
-    def _full_speeds(self) -> tuple[float, float]:
-        return self.config.drive.angular_speed, self.config.drive.feed_speed
+    def _pull(self) -> float:
+        brake = self.commander.brake
+        return self.config.case.weight if brake is None else brake.pull
+
+    @property
+    def _setpoints(self) -> Setpoints:
+        return Setpoints(self.config, self.state, self.commander)
 
     def _seen(self, index: int, position: float) -> float | None:
         """Return what an axis's encoder makes of its position, if that can be."""
@@ -235,21 +274,26 @@ class Machine:
         return self.plausibility.position(index, self.time, said)
 
     def _control(self) -> None:
-        state, drive = self.state, self.config.drive
+        state = self.state
         period = _SAMPLES_PER_CONTROL * _SAMPLE_PERIOD
         target = 1.0 if state.phase is Phase.WINDING else 0.0
-        change = period / (self.config.quick_stop_time if self.hurried else drive.ramp_time)
+        change = period / (
+            self.config.quick_stop_time if self.hurried else self.config.drive.ramp_time
+        )
         before = state.fraction
         state.fraction = before + min(max(target - before, -change), change)
         state.fraction_rate = (state.fraction - before) / period
-        for (axis_config, axis, load, _), full in zip(
-            self._axes(), self._full_speeds(), strict=True
-        ):
+        if self.commander.brake is not None:
+            self.commander.brake.advance(self.config.commands.brake_time, period)
+        for (axis_config, axis, load, _), name in zip(self._axes(), AXES, strict=True):
+            setpoint, acceleration = self._setpoints.advance(
+                name, axis.encoder.position, period, hurried=self.hurried
+            )
             control_axis(
                 axis_config,
                 axis,
-                setpoint=full * state.fraction,
-                acceleration=full * state.fraction_rate,
+                setpoint=setpoint,
+                acceleration=acceleration,
                 dt=period,
                 load=load,
                 open_loop=state.phase is Phase.PROTECTIVE,
@@ -259,17 +303,18 @@ class Machine:
         """Stop the machine when its sensors have not fitted it for too long."""
         if self.state.phase not in (Phase.WINDING, Phase.STOPPING):
             return
+        if self.state.phase is Phase.WINDING and (cause := self.commander.verdict(self.time)):
+            self.stop()
+            self.state.reason = cause
         reason = self.plausibility.verdict(
             self.time,
             tuple(
                 AxisObservation(
-                    commanded=full * self.state.fraction,
+                    commanded=axis.setpoint,
                     measured=axis.encoder.speed,
                     modelled=modelled_speed(config, axis, load=load),
                 )
-                for (config, axis, load, _), full in zip(
-                    self._axes(), self._full_speeds(), strict=True
-                )
+                for config, axis, load, _ in self._axes()
             ),
         )
         if reason is not None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from winding_core.cases import Case
 from winding_core.drive import DriveProfile
 from winding_rig_node.machine.axis import AxisConfig, tuned_pid
+from winding_rig_node.machine.commander import CommandLimits
 from winding_rig_node.machine.encoder import CARRIAGE_ENCODER, CYLINDER_ENCODER
 from winding_rig_node.machine.motor import CARRIAGE_MOTOR, CYLINDER_MOTOR
 from winding_rig_node.machine.plausibility import AxisLimits, PlausibilityConfig
@@ -47,6 +48,7 @@ class MachineConfig:
         settling_time: How long the encoders go on after a quick or protective stop [s], so that
             the readers see the machine stand.
         quick_stop_time: Time from full speed to standstill in a quick or protective stop [s].
+        commands: What outside commanders may ask for.
     """
 
     case: Case
@@ -58,20 +60,29 @@ class MachineConfig:
     force_resolution: float = 0.001
     settling_time: float = 0.1
     quick_stop_time: float = 0.3
+    commands: CommandLimits = field(default_factory=CommandLimits)
 
 
-def sensor_limits(config: MachineConfig) -> PlausibilityConfig:
-    """Return what the sensors of a machine can say."""
+def sensor_limits(
+    config: MachineConfig, full_speeds: tuple[float, ...] | None = None
+) -> PlausibilityConfig:
+    """Return what the sensors of a machine can say.
+
+    Args:
+        config: The machine.
+        full_speeds: Of cylinder and carriage [rad/s, m/s]; those of the drive programme by default.
+    """
+    cylinder, carriage = full_speeds or (config.drive.angular_speed, config.drive.feed_speed)
     return PlausibilityConfig(
         axes=(
             AxisLimits(
                 name="cylinder",
-                full_speed=config.drive.angular_speed,
+                full_speed=cylinder,
                 resolution=config.cylinder.encoder.resolution,
             ),
             AxisLimits(
                 name="carriage",
-                full_speed=config.drive.feed_speed,
+                full_speed=carriage,
                 resolution=config.carriage.encoder.resolution,
             ),
         ),

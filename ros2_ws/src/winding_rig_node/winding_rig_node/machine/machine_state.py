@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from winding_rig_node.machine.axis import AxisState
+from winding_rig_node.machine.machine_config import SAMPLE_RATE
 
 
 class Phase(Enum):
@@ -39,6 +40,7 @@ class MachineState:
         stop_began: When the last unplanned stop began, simulated time [s].
         stood_at: When both axes stood after it [s].
         tension: Last load cell sample [N]; None when it said nothing that can be.
+        origins: Where the drive programme's way begins, by axis, once the axis was commanded.
         cylinder: Its axis, in radians.
         carriage: Its axis, in metres.
     """
@@ -54,5 +56,11 @@ class MachineState:
     stop_began: float | None = None
     stood_at: float | None = None
     tension: float | None = None
+    origins: dict[str, float] = field(default_factory=dict)
     cylinder: AxisState = field(default_factory=AxisState)
     carriage: AxisState = field(default_factory=AxisState)
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the machine was switched on [s]."""
+        return self.sample / SAMPLE_RATE

@@ -67,7 +67,7 @@ CYLINDER_MOTOR = MotorConfig(
     ripple_period=2.0 * math.pi / 36.0,
 )
 CARRIAGE_MOTOR = MotorConfig(
-    supply=24.0,
+    supply=60.0,
     resistance=2.0,
     torque_constant=480.0,
     back_emf=480.0,

@@ -175,7 +175,10 @@ class MachineLoop:
                 continue
             deadline = self._wait_for_deadline(deadline)
             with self._changed:
+                known = machine.state.reason
                 machine.step()
+            if machine.state.reason != known:
+                self._warn(f"stopped both axes: {machine.state.reason}")
             self._emit()
 
     def _check_supervisor(self) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from winding_core.condition import Condition
 from winding_core.parameters import parameter
+from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS, CommandLimits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +48,45 @@ class RigParameters(Condition):
         low=0.0,
         high=60.0,
     )
+    cylinder_speed_limit: float = parameter(
+        CYLINDER_LIMITS.speed, "largest commanded cylinder speed [rad/s]", low=0.01, high=200.0
+    )
+    cylinder_acceleration_limit: float = parameter(
+        CYLINDER_LIMITS.acceleration,
+        "largest commanded cylinder acceleration [rad/s^2]",
+        low=0.1,
+        high=2000.0,
+    )
+    carriage_speed_limit: float = parameter(
+        CARRIAGE_LIMITS.speed, "largest commanded carriage speed [m/s]", low=1.0e-4, high=2.0
+    )
+    carriage_acceleration_limit: float = parameter(
+        CARRIAGE_LIMITS.acceleration,
+        "largest commanded carriage acceleration [m/s^2]",
+        low=0.01,
+        high=20.0,
+    )
+    carriage_travel: list[float] = parameter(
+        [CARRIAGE_LIMITS.low, CARRIAGE_LIMITS.high],
+        "start and end of the carriage's travel under commands [m]",
+        low=-10.0,
+        high=10.0,
+    )
+    brake_limits: list[float] = parameter(
+        [CommandLimits.low_tension, CommandLimits.high_tension],
+        "smallest and largest pull that the brake can be commanded to [N]",
+        low=0.0,
+        high=1000.0,
+    )
+    brake_time: float = parameter(
+        CommandLimits.brake_time, "time constant of the brake [s]", low=0.001, high=10.0
+    )
+    command_timeout: float = parameter(
+        CommandLimits.timeout,
+        "how long a target holds that is not reached yet, and how old a command may be [s]",
+        low=0.02,
+        high=60.0,
+    )
     inject_faults: bool = parameter(
         False, "whether faults may be put into sensors and topics on purpose"
     )
@@ -56,3 +96,28 @@ class RigParameters(Condition):
         "off, stuck, garbage, wrong, slow, delayed, intermittent",
         read_only=False,
     )
+
+    def command_limits(self) -> CommandLimits:
+        """Return what outside commanders may ask of the machine.
+
+        Raises:
+            ValueError: The carriage's travel or the brake's limits end before they begin.
+        """
+        return CommandLimits(
+            cylinder=replace(
+                CYLINDER_LIMITS,
+                speed=self.cylinder_speed_limit,
+                acceleration=self.cylinder_acceleration_limit,
+            ),
+            carriage=replace(
+                CARRIAGE_LIMITS,
+                speed=self.carriage_speed_limit,
+                acceleration=self.carriage_acceleration_limit,
+                low=self.carriage_travel[0],
+                high=self.carriage_travel[1],
+            ),
+            low_tension=self.brake_limits[0],
+            high_tension=self.brake_limits[1],
+            brake_time=self.brake_time,
+            timeout=self.command_timeout,
+        )

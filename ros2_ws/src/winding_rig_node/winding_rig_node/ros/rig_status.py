@@ -18,7 +18,8 @@ def rig_status(machine: Machine, pace: Pace, faults: str) -> Status:
         faults: The faults that are put in on purpose, as text.
     """
     state = machine.state
-    level = Level.WARN if state.reason or faults else Level.OK
+    commander = machine.commander
+    level = Level.WARN if state.reason or faults or commander.refusal else Level.OK
     if state.phase in (Phase.EMERGENCY, Phase.PROTECTIVE):
         level = Level.ERROR
     values = {
@@ -34,6 +35,12 @@ def rig_status(machine: Machine, pace: Pace, faults: str) -> Status:
     }
     refused = machine.plausibility.refused
     values |= {f"refused {name}": str(count) for name, count in refused.items()}
+    if commander.axes:
+        values["commanded"] = ", ".join(commander.axes)
+    if commander.brake is not None:
+        values["brake [N]"] = f"{commander.brake.wanted:.3f}"
+    if commander.refused:
+        values |= {"refused commands": str(commander.refused), "refusal": commander.refusal}
     if faults:
         values["faults"] = faults
     for name, moment in (("stop_began", state.stop_began), ("stood_at", state.stood_at)):
@@ -41,6 +48,6 @@ def rig_status(machine: Machine, pace: Pace, faults: str) -> Status:
     return Status(
         name=topics.RIG,
         level=level,
-        message=state.phase.value + (f": {state.reason}" if state.reason else ""),
+        message=": ".join(filter(None, (state.phase.value, state.reason or commander.refusal))),
         values=values,
     )
