@@ -71,6 +71,7 @@ def test_every_import_has_a_key_of_rosdep_or_pypi(generator: ModuleType) -> None
     assert unknown == []
 
 
+@pytest.mark.slow
 def test_every_library_is_in_the_root_project(generator: ModuleType) -> None:
     project = generator.PROJECT
     extras = project["optional-dependencies"]

@@ -15,6 +15,7 @@ def test_page_has_examples():
     assert len(BLOCKS) >= 9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(BLOCKS)))
 def test_example_runs(number):
     exec(compile(BLOCKS[number], f"solver.md[{number}]", "exec"), {"__name__": "example"})

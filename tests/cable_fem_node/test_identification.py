@@ -116,6 +116,7 @@ def test_quasi_static_lay_gives_its_modulus_back(case: int) -> None:
     assert estimate.young == pytest.approx(young, rel=0.03)
 
 
+@pytest.mark.slow
 def test_start_does_not_decide() -> None:
     theta, z = truth(4, 8.0e6)
     found = []
@@ -128,6 +129,7 @@ def test_start_does_not_decide() -> None:
     assert max(estimate.fit.calls for estimate in found) <= 4
 
 
+@pytest.mark.slow
 def test_measured_tension_is_what_counts() -> None:
     theta, z = truth(4, 2.6e6)
     run = measured(4, theta, z, seed=None)

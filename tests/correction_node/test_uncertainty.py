@@ -27,6 +27,7 @@ def test_a_level_that_twelve_cases_cannot_carry_is_refused() -> None:
         conformal_bound(CELLS, np.ones(len(CELLS)), 0.95)
 
 
+@pytest.mark.slow
 def test_the_bound_covers_new_cases_as_often_as_it_says() -> None:
     rng = np.random.default_rng(7)
     whole = [c for c in CELLS if c.case not in (2, 7, 8)]

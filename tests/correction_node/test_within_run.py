@@ -116,6 +116,7 @@ def test_rivals_are_what_they_are_called(scored: WithinRunScore) -> None:
     )
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_cells_that_they_never_saw(scored: WithinRunScore) -> None:
     covered = [abs(cell.s_exp - cell.s) <= cell.half_width for cell in scored.cells]
     assert scored.coverage == np.mean(covered)

@@ -72,6 +72,7 @@ def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_bad_input_is_refused_in_one_sentence_before_anything_starts(given: Path) -> None:
     before = sorted(given.rglob("*"))
     for arguments, sentence in REFUSED:

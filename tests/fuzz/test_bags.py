@@ -225,6 +225,7 @@ values = st.recursive(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["plain.mcap", "base.db3"])
 @fuzzed
 @given(data=st.data())
@@ -254,6 +255,7 @@ def test_changed_metadata(
     try_everything(folder, tmp_path)
 
 
+@pytest.mark.slow
 @fuzzed
 @given(text=st.one_of(st.text(max_size=100), values.map(repr)))
 def test_any_metadata(whole: dict[str, bytes], tmp_path: Path, text: str) -> None:

@@ -69,6 +69,7 @@ def views(count=14):
         yield np.clip(picture + 2.0 * rng.standard_normal(picture.shape), 0, 255).astype(np.uint8)
 
 
+@pytest.mark.slow
 def test_a_charuco_board_gives_the_lens_back():
     result = calibrate(list(views()), CHARUCO)
     assert result.views == 14

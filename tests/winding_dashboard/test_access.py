@@ -83,6 +83,7 @@ def test_host_that_is_no_address_is_refused() -> None:
         DashboardParameters(host="my machine").check()
 
 
+@pytest.mark.slow
 def test_command_refuses_before_it_serves(command: Any, tmp_path: Any) -> None:
     finished = command("dashboard", "--host", "0.0.0.0", cwd=tmp_path)
     assert finished.returncode == 2

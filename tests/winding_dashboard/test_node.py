@@ -106,6 +106,7 @@ def test_command_is_unavailable_until_somebody_serves_it(
     assert spin_beside(ros, dashboard.service_client.command("stop")) == "stopping"
 
 
+@pytest.mark.slow
 def test_emergency_stop_without_an_answer_says_what_to_do(dashboard: DashboardNode) -> None:
     with pytest.raises(CommandError, match="use the machine's own button"):
         asyncio.run(dashboard.service_client.command("emergency_stop"))

@@ -44,6 +44,7 @@ def small(bags: Any, tmp_path: Path) -> Path:
     return bags.whole(tmp_path / "bag", 60)
 
 
+@pytest.mark.slow
 def test_every_flipped_bit_is_seen(small: Path) -> None:
     (file,) = small.glob("*.mcap")
     whole = file.read_bytes()
@@ -127,6 +128,7 @@ def test_lost_messages_are_findings(bags: Any, tmp_path: Path) -> None:
     assert lost == 3
 
 
+@pytest.mark.slow
 def test_a_cut_file_gives_back_every_whole_chunk(bags: Any, tmp_path: Path) -> None:
     made = bags.whole(tmp_path / "made", 150, chunk_bytes=40_000)
     (file,) = made.glob("*.mcap")
@@ -260,6 +262,7 @@ def test_garbage_is_refused(tmp_path: Path, garbage: bytes, magic: bool) -> None
     assert check(file).findings
 
 
+@pytest.mark.slow
 @fuzzed
 @given(text=st.text(max_size=200))
 def test_any_metadata_is_survived(made: Path, tmp_path: Path, text: str) -> None:

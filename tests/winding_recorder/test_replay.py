@@ -98,6 +98,7 @@ def test_answers_do_not_depend_on_the_order_of_arrival(
     assert other.digest == replay(in_order, "fem").digest
 
 
+@pytest.mark.slow
 def test_two_replays_in_two_processes_are_byte_identical(in_order: Path) -> None:
     def digest() -> str:
         command = [sys.executable, "-m", "winding_cli.cli", "bag", "replay"]

@@ -64,6 +64,7 @@ def test_steady_stamps_take_no_memory_and_none_is_lost() -> None:
     assert StampRuns(5).stamps().tolist() == []
 
 
+@pytest.mark.slow
 def test_a_tape_keeps_forty_seconds_whole_and_every_stamp_of_more() -> None:
     buffer = RunBuffer([topics.TENSION, topics.IMAGE, topics.DIAGNOSTICS])
     for k in range(39 * 100):

@@ -122,6 +122,7 @@ def test_projection_agrees_with_opencv():
     np.testing.assert_allclose(project_points(config, points), seen.reshape(-1, 2), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_visible_bands_agree_with_an_independent_polygon_renderer():
     config = replace(
         CameraConfig().full_frame(2),
@@ -141,6 +142,7 @@ def test_visible_bands_agree_with_an_independent_polygon_renderer():
     np.testing.assert_allclose(off, 0.0, atol=0.16)
 
 
+@pytest.mark.slow
 def test_ground_truth_is_the_centroid_of_the_picture():
     config = replace(CameraConfig().full_frame(), noise=QUIET, light=FLAT)
     made = scene(0.3)
@@ -152,6 +154,7 @@ def test_ground_truth_is_the_centroid_of_the_picture():
     assert mask.sum() == pytest.approx(band["area"], rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_visible_centroid_is_not_the_centre_line():
     config = replace(CameraConfig().full_frame(), noise=QUIET)
     band = Renderer(config).visible_bands(scene(0.6))[0]
@@ -159,6 +162,7 @@ def test_the_visible_centroid_is_not_the_centre_line():
     assert 5.0 < off[1] < 25.0  # 0.6 r sin(0.6) is 0.7 mm, 8 px
 
 
+@pytest.mark.slow
 def test_a_band_moves_down_the_free_span_by_the_cylinder_way():
     config = replace(CameraConfig().full_frame(), noise=QUIET)
     renderer = Renderer(config)
@@ -203,6 +207,7 @@ def test_flicker_changes_light_from_frame_to_frame():
     assert 1.3 < max(means) / min(means) < 2.3
 
 
+@pytest.mark.slow
 def test_motion_blur_smears_along_the_motion():
     sharp = replace(CameraConfig().full_frame(), noise=QUIET)
     made = scene(0.2, cylinder_speed=1.74)

@@ -39,6 +39,7 @@ def run(request: pytest.FixtureRequest) -> np.ndarray:
     return wind(machine(request.param))
 
 
+@pytest.mark.slow
 def test_speeds_hold_their_targets_after_the_ramp(run: np.ndarray) -> None:
     drive = DriveProfile()
     held = run[run[:, 0] > drive.ramp_time]
@@ -56,6 +57,7 @@ def test_positions_follow_the_drive_profile(run: np.ndarray) -> None:
     assert np.abs(run[:, 3] - guide).max() < 0.1e-3
 
 
+@pytest.mark.slow
 def test_run_has_one_sample_per_millisecond_and_ends_at_its_duration(run: np.ndarray) -> None:
     assert len(run) == 20_000
     np.testing.assert_allclose(np.diff(run[:, 0]), 1.0e-3, atol=1e-12)

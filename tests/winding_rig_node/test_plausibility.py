@@ -35,6 +35,7 @@ def break_at(t: float, text: str) -> tuple[Machine, float]:
     return rig, fastest
 
 
+@pytest.mark.slow
 def test_healthy_machine_of_every_case_winds_to_its_end() -> None:
     offenders = []
     for case in range(1, 13):
@@ -66,6 +67,7 @@ IMPOSSIBLE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("t", [0.0, 1.5], ids=["from the start", "at full speed"])
 def test_sensor_that_cannot_be_right_ends_in_standstill(t: float) -> None:
     offenders = []

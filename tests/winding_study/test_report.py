@@ -56,6 +56,7 @@ def _empty_series() -> MarkerSeries:
     )
 
 
+@pytest.mark.slow
 def test_the_page_is_one_file_that_loads_nothing(synthetic, tmp_path) -> None:
     path = write_report(synthetic(), tmp_path / "deep" / "report")
     assert path == tmp_path / "deep" / "report" / "index.html"
@@ -69,6 +70,7 @@ def test_the_page_is_one_file_that_loads_nothing(synthetic, tmp_path) -> None:
     assert all(source.startswith("data:image/svg+xml;base64,") for source in page.sources)
 
 
+@pytest.mark.slow
 def test_every_picture_is_a_drawing_without_outside_references(page_text: str) -> None:
     for source in _Page(page_text).sources:
         drawing = base64.b64decode(source.partition(",")[2])
@@ -96,16 +98,19 @@ def test_the_table_has_every_marker_and_every_number(synthetic, page_text: str) 
         assert numbers == pytest.approx(expected, abs=0.0051)
 
 
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_bytes(synthetic, page_text: str) -> None:
     assert render_report(synthetic()) == page_text
 
 
+@pytest.mark.slow
 def test_markers_that_were_never_wound_are_dashes(synthetic) -> None:
     page = render_report(synthetic(paper_case(8)))
     row = next(cells for cells in _Page(page).cells if cells and cells[0] == "P4")
     assert row == ["P4", "800.00", *["–"] * 8]
 
 
+@pytest.mark.slow
 def test_a_condition_of_ones_own_has_no_published_columns_to_show(synthetic) -> None:
     own = Case(cylinder_diameter=0.045, cable_diameter=0.003, weight=2.5, marker_spacing=0.15)
     page = render_report(synthetic(own))
@@ -113,6 +118,7 @@ def test_a_condition_of_ones_own_has_no_published_columns_to_show(synthetic) -> 
     assert len(_Page(page).sources) == 5
 
 
+@pytest.mark.slow
 def test_a_run_that_left_nothing_still_gives_a_page(synthetic) -> None:
     nothing = dataclasses.replace(
         synthetic(),
@@ -139,6 +145,7 @@ def test_a_run_that_left_nothing_still_gives_a_page(synthetic) -> None:
     assert "What these numbers are worth" not in page
 
 
+@pytest.mark.slow
 def test_text_from_outside_cannot_become_markup(synthetic) -> None:
     record = dataclasses.replace(
         synthetic(), notes=("<script>alert(1)</script>",), facts={"<b>": '"><img src=x>'}
@@ -148,6 +155,7 @@ def test_text_from_outside_cannot_become_markup(synthetic) -> None:
     assert all(source.startswith("data:") for source in page.sources)
 
 
+@pytest.mark.slow
 def test_losses_are_said(synthetic) -> None:
     page = render_report(dataclasses.replace(synthetic(), frames_lost=17))
     assert "17 lost" in page

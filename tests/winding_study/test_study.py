@@ -260,6 +260,7 @@ def test_progress_of_a_case_reaches_one() -> None:
     assert shares[-1][1] == 1.0
 
 
+@pytest.mark.slow
 def test_the_solid_winds_a_case_to_where_the_rod_lays_it() -> None:
     # Two thirds of a turn of case 4, coarse and heavy so that it takes a second.
     duration = 2.2

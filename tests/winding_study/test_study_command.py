@@ -122,6 +122,7 @@ def test_runs_too_short_to_compare_are_said_to_be_so(tmp_path) -> None:
     assert "no measured marker is wound" in result.stderr
 
 
+@pytest.mark.slow
 def test_the_published_base_winds_nothing_and_keeps_its_weights(tmp_path) -> None:
     out = tmp_path / "study.json"
     result = _study(
@@ -141,6 +142,7 @@ def test_the_published_base_winds_nothing_and_keeps_its_weights(tmp_path) -> Non
     assert "within_run" in read["tables"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_study_says_what_is_kept(number: int, tmp_path) -> None:
     process = _start("--cases", "1", *SLOW, folder=tmp_path)
@@ -152,6 +154,7 @@ def test_an_interrupted_study_says_what_is_kept(number: int, tmp_path) -> None:
     assert "Traceback" not in said
 
 
+@pytest.mark.slow
 def test_a_killed_study_started_again_goes_on_and_says_so(tmp_path) -> None:
     store = tmp_path / "runs" / "study"
     arguments = ("--duration", "8", "--no-models", "--processes", "1")

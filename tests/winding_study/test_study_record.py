@@ -185,6 +185,7 @@ def test_table_8_shows_the_paper_the_network_and_the_best(record: StudyRecord) -
     assert means["paper, as printed"] == pytest.approx(4.81, abs=0.005)
 
 
+@pytest.mark.slow
 def test_the_papers_weights_stand_beside_ours_when_its_simulation_is_the_base() -> None:
     cells = join_experiment(
         {(row.case, row.marker): row.simulation.s for row in published_markers()}, source="test"
@@ -208,6 +209,7 @@ def test_noise_stands_in_percent_with_a_column_for_each_kind(record: StudyRecord
     assert "imulated" in record.noise.note
 
 
+@pytest.mark.slow
 def test_without_models_the_verdict_says_why(small: StudyRecord) -> None:
     bare = dataclasses.replace(small, models={}, cells=(), noise=None)
     assert "No model of h was compared" in bare.verdict()
@@ -215,6 +217,7 @@ def test_without_models_the_verdict_says_why(small: StudyRecord) -> None:
     assert "Models of the weight" not in render_study(bare)
 
 
+@pytest.mark.slow
 def test_one_case_alone_makes_a_page() -> None:
     result = _wound(4)
     alone = StudyRecord(
@@ -226,6 +229,7 @@ def test_one_case_alone_makes_a_page() -> None:
     assert any(heading.startswith("Table 3") for heading in headings)
 
 
+@pytest.mark.slow
 def test_the_page_has_every_table_and_figure_and_loads_nothing(page: str) -> None:
     read = _Page(page)
     for number in range(2, 9):
@@ -246,11 +250,13 @@ def test_every_picture_carries_its_pixels_with_it(page: str) -> None:
         assert not re.search(rb'(href|src)="(?!#|data:image/png;base64,)', drawing)
 
 
+@pytest.mark.slow
 def test_names_of_models_cannot_become_markup(page: str) -> None:
     assert "<other>" not in page
     assert "&lt;other&gt; &amp; model" in page
 
 
+@pytest.mark.slow
 def test_the_same_study_gives_the_same_bytes() -> None:
     result = _wound(8)
     alone = StudyRecord(
@@ -259,6 +265,7 @@ def test_the_same_study_gives_the_same_bytes() -> None:
     assert render_study(alone) == render_study(alone)
 
 
+@pytest.mark.slow
 def test_the_folder_has_the_page_and_a_csv_file_of_every_table(small, tmp_path) -> None:
     path = write_study(small, tmp_path / "deep" / "study")
     names = {file.name for file in path.parent.iterdir()}

@@ -161,6 +161,7 @@ def test_a_failed_run_is_a_row(tmp_path: Path, spec: Path) -> None:
     assert np.isfinite(read(out)["p1_s_m"]).tolist() == [True, False]
 
 
+@pytest.mark.slow
 def test_shards_make_the_same_table_together(tmp_path: Path, spec: Path) -> None:
     whole, out = tmp_path / "whole.npz", tmp_path / "table.npz"
     sweep(spec, "--store", tmp_path / "one", "--out", whole, "--processes", 1)
@@ -244,6 +245,7 @@ def test_a_description_that_is_not_there_is_named(tmp_path: Path) -> None:
     assert "none.yaml: No such file or directory" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
 def test_an_ended_sweep_goes_on_where_it_stopped(
     tmp_path: Path, spec: Path, how: signal.Signals
@@ -304,6 +306,7 @@ def scheduler(tmp_path: Path) -> Iterator[tuple[str, list[str], list[int]]]:
         yield cluster.scheduler_address, options, [one.pid for one in cluster.workers.values()]
 
 
+@pytest.mark.slow
 def test_a_cluster_behind_tls_loses_nothing_with_a_worker(
     tmp_path: Path, spec: Path, scheduler: tuple[str, list[str], list[int]]
 ) -> None:
