@@ -116,7 +116,7 @@ PAGE = NodeSpec(
         topic
         for topic in topics.TOPICS
         if topic not in (topics.CLOCK, topics.IMAGE, topics.RECORDER_PROGRESS)
-        and topic.publisher not in (topics.COMMANDER, topics.ORCHESTRATOR)
+        and topic.publisher not in (topics.COMMANDER, topics.ORCHESTRATOR, topics.RUN_SERVER)
     ),
     policy=Policy.ASIDE,
 )

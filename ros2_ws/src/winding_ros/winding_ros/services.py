@@ -6,11 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from action_msgs.srv import CancelGoal
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
 from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import SetBool, Trigger
 
-from winding_ros.topics import RECORDER, RIG
+from winding_ros.topics import RECORDER, RIG, RUN_SERVER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +78,18 @@ RECORD = _service(
     RECORDER,
     "record into a further bag of the run's folder, or close the one that is being recorded; "
     "in a run with an operator's page",
+)
+
+# Served between runs, too: a cell controller's way to them.
+SEND_GOAL = _service(
+    "run/send_goal",
+    SetParametersAtomically,
+    RUN_SERVER,
+    "wind: options of `winding run` by name; the answer's reason is the goal's id or the refusal",
+)
+CANCEL_GOAL = _service("run/cancel_goal", CancelGoal, RUN_SERVER, "interrupt the run")
+GET_RESULT = _service(
+    "run/get_result", Trigger, RUN_SERVER, "run.json of the goal that has ended, as text"
 )
 
 # In the order of their declaration.

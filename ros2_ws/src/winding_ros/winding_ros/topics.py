@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from action_msgs.msg import GoalStatusArray
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
@@ -85,6 +86,8 @@ def _records(dtype: np.dtype[np.void]) -> Callable[[Any], tuple[float, Any]]:
 
 RIG, TRACKER, FEM, CORRECTION = "winding_rig", "marker_tracker", "cable_fem", "correction"
 RECORDER, DASHBOARD, ORCHESTRATOR = "recorder", "dashboard", "orchestrator"
+# Takes goals of a cell controller, each of which is a run.
+RUN_SERVER = "run_server"
 EVERY_NODE = "every node"
 # Whoever commands the axes from outside the graph; a run does without.
 COMMANDER = "commander"
@@ -231,6 +234,25 @@ RECORDER_PROGRESS = _topic(
     lambda header: (decode_stamp(header.stamp), None),
     recorded=False,
     answer=True,
+)
+RUN_STATUS = _topic(
+    "run/status",
+    GoalStatusArray,
+    None,
+    RUN_SERVER,
+    "state of the newest goal of `winding serve`",
+    lambda message: (0.0, message.status_list),
+    latched=True,
+    recorded=False,
+)
+RUN_FEEDBACK = _topic(
+    "run/feedback",
+    DiagnosticArray,
+    2.0,
+    RUN_SERVER,
+    "progress of the goal and the lengths so far",
+    decode_diagnostics,
+    recorded=False,
 )
 ROBOT_DESCRIPTION = _topic(
     "robot_description",

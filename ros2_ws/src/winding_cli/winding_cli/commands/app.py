@@ -17,6 +17,7 @@ from winding_cli.commands.identify import identify
 from winding_cli.commands.predict import predict
 from winding_cli.commands.render import render
 from winding_cli.commands.run import run
+from winding_cli.commands.serve import serve
 from winding_cli.commands.study import study
 from winding_cli.commands.sweep import sweep
 from winding_cli.commands.track import track
@@ -31,6 +32,7 @@ app = typer.Typer(
 )
 for _command in (
     run,
+    serve,
     predict,
     sweep,
     identify,

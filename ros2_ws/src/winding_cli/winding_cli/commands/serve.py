@@ -1,0 +1,72 @@
+"""`winding serve`: take runs as goals from a cell controller."""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from winding_cli.commands.output_path import check_output_folder
+from winding_cli.commands.ros_environment import check_namespace, joined
+from winding_cli.commands.run import run
+from winding_cli.serving.goals import GoalError, Goals
+from winding_core.condition import Condition
+from winding_core.options import options
+from winding_core.parameters import ParameterError, refuse_unknown
+
+# Every goal gets them from the server.
+_OWN = ("output", "namespace", "domain", "dashboard", "dashboard_port")
+
+
+def serve(
+    *,
+    output: Annotated[Path, typer.Option(help="Gets a folder for every goal.")] = Path("runs"),
+    namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
+    domain: Annotated[
+        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
+    ] = None,
+) -> None:
+    """Serve run/send_goal, run/cancel_goal and run/get_result until Ctrl-C."""
+    check_namespace(namespace)
+    check_output_folder(output)
+    with joined(domain) as place:
+        import rclpy
+        from rclpy.context import Context
+
+        from winding_cli.serving.goal_node import GoalNode, spin
+
+        command = [sys.executable, "-m", "winding_cli.cli", "run", "--namespace", namespace]
+        goals = Goals([*command, "--domain", str(place.domain)], output, time.time_ns)
+        context = Context()
+        rclpy.init(context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
+        print(f"waiting for goals on /{namespace}/run/send_goal; Ctrl-C ends", flush=True)
+        try:
+            with contextlib.suppress(KeyboardInterrupt):
+                spin(lambda place: GoalNode(namespace, place, goals, check_goal), context)
+        finally:
+            goals.close()
+            rclpy.try_shutdown(context=context)
+
+
+def check_goal(wanted: Mapping[str, object]) -> None:
+    """Refuse what no run takes.
+
+    Args:
+        wanted: Options of `winding run` by name, with underscores.
+
+    Raises:
+        GoalError: An unknown option or a value that cannot be.
+    """
+    known = [name for name in inspect.signature(run).parameters if name not in _OWN]
+    typed = {name: value for name, value in wanted.items() if name in options(Condition)}
+    try:
+        refuse_unknown(wanted, known, owner="a goal")
+        Condition.from_typed(typed)
+    except ParameterError as error:
+        raise GoalError(str(error)) from error

@@ -1,0 +1,1 @@
+"""Runs on request of a cell controller."""
