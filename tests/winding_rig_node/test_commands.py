@@ -112,6 +112,20 @@ def test_streamed_sine_is_followed(
 
 
 @pytest.mark.slow
+def test_a_missing_sample_does_not_tear_a_stream() -> None:
+    rig = winding()
+    origin, errors = carriage(rig), []
+    for count in range(8_000):
+        # One of ten is lost.
+        if count % 20 == 0 and count % 200 != 100:
+            rig.command(by_position(rig, origin, 1.0e-3 * count))
+        rig.step()
+        if count > 500 / FREQUENCY:
+            errors.append(carriage(rig) - origin - sine(1.0e-3 * (count + 1)))
+    assert np.abs(errors).max() < MISSED
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.02, 0.1], ids=["lines", "cubics"])
 def test_sine_as_a_trajectory_is_followed(step: float) -> None:
     rig = winding()

@@ -14,8 +14,8 @@ _CLOSING_RATE = 40.0
 _BRAKING_SHARE = 0.8
 # Targets that come further apart are moves of their own, not the samples of one motion [s].
 _STREAM_INTERVAL = 0.1
-# A sample is carried on for this many intervals, in which the next one should have come.
-_OVERDUE = 1.5
+# A sample is carried on for this many intervals: the next one may be late, or be missing.
+_OVERDUE = 2.5
 # What is left of the way when a target counts as reached: the way at full speed in this time [s].
 _REACHED = 1.0e-3
 
