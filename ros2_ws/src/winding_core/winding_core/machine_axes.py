@@ -37,10 +37,16 @@ class MachineAxes:
         PLAIN, -1.0e6, 1.0e6,
     )  # fmt: skip
     cylinder_offset: float = parameter(
-        0.0, "joint position at which the cylinder's angle is 0, in the joint's unit"
+        0.0,
+        "joint position at which the cylinder's angle is 0, in the joint's unit",
+        low=-1.0e9,
+        high=1.0e9,
     )
     carriage_offset: float = parameter(
-        0.0, "joint position at which the carriage's way is 0, in the joint's unit"
+        0.0,
+        "joint position at which the carriage's way is 0, in the joint's unit",
+        low=-1.0e9,
+        high=1.0e9,
     )
     await_motion: bool = parameter(
         False, "whether a run begins with the machine's first motion instead of its first reading"

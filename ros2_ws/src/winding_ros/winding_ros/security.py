@@ -85,7 +85,12 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     profiles = _enclave(enclaves, namespace, PAGE.name)
     profile = _profile(profiles, namespace, PAGE.name)
     _allow(profile, "topics", "publish", [heartbeat_topic(PAGE.name)])
-    _allow(profile, "services", "request", [*(s.name for s in SERVICES), *asked])
+    _allow(
+        profile,
+        "services",
+        "request",
+        [*(s.name for s in SERVICES if s.server != topics.RUN_SERVER), *asked],
+    )
     _allow(profile, "services", "reply", [f"{PAGE.name}/{n}" for n in _PARAMETER_SERVICES])
     profile = _profile(profiles, namespace, f"{PAGE.name}_eyes")
     _allow(profile, "topics", "subscribe", [topic.name for topic in PAGE.subscribes])
@@ -95,6 +100,13 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     _allow(profile, "topics", "publish", [t.name for t in topics.published_by(topics.COMMANDER)])
     seen = (topics.CLOCK, topics.DIAGNOSTICS, topics.JOINT_STATES, topics.TENSION)
     _allow(profile, "topics", "subscribe", [topic.name for topic in seen])
+    process = _enclave(enclaves, namespace, topics.RUN_SERVER)
+    profile = _profile(process, namespace, topics.RUN_SERVER)
+    told = [topic.name for topic in topics.published_by(topics.RUN_SERVER)]
+    _allow(profile, "topics", "publish", told)
+    _allow(profile, "topics", "subscribe", [topics.CORRECTED_MARKERS.name])
+    own = (f"{topics.RUN_SERVER}/{n}" for n in _PARAMETER_SERVICES)
+    _allow(profile, "services", "reply", [*served_by(topics.RUN_SERVER), *own])
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
