@@ -70,7 +70,7 @@ def test_only_a_commander_publishes_commands_for_the_axes() -> None:
 
 def test_every_node_has_an_enclave_in_its_namespace() -> None:
     paths = {item.get("path") for item in ET.fromstring(sros2_policy("cell")).iter("enclave")}
-    beside = {"/cell/orchestrator", "/cell/commander"}
+    beside = {"/cell/orchestrator", "/cell/commander", "/cell/run_server"}
     assert paths == {f"/cell/{spec.name}" for spec in (*GRAPH, PAGE)} | beside
 
 
