@@ -136,7 +136,7 @@ class CameraClock:
         estimate = self.estimate
         if self._strayed:
             return f"{_ahead(self._strayed)}, {limit}: frames are refused"
-        if estimate.known and abs(estimate.offset) > self.settings.limit + estimate.error:
+        if abs(estimate.offset) - SURE * estimate.error > self.settings.limit:
             return f"{_ahead(estimate.offset)} or more, {limit}: frames are refused"
         return ""
 

@@ -28,8 +28,14 @@ SPACING_TIME = 0.02
 # A band that stood while the cylinder stood says a_n alone; its mean counts as so many sightings.
 REST_WEIGHT = 100.0
 REST_ANGLE = 1.0e-3
-# Offsets are sought this far beyond the limit, on a grid [s], while they are not known so well.
-REACH = 1.5
+# No sighting moves that mean further than this one would [rad].
+REST_STEP = 3.0e-3
+# With a known offset it stood if it did so for this long before and after [s].
+SETTLED = 0.05
+# An estimate is replaced by a worse one only as far as clocks may have drifted since [s/s].
+DRIFT = 1.0e-4
+# Offsets are sought this far beyond the limit [s], on a grid [s], while they are not known so well.
+BEYOND = 0.25
 GRID = 0.01
 LOCKED = 5.0e-3
 # One azimuth across the picture errs by so much together with its neighbours [rad].
@@ -43,7 +49,6 @@ FACING = 4
 LEAST_SPAN = 0.01
 # A sighting of less weight than this does not count as having been at its speed.
 LEAST_WEIGHT, LEAST_TOTAL = 0.2, 1.0e-9
-MUCH_LESS = 2.0
 REFINED_EVERY = 10
 # An offset of this size costs as much as so much misfit: without evidence there is none.
 PREFERENCE = 1.0e-4
@@ -91,7 +96,7 @@ class ClockOffset:
         """
         self.estimate = ClockEstimate()
         self._history = history
-        self._reach = REACH * limit
+        self._reach = limit + BEYOND
         # The last place of a band is its mean over standing: speed 0, for `_count` sightings.
         shape = (bands, ROWS + 1)
         self._t = np.full(shape, np.nan)
@@ -104,6 +109,7 @@ class ClockOffset:
         self._count[:, REST] = 0.0
         self._place = np.zeros(bands, dtype=int)
         self._frames = 0
+        self._best, self._best_at = math.inf, 0.0
 
     def add(self, t: float, azimuths: FloatArray) -> None:
         """Take what was seen in a frame.
@@ -135,15 +141,21 @@ class ClockOffset:
         self._place[n] = (place + 1) % ROWS
 
     def _settle(self) -> None:
-        """Move sightings of a cylinder that stood, whatever the offset, into the means."""
-        early, late = self._t - self._reach, self._t + self._reach
+        """Move sightings of a cylinder that certainly stood into the means."""
+        known = self.estimate.known
+        middle = self._t - self.estimate.offset if known else self._t
+        half = SETTLED if known else self._reach
+        early, late = middle - half, middle + half
         decided = (late <= self._history.newest) & (early >= self._history.oldest)
         turned = self._history.angles(late) - self._history.angles(early)
+        residual = self._azimuth - self._history.angles(middle)
         for n, row in zip(*np.nonzero(decided & (np.abs(turned) < REST_ANGLE)), strict=True):
-            residual = self._azimuth[n, row] - float(self._history.angles(self._t[n, row]))
             count = self._count[n, REST] = min(self._count[n, REST] + 1.0, REST_WEIGHT)
-            mean = residual if count == 1.0 else self._azimuth[n, REST]
-            self._azimuth[n, REST] = mean + (residual - mean) / count
+            if count == 1.0:
+                self._azimuth[n, REST] = np.nanmedian(residual[n, :REST])
+            mean = self._azimuth[n, REST]
+            step = min(max(residual[n, row] - mean, -REST_STEP), REST_STEP)
+            self._azimuth[n, REST] = mean + step / count
             self._at[n, REST] = 0.0
             self._t[n, row] = self._azimuth[n, row] = self._at[n, row] = np.nan
 
@@ -163,7 +175,10 @@ class ClockOffset:
         for _ in range(STEPS):
             self._linearise(found.offset)
             found, robust = self._solve(found.offset, robust)
-        if old.known and found.error > MUCH_LESS * old.error:
+        now = self._history.newest
+        if found.error <= self._best:
+            self._best, self._best_at = found.error, now
+        if old.known and found.error > self._best + DRIFT * (now - self._best_at):
             found = replace(old, shift=old.shift if math.isnan(found.shift) else found.shift)
         self.estimate = found
 
