@@ -13,6 +13,7 @@ from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_core.readings import AxisReading, ImageWindow
+from winding_core.status import Level
 from winding_rig_node.camera import CameraConfig, Renderer, Scene
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading, encode_camera_info, encode_image
@@ -156,3 +157,19 @@ def test_frame_of_another_size_gets_an_empty_answer(bench: Bench) -> None:
     bench.ros.spin_until(lambda: len(bench.markers) == 1)
     assert len(decode_cloud(bench.markers[0], MARKER_DTYPE)[1]) == 0
     assert "frame of another size" in bench.node.status().message
+
+
+def test_a_camera_of_another_hour_is_an_error_in_one_sentence(bench: Bench) -> None:
+    bench.calibrate()
+    bench.image.publish(encode_image(3600.0, bench.frame(0.0)))
+    image = bench.node.endpoints._guards["camera/image_raw"]
+    bench.ros.spin_until(lambda: image.accepted == 1)
+    for index in range(4):
+        bench.encoder(index * PERIOD)
+    bench.ros.spin_until(lambda: len(bench.markers) == 1)
+    status = bench.node.status()
+    assert status.level is Level.ERROR
+    assert "ms ahead of the encoder's, limit camera_clock_limit 250 ms" in status.message
+    assert status.values["camera_clock_offset_ms"] == "nan"
+    assert len(decode_cloud(bench.markers[0], MARKER_DTYPE)[1]) == 0
+    assert bench.markers[0].header.stamp.sec == 3600

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from marker_tracker_node.tracking.encoder_history import KEPT, EncoderHistory
 from marker_tracker_node.tracking.synchroniser import Synchroniser
 from winding_core.readings import AxisReading
 
@@ -35,7 +36,7 @@ def test_reading_is_interpolated_to_the_frame() -> None:
 
 
 def test_frame_in_an_encoder_drop_out_goes_without_a_reading() -> None:
-    pairing = Synchroniser(max_gap=0.02)
+    pairing = Synchroniser(EncoderHistory(longest_gap=0.02))
     pairing.add_reading(1.0, reading(1.0))
     pairing.add_frame(1.25, FRAME)
     pairing.add_reading(1.5, reading(1.5))
@@ -70,8 +71,8 @@ def test_frame_before_the_first_reading_goes_without() -> None:
 
 def test_an_encoder_without_a_camera_fills_no_memory() -> None:
     pairing = Synchroniser()
-    for sample in range(10_000):
+    for sample in range(3 * KEPT):
         pairing.add_reading(sample * 1e-3, reading(0.0))
-    assert len(pairing._readings) < 5000
-    pairing.add_frame(9.9985, FRAME)
+    assert len(pairing.history) <= 2 * KEPT
+    pairing.add_frame(3 * KEPT * 1e-3 - 0.0015, FRAME)
     assert [pair.guide_z for pair in pairing.ready()] == [0.0]

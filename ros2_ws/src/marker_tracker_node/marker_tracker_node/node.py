@@ -48,10 +48,13 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
 
     def status(self) -> Status:
         """Return what the tracker says of itself."""
-        if self.tracker is None:
+        handler = self._handler
+        if handler is None or handler.tracker is None or handler.clock is None:
             return Status(name=topics.TRACKER, message="no calibrated camera_info yet")
-        report = self.tracker.report()
+        report, clock = handler.tracker.report(), handler.clock
         against = [
+            *([clock.refusal] if clock.refusal else []),
+            *([clock.warning] if clock.warning else []),
             *([report.colour_refusal] if report.colour_refusal else []),
             *(["the encoder is silent"] if report.encoder_lost else []),
             *(f"P{marker} has slipped" for marker in report.slipped),
@@ -59,15 +62,16 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
         ]
         return Status(
             name=topics.TRACKER,
-            level=Level.WARN if against else Level.OK,
+            level=Level.ERROR if clock.refusal else Level.WARN if against else Level.OK,
             message="; ".join(against) or "tracking",
             values={
                 "frames": str(report.frames),
                 "known": str(report.known),
                 "measured": str(report.measured),
                 "encoder_losses": str(report.encoder_losses),
-                "encoder_wraps": str(report.encoder_wraps),
+                "encoder_wraps": str(report.encoder_wraps + handler.lost_turns),
                 "colour_separation": f"{report.colour_separation:.4f}",
+                **clock.values(),
             },
         )
 

@@ -187,7 +187,8 @@ class Endpoints:
         )
 
     def _guard(self, topic: Topic) -> MessageGuard:
-        return self._guards.setdefault(topic.name, MessageGuard(topic.name))
+        fresh = MessageGuard(topic.name, steady=topic.rate is not None)
+        return self._guards.setdefault(topic.name, fresh)
 
     def _guarded(
         self, topic: Topic, callback: Callable[[Any], None], *, raw: bool = False
@@ -196,7 +197,7 @@ class Endpoints:
 
         def guarded(message: Any) -> None:
             try:
-                guard.check(_stamp(message, raw=raw), self._now)
+                guard.check(_stamp(message, raw=raw), self._now, time.monotonic())
                 callback(message)
             except (MessageError, StampError) as error:
                 guard.refuse(str(error), time.monotonic())

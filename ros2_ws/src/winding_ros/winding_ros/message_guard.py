@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from winding_ros.cadence import Cadence
+
 # A stamp further ahead of the last one than this has to agree with the node's clock [s].
 MAX_JUMP = 10.0
 # Refusals that go on for longer are an error [s].
@@ -30,10 +32,18 @@ class MessageGuard:
         reason: Why the last one was kept out.
         contested: Who else publishes; everything is kept out while this says something.
         queue: Most messages that were found waiting at once since `told`.
+        cadence: Of a topic that has a fixed rate, since the run began; None for others.
     """
 
-    def __init__(self, topic: str) -> None:
+    def __init__(self, topic: str, *, steady: bool = False) -> None:
+        """Let everything in that is in order.
+
+        Args:
+            topic: Its name.
+            steady: Whether it has a fixed rate, whatever that is.
+        """
         self.topic = topic
+        self.cadence = Cadence(topic) if steady else None
         self.accepted = 0
         self.refused = 0
         self.reason = ""
@@ -47,9 +57,16 @@ class MessageGuard:
         """Take the next stamp as it comes: a new run begins."""
         self._last = None
         self._refusing_since = None
+        if self.cadence is not None:
+            self.cadence = Cadence(self.topic)
 
-    def check(self, stamp: float, clock: Callable[[], float]) -> None:
+    def check(self, stamp: float, clock: Callable[[], float], arrival: float = 0.0) -> None:
         """Refuse a stamp [s] that runs backwards, or far ahead of the node's own clock [s].
+
+        Args:
+            stamp: [s]
+            clock: Gives the time of the node [s].
+            arrival: Wall time [s].
 
         Raises:
             StampError: The message has to be kept out.
@@ -57,10 +74,12 @@ class MessageGuard:
         if self.contested:
             raise StampError(self.contested)
         last = self._last
-        if last is not None and stamp < last:
-            raise StampError(f"time went back from {last:.3f} to {stamp:.3f} s")
         if last is not None and stamp > last + MAX_JUMP and stamp > clock() + MAX_JUMP:
             raise StampError(f"time jumped from {last:.3f} to {stamp:.3f} s")
+        if self.cadence is not None:
+            self.cadence.take(stamp, arrival)
+        if last is not None and stamp < last:
+            raise StampError(f"time went back from {last:.3f} to {stamp:.3f} s")
         self._last = stamp
 
     def accept(self) -> None:

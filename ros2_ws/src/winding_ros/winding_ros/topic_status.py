@@ -29,8 +29,12 @@ def topic_status(
     values |= {f"heard {name}": str(item.accepted) for name, item in guards.items()}
     values |= {f"queue {name}": str(item.queue) for name, item in guards.items()}
     values |= {f"refused {item.topic}": str(item.refused) for item in refusing}
+    cadences = [guard.cadence for guard in guards.values() if guard.cadence is not None]
+    for cadence in cadences:
+        values |= cadence.values()
     errors = [*contested, *(_refusal(guard) for guard in refusing if guard.persistent)]
     warnings = [_refusal(guard) for guard in refusing if not guard.persistent]
+    warnings += [cadence.warning for cadence in cadences if cadence.warning]
     return Status(
         name=f"{node}: topics",
         level=Level.ERROR if errors else Level.WARN if warnings else Level.OK,

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.ros.parameters import TrackerParameters
+from marker_tracker_node.tracking.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.synchroniser import Synchroniser
+from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 from marker_tracker_node.tracking.tracker import Tracker
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading, decode_camera_info, decode_image
@@ -29,7 +30,6 @@ class TrackerHandler:
 
     Attributes:
         config: Machine, cable and camera pose.
-        tracker: Of this run; None before the first calibration.
     """
 
     def __init__(self, wanted: TrackerParameters) -> None:
@@ -50,18 +50,37 @@ class TrackerHandler:
         )
         self._axes = wanted
         self._read = JointStateReader(wanted)
-        self.tracker: Tracker | None = None
+        self._clock = ClockSettings(
+            correct=wanted.camera_clock_correction, limit=wanted.camera_clock_limit
+        )
         self._camera: CameraReading | None = None
-        self._synchroniser = Synchroniser()
+        self._live = SynchronisedTracker(self._clock)
         self._uncalibrated = 0
+        # A float of seconds since 1970 holds no nanoseconds: answers bear the frame's own stamp.
+        self._stamps: dict[float, Any] = {}
+
+    @property
+    def tracker(self) -> Tracker | None:
+        """The tracker of this run; None before the first calibration."""
+        return self._live.tracker
+
+    @property
+    def clock(self) -> CameraClock | None:
+        """The camera's clock in this run; None before the first calibration."""
+        return self._live.clock
+
+    @property
+    def lost_turns(self) -> int:
+        """Turns that the encoder lost by wrapping."""
+        return self._live.history.lost_turns
 
     def begin(self, t: float) -> Iterator[Answer]:
         """Begin a new run; nothing is said before the first frame."""
-        self.tracker = None
         self._read = JointStateReader(self._axes)
         self._camera = None
-        self._synchroniser = Synchroniser()
+        self._live = SynchronisedTracker(self._clock)
         self._uncalibrated = 0
+        self._stamps.clear()
         yield from ()
 
     def take(self, topic: Topic, message: Any) -> Iterator[Answer]:
@@ -75,7 +94,7 @@ class TrackerHandler:
             yield from self._measure()
         elif topic is topics.JOINT_STATES:
             t, reading = self._read(message)
-            self._synchroniser.add_reading(t, reading)
+            self._live.add_reading(t, reading)
             yield from self._measure()
         else:
             t, frame = decode_image(message)
@@ -83,18 +102,19 @@ class TrackerHandler:
                 self._uncalibrated += 1
                 if self._uncalibrated > _FRAMES_BEFORE_CALIBRATION:
                     raise MessageError("no calibrated camera_info has come before this frame")
+            self._stamps[t] = message.header.stamp
             yield from self.take_frame(t, frame)
 
     def take_frame(self, t: float, frame: NDArray[np.uint8]) -> Iterator[Answer]:
         """Take a frame of time t [s], shape (height, width, 3)."""
-        self._synchroniser.add_frame(t, frame)
+        self._live.add_frame(t, frame)
         yield from self._measure()
 
     def _calibrate(self, message: Any) -> None:
         try:
             _, reading = decode_camera_info(message)
             if self._camera is None or not _same(reading, self._camera):
-                self.tracker = Tracker(self.config, _camera(reading))
+                self._live.start(Tracker(self.config, _camera(reading)))
                 self._camera = reading
         except MessageError:
             # A camera that has no calibration gets none by waiting.
@@ -102,11 +122,10 @@ class TrackerHandler:
             raise
 
     def _measure(self) -> Iterator[Answer]:
-        if self.tracker is None:
-            return
-        for pair in self._synchroniser.ready():
-            markers = self.tracker.track(pair.frame, pair.t, pair.cylinder_angle, pair.guide_z)
-            yield Answer(topic=topics.TRACKED_MARKERS, message=encode_cloud(pair.t, markers))
+        for t, markers in self._live.measured():
+            cloud = encode_cloud(t, markers)
+            cloud.header.stamp = self._stamps.pop(t, cloud.header.stamp)
+            yield Answer(topic=topics.TRACKED_MARKERS, message=cloud)
 
 
 def _camera(reading: CameraReading) -> PinholeCamera:

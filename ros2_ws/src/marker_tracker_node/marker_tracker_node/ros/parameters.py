@@ -17,3 +17,12 @@ class TrackerParameters(CameraPlacement, MachineAxes, Condition):
     band_width: float = parameter(
         0.006, "width of a marker band along the cable [m]", low=0.0005, high=0.05
     )
+    camera_clock_correction: bool = parameter(
+        False, "whether the measured offset of the camera's clock is applied to later frames"
+    )
+    camera_clock_limit: float = parameter(
+        0.25,
+        "largest offset of the camera's clock with which frames are used [s]",
+        low=0.001,
+        high=2.0,
+    )

@@ -20,6 +20,23 @@ LOCK_GAIN = 0.5
 
 
 @compiled
+def lost_turns(step: float, expected: float) -> float:  # pragma: no cover
+    """Return the turns [rad] that an encoder lost by wrapping between two readings.
+
+    A step that a continuous encoder can have made, at any speed from standing to the present
+    one, is never a wrap: a machine may have paused, and nothing needs to be invented then.
+
+    Args:
+        step: Difference of the readings [rad].
+        expected: Step at the speed before [rad].
+    """
+    if min(expected, 0.0) - math.pi <= step <= max(expected, 0.0) + math.pi:
+        return 0.0
+    turn = 2.0 * math.pi
+    return turn * round((expected - step) / turn)
+
+
+@compiled
 def follow_encoder(before: Cylinder, t: float, encoder: float) -> Cylinder:  # pragma: no cover
     """Return the cylinder at a frame: the encoder without its wraps, or predicted.
 
@@ -30,19 +47,20 @@ def follow_encoder(before: Cylinder, t: float, encoder: float) -> Cylinder:  # p
     """
     blind = not math.isfinite(encoder)
     if not before.started:
-        return Cylinder(0.0 if blind else encoder, t, 0.0, before.wraps, True, blind)
+        return Cylinder(0.0 if blind else encoder, t, 0.0, before.wraps, True, blind, encoder)
     passed = t - before.time
     expected = before.angle + before.rate * min(passed, LONGEST_GUESS)
     if blind:
-        return Cylinder(expected, t, before.rate, before.wraps, True, blind)
-    turn = 2.0 * math.pi
-    wraps = before.wraps + turn * round((expected - encoder - before.wraps) / turn)
+        return Cylinder(expected, t, before.rate, before.wraps, True, blind, before.read)
+    wraps = before.wraps
+    if math.isfinite(before.read):
+        wraps += lost_turns(encoder + wraps - before.read, expected - before.read)
     angle = encoder + wraps
     rate = before.rate
     if not before.blind:
         rate += RATE_SHARE * ((angle - before.angle) / passed - rate)
         rate = min(max(rate, -FASTEST), FASTEST)
-    return Cylinder(angle, t, rate, wraps, True, blind)
+    return Cylinder(angle, t, rate, wraps, True, blind, angle)
 
 
 @compiled

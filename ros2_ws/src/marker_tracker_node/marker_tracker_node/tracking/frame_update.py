@@ -86,6 +86,7 @@ def update_burst(
     times: FloatArray,
     encoders: FloatArray,
     guides: FloatArray,
+    leads: FloatArray,
     out: Output,
 ) -> Run:  # pragma: no cover
     """Advance the tracks by every frame of a burst and return the run after it.
@@ -99,6 +100,7 @@ def update_burst(
         times: Ascending [s], shape (k,).
         encoders: Cylinder angles [rad], nan where missing, shape (k,).
         guides: Guide positions [m], nan to expect the commanded feed, shape (k,).
+        leads: How much further P0 is expected than encoder and shift say [rad], shape (k,).
         out: Receives what each frame yields.
     """
     for k in range(frames.shape[0]):
@@ -106,7 +108,7 @@ def update_burst(
         cylinder = follow_encoder(run.cylinder, times[k], encoders[k])
         filled, guide = extend_path(setup, tracks.path, run, cylinder.angle, guides[k])
         cable = LaidCable(tracks.marks, tracks.path, filled)
-        run = _update_frame(picture, setup, run, cylinder, guide, cable, tracks, out, k)
+        run = _update_frame(picture, setup, run, cylinder, guide, leads[k], cable, tracks, out, k)
         out.angle[k] = run.cylinder.angle
     return run
 
@@ -118,6 +120,7 @@ def _update_frame(
     run: Run,
     cylinder: Cylinder,
     guide: float,
+    lead: float,
     cable: LaidCable,
     tracks: Tracks,
     out: Output,
@@ -131,6 +134,7 @@ def _update_frame(
         run: Before the frame.
         cylinder: At the frame.
         guide: Guide position at the frame [m].
+        lead: See `update_burst`.
         cable: As laid at the frame.
         tracks: Written in place.
         out: Receives what the frame yields.
@@ -141,7 +145,7 @@ def _update_frame(
     turned = cylinder.angle + run.shift
     gates = empty_gates(count + 1)
     expected = _empty_expected(count)
-    _predict(picture, setup, cable, turned, gates, expected)
+    _predict(picture, setup, cable, turned, lead, gates, expected)
     for n in range(count):
         # Neither out of sight nor clipped.
         if expected.outcome[n] == HIDDEN:
@@ -151,7 +155,7 @@ def _update_frame(
         turned += nudge
         cylinder = Cylinder(
             cylinder.angle + nudge, cylinder.time, cylinder.rate, cylinder.wraps,
-            cylinder.started, cylinder.blind,
+            cylinder.started, cylinder.blind, cylinder.read,
         )  # fmt: skip
     shift, weight = update_shift(run, cylinder.blind, out.azimuth[k, 0], turned)
     update_means(marks, out, k, turned)
@@ -192,6 +196,7 @@ def _predict(
     setup: Setup,
     cable: LaidCable,
     turned: float,
+    lead: float,
     gates: Gates,
     expected: Expected,
 ) -> None:  # pragma: no cover
@@ -203,7 +208,9 @@ def _predict(
             continue
         theta, z = marks.recent[n], marks.height[n]
         azimuth = turned - theta
-        if n > 0 and azimuth < 0.0:
+        if n == 0:
+            azimuth += lead
+        elif azimuth < 0.0:
             continue
         away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
         if abs(away) > setup.usable_azimuth:

@@ -14,6 +14,7 @@ class FrameFault(Enum):
     WRONG_ENCODING = "frame that is not 8-bit blue-green-red"
     OUT_OF_ORDER = "frame older than the last"
     DUPLICATE = "frame with the stamp of the last"
+    OTHER_CLOCK = "frame of a camera whose clock is too far from the encoder's"
     NOT_A_TIME = "frame without a finite time"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -58,6 +59,7 @@ class Cylinder(NamedTuple):
         wraps: Turns that the encoder lost by wrapping [rad].
         started: Whether there was a frame.
         blind: Whether the encoder is missing.
+        read: Angle when the encoder was read last [rad]; nan before that.
     """
 
     angle: float
@@ -66,6 +68,7 @@ class Cylinder(NamedTuple):
     wraps: float
     started: bool
     blind: bool
+    read: float
 
 
 class Run(NamedTuple):
@@ -158,7 +161,9 @@ class TrackerState:
     @classmethod
     def fresh(cls, marker_count: int) -> TrackerState:
         """Return the state before the first frame."""
-        still = Cylinder(angle=0.0, time=0.0, rate=0.0, wraps=0.0, started=False, blind=False)
+        still = Cylinder(
+            angle=0.0, time=0.0, rate=0.0, wraps=0.0, started=False, blind=False, read=math.nan
+        )
         markers = marker_count + 1
         numbers = [np.zeros(markers) for _ in Marks._fields[1:]]
         places = [np.zeros(CANDIDATES) for _ in Candidates._fields[1:]]

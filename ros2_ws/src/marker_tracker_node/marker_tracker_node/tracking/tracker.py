@@ -29,6 +29,14 @@ class Tracker:
     Wound angles are taken from P0 in the same frame while P0 is in sight, which cancels encoder,
     clock and camera drift; otherwise from the encoder and P0's known place. Whole turns come from
     the encoder, identity from the order of winding.
+
+    Attributes:
+        config: Machine, cable and nominal camera pose.
+        camera: What CameraInfo says.
+        colour: Of the markers; None until it is learnt.
+        state: Of the run.
+        pose: Of the camera, turned until P0 stands where it must at the start.
+        seen: Azimuths of the bands in the last frame of `track` [rad], nan where not measured.
     """
 
     def __init__(
@@ -62,6 +70,7 @@ class Tracker:
         self._losses = 0
         self._measured = 0
         self._slipped: tuple[int, ...] = ()
+        self.seen = np.full(len(self._ids), np.nan)
         self._refusal = "" if colour is not None else "no frame with P0 yet"
 
     def track(
@@ -70,6 +79,8 @@ class Tracker:
         t: float,
         cylinder_angle: float | None,
         guide_z: float | None = None,
+        *,
+        lead: float = 0.0,
     ) -> Markers:
         """Return the records of P0 to Pn for one frame.
 
@@ -82,6 +93,7 @@ class Tracker:
             cylinder_angle: Encoder reading at t [rad], whole turns may be missing; None while
                 the encoder is out.
             guide_z: Guide position at t [m]; None to expect the commanded feed.
+            lead: How much further than the reading says P0 is expected [rad].
 
         Returns:
             Records of MARKER_DTYPE, shape (marker_count + 1,); shape (0,) for a refused frame,
@@ -89,8 +101,7 @@ class Tracker:
         """
         fault = self._fault(frame, t)
         if fault is not None:
-            self._rejected[fault] += 1
-            return self._records(Output.empty(0, len(self._ids))).ravel()
+            return self.refuse(fault)
         angle = _believed(cylinder_angle, _MOST_ANGLE)
         if self.colour is None:
             self._learn(frame, angle)
@@ -101,9 +112,29 @@ class Tracker:
             np.array([t]),
             np.array([angle]),
             np.array([_believed(guide_z, _MOST_GUIDE)]),
+            np.array([lead]),
         )
+        self.seen = out.azimuth[0]
         records: Markers = self._records(out)[0]
         return records
+
+    def refuse(self, fault: FrameFault) -> Markers:
+        """Count a frame that is not used; return no records, shape (0,)."""
+        self._rejected[fault] += 1
+        self.seen = np.full(len(self._ids), np.nan)
+        return self._records(Output.empty(0, len(self._ids))).ravel()
+
+    def rebase(self, shift: float, *, forget: bool) -> None:
+        """Take another azimuth of P0 at encoder angle zero.
+
+        Args:
+            shift: That azimuth [rad].
+            forget: Whether what was found of P1 and later rests on wrong readings.
+        """
+        self.state.run = self.state.run._replace(shift=shift)
+        if forget:
+            self.state.tracks.marks.known[1:] = False
+            self.state.tracks.candidates.hits[:] = 0
 
     def process(
         self,
@@ -132,7 +163,13 @@ class Tracker:
             raise ValueError(f"a burst needs a colour model: {self._refusal}")
         guide = np.full(len(frames), math.nan) if guide_z is None else guide_z
         return self._records(
-            self._advance(frames, times, cylinder_angles, np.asarray(guide, dtype=float))
+            self._advance(
+                frames,
+                times,
+                cylinder_angles,
+                np.asarray(guide, dtype=float),
+                np.zeros(len(frames)),
+            )
         )
 
     def estimates(self) -> Markers:
@@ -246,7 +283,12 @@ class Tracker:
         self._zeroed = True
 
     def _advance(
-        self, frames: ByteArray, times: FloatArray, angles: FloatArray, guides: FloatArray
+        self,
+        frames: ByteArray,
+        times: FloatArray,
+        angles: FloatArray,
+        guides: FloatArray,
+        leads: FloatArray,
     ) -> Output:
         out = Output.empty(len(frames), len(self._ids))
         table = _NO_COLOUR if self.colour is None else self.colour.table
@@ -256,7 +298,7 @@ class Tracker:
         still = np.ascontiguousarray(frames).view()
         still.flags.writeable = False
         state.run = update_burst(
-            still, table, self._setup, state.run, state.tracks, times, angles, guides, out
+            still, table, self._setup, state.run, state.tracks, times, angles, guides, leads, out
         )
         if self._memory is not None:
             self._memory.append(out)

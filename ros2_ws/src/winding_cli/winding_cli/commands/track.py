@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,7 +16,8 @@ from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, staged
 from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_core.condition import Condition, ResolvedCondition
-from winding_core.units import MILLIMETRE, MILLIRADIAN
+from winding_core.readings import AxisReading
+from winding_core.units import MILLIMETRE, MILLIRADIAN, MILLISECOND
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
     from marker_tracker_node import PinholeCamera, Tracker, TrackerConfig
     from marker_tracker_node.camera.recordings import Motion
+    from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
     from winding_core.markers import Markers
 
     Frames = Iterator[tuple[float, NDArray[np.uint8]]]
@@ -49,6 +52,16 @@ def track(
         typer.Option(help="Camera: across, up, along the axis. A run refines it."),
     ] = "417.5,0,50",
     fps: Annotated[float | None, typer.Option(help="Of pictures without times.")] = None,
+    camera_clock_correction: Annotated[
+        bool,
+        typer.Option(
+            "--camera-clock-correction/--no-camera-clock-correction",
+            help="Apply the measured offset of the camera's clock to later frames.",
+        ),
+    ] = False,
+    camera_clock_limit_ms: Annotated[
+        float, typer.Option(help="Largest offset of the camera's clock with which frames are used.")
+    ] = 250.0,
     refined: Annotated[
         bool, typer.Option("--refine/--no-refine", help="Fit the camera's pose over the run.")
     ] = True,
@@ -62,6 +75,9 @@ def track(
         read_motion,
         write_measurements,
     )
+    from marker_tracker_node.tracking.camera_clock import ClockSettings
+    from marker_tracker_node.tracking.encoder_history import EncoderHistory
+    from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 
     if not source.exists():
         refuse(f"{source} does not exist")
@@ -77,11 +93,17 @@ def track(
             refuse("there is no camera: give --camera")
         if drive is None:
             refuse("there is no motion: give --motion")
+        settings = ClockSettings(
+            correct=camera_clock_correction, limit=camera_clock_limit_ms * MILLISECOND
+        )
+        live = SynchronisedTracker(settings, EncoderHistory(longest_gap=math.inf))
         tracker = Tracker(config, lens, remember=refined)
-        rows = list(_measure(tracker, _frames(source, bag, fps), drive))
+        live.start(tracker)
+        rows = list(_measure(live, _frames(source, bag, fps), drive, settings.limit))
     with staged(out) as place:
         write_measurements(place, rows)
     _print(tracker, lens, refined)
+    _print_clock(live)
     report = tracker.report()
     if not report.known:
         refuse(f"no marker was found: {report.colour_refusal or 'nothing moved with P0'}", FAILED)
@@ -124,12 +146,40 @@ def _frames(source: Path, bag: bool, fps: float | None) -> Frames:
     return video_frames(source, fps)
 
 
-def _measure(tracker: Tracker, frames: Frames, motion: Motion) -> Iterator[tuple[float, Markers]]:
+def _measure(
+    live: SynchronisedTracker, frames: Frames, motion: Motion, ahead: float
+) -> Iterator[tuple[float, Markers]]:
+    """Yield the markers of every frame; readings come as far ahead of it as clocks may differ."""
+    readings = deque(zip(motion.t, motion.cylinder_angle, motion.guide_z, strict=True))
     for t, frame in frames:
-        angle, guide = motion.at(t)
-        if guide is not None and math.isnan(guide):
-            guide = None
-        yield t, tracker.track(frame, t, angle, guide)
+        while readings and readings[0][0] <= t + ahead:
+            at, angle, guide = readings.popleft()
+            live.add_reading(
+                at,
+                AxisReading(
+                    cylinder_angle=angle,
+                    angular_speed=math.nan,
+                    carriage_position=guide,
+                    feed_speed=math.nan,
+                ),
+            )
+        live.add_frame(t, frame)
+        yield from live.measured(final=True)
+
+
+def _print_clock(live: SynchronisedTracker) -> None:
+    clock = live.clock
+    if clock is None:
+        return
+    told = clock.values()
+    console = result_console()
+    console.print(
+        f"camera clock: {told['camera_clock_offset_ms']} ms ahead of the encoder's, error "
+        f"{told['camera_clock_offset_error_ms']} ms, "
+        f"{'corrected' if clock.applied else 'not corrected'}"
+    )
+    for sentence in filter(None, (clock.refusal, clock.warning)):
+        console.print(sentence)
 
 
 def _print(tracker: Tracker, lens: PinholeCamera, refined: bool) -> None:

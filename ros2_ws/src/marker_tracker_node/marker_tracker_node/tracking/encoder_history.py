@@ -1,0 +1,132 @@
+"""The encoder's last readings: without wraps, interpolated, their period measured."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.tracking.cylinder_angle import lost_turns
+
+FloatArray = NDArray[np.float64]
+
+# Four seconds at 2 kHz: a node in arrears meets frames two seconds behind the encoder.
+KEPT = 8192
+SAMPLED = 64
+# Losses in succession that are bridged, in periods, and the least gap that is [s].
+BRIDGED_PERIODS = 5.0
+LEAST_GAP = 0.02
+# Speeds are differences over at least this to either side [s].
+HALF_SPAN = 0.01
+
+
+class EncoderHistory:
+    """Positions over time, the last KEPT of them.
+
+    Between two readings positions are interpolated linearly, which errs by at most
+    acceleration x gap^2 / 8: 0.14 mrad at 40 Hz in a ramp of 1.74 rad/s^2, 0.54 mrad with one
+    reading lost.
+
+    Attributes:
+        period: Median time between readings [s]; 0 before there are enough.
+    """
+
+    def __init__(self, longest_gap: float | None = None) -> None:
+        """Start without readings.
+
+        Args:
+            longest_gap: Longest gap that is interpolated [s]; None for a few measured periods.
+        """
+        self._longest_gap = longest_gap
+        self._rows = np.empty((3, 2 * KEPT))
+        self._count = 0
+        self._speed = 0.0
+        self._added = 0
+        self._wraps = 0.0
+        self.period = 0.0
+
+    def __len__(self) -> int:
+        """Return how many readings are kept."""
+        return self._count
+
+    def add(self, t: float, angle: float, guide: float) -> None:
+        """Take a reading of time t [s]; one that is not newer than the last is left out.
+
+        Args:
+            t: [s]
+            angle: Of the cylinder [rad]; whole turns may be missing.
+            guide: Position [m].
+        """
+        if self._count and not t > self.newest:
+            return
+        if self._count == self._rows.shape[1]:
+            self._rows[:, :KEPT] = self._rows[:, KEPT:].copy()
+            self._count = KEPT
+        if self._count:
+            passed = t - self.newest
+            before = self._rows[1, self._count - 1]
+            self._wraps += lost_turns(angle + self._wraps - before, self._speed * passed)
+            self._speed = (angle + self._wraps - before) / passed
+        self._rows[:, self._count] = t, angle + self._wraps, guide
+        self._count += 1
+        self._added += 1
+        if self._added in (4, 16) or self._added % SAMPLED == 0:
+            self.period = float(np.median(np.diff(self._times[-SAMPLED:])))
+
+    @property
+    def lost_turns(self) -> int:
+        """Turns that the encoder lost by wrapping."""
+        return round(self._wraps / (2.0 * math.pi))
+
+    @property
+    def newest(self) -> float:
+        """Time of the last reading [s]."""
+        return float(self._rows[0, self._count - 1]) if self._count else -math.inf
+
+    @property
+    def oldest(self) -> float:
+        """Time since which the speed is known [s]."""
+        return self.first + self._half
+
+    @property
+    def first(self) -> float:
+        """Time of the first reading that is kept [s]."""
+        return float(self._rows[0, 0]) if self._count else math.inf
+
+    @property
+    def _half(self) -> float:
+        return max(HALF_SPAN, self.period)
+
+    @property
+    def _times(self) -> FloatArray:
+        return self._rows[0, : self._count]
+
+    def at(self, t: float) -> tuple[float | None, float | None]:
+        """Return (cylinder angle [rad], guide [m]); None where readings are missing."""
+        after = int(np.searchsorted(self._times, t))
+        if after == self._count or (after == 0 and self._times[0] > t):
+            return None, None
+        if self._times[after] == t:
+            return float(self._rows[1, after]), float(self._rows[2, after])
+        (start, *first), (end, *second) = self._rows[:, after - 1], self._rows[:, after]
+        longest = self._longest_gap
+        if longest is None:
+            longest = max(LEAST_GAP, BRIDGED_PERIODS * self.period)
+        if end - start > longest:
+            return None, None
+        share = (t - start) / (end - start)
+        angle, guide = (a + share * (b - a) for a, b in zip(first, second, strict=True))
+        return float(angle), float(guide)
+
+    def angles(self, times: FloatArray) -> FloatArray:
+        """Return the cylinder angles [rad] at times [s], standing outside the readings."""
+        return np.interp(times, self._times, self._rows[1, : self._count])
+
+    def speeds(self, times: FloatArray) -> FloatArray:
+        """Return the cylinder speeds [rad/s] at times [s]."""
+        half = self._half
+        low = np.minimum(times, self.newest) - half
+        high = np.minimum(times + half, max(self.newest, self.first + half))
+        result: FloatArray = (self.angles(high) - self.angles(low)) / (high - low)
+        return result
