@@ -36,6 +36,12 @@ def test_foreign_name_that_resolves_here_is_refused() -> None:
     assert get("http://evil.example:8080/").status_code == 403
 
 
+def test_an_address_that_does_not_exist_is_not_found() -> None:
+    answer = get("http://127.0.0.1:8080/report")
+    assert answer.status_code == 404
+    assert "there is no page /report" in answer.text
+
+
 def test_other_sites_cannot_ask_on_the_operators_behalf() -> None:
     refused = get("http://127.0.0.1:8080/", origin="http://evil.example")
     assert refused.status_code == 403

@@ -13,6 +13,9 @@ from starlette.websockets import WebSocketClose
 COOKIE = "winding_token"
 _LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
 _POLICY_VIOLATION = 1008
+# The page, and what NiceGUI serves for it; without a gate every address shows the page.
+_PATHS = ("/", "/favicon.ico")
+_LIBRARY = "/_nicegui"
 
 
 class Gate:
@@ -43,6 +46,8 @@ class Gate:
         asked = HTTPConnection(scope)
         if refusal := self._stranger(asked):
             return _refusal(scope, 403, refusal)
+        if scope["type"] == "http" and not _served(scope["path"]):
+            return _refusal(scope, 404, f"there is no page {scope['path']}; the page is at /")
         if not self._token or self._matches(asked.cookies.get(COOKIE, "")):
             return None
         if scope["type"] == "http" and self._matches(asked.query_params.get("token", "")):
@@ -64,6 +69,10 @@ class Gate:
 
     def _matches(self, brought: str) -> bool:
         return hmac.compare_digest(brought.encode(), self._token.encode())
+
+
+def _served(path: str) -> bool:
+    return path in _PATHS or path.startswith(_LIBRARY)
 
 
 def _refusal(scope: Scope, status: int, sentence: str) -> ASGIApp:
