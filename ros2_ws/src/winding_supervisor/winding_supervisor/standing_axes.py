@@ -99,7 +99,7 @@ def _why_not(
 
 
 def _spread(samples: list[JointSample], axes: MachineAxes) -> tuple[float, float]:
-    """Return how far the cylinder turned [rad] and the carriage moved [m] to and fro."""
+    """Return the range of the angle [rad] and of the carriage position [m]."""
     places = [axes.positions(item.cylinder, item.carriage) for item in samples]
     angles, ways = zip(*places, strict=True)
     return max(angles) - min(angles), max(ways) - min(ways)
