@@ -117,6 +117,12 @@ class Relay:
 
 
 @pytest.fixture
+def examples() -> Path:
+    """Where the example machine and its mapping are."""
+    return EXAMPLES
+
+
+@pytest.fixture
 def machine(tmp_path: Path, ros: Any) -> Iterator[Callable[..., Machine]]:
     """Start machines; they are ready when the call returns."""
     machines = []

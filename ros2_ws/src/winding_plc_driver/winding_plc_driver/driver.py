@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable
-from contextlib import aclosing
 from typing import Protocol
 
 from winding_core.status import Status
@@ -137,7 +137,9 @@ class Driver:
         self._heartbeat.restart(self._clock())
         beat = asyncio.create_task(self._beat())
         try:
-            async with aclosing(self._session.subscription.notifications()) as notifications:
+            async with contextlib.aclosing(
+                self._session.subscription.notifications()
+            ) as notifications:
                 async for values in notifications:
                     for value in values:
                         self._take(value)
@@ -189,10 +191,9 @@ class Driver:
         while True:
             self._changed.clear()
             outlets.status(self._status())
-            try:
-                await asyncio.wait_for(self._changed.wait(), _REPORT)
-            except TimeoutError:
-                continue
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_REPORT):
+                    await self._changed.wait()
 
     def _status(self) -> Status:
         now = self._clock()

@@ -9,6 +9,7 @@ from asyncua import Client, ua
 from winding_plc_driver.machine.mapping import Command, MachineMapping
 from winding_plc_driver.opcua.errors import RefusedError, told
 from winding_plc_driver.opcua.nodes import WRITE, Nodes
+from winding_plc_driver.opcua.request import ask
 from winding_plc_driver.opcua.security import secure
 from winding_plc_driver.opcua.subscription import Subscription
 
@@ -85,7 +86,7 @@ class Session:
         """End session and connection; a server that does not answer ends them in its time."""
         session = self._client.uaclient.session
         try:
-            await asyncio.wait_for(session.close_session(True), self._server.call_timeout_s)
+            await session.close_session(True)
         except (OSError, ua.UaError):
             return
         finally:
@@ -113,16 +114,20 @@ class Session:
         """
         try:
             with told(name, self._server.call_timeout_s):
-                async with asyncio.timeout(self._server.call_timeout_s):
-                    if command.node:
-                        await self._write(f"command {name}", command.value)
-                        return True, f"{name}: {command.value} is written"
-                    request = ua.CallMethodRequest(
+                if command.node:
+                    await self._write(f"command {name}", command.value)
+                    return True, f"{name}: {command.value} is written"
+                request = ua.CallRequest()
+                request.Parameters.MethodsToCall = [
+                    ua.CallMethodRequest(
                         ObjectId=self._nodes[f"object of {name}"],
                         MethodId=self._nodes[f"method of {name}"],
                     )
-                    (result,) = await self._client.uaclient.session.call([request])
-                    result.StatusCode.check()
+                ]
+                limit = self._server.call_timeout_s
+                answer = await ask(self._client, request, ua.CallResponse, limit)
+                (result,) = answer.Results
+                result.StatusCode.check()
         except RefusedError as error:
             return False, str(error)
         outputs = [item.Value for item in result.OutputArguments or []]
@@ -137,7 +142,7 @@ class Session:
             LinkError: The connection is lost, or there was no answer in time.
             RefusedError: The server does not take it.
         """
-        with told("the driver's heartbeat", self._timeout):
+        with told("the driver's heartbeat", self._server.call_timeout_s):
             await self._write(WRITE, count)
 
     def _set_renewal(self) -> None:
@@ -163,7 +168,10 @@ class Session:
     async def _write(self, title: str, value: bool | int) -> None:
         # Some PLCs refuse a write that brings a status or a timestamp of its own.
         data = ua.DataValue(self._nodes.variant(title, value), StatusCode=None)
-        (status,) = await self._client.uaclient.session.write_attributes(
-            [self._nodes[title]], [data]
-        )
+        request = ua.WriteRequest()
+        request.Parameters.NodesToWrite = [
+            ua.WriteValue(NodeId=self._nodes[title], AttributeId=ua.AttributeIds.Value, Value=data)
+        ]
+        limit = self._server.call_timeout_s
+        (status,) = (await ask(self._client, request, ua.WriteResponse, limit)).Results
         status.check()

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import AsyncGenerator, Sequence
 from datetime import UTC, datetime, timedelta
 
 from asyncua import Client, ua
-from asyncua.ua.ua_binary import struct_from_binary
 
 from winding_plc_driver.machine.mapping import Server
 from winding_plc_driver.machine.reading import ServerValue
 from winding_plc_driver.machine.sequence import SequenceNumbers
 from winding_plc_driver.opcua.errors import LinkError, RefusedError, told
 from winding_plc_driver.opcua.nodes import Nodes
+from winding_plc_driver.opcua.request import ask
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 # Part 4 of OPC UA, status codes: the bits that say that a value comes from a queue that was full.
@@ -72,13 +71,8 @@ class Subscription:
         request.Parameters.RequestedMaxKeepAliveCount = keep_alive
         request.Parameters.RequestedLifetimeCount = lifetime
         request.Parameters.PublishingEnabled = True
-        protocol = self._client.uaclient.protocol
-        if protocol is None:
-            raise ConnectionError("the connection is lost")
         # The library's own call would also begin to publish, and in an order of its own.
-        data = await protocol.send_request(request)
-        answer = struct_from_binary(ua.CreateSubscriptionResponse, data)
-        answer.ResponseHeader.ServiceResult.check()
+        answer = await ask(self._client, request, ua.CreateSubscriptionResponse, self._timeout)
         self._id = answer.Parameters.SubscriptionId
         self.numbers.restart()
         self._acknowledgements = []
@@ -100,10 +94,9 @@ class Subscription:
         while True:
             try:
                 with told("the subscription", limit):
-                    answer = await asyncio.wait_for(
-                        self._client.uaclient.session.publish(self._acknowledgements), limit
-                    )
-                    answer.ResponseHeader.ServiceResult.check()
+                    request = ua.PublishRequest()
+                    request.Parameters.SubscriptionAcknowledgements = self._acknowledgements
+                    answer = await ask(self._client, request, ua.PublishResponse, limit)
             except RefusedError:
                 self.forget()
                 raise
