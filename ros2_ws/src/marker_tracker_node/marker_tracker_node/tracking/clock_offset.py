@@ -25,8 +25,9 @@ FloatArray = NDArray[np.float64]
 ROWS, REST = 256, -1
 SPACING_ANGLE = 4.0e-3
 SPACING_TIME = 0.02
-# A band that stood while the cylinder stood says a_n alone; its mean counts as so many sightings.
-REST_WEIGHT = 100.0
+# A band that stood while the cylinder stood says a_n alone. Its mean counts as few sightings: all
+# of them show the same pixels, with the same bias.
+REST_WEIGHT = 5.0
 REST_ANGLE = 1.0e-3
 # No sighting moves that mean further than this one would [rad].
 REST_STEP = 3.0e-3
