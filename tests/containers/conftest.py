@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from winding_ros.graph import GRAPH
+from winding_ros.graph import GRAPH, NodeSpec
 
 
 class KeptNodes:
@@ -19,6 +19,7 @@ class KeptNodes:
         folder: Of their output.
         before: Command that runs a node's command in a place of its own, by number.
         environment: Beside that of the test.
+        graph: The nodes.
     """
 
     namespace = "apart"
@@ -28,6 +29,7 @@ class KeptNodes:
         folder: Path,
         before: Callable[[int], list[str]] = lambda number: [],
         environment: dict[str, str] | None = None,
+        graph: tuple[NodeSpec, ...] = GRAPH,
     ) -> None:
         self.down = threading.Event()
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
@@ -38,11 +40,11 @@ class KeptNodes:
             "OMP_NUM_THREADS": "1",
             **(environment or {}),
         }
-        for number, spec in enumerate(GRAPH):
+        for number, spec in enumerate(graph):
             self._start(number, spec.name)
         self._keepers = [
             threading.Thread(target=self._keep, args=(number, spec.name))
-            for number, spec in enumerate(GRAPH)
+            for number, spec in enumerate(graph)
         ]
         for keeper in self._keepers:
             keeper.start()

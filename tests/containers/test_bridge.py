@@ -1,6 +1,7 @@
 """Each node in a network and a shared memory of its own, on a bridge, as compose runs them."""
 
 import contextlib
+import json
 import os
 import shutil
 import subprocess
@@ -13,10 +14,11 @@ import pytest
 
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_ros.graph import GRAPH
+from winding_ros.graph import GRAPH, RIG
 
 pytestmark = pytest.mark.processes
 
+DRIVER = Path(__file__).parents[2] / "examples" / "driver_node.py"
 PROFILE = Path(__file__).parents[2] / "docker" / "fastdds_bridge.xml"
 ENVIRONMENT = {
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
@@ -62,25 +64,56 @@ def bridge() -> Iterator[None]:
         yield
 
 
-@pytest.mark.usefixtures("bridge")
-def test_nothing_is_lost_between_containers(keep_nodes: Callable[..., Any], tmp_path: Path) -> None:
-    nodes = keep_nodes(tmp_path, inside, ENVIRONMENT)
-    done = subprocess.run(
+def run_inside(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    """Run `winding run` in the last network."""
+    return subprocess.run(
         [
             *inside(len(GRAPH)),
-            *(sys.executable, "-m", "winding_cli.cli", "run", "--attach", "--case", "4"),
-            *("--namespace", nodes.namespace, "--duration-s", "3", "--bag", "bag"),
+            *(sys.executable, "-m", "winding_cli.cli", "run", "--attach", "--case", "4", *options),
         ],
-        cwd=tmp_path,
+        cwd=folder,
         env={**os.environ, **ENVIRONMENT},
         capture_output=True,
         text=True,
         timeout=240,
         check=False,
     )
+
+
+@pytest.mark.usefixtures("bridge")
+def test_nothing_is_lost_between_containers(keep_nodes: Callable[..., Any], tmp_path: Path) -> None:
+    nodes = keep_nodes(tmp_path, inside, ENVIRONMENT)
+    done = run_inside(tmp_path, "--namespace", nodes.namespace, "--duration-s", "3", "--bag", "bag")
     assert done.returncode == 0, done.stderr
     verdict = check(tmp_path / "bag")
     assert verdict.findings == []
     frames = {topic.name: topic.messages for topic in contents(tmp_path / "bag").topics}
     assert frames[f"/{nodes.namespace}/camera/image_raw"] == 601
     assert frames[f"/{nodes.namespace}/rig/joint_states"] == 3001
+
+
+@pytest.mark.usefixtures("bridge")
+def test_a_driver_of_its_own_is_wound_with(keep_nodes: Callable[..., Any], tmp_path: Path) -> None:
+    listeners = tuple(spec for spec in GRAPH if spec is not RIG)
+    nodes = keep_nodes(tmp_path, inside, ENVIRONMENT, listeners)
+    driver = subprocess.Popen(
+        [
+            *inside(len(listeners)),
+            *(sys.executable, str(DRIVER), "--ros-args", "-r", f"__ns:=/{nodes.namespace}"),
+        ],
+        env={**os.environ, **ENVIRONMENT},
+    )
+    try:
+        done = run_inside(
+            tmp_path,
+            *("--namespace", nodes.namespace, "--machine", "external", "--no-camera"),
+            *("--duration-s", "5", "--output", "run", "--bag", "bag"),
+        )
+    finally:
+        driver.terminate()
+        driver.wait(60)
+    assert done.returncode == 0, done.stderr
+    assert check(tmp_path / "bag").findings == []
+    numbers = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
+    assert numbers["joint_states_lost"] == 0
+    assert numbers["markers"][0]["s_fem_m"] is not None

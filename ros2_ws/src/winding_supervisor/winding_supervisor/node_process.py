@@ -112,7 +112,9 @@ class NodeProcess:
             except ProcessLookupError:
                 break
             try:
-                await asyncio.wait_for(self._process.wait(), patience)
+                # wait_for of Python 3.11 loses a cancellation that comes with the answer.
+                async with asyncio.timeout(patience):
+                    await self._process.wait()
             except TimeoutError:
                 continue
         if self._reader is not None:
@@ -122,7 +124,8 @@ class NodeProcess:
     async def refusal(self, patience: float) -> str:
         """Return what the process says went wrong, waiting for it for up to `patience` [s]."""
         try:
-            await asyncio.wait_for(self._complained.wait(), patience)
+            async with asyncio.timeout(patience):
+                await self._complained.wait()
         except TimeoutError:
             return "no reason given"
         return self.complaint()
