@@ -50,7 +50,7 @@ SAME = 5.0e-4
 
 
 def test_a_driver_of_the_tutorials_table_is_wound_with(
-    wind: Callable[..., Any], tmp_path: Path
+    wind: Callable[..., Any], tmp_path: Path, command: Callable[..., Any]
 ) -> None:
     done = wind("--bag", tmp_path / "bag")
     assert done.returncode == 0, done.stdout + done.stderr
@@ -60,6 +60,9 @@ def test_a_driver_of_the_tutorials_table_is_wound_with(
     assert found["joint_states_lost"] == 0
     assert (tmp_path / "run" / "report" / "index.html").is_file()
     assert check(tmp_path / "bag").findings == []
+    # The replay hears of the standing machine what the solver heard.
+    replay = command("bag", "replay", tmp_path / "bag", "--node", "fem", cwd=tmp_path)
+    assert replay.returncode == 0, replay.stdout
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 
 from builtin_interfaces.msg import Time
@@ -16,8 +17,10 @@ _STAMP = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}
 
 def encode_stamp(t: float) -> Time:
     """Return the message stamp of a time [s]."""
-    seconds, nanoseconds = divmod(round(t * _NANO), _NANO)
-    return Time(sec=seconds, nanosec=nanoseconds)
+    # Whole seconds first: a time since the epoch in nanoseconds has no room in a float.
+    seconds = math.floor(t)
+    carry, nanoseconds = divmod(round((t - seconds) * _NANO), _NANO)
+    return Time(sec=seconds + carry, nanosec=nanoseconds)
 
 
 def decode_stamp(stamp: Time) -> float:

@@ -21,6 +21,7 @@ from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import services, topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph_error import GraphError
+from winding_ros.services import Service
 from winding_ros.topic import Topic
 from winding_supervisor.simulated_machine import STANDING
 from winding_supervisor.standing_axes import joint_sample, standing_axes
@@ -98,6 +99,7 @@ class ExternalMachine:
         self._reading: tuple[float, AxisReading] | None = None
         self._still_since: float | None = None
         self._wrong = ""
+        self._unstoppable = False
 
     @property
     def t(self) -> float:
@@ -181,12 +183,17 @@ class ExternalMachine:
         self._reader = AxisReader(self.axes)
         self._reading = None
 
-    def check_ready(self) -> None:
-        """Refuse a machine that has left its place while the nodes were starting.
+    async def ready(self) -> None:
+        """Let the nodes hear the standing machine; refuse one that has left its place meanwhile.
+
+        A replay hears as much of the standstill as the nodes did only if they heard enough of it.
 
         Raises:
             GraphError: It has moved, or a sensor is silent.
         """
+        heard, patience = self.t, self._clock() + _START_TIMEOUT
+        while self.t < heard + 2.0 * LEAD_IN and self._clock() < patience:
+            await asyncio.sleep(_POLL)
         for topic in self.sensors:
             if self._buffer.last(topic) is None:
                 hint = "; without a camera give --no-camera" if topic is topics.CAMERA_INFO else ""
@@ -235,20 +242,23 @@ class ExternalMachine:
 
     async def quick_stop(self) -> str:
         """Call rig/quick_stop, then rig/stop if that fails; return how both failed, or nothing."""
-        failures = []
-        for service in (services.QUICK_STOP.name, services.STOP.name):
-            failure = await self._ask(service, _STOP_TIMEOUT)
-            if not failure:
-                return ""
-            failures.append(failure)
-        return f"the stop could not be delivered: {'; '.join(failures)}"
+        return await self._stop(services.QUICK_STOP, services.STOP)
 
     async def leave(self) -> None:
         """Bring a machine to rest that this run has started; it stays to its driver otherwise."""
-        if self._config.starts_itself or self.began is None or self.standing:
+        if self._config.starts_itself or self.began is None or self._unstoppable or self.standing:
             return
-        if await self._ask(services.STOP.name, _START_TIMEOUT):
-            await self.quick_stop()
+        await self._stop(services.STOP, services.QUICK_STOP)
+
+    async def _stop(self, *ways: Service) -> str:
+        failures = []
+        for service in ways:
+            failure = await self._ask(service.name, _STOP_TIMEOUT)
+            if not failure:
+                return ""
+            failures.append(failure)
+        self._unstoppable = True
+        return f"the stop could not be delivered: {'; '.join(failures)}"
 
     async def _ask(self, service: str, timeout: float) -> str:
         """Call a service; return how that failed, or nothing."""

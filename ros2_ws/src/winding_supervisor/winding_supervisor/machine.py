@@ -58,7 +58,7 @@ class Machine(Protocol):
             GraphError: It is not there, or moves.
         """
 
-    def check_ready(self) -> None:
+    async def ready(self) -> None:
         """Refuse a machine that is not as it was when the nodes were started.
 
         Raises:

@@ -182,6 +182,7 @@ class Run:
             await page.start()
             say(f"operator's page: {page.url}  (Start is there; Ctrl-C here ends the run)")
         if page is None or not machine.simulated:
+            await machine.ready()
             if not machine.simulated:
                 say("ready; Ctrl-C ends the run")
                 interruption.instead_of_sigint(ended.set)
@@ -212,7 +213,6 @@ class Run:
             ended: Ends the run at once.
             further: What must go on meanwhile; when one of it fails, so does this.
         """
-        machine.check_ready()
         supervision = asyncio.create_task(supervisor.watch())
         starting = asyncio.create_task(self._begin(machine))
         beside = [supervision, starting, *map(asyncio.create_task, further)]

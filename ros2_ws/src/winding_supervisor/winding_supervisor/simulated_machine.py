@@ -89,7 +89,7 @@ class SimulatedMachine:
     async def stand(self) -> None:
         """Return at once: its node is started with the others, and stands."""
 
-    def check_ready(self) -> None:
+    async def ready(self) -> None:
         """Return at once: time waits for its start."""
 
     async def begun(self) -> None:

@@ -12,6 +12,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.highlevel import AnyReader
 
@@ -19,15 +20,21 @@ from winding_recorder.bags.comparison import Comparison, compare
 from winding_recorder.bags.failure import BagError
 from winding_recorder.bags.reading import Decoder, messages_of, opened
 from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
+from winding_ros import topics
 from winding_ros.graph import CORRECTION, FEM, TRACKER, parameters_of
 from winding_ros.message_handler import Answer, MessageHandler
 from winding_ros.rig_messages import MessageError
-from winding_ros.stamps import serialised_stamp_ns
+from winding_ros.stamps import decode_stamp, serialised_stamp_ns
 from winding_ros.topic import Topic
 
 # What a person calls the node -> the node.
 REPLAYABLE = {"tracker": TRACKER, "fem": FEM, "correction": CORRECTION}
 DEFAULT_TOLERANCE = 1.0e-6
+_NANO = 1_000_000_000
+# Encoder samples of the last second before a node speaks belong to what it says [ns].
+_BEFORE = _NANO
+# Stamps since the epoch, carried as seconds [ns].
+_ROUNDING = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,13 +95,15 @@ def replay(
         module = importlib.import_module(f"{spec.package}.ros.message_handler")
         links = {topic.name: _link(reader, topic) for topic in spec.inputs}
         stored = {topic.name: _link(reader, topic) for topic in spec.outputs}
-        handler: MessageHandler = getattr(module, spec.handler_class)(
-            configuration_of(parameters_of(spec), values, spec.name)
-        )
+        configuration: Any = configuration_of(parameters_of(spec), values, spec.name)
+        handler: MessageHandler = getattr(module, spec.handler_class)(configuration)
         run = _Run(handler)
         recorded = {topic: _stream(reader, link, run.decoder) for topic, link in stored.items()}
-        run.answer(handler.begin(_begin(recorded)))
-        for topic, data in _inputs(reader, spec.inputs, links):
+        # A real machine goes on when the nodes have ended.
+        open_ended = getattr(configuration, "await_motion", False)
+        first, last = _span(recorded)
+        run.answer(handler.begin(decode_stamp(Time(sec=first // _NANO, nanosec=first % _NANO))))
+        for topic, data in _inputs(reader, spec.inputs, links, first, last if open_ended else None):
             run.put(topic, data)
     if run.inputs == 0:
         raise BagError(f"{path} holds none of {node}'s inputs")
@@ -158,18 +167,43 @@ def _stream(reader: AnyReader, link: Any, decoder: Decoder) -> dict[int, list[by
     return stream
 
 
-def _begin(recorded: Mapping[str, Mapping[int, Any]]) -> float:
-    """Return the time [s] of the node's first word."""
-    return min((min(stream) for stream in recorded.values() if stream), default=0) * 1e-9
+def _span(recorded: Mapping[str, Mapping[int, Any]]) -> tuple[int, int]:
+    """Return the stamps [ns] of the node's first word and of its last."""
+    said = [stream for stream in recorded.values() if stream]
+    return min(map(min, said), default=0), max(map(max, said), default=0)
 
 
 def _inputs(
-    reader: AnyReader, inputs: Sequence[Topic], links: Mapping[str, Any]
+    reader: AnyReader,
+    inputs: Sequence[Topic],
+    links: Mapping[str, Any],
+    first: int,
+    last: int | None,
 ) -> Iterator[tuple[Topic, bytes]]:
+    """Yield the node's inputs in order; a real machine spoke long before the node was there.
+
+    Args:
+        reader: Of the recording.
+        inputs: Topics, in the order in which the node takes those of one stamp.
+        links: Of the recording, by topic.
+        first: Stamp of the node's first word [ns].
+        last: Stamp of its last word [ns], where inputs go on after it; None otherwise.
+    """
+    # A tracker answers frames, and needs the encoder beyond the last of them.
+    answered = topics.IMAGE.type_name if topics.IMAGE in inputs else None
     order = {links[topic.name].topic: k for k, topic in enumerate(inputs)}
+
+    def heard(kind: str, stamp: int) -> bool:
+        if kind == topics.IMAGE.type_name and stamp < first - _ROUNDING:
+            return False
+        if last is not None and answered in (None, kind) and stamp > last + _ROUNDING:
+            return False
+        return stamp >= first - _BEFORE
+
     messages = (
         (stamp, order[link.topic], data)
         for link, stamp, data in messages_of(reader, list(links.values()))
+        if heard(link.msgtype, stamp)
     )
     for _, same in groupby(messages, key=itemgetter(0)):
         for _, k, data in sorted(same, key=itemgetter(1)):
