@@ -12,7 +12,7 @@ ifeq ($(shell command -v $(PYTHON) 2>/dev/null),)
 PYTHON := python3
 endif
 
-.PHONY: demo check test bench bench-peers lint clean install
+.PHONY: demo check test campaign bench bench-peers lint clean install
 install: $(STAMP)
 
 $(STAMP): pyproject.toml constraints.txt
@@ -41,9 +41,14 @@ check: lint kernels
 # A graph of processes fills both cores of a small machine by itself: such tests run one by one.
 # Lines are counted over both parts; the second one prints them and holds fail_under.
 test: kernels
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not processes" \
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not processes and not campaign" \
 	    --cov --cov-report= --cov-fail-under=0
-	$(BIN)/python -m pytest -m processes --cov --cov-append --cov-report=term
+	$(BIN)/python -m pytest -m "processes and not campaign" --cov --cov-append --cov-report=term
+
+# What takes minutes: faults, kills, browsers, networks, tutorials, whole films. CI runs it after the tests.
+campaign: kernels
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "campaign and not processes"
+	$(BIN)/python -m pytest -m "campaign and processes"
 
 bench: $(STAMP)
 	$(BIN)/python -m pytest tests/benchmarks --run-benchmarks -q -s

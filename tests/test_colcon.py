@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = [pytest.mark.campaign, pytest.mark.slow]
+
 WORKSPACE = Path(__file__).parents[1] / "ros2_ws"
 PACKAGES = {path.parent.name for path in (WORKSPACE / "src").glob("*/package.xml")}
 

@@ -28,6 +28,8 @@ from winding_core.quasi_static import QuasiStaticLay
 from winding_core.tension import DeadWeight
 from winding_study.identification.constants import identify_constants
 
+pytestmark = [pytest.mark.campaign, pytest.mark.slow]
+
 DRIVE = DriveProfile()
 # P1 and P2 have landed by then, on either cylinder.
 SHORT = 12.0

@@ -12,6 +12,8 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
 
+pytestmark = [pytest.mark.campaign, pytest.mark.slow]
+
 
 def wind(model, duration):
     drive = DriveProfile()

@@ -11,7 +11,7 @@ import pytest
 
 from winding_supervisor.event_log import read_events
 
-pytestmark = pytest.mark.processes
+pytestmark = [pytest.mark.campaign, pytest.mark.processes]
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
 from winding_ros.graph import GRAPH, RIG
 
-pytestmark = pytest.mark.processes
+pytestmark = [pytest.mark.campaign, pytest.mark.processes]
 
 DRIVER = Path(__file__).parents[2] / "examples" / "driver_node.py"
 PROFILE = Path(__file__).parents[2] / "docker" / "fastdds_bridge.xml"

@@ -18,6 +18,7 @@ from winding_ros.environment import set_process_environment
 from winding_supervisor.domain_lock import domain_lock
 
 pytestmark = [
+    pytest.mark.campaign,
     pytest.mark.processes,
     pytest.mark.timeout(600),
 ]

@@ -16,6 +16,7 @@ from rosbags.highlevel import AnyReader
 from winding_ros.process import SUPERVISED
 
 pytestmark = [
+    pytest.mark.campaign,
     pytest.mark.processes,
     pytest.mark.timeout(900),
 ]

@@ -18,7 +18,7 @@ from winding_ros.material_messages import decode_material
 from winding_ros.topic import Topic
 
 # One process computes what the tests of this file share.
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
 # Quicker than the paper's runs, so that four markers land in seven seconds of winding.
 CONDITION: dict[str, Any] = {

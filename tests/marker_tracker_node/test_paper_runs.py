@@ -5,7 +5,7 @@ import pytest
 
 from winding_core.markers import MarkerFlag
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
 UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 

@@ -9,7 +9,7 @@ import pytest
 from winding_core.markers import MarkerFlag
 from winding_rig_node.camera import CameraConfig, Light, Paint, Patch, SensorNoise, Surroundings
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
 UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 FULL_VIEW = CameraConfig().full_frame(3)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-pytestmark = [pytest.mark.processes, pytest.mark.slow]
+pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.slow]
 
 # Ten times what the page takes, on two busy cores.
 PATIENCE_MS = 60_000

@@ -22,6 +22,7 @@ from winding_recorder.bags.reading import read_notes
 from winding_supervisor.event_log import read_events
 
 pytestmark = [
+    pytest.mark.campaign,
     pytest.mark.processes,
     pytest.mark.slow,
     pytest.mark.timeout(900),

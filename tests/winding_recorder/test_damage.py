@@ -19,6 +19,8 @@ from winding_recorder.bags.reading import opened
 from winding_recorder.bags.recover import recover
 from winding_recorder.bags.tables import export
 
+pytestmark = [pytest.mark.campaign, pytest.mark.slow]
+
 FLIPS_PER_FILE = 120
 CUTS = 100
 fuzzed = settings(

@@ -93,6 +93,7 @@ def by_speed(rig: Machine, origin: float, t: float) -> Command:
     return targets(rig.time, carriage=AxisTarget(speed=AMPLITUDE * OMEGA * math.sin(OMEGA * t)))
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 @pytest.mark.parametrize("rate", [50, 100])
 @pytest.mark.parametrize(("send", "meant"), [(by_position, sine), (by_speed, from_rest)])
@@ -111,6 +112,7 @@ def test_streamed_sine_is_followed(
     assert rig.state.phase is Phase.WINDING
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 def test_a_missing_sample_does_not_tear_a_stream() -> None:
     rig = winding()
@@ -125,6 +127,7 @@ def test_a_missing_sample_does_not_tear_a_stream() -> None:
     assert np.abs(errors).max() < MISSED
 
 
+@pytest.mark.campaign
 @pytest.mark.slow
 @pytest.mark.parametrize("step", [0.02, 0.1], ids=["lines", "cubics"])
 def test_sine_as_a_trajectory_is_followed(step: float) -> None:

@@ -11,6 +11,7 @@ from winding_study.runs.run_record import MarkerRow, MarkerSeries, Signal, run_j
 
 KEYS = {
     "case",
+    "ended",
     "markers",
     "frames",
     "frames_lost",

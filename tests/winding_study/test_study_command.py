@@ -17,6 +17,8 @@ from winding_cli.commands.app import app
 from winding_cli.commands.refusal import FAILED, REFUSED
 from winding_cli.commands.termination import INTERRUPTED
 
+pytestmark = [pytest.mark.campaign, pytest.mark.slow]
+
 # Ten times what a loaded machine needs for imports and a first case.
 PATIENCE = 120.0
 # Long runs with tiny elements: nothing is finished while a test looks at it.

@@ -32,6 +32,8 @@ from winding_study.paper.study_tables import noise_table
 from winding_study.reports.study_report import render_study, write_study
 from winding_study.runs.case_result import CaseResult
 
+pytestmark = [pytest.mark.campaign, pytest.mark.slow]
+
 TEN_PCT = 1.1
 
 

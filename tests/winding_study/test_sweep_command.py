@@ -23,6 +23,8 @@ from winding_core.options import option_kinds
 from winding_study.runs.run_parameters import RunParameters
 from winding_study.runs.run_store import Arrays
 
+pytestmark = [pytest.mark.campaign, pytest.mark.slow]
+
 COMMAND = [sys.executable, "-m", "winding_cli.cli", "sweep"]
 
 # P1 to P3 come to lie within the second.

@@ -25,6 +25,8 @@ from winding_study.sweep.engines import Engine, EngineError, JoblibEngine, batch
 from winding_study.sweep.outcome import OK, SolverMismatchError, attempt, wind_batch
 from winding_study.sweep.table import table_columns, write_table
 
+pytestmark = [pytest.mark.campaign, pytest.mark.slow]
+
 # P1 and P2 come to lie within the second that the tests wind, P3 and P4 do not.
 CASE: Case = replace(paper_case(4), number=0, marker_spacing=4.0e-3)
 
