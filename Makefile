@@ -44,6 +44,7 @@ check: lint kernels
 test: kernels
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not processes and not campaign" $(COUNT)
 	$(BIN)/python -m pytest -m "processes and not campaign" $(COUNT) --cov-append
+	@echo "lines covered so far: $$($(BIN)/coverage report --format=total --fail-under=0) %"
 
 # What takes minutes: faults, kills, browsers, networks, tutorials, whole films. CI runs it after the tests.
 campaign: kernels
