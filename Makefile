@@ -46,7 +46,7 @@ test: kernels
 	$(BIN)/python -m pytest -m "processes and not campaign" $(COUNT) --cov-append
 	@echo "lines covered so far: $$($(BIN)/coverage report --format=total --fail-under=0) %"
 
-# What takes minutes: faults, kills, browsers, networks, tutorials, whole films. CI runs it after the tests.
+# What takes minutes: faults, kills, browsers, networks, tutorials, whole films.
 campaign: kernels
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "campaign and not processes" $(COUNT) --cov-append
 	$(BIN)/python -m pytest -m "campaign and processes" $(COUNT) --cov-append

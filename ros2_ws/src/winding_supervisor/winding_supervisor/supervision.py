@@ -6,7 +6,7 @@ import asyncio
 import os
 import time
 from collections import Counter, defaultdict
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -130,7 +130,7 @@ class Supervisor:
         tasks = [asyncio.create_task(self._look()), asyncio.create_task(self._publish_load())]
         try:
             while True:
-                await self._handle(await self._findings.get())
+                await self._handle(await self._next_finding(tasks))
         except (TimeoutError, ValueError) as error:
             raise GraphError(str(error)) from error
         finally:
@@ -138,6 +138,20 @@ class Supervisor:
                 task.cancel()
             for task in self._ends.values():
                 task.cancel()
+
+    async def _next_finding(self, watching: Sequence[asyncio.Task[None]]) -> Finding:
+        """Return what fails next; whoever watches may end, but not by an error of its own."""
+        coming = asyncio.create_task(self._findings.get())
+        try:
+            while not coming.done():
+                for task in watching:
+                    if task.done():
+                        task.result()
+                going = [task for task in watching if not task.done()]
+                await asyncio.wait([coming, *going], return_when=asyncio.FIRST_COMPLETED)
+            return coming.result()
+        finally:
+            coming.cancel()
 
     @property
     def t(self) -> float:

@@ -28,6 +28,7 @@ from winding_core.units import MEGABYTE
 if TYPE_CHECKING:
     from winding_recorder.bags.mcap_file import BagConfig
     from winding_recorder.live.recorder import RunBuffer
+    from winding_study.runs.run_record import RunRecord
     from winding_supervisor.run import RunResult
     from winding_supervisor.run_config import RunConfig
 
@@ -184,9 +185,11 @@ def run(
             print("the operator ended the run before anything was wound", flush=True)
             return
         condition = operated
-    _deliver(condition, result, report or directory / "report", json or directory / "run.json")
+    numbers = json or directory / "run.json"
+    record, page = _deliver(condition, result, report or directory / "report", numbers)
     if failure is not None:
         failure()
+    _show(record, page, numbers, result.bags)
     if result.recording_error is not None:
         refuse(f"the recording is incomplete: {result.recording_error}", FAILED)
 
@@ -320,8 +323,11 @@ class _ProgressLines:
             )
 
 
-def _deliver(condition: Condition, result: RunResult, report: Path, json: Path) -> None:
-    from winding_cli.output.results import results_table, run_record
+def _deliver(
+    condition: Condition, result: RunResult, report: Path, json: Path
+) -> tuple[RunRecord, Path]:
+    """Write the run's numbers and its report; return its record and the report's page."""
+    from winding_cli.output.results import run_record
     from winding_study.reports.report import write_report
     from winding_study.runs.run_record import write_run_json
 
@@ -330,7 +336,13 @@ def _deliver(condition: Condition, result: RunResult, report: Path, json: Path) 
         write_run_json(record, place)
     with staged(report) as place:
         page = report / write_report(record, place).name
+    return record, page
+
+
+def _show(record: RunRecord, page: Path, json: Path, bags: tuple[Path, ...]) -> None:
+    from winding_cli.output.results import results_table
+
     console = result_console()
     console.print(results_table(record))
-    for name, path in (("report", page), ("numbers", json), *(("bag", bag) for bag in result.bags)):
+    for name, path in (("report", page), ("numbers", json), *(("bag", bag) for bag in bags)):
         console.print(f"{name}: {path}", soft_wrap=True)
