@@ -18,7 +18,7 @@ from winding_core.status import Level, Status
 from winding_ros import topics
 from winding_ros.diagnostic_messages import decode_diagnostics
 
-pytestmark = [pytest.mark.processes, pytest.mark.slow]
+pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.slow]
 
 
 class Listener:
