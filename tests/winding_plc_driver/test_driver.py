@@ -322,7 +322,7 @@ async def test_a_wrong_password_is_one_sentence_before_anything_else(
 def test_a_variable_that_is_not_there_is_one_sentence(
     machine: Any, driver: Any, tmp_path: Path
 ) -> None:
-    plc = machine(changes={'("Tension", 0.0)': '("Torque", 0.0)', '"Tension": t': '"Torque": t'})
+    plc = machine(changes={'("Tension", 0.0)': '("Torque", 0.0)', '"Tension": T': '"Torque": T'})
     process = driver(plc.port)
     said = process.communicate(timeout=60)[1]
     assert process.returncode == 2
