@@ -13,7 +13,10 @@ ifeq ($(shell command -v $(PYTHON) 2>/dev/null),)
 PYTHON := python3
 endif
 
-.PHONY: demo check test campaign coverage bench bench-peers lint clean install
+# A test run starts hundreds of processes: none of them compiles the sources anew, whatever the shell says.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: demo kernels check test campaign coverage bench bench-peers lint clean install
 install: $(STAMP)
 
 $(STAMP): pyproject.toml constraints.txt
@@ -29,11 +32,14 @@ demo: $(STAMP)
 
 # Kernels are compiled once and by one process: code that two make at once may round differently, and
 # a test that compiles on a slow computer may pass its time limit.
-kernels: $(STAMP)
+kernels: .venv/.kernels
+
+.venv/.kernels: $(STAMP) $(shell find ros2_ws/src -name '*.py')
 	$(BIN)/winding predict --case 4 --duration-s 1 > /dev/null
 	film=$$(mktemp -d) && $(BIN)/winding render $$film/film --duration-s 0.1 > /dev/null \
 	    && $(BIN)/winding track $$film/film --case 4 --fps 50 --camera $$film/film/camera.yaml \
 	    --motion $$film/film/motion.csv --out $$film/markers.csv > /dev/null && rm -r $$film
+	touch $@
 
 # What to run before every commit: lint, and the tests that are quick and start no graph.
 check: lint kernels

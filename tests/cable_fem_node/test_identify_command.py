@@ -33,6 +33,7 @@ def markers(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_markers_give_the_modulus_and_the_markers_that_are_to_come(
     markers: Path, tmp_path: Path
 ) -> None:

@@ -19,6 +19,8 @@ from winding_ros.cloud_messages import decode_cloud, encode_cloud
 from winding_ros.material_messages import decode_material
 from winding_ros.rig_messages import encode_joint_state
 
+pytestmark = pytest.mark.slow
+
 DRIVE = DriveProfile()
 # P1 of case 4 as it lies with the paper's measured run; with 2.6 MPa it would be 6.58 rad.
 THETA = 6.28
@@ -111,7 +113,6 @@ def test_estimate_is_published_and_left_alone_by_default(ros: Any) -> None:
     assert bench.last(bench.markers)["theta"][1] == pytest.approx(6.58, abs=0.01)
 
 
-@pytest.mark.slow
 def test_model_and_prediction_take_the_estimate_up_when_they_are_told_to(ros: Any) -> None:
     bench = Bench(ros, take_up_material=True)
     bench.wind(SEEN_AT)

@@ -16,6 +16,7 @@ from correction_node.training.protocol import learn, verdict
 from correction_node.training.training import TrainingConfig
 from winding_core.cases import paper_case
 
+pytestmark = pytest.mark.slow
 DATA = load_data_set("rod")
 
 

@@ -52,6 +52,7 @@ from winding_ros.serialised import deserialised
 from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp_ns
 from winding_ros.topic import Topic
 
+pytestmark = pytest.mark.slow
 fuzzed = settings.get_profile("quick")
 any_float = st.floats(allow_nan=True, allow_infinity=True)
 number = st.floats(allow_nan=False, allow_infinity=False)

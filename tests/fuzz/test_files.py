@@ -31,6 +31,7 @@ from winding_study.identification.tables import (
 from winding_study.sweep.axes import SpecError
 from winding_study.sweep.spec import parse_spec
 
+pytestmark = pytest.mark.slow
 fuzzed = settings.get_profile("quick")
 NODE = "/winding/winding_rig"
 KINDS = {"case": int, "friction": float, "law": str, "rolling": bool}

@@ -133,10 +133,12 @@ def output_to(target: str) -> tuple[int, str]:
     return done.returncode, done.stderr
 
 
+@pytest.mark.slow
 def test_output_that_nobody_reads_ends_the_command_in_silence() -> None:
     assert output_to("--interfaces | true") == (141, "")
 
 
+@pytest.mark.slow
 def test_output_that_is_full_is_said_in_one_sentence() -> None:
     code, said = output_to("> /dev/full")
     assert code == 1

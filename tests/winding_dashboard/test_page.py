@@ -20,7 +20,7 @@ from winding_dashboard.views.commands import Choice, CommandError
 from winding_dashboard.views.page import Page
 from winding_dashboard.views.view_state import ViewState
 
-pytestmark = pytest.mark.asyncio
+pytestmark = [pytest.mark.asyncio, pytest.mark.slow]
 NODES = ("winding_rig", "cable_fem")
 PATIENCE = 10.0
 
@@ -198,7 +198,6 @@ async def test_start_waits_for_a_reset_when_the_run_is_over() -> None:
         assert button(user, "EMERGENCY STOP").enabled
 
 
-@pytest.mark.slow
 async def test_chosen_case_and_law_are_prepared() -> None:
     machine, state = Machine(), fresh_state()
     phase(state, "idle")
@@ -242,7 +241,6 @@ async def form(user: User) -> dict[str, ui.number]:
     return {str(item.props["label"]): item for item in user.find(ui.number).elements}
 
 
-@pytest.mark.slow
 async def test_own_condition_is_prepared_in_si() -> None:
     machine, state = Machine(), fresh_state()
     phase(state, "idle")
@@ -268,7 +266,6 @@ async def test_own_condition_is_prepared_in_si() -> None:
         await user.should_see("prepare: ready to wind a condition of your own", retries=50)
 
 
-@pytest.mark.slow
 async def test_wrong_own_condition_is_refused_with_value_and_limits() -> None:
     machine, state = Machine(), fresh_state()
     phase(state, "idle")

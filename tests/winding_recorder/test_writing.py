@@ -149,6 +149,7 @@ time.sleep(600)
 """
 
 
+@pytest.mark.slow
 def test_a_killed_writer_loses_at_most_its_last_chunk(bags: Any, tmp_path: Path) -> None:
     bag, out = tmp_path / "bag", tmp_path / "out"
     code = _KILLED.format(folder=str(Path(__file__).parent))

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -15,6 +16,8 @@ from winding_ros import topics
 from winding_ros.command_messages import encode_trajectory
 from winding_ros.rig_messages import encode_tension
 from winding_ros.topic import Topic
+
+pytestmark = pytest.mark.slow
 
 
 class Commanded:

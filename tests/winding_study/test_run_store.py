@@ -73,6 +73,7 @@ def test_what_has_no_canonical_form_is_refused() -> None:
         run_key({"x": object()}, "v1")
 
 
+@pytest.mark.slow
 def test_the_version_covers_what_a_prediction_loads_and_no_adapter() -> None:
     names = set(solver_sources())
     loaded = subprocess.run(
@@ -162,6 +163,7 @@ def _write_half_and_die(path: Path) -> None:
     write_whole(path, write)
 
 
+@pytest.mark.slow
 def test_a_killed_writer_leaves_no_run_and_is_cleaned_up(tmp_path: Path, said: list[str]) -> None:
     store = RunStore(tmp_path)
     store.path(KEY).parent.mkdir(parents=True)
@@ -184,6 +186,7 @@ def _save_often(folder: Path, value: float) -> None:
         RunStore(folder).save(KEY, {"s": np.full(1000, value)})
 
 
+@pytest.mark.slow
 def test_processes_that_write_the_same_run_never_mix(tmp_path: Path, said: list[str]) -> None:
     context = multiprocessing.get_context("spawn")
     writers = [context.Process(target=_save_often, args=(tmp_path, float(n))) for n in (1, 2)]

@@ -11,6 +11,8 @@ from winding_core.readings import AxisReading
 # Further from where it stood, an axis moves: above an encoder's noise, below a wound millimetre
 # [rad, m].
 MOTION = (2.0e-3, 1.0e-4)
+# Slower than this an axis stands, as its encoder sees it [rad/s, m/s].
+STANDING = (0.02, 6.0e-5)
 # So much standstill belongs to the run [s].
 LEAD_IN = 0.5
 
@@ -33,6 +35,11 @@ Item = TypeVar("Item", bound=Timed)
 def has_moved(reading: AxisReading) -> bool:
     """Return whether an axis has left the origin, where the machine stood."""
     return abs(reading.cylinder_angle) > MOTION[0] or abs(reading.carriage_position) > MOTION[1]
+
+
+def stands(reading: AxisReading) -> bool:
+    """Return whether both axes are at rest, as far as their encoders can tell."""
+    return abs(reading.angular_speed) < STANDING[0] and abs(reading.feed_speed) < STANDING[1]
 
 
 class MotionStart(Generic[Item]):

@@ -16,8 +16,9 @@ from rclpy.subscription import Subscription
 from winding_core.status import Level, Status
 from winding_ros.graph import NodeSpec
 from winding_ros.heartbeat import Heartbeat
-from winding_ros.message_guard import Endpoint, MessageGuard, Rivals, StampError
+from winding_ros.message_guard import MessageGuard, Rivals, StampError
 from winding_ros.message_handler import Answer, MessageHandler
+from winding_ros.publishers import contestants
 from winding_ros.rig_messages import MessageError
 from winding_ros.stamps import decode_stamp, serialised_stamp_ns
 from winding_ros.stop_request import StopRequest
@@ -149,15 +150,9 @@ class Endpoints:
         """Look who publishes on the node's topics now."""
         now = time.monotonic()
         for name in {*self._guards, *self._publishers}:
-            publishers: tuple[Endpoint, ...] = ()
-            if self._node.count_publishers(name) > 1:
-                resolved = self._node.resolve_topic_name(name)
-                publishers = tuple(
-                    (found.node_namespace, found.node_name)
-                    for found in self._node.get_publishers_info_by_topic(resolved)
-                )
             before = self._rivals.get(name, Rivals())
-            after = self._rivals[name] = before.look(name, publishers, now)
+            after = before.look(name, contestants(self._node, name), now)
+            self._rivals[name] = after
             if name in self._guards:
                 self._guards[name].contested = after.sentence
             if after.sentence and after.sentence != before.sentence:

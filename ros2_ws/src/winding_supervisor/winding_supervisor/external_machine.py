@@ -7,14 +7,14 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from std_srvs.srv import Trigger
 
 from winding_core.axis_check import wrong_axis
 from winding_core.drive import DriveProfile
 from winding_core.machine_axes import AxisReader, MachineAxes
-from winding_core.motion_start import LEAD_IN, has_moved
+from winding_core.motion_start import LEAD_IN, has_moved, stands
 from winding_core.readings import AxisReading
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import RunBuffer
@@ -23,7 +23,6 @@ from winding_ros.async_client import AsyncClient
 from winding_ros.graph_error import GraphError
 from winding_ros.services import Service
 from winding_ros.topic import Topic
-from winding_supervisor.simulated_machine import STANDING
 from winding_supervisor.standing_axes import joint_sample, standing_axes
 
 _POLL = 0.02
@@ -52,12 +51,12 @@ class ExternalMachineConfig:
         standing_limit: A machine that stands for longer has ended its run [s].
     """
 
-    axes: MachineAxes = field(default_factory=MachineAxes)
-    drive: DriveProfile = field(default_factory=DriveProfile)
+    axes: MachineAxes
+    drive: DriveProfile
     end_angle: float
-    camera: bool = True
-    starts_itself: bool = False
-    standing_limit: float = 60.0
+    camera: bool
+    starts_itself: bool
+    standing_limit: float
 
 
 class ExternalMachine:
@@ -127,10 +126,7 @@ class ExternalMachine:
     def standing(self) -> bool:
         """Whether both axes stand, by their encoders."""
         self.look()
-        if self._reading is None:
-            return True
-        _, reading = self._reading
-        return abs(reading.angular_speed) < STANDING[0] and abs(reading.feed_speed) < STANDING[1]
+        return self.reading is None or stands(self.reading)
 
     @property
     def reading(self) -> AxisReading | None:
@@ -276,10 +272,7 @@ class ExternalMachine:
         return "" if answer.success else f"{service} was refused: {answer.message}"
 
     def _note_end(self, t: float, reading: AxisReading) -> None:
-        standing = (
-            abs(reading.angular_speed) < STANDING[0] and abs(reading.feed_speed) < STANDING[1]
-        )
-        self._still_since = (self._still_since or t) if standing else None
+        self._still_since = (self._still_since or t) if stands(reading) else None
         if self.end is not None:
             return
         rested = 0.0 if self._still_since is None else t - self._still_since

@@ -9,6 +9,7 @@ from rclpy.node import Node
 from winding_ros import topics
 from winding_ros.heartbeat import heartbeat_topic
 from winding_ros.message_guard import Rivals
+from winding_ros.publishers import contestants
 
 
 class RivalWatch:
@@ -30,15 +31,7 @@ class RivalWatch:
     def look(self, now: float) -> str:
         """Return what is contested at monotonic wall time `now` [s], as a sentence, or nothing."""
         for name, before in self._rivals.items():
-            publishers: tuple[tuple[str, str], ...] = ()
-            if self._node.count_publishers(name) > 1:
-                publishers = tuple(
-                    (found.node_namespace, found.node_name)
-                    for found in self._node.get_publishers_info_by_topic(
-                        self._node.resolve_topic_name(name)
-                    )
-                )
-            self._rivals[name] = after = before.look(name, publishers, now)
+            self._rivals[name] = after = before.look(name, contestants(self._node, name), now)
             if after.sentence:
                 return after.sentence
         return ""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from std_srvs.srv import Trigger
 
+from winding_core.motion_start import stands
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import services, topics
 from winding_ros.async_client import AsyncClient
@@ -15,8 +16,6 @@ from winding_ros.rig_messages import MessageError, decode_joint_state
 from winding_ros.serialised import deserialised
 from winding_ros.topic import Topic
 
-# Slower than this an axis stands, as its encoder sees it [rad/s, m/s].
-STANDING = (0.02, 6.0e-5)
 _MOVING = ("winding", "stopping")
 _STOP_TIMEOUT = 2.0
 
@@ -74,7 +73,7 @@ class SimulatedMachine:
             _, reading = decode_joint_state(deserialised(message.data, topics.JOINT_STATES))
         except MessageError:
             return self._client.status(topics.RIG) is not None and not self.moving
-        return abs(reading.angular_speed) < STANDING[0] and abs(reading.feed_speed) < STANDING[1]
+        return stands(reading)
 
     def parameters(self) -> Mapping[str, object]:
         """Return nothing: its axes begin at zero, in radians and metres."""

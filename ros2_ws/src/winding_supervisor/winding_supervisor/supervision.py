@@ -31,6 +31,7 @@ from winding_supervisor.sensor_watch import SensorWatch
 
 _LOOK_PERIOD = 0.05
 _BEAT_PERIOD = 0.1
+_CENSUS_PERIOD = 0.25
 _LOAD_PERIOD = 1.0
 _STAND_TIMEOUT = 3.0
 _STALLS = 2
@@ -127,7 +128,8 @@ class Supervisor:
         self._sensors.forget()
         for spec in self._graph:
             self._trust(spec.name)
-        tasks = [asyncio.create_task(self._look()), asyncio.create_task(self._publish_load())]
+        watched = (self._look(), self._look_for_rivals(), self._publish_load())
+        tasks = [asyncio.create_task(work) for work in watched]
         try:
             while True:
                 await self._handle(await self._next_finding(tasks))
@@ -218,10 +220,6 @@ class Supervisor:
             if complaint:
                 self._find(self._machine.name, complaint, fatal=True)
                 return
-            contested = self._rivals.look(time.monotonic())
-            if contested:
-                self._find(*contested.split(" ", 1), fatal=True)
-                return
             # A node that is given nothing it can use has asked the machine to stop by itself.
             for name in self._healthy:
                 status = self._client.status(f"{name}: topics")
@@ -244,6 +242,14 @@ class Supervisor:
             if wrong is not None:
                 self._find(wrong.split(" ", 1)[0], wrong.split(" ", 1)[1], fatal=True)
                 return
+
+    async def _look_for_rivals(self) -> None:
+        """Look who else publishes on the topics of the graph."""
+        contested = ""
+        while not contested:
+            await asyncio.sleep(_CENSUS_PERIOD)
+            contested = self._rivals.look(time.monotonic())
+        self._find(*contested.split(" ", 1), fatal=True)
 
     async def _publish_load(self) -> None:
         load = LoadMonitor(self._buffer)

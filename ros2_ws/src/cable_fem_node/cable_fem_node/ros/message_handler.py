@@ -48,8 +48,6 @@ class FemHandler:
     def __init__(self, wanted: FemParameters, go_on: Callable[[], None] = lambda: None) -> None:
         self.config = wanted.winding_config()
         self._axes = wanted
-        self._read = JointStateReader(wanted)
-        self._motion = self._new_motion()
         self._follow_tension = wanted.follow_tension
         self._pairing = self._new_pairing()
         drive = wanted.resolved().drive

@@ -48,7 +48,7 @@ def serve(
         print(f"waiting for goals on /{namespace}/run/send_goal; Ctrl-C ends", flush=True)
         try:
             with contextlib.suppress(KeyboardInterrupt):
-                spin(lambda place: GoalNode(namespace, place, goals, check_goal), context)
+                spin(GoalNode(namespace, context, goals, check_goal), context)
         finally:
             goals.close()
             rclpy.try_shutdown(context=context)

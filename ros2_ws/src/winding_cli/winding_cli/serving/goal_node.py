@@ -124,10 +124,9 @@ def _status(goal: Goal) -> GoalStatus:
     return status
 
 
-def spin(make: Callable[[Context], GoalNode], context: Context) -> None:
-    """Serve goals until a KeyboardInterrupt."""
+def spin(node: GoalNode, context: Context) -> None:
+    """Serve goals until a KeyboardInterrupt; the node is destroyed then."""
     executor = SingleThreadedExecutor(context=context)
-    node = make(context)
     executor.add_node(node)
     try:
         while True:

@@ -15,7 +15,6 @@ from typing import Any
 
 # Lines of a run's output that are kept: the last says why it ended.
 _KEPT_LINES = 20
-_SIGNALLED = 128
 
 
 class GoalState(IntEnum):
