@@ -12,7 +12,6 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rclpy.serialization import serialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -48,10 +47,10 @@ def recorded(folder: Path, **config: Any) -> bytes:
         reading = AxisReading(
             cylinder_angle=0.1 * k, angular_speed=1.0, carriage_position=0.0, feed_speed=0.0
         )
-        data = serialize_message(encode_joint_state(k * 1e-3, reading))
+        data = encode_joint_state(k * 1e-3, reading)
         writer.write(0, k * 10**6, data, k + 1)
         if k % 10 == 0:
-            writer.write(1, k * 10**6, serialize_message(encode_tension(k * 1e-3, 2.5)), k + 1)
+            writer.write(1, k * 10**6, encode_tension(k * 1e-3, 2.5), k + 1)
     writer.close()
     (file,) = folder.glob("*.mcap")
     return file.read_bytes()

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState, PointCloud2, PointField
 
+from winding_core.machine_axes import MachineAxes
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
 from winding_core.material_report import MaterialReport
 from winding_core.readings import AxisReading, ImageWindow
@@ -40,9 +41,10 @@ from winding_ros.diagnostic_messages import (
     encode_diagnostics,
 )
 from winding_ros.material_messages import NAME, decode_material, encode_material
+from winding_ros.message_error import MessageError
 from winding_ros.message_guard import StampError
 from winding_ros.rig_messages import (
-    MessageError,
+    JointStateReader,
     decode_joint_state,
     decode_tension,
     encode_joint_state,
@@ -51,6 +53,7 @@ from winding_ros.rig_messages import (
 from winding_ros.serialised import deserialised
 from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp_ns
 from winding_ros.topic import Topic
+from winding_ros.wire.cdr import serialised
 
 pytestmark = pytest.mark.slow
 fuzzed = settings.get_profile("quick")
@@ -71,9 +74,10 @@ def taken(decode: Callable[[Any], Any], message: Any) -> Any:
         return None
 
 
-def wired(message: Any) -> Any:
-    """Return a message as it arrives at the other end."""
-    return deserialize_message(serialize_message(message), type(message))
+def wired(message: Any, type_: type | None = None) -> Any:
+    """Return a message, or one of a type in CDR bytes, as it arrives at the other end."""
+    data = message if isinstance(message, bytes) else serialize_message(message)
+    return deserialize_message(data, type_ or type(message))
 
 
 @fuzzed
@@ -100,14 +104,16 @@ def test_joint_states_come_back(t: float, values: tuple[float, ...]) -> None:
         carriage_position=values[2],
         feed_speed=values[3],
     )
-    assert decode_joint_state(wired(encode_joint_state(t, reading))) == (t, reading)
+    assert decode_joint_state(wired(encode_joint_state(t, reading), JointState)) == (t, reading)
 
 
 @fuzzed
 @given(t=stamps, force=any_float)
 def test_tension(t: float, force: float) -> None:
-    read = taken(decode_tension, wired(encode_tension(t, force)))
-    assert read == ((t, force) if math.isfinite(force) else None)
+    data = encode_tension(t, force)
+    for message in (data, wired(data, WrenchStamped)):
+        read = taken(decode_tension, message)
+        assert read == ((t, force) if math.isfinite(force) else None)
 
 
 @fuzzed
@@ -134,7 +140,10 @@ def test_images_come_back_and_rows_may_be_padded(
     t: float, rows: int, columns: int, seed: int
 ) -> None:
     frame = np.random.default_rng(seed).integers(0, 256, (rows, columns, 3), dtype=np.uint8)
-    message = encode_image(t, frame)
+    data = encode_image(t, frame)
+    assert decode_image(data)[0] == t
+    assert (decode_image(data)[1] == frame).all()
+    message = wired(data, Image)
     assert decode_image(message)[0] == t
     assert (decode_image(message)[1] == frame).all()
     step = 3 * columns + seed
@@ -142,6 +151,7 @@ def test_images_come_back_and_rows_may_be_padded(
     padded[:, : 3 * columns] = frame.reshape(rows, -1) if frame.size else 0
     message.step, message._data = step, padded.reshape(-1)
     assert (decode_image(message)[1] == frame).all()
+    assert (decode_image(serialize_message(message))[1] == frame).all()
 
 
 @fuzzed
@@ -243,13 +253,14 @@ def test_clouds_of_anything(
 def test_clouds_that_lie_about_their_shape(
     dtype: np.dtype[np.void], offsets: list[int], step: int, width: int, length: int
 ) -> None:
-    message = encode_cloud(0.0, np.zeros(3, dtype=dtype))
+    message = wired(encode_cloud(0.0, np.zeros(3, dtype=dtype)), PointCloud2)
     for field, offset in zip(message.fields, offsets, strict=False):
         field.offset = offset
     message.point_step, message.width = step, width
     message._data = np.zeros(length, dtype=np.uint8)
-    read = taken(lambda cloud: decode_cloud(cloud, dtype), message)
-    assert read is None or len(read[1]) * step == length
+    for cloud in (message, serialize_message(message)):
+        read = taken(lambda cloud: decode_cloud(cloud, dtype), cloud)
+        assert read is None or len(read[1]) * step == length
 
 
 @pytest.mark.parametrize("dtype", [MARKER_DTYPE, CORRECTED_DTYPE, CABLE_DTYPE])
@@ -372,8 +383,9 @@ def test_stamps_of_any_bytes(data: bytes) -> None:
 @fuzzed
 @given(nanoseconds=st.integers(-(2**52), 2**52))
 def test_stamps_come_back(nanoseconds: int) -> None:
-    message = encode_tension(nanoseconds * 1e-9, 0.0)
-    assert serialised_stamp_ns(serialize_message(message)) == pytest.approx(nanoseconds, abs=1)
+    data = encode_tension(nanoseconds * 1e-9, 0.0)
+    assert serialised_stamp_ns(data) == pytest.approx(nanoseconds, abs=1)
+    message = wired(data, WrenchStamped)
     again = encode_stamp(decode_stamp(message.header.stamp))
     assert (
         abs(again.nanosec - message.header.stamp.nanosec) <= 1
@@ -400,6 +412,21 @@ def example(topic: Topic) -> Any:
     return message
 
 
+def known_layout(data: bytes) -> Any:
+    """Read joint states like a subscriber that has learnt the layout of its driver."""
+    read = JointStateReader(MachineAxes())
+    read(serialised(example(topics.JOINT_STATES)))
+    return read(data)
+
+
+BYTE_DECODERS: dict[Topic, tuple[Callable[[bytes], Any], ...]] = {
+    topics.JOINT_STATES: (JointStateReader(MachineAxes()), known_layout),
+    topics.TENSION: (decode_tension,),
+    topics.IMAGE: (decode_image,),
+    topics.TRACKED_MARKERS: (lambda data: decode_cloud(data, MARKER_DTYPE),),
+}
+
+
 @pytest.mark.parametrize("topic", topics.TOPICS, ids=lambda topic: topic.name)
 @fuzzed
 @given(
@@ -417,4 +444,7 @@ def test_changed_bytes_of_a_message(
     content = bytearray(whole[: round(length * len(whole))])
     for place, value in changes if content else []:
         content[int(place * len(content))] = value
-    taken(lambda data: topic.decode(deserialised(data, topic)), bytes(content))
+    data = bytes(content)
+    taken(lambda data: topic.decode(deserialised(data, topic.type)), data)
+    for decode in BYTE_DECODERS.get(topic, ()):
+        taken(decode, data)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CameraInfo, Image, RegionOfInterest
 
 from marker_tracker_node import CameraPose, PinholeCamera, Tracker, TrackerConfig
@@ -21,8 +22,10 @@ from winding_rig_node.machine.lay import published_lay
 from winding_ros import topics
 from winding_ros.camera_messages import encode_image
 from winding_ros.cloud_messages import decode_cloud
-from winding_ros.rig_messages import MessageError, encode_joint_state
+from winding_ros.message_error import MessageError
+from winding_ros.rig_messages import encode_joint_state
 from winding_ros.topic import Topic
+from winding_ros.wire.cdr import serialised
 
 fuzzed = settings.get_profile("files")
 FREE_LENGTH = 0.198
@@ -235,18 +238,18 @@ joints = st.tuples(st.floats(), st.floats(), st.floats(), st.floats())
 
 def picture(t: float, size: tuple[int, int], seed: int, encoding: str, stretch: int) -> Image:
     frame = np.random.default_rng(seed).integers(0, 256, (*size, 3), dtype=np.uint8)
-    message = encode_image(t, frame)
+    message = deserialize_message(encode_image(t, frame), Image)
     message.encoding = encoding
     message.step = max(message.step + stretch, 0)
     return message
 
 
-def message(t: float, topic: Topic, content: Any) -> Any:
+def sent(t: float, topic: Topic, content: Any) -> bytes:
     if topic is topics.IMAGE:
-        return picture(t, *content)
+        return serialised(picture(t, *content))
     if topic is topics.JOINT_STATES:
         return encode_joint_state(t, AxisReading(**dict(zip(FIELDS, content, strict=True))))
-    return content
+    return serialised(content)
 
 
 SMALL_CAMERA = CameraInfo(
@@ -280,7 +283,7 @@ def test_any_messages(said: list[tuple[Topic, Any]]) -> None:
     for k, (topic, content) in enumerate(said):
         t = 0.005 * k
         try:
-            answers = list(handler.take(topic, message(t, topic, content)))
+            answers = list(handler.take(topic, sent(t, topic, content)))
         except MessageError:
             continue
         for answer in answers:

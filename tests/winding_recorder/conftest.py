@@ -3,13 +3,11 @@
 import hashlib
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
-from rclpy.serialization import serialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -46,8 +44,8 @@ class Bags:
     def __init__(self) -> None:
         self._decoder = Decoder()
 
-    def bytes_of(self, channel: int, message: Any) -> bytes:
-        return self._decoder.canonical(RECORDED[channel].type_name, serialize_message(message))
+    def bytes_of(self, channel: int, data: bytes) -> bytes:
+        return self._decoder.canonical(RECORDED[channel].type_name, data)
 
     @staticmethod
     def channels() -> list[Channel]:

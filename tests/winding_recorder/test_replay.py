@@ -1,7 +1,6 @@
 """Process replay: the same inputs give the same answers, whatever order they arrived in."""
 
 import json
-import struct
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -9,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rclpy.serialization import serialize_message
 
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
+from winding_core.markers import MARKER_DTYPE
 from winding_recorder.bags.channel import jazzy_channel
 from winding_recorder.bags.failure import BagError
 from winding_recorder.bags.mcap_file import BagConfig
@@ -21,8 +20,9 @@ from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
 from winding_recorder.playback.replay import replay
 from winding_ros import graph, topics
+from winding_ros.cloud_messages import decode_cloud, encode_cloud
 from winding_ros.rig_messages import encode_joint_state, encode_tension
-from winding_ros.stamps import serialised_stamp_ns
+from winding_ros.stamps import serialised_stamp_ns, stamp_bytes, with_stamp
 from winding_ros.topic import Topic
 
 PARAMETERS_OF_RUN = {"case": 4, "duration": 0.3}
@@ -49,21 +49,21 @@ def record(folder: Path, arrivals: list[tuple[Topic, Any]], *, harm: float = 0.0
     writer = BagWriter(folder, channels, BagConfig(), notes)
     decoder = Decoder()
 
-    def write(topic: Topic, message: Any) -> None:
+    def write(topic: Topic, data: bytes) -> None:
         if topic is topics.FEM_MARKERS and harm:
-            # theta of P0 stands behind x, y, z, id and r.
-            data = bytes(message.data)
-            message.data = data[:24] + struct.pack("<d", harm) + data[32:]
-        data = decoder.canonical(topic.type_name, serialize_message(message))
+            _, markers = decode_cloud(data, MARKER_DTYPE)
+            markers["theta"][0] = harm
+            data = with_stamp(encode_cloud(0.0, markers), stamp_bytes(data))
+        data = decoder.canonical(topic.type_name, data)
         writer.write(RECORDED.index(topic), serialised_stamp_ns(data), data)
 
     handler = FemHandler(FemParameters(**PARAMETERS_OF_RUN))
     for answer in handler.begin(0.0):
-        write(answer.topic, answer.message)
+        write(answer.topic, answer.data)
     for topic, message in arrivals:
         write(topic, message)
         for answer in handler.take(topic, message):
-            write(answer.topic, answer.message)
+            write(answer.topic, answer.data)
     writer.close()
     return folder
 

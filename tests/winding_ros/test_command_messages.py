@@ -16,7 +16,7 @@ from winding_ros.command_messages import (
     encode_targets,
     encode_trajectory,
 )
-from winding_ros.rig_messages import MessageError
+from winding_ros.message_error import MessageError
 
 NAMES = ["carriage_joint", "cylinder_joint"]
 

@@ -9,7 +9,7 @@ from winding_core.material_report import MaterialReport, refused_material
 from winding_core.status import Level, Status
 from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.material_messages import NAME, decode_material, encode_material
-from winding_ros.rig_messages import MessageError
+from winding_ros.message_error import MessageError
 
 FOUND = MaterialReport(
     law="linear",

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.serialization import serialize_message
 
 from winding_core.readings import AxisReading
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
@@ -53,7 +52,7 @@ class Machine:
     def wait(self, seconds: float) -> None:
         self.wall_ns += round(seconds * 1e9)
 
-    def _tell(self, topic: Any, t: float, message: Any) -> None:
+    def _tell(self, topic: Any, t: float, data: bytes) -> None:
         self.wall_ns += 1_000_000
         self.buffer.add(
             topic,
@@ -61,7 +60,7 @@ class Machine:
                 stamp_ns=round(t * 1e9),
                 sent_ns=self.wall_ns,
                 received_ns=self.wall_ns,
-                data=serialize_message(message),
+                data=data,
             ),
         )
 

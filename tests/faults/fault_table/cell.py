@@ -22,7 +22,8 @@ from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph import GRAPH, pace_topics
 from winding_ros.graph_error import GraphError
-from winding_ros.rig_messages import MessageError, decode_joint_state
+from winding_ros.message_error import MessageError
+from winding_ros.rig_messages import decode_joint_state
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog
 from winding_supervisor.orchestrator import GraphConfig, Orchestrator

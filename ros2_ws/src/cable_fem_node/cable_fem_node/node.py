@@ -8,7 +8,6 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.timer import Timer
-from sensor_msgs.msg import PointCloud2
 
 from cable_fem_node.identification.live_material import LiveMaterial, MaterialUpdate, work_out
 from cable_fem_node.ros.background import BackgroundTask
@@ -45,8 +44,7 @@ class CableFemNode(ManagedNode[FemParameters]):
     def configure(self) -> None:
         """Build the model; subscribe."""
         self._handler = FemHandler(self.configuration, self.go_on)
-        self.endpoints.connect(self._handler)
-        self.endpoints.subscribe(topics.TRACKED_MARKERS, self._on_tracked)
+        self.endpoints.connect(self._handler, beside={topics.TRACKED_MARKERS: self._on_tracked})
         # Wall time: an identification may end when the machine has stopped.
         self._looker = self.create_timer(
             _LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -100,9 +98,9 @@ class CableFemNode(ManagedNode[FemParameters]):
             values=values,
         )
 
-    def _on_tracked(self, message: PointCloud2) -> None:
-        t, markers = decode_cloud(message, MARKER_DTYPE)
+    def _on_tracked(self, data: bytes) -> None:
         if self._live is not None and self.configuration.update_material:
+            t, markers = decode_cloud(data, MARKER_DTYPE)
             self._tracked_until = t
             self._live.see(markers)
 

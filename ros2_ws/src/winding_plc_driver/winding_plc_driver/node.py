@@ -28,6 +28,7 @@ from winding_plc_driver.machine.mapping import (
 from winding_ros import services, topics
 from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.rig_messages import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, encode_tension
+from winding_ros.stamps import stamp_bytes_of, with_stamp
 
 _NANO = 1_000_000_000
 _ENDING = "the driver ends"
@@ -87,9 +88,7 @@ class PlcDriverNode(Node):  # type: ignore[misc]
 
     def tension(self, stamp_ns: int, force: float) -> None:
         """Publish the load cell's force [N] of a source timestamp [ns]."""
-        message = encode_tension(0.0, force)
-        message.header.stamp = _stamp(stamp_ns)
-        self._tension.publish(message)
+        self._tension.publish(with_stamp(encode_tension(0.0, force), stamp_bytes_of(stamp_ns)))
 
     def status(self, status: Status) -> None:
         """Publish the driver's state."""

@@ -25,7 +25,7 @@ from winding_rig_node.ros.rig_status import rig_status
 from winding_ros import graph, services, topics
 from winding_ros.heartbeat import Sign, watch_heartbeat
 from winding_ros.managed_node import ManagedNode
-from winding_ros.rig_messages import MessageError
+from winding_ros.message_error import MessageError
 from winding_ros.stamps import serialised_stamp_ns
 
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
 
 from winding_core.readings import ImageWindow
-from winding_ros.rig_messages import MessageError
-from winding_ros.stamps import decode_stamp, encode_stamp
+from winding_ros.message_error import MessageError
+from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp
+from winding_ros.wire.cdr import COUNT, CdrError, CdrReader
+from winding_ros.wire.template import Template
 
 CAMERA_FRAME = "camera_optical_frame"
 ENCODING = "bgr8"
@@ -36,46 +40,83 @@ class CameraReading:
     window: ImageWindow
 
 
-def encode_image(t: float, frame: NDArray[np.uint8]) -> Image:
-    """Return a BGR frame, shape (height, width, 3), as an Image stamped t [s].
+def encode_image(t: float, frame: NDArray[np.uint8]) -> bytes:
+    """Return a BGR frame, shape (height, width, 3), as the CDR bytes of an Image stamped t [s].
 
     Raises:
         ValueError: It has another shape or is not uint8.
     """
     if frame.dtype != np.uint8 or frame.ndim != 3 or frame.shape[2] != 3:
         raise ValueError(f"frame must be uint8 (h, w, 3), got {frame.dtype} {frame.shape}")
-    message = Image(
-        height=frame.shape[0],
-        width=frame.shape[1],
-        encoding=ENCODING,
-        is_bigendian=0,
-        step=frame.shape[1] * 3,
-    )
-    message.header.stamp = encode_stamp(t)
+    height, width, _ = frame.shape
+    pixels = np.ascontiguousarray(frame)
+    return b"".join((_image_template(height, width).stamped(t), pixels.data))
+
+
+@cache
+def _image_template(height: int, width: int) -> Template:
+    """Return everything of an Image before its pixels, their number included."""
+    message = Image(height=height, width=width, encoding=ENCODING, step=3 * width)
     message.header.frame_id = CAMERA_FRAME
-    # The setter copies element by element; the serialiser takes any contiguous buffer.
-    message._data = np.ascontiguousarray(frame).reshape(-1)
-    return message
+    template = Template(message)
+    template.buffer[-COUNT.size :] = COUNT.pack(3 * width * height)
+    return template
 
 
-def decode_image(message: Image) -> tuple[float, NDArray[np.uint8]]:
-    """Return (t [s], BGR frame of shape (height, width, 3)).
+def decode_image(message: bytes | Image) -> tuple[float, NDArray[np.uint8]]:
+    """Return (t [s], BGR frame of shape (height, width, 3)) of an Image or of its CDR bytes.
 
     Raises:
-        MessageError: Another encoding, or a size that does not fit the data.
+        MessageError: No Image, another encoding, or a size that does not fit the data.
     """
-    channel_order = {"bgr8": slice(None), "rgb8": slice(None, None, -1)}
-    if message.encoding not in channel_order:
-        raise MessageError(f"image encoding must be bgr8 or rgb8, got {message.encoding!r}")
-    data = np.frombuffer(message.data, dtype=np.uint8)
-    if message.step < message.width * 3 or data.size != message.step * message.height:
+    if isinstance(message, bytes):
+        try:
+            picture = _picture(CdrReader(message))
+        except CdrError as error:
+            raise MessageError(f"no sensor_msgs/Image: {error}") from None
+        return serialised_stamp(message), _frame(picture)
+    picture = _Picture(
+        message.height, message.width, message.encoding, message.step, memoryview(message.data)
+    )
+    return decode_stamp(message.header.stamp), _frame(picture)
+
+
+class _Picture(NamedTuple):
+    height: int
+    width: int
+    encoding: str
+    step: int
+    data: memoryview
+
+
+def _picture(reader: CdrReader) -> _Picture:
+    # Stamp and frame.
+    reader.skip(4, 2)
+    reader.string()
+    height, width = reader.u32(), reader.u32()
+    encoding = reader.string()
+    reader.skip(1)
+    return _Picture(height, width, encoding, reader.u32(), reader.octets())
+
+
+def _frame(picture: _Picture) -> NDArray[np.uint8]:
+    height, width, encoding, step, data = picture
+    if encoding not in (ENCODING, "rgb8"):
+        raise MessageError(f"image encoding must be bgr8 or rgb8, got {encoding!r}")
+    if step < width * 3 or len(data) != step * height:
         raise MessageError(
-            f"image of {message.width} x {message.height} with step {message.step} needs "
-            f"{message.step * message.height} bytes, got {data.size}"
+            f"image of {width} x {height} with step {step} needs {step * height} bytes, "
+            f"got {len(data)}"
         )
-    rows = data.reshape(message.height, message.step)[:, : message.width * 3]
-    frame = rows.reshape(message.height, message.width, 3)[:, :, channel_order[message.encoding]]
-    return decode_stamp(message.header.stamp), np.ascontiguousarray(frame)
+    # Kernels are compiled for arrays that may be written to.
+    rows = np.array(np.frombuffer(data, dtype=np.uint8).reshape(height, step)[:, : width * 3])
+    frame = rows.reshape(height, width, 3)
+    return frame if encoding == ENCODING else np.ascontiguousarray(frame[:, :, ::-1])
+
+
+def camera_info_template(reading: CameraReading) -> Template:
+    """Return a calibration as a CameraInfo to be stamped: full-resolution K with its window."""
+    return Template(encode_camera_info(0.0, reading))
 
 
 def encode_camera_info(t: float, reading: CameraReading) -> CameraInfo:

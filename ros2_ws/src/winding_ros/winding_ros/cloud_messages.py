@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import struct
+from functools import cache
+from typing import NamedTuple
+
 import numpy as np
 from geometry_msgs.msg import Point
 from numpy.typing import NDArray
@@ -9,9 +13,15 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker
 
-from winding_ros.rig_messages import BASE_FRAME, MessageError
-from winding_ros.stamps import decode_stamp, encode_stamp
+from winding_ros.message_error import MessageError
+from winding_ros.rig_messages import BASE_FRAME
+from winding_ros.serialised import deserialised
+from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp
+from winding_ros.wire.cdr import COUNT, CdrReader
+from winding_ros.wire.template import Template
 
+# row_step, and the number of bytes that follow.
+_SIZES = struct.Struct("<II")
 _DATATYPES = {
     "f4": PointField.FLOAT32,
     "f8": PointField.FLOAT64,
@@ -20,30 +30,53 @@ _DATATYPES = {
 }
 
 
-def encode_cloud(t: float, records: NDArray[np.void]) -> PointCloud2:
-    """Return structured records, shape (n,), as a PointCloud2 stamped t [s].
+def encode_cloud(t: float, records: NDArray[np.void]) -> bytes:
+    """Return structured records, shape (n,), as the CDR bytes of a PointCloud2 stamped t [s].
 
     The field names, types and offsets are those of the records' dtype.
     """
-    fields = [
-        PointField(name=name, offset=offset, datatype=_DATATYPES[dtype.str[1:]], count=1)
-        for name, (dtype, offset) in (
-            (name, (entry[0], entry[1])) for name, entry in (records.dtype.fields or {}).items()
+    layout = _cloud_layout(records.dtype)
+    count = len(records)
+    data = _padded(records).tobytes()
+    dense = all(bool(np.isfinite(records[name]).all()) for name in ("x", "y", "z"))
+    COUNT.pack_into(layout.before.buffer, layout.width_at, count)
+    return b"".join(
+        (
+            layout.before.stamped(t),
+            _SIZES.pack(records.dtype.itemsize * count, len(data)),
+            data,
+            bytes([dense]),
         )
-    ]
-    message = PointCloud2(
-        height=1,
-        width=len(records),
-        fields=fields,
-        is_bigendian=False,
-        point_step=records.dtype.itemsize,
-        row_step=records.dtype.itemsize * len(records),
-        is_dense=bool(all(np.isfinite(records[name]).all() for name in ("x", "y", "z"))),
     )
-    message.header.stamp = encode_stamp(t)
+
+
+class _CloudLayout(NamedTuple):
+    """What clouds of one dtype have in common: everything before row_step, and where width is."""
+
+    before: Template
+    width_at: int
+    fixed: tuple[tuple[slice, bytes], ...]
+
+
+@cache
+def _cloud_layout(dtype: np.dtype[np.void]) -> _CloudLayout:
+    fields = [
+        PointField(name=name, offset=offset, datatype=_DATATYPES[of.str[1:]], count=1)
+        for name, (of, offset, *_) in (dtype.fields or {}).items()
+    ]
+    message = PointCloud2(height=1, fields=fields, point_step=dtype.itemsize)
     message.header.frame_id = BASE_FRAME
-    message._data = np.frombuffer(bytearray(_padded(records).tobytes()), dtype=np.uint8)
-    return message
+    before = Template(message)
+    # The end of an empty cloud: row_step, the number of its bytes, is_dense.
+    del before.buffer[-_SIZES.size - 1 :]
+    reader = CdrReader(bytes(before.buffer))
+    reader.skip(4, 2)
+    head = reader.offset
+    reader.string()
+    reader.skip(4)
+    width_at = reader.skip(4)
+    spans = (slice(head, width_at), slice(reader.offset, len(before.buffer)))
+    return _CloudLayout(before, width_at, tuple((span, reader.data[span]) for span in spans))
 
 
 def _padded(records: NDArray[np.void]) -> NDArray[np.void]:
@@ -54,13 +87,20 @@ def _padded(records: NDArray[np.void]) -> NDArray[np.void]:
     return padded
 
 
-def decode_cloud(message: PointCloud2, dtype: np.dtype[np.void]) -> tuple[float, NDArray[np.void]]:
-    """Return (t [s], records of the given dtype, shape (n,)).
+def decode_cloud(
+    message: bytes | PointCloud2, dtype: np.dtype[np.void]
+) -> tuple[float, NDArray[np.void]]:
+    """Return (t [s], records of the given dtype, shape (n,)) of a cloud or of its CDR bytes.
 
     Raises:
         MessageError: The cloud lacks a field of the dtype, has it with another type or outside
             its points, or does not bring as many bytes as it says.
     """
+    if isinstance(message, bytes):
+        records = _records(message, dtype)
+        if records is not None:
+            return serialised_stamp(message), records
+        message = deserialised(message, PointCloud2)
     if message.is_bigendian:
         raise MessageError("point cloud must be little-endian")
     count = message.width * message.height
@@ -88,6 +128,22 @@ def decode_cloud(message: PointCloud2, dtype: np.dtype[np.void]) -> tuple[float,
         column = np.ascontiguousarray(table[:, offset : offset + wanted.itemsize])
         records[name] = column.view(wanted).reshape(-1)
     return decode_stamp(message.header.stamp), records
+
+
+def _records(data: bytes, dtype: np.dtype[np.void]) -> NDArray[np.void] | None:
+    """Return the records of a cloud that is laid out as `encode_cloud` does, or None."""
+    layout = _cloud_layout(dtype)
+    if any(data[span] != what for span, what in layout.fixed):
+        return None
+    begin = len(layout.before.buffer) + _SIZES.size
+    if len(data) < begin:
+        return None
+    (count,) = COUNT.unpack_from(data, layout.width_at)
+    row, size = _SIZES.unpack_from(data, begin - _SIZES.size)
+    # Fast CDR rounds the length of a message up.
+    if not row == size == count * dtype.itemsize < len(data) - begin:
+        return None
+    return np.frombuffer(data, dtype, count, begin).copy()
 
 
 def encode_line_strip(t: float, points: NDArray[np.float64], width: float) -> Marker:

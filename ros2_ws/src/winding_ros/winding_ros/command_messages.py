@@ -21,13 +21,8 @@ from winding_core.commands import (
     TensionCommand,
     Waypoint,
 )
-from winding_ros.rig_messages import (
-    BASE_FRAME,
-    CARRIAGE_JOINT,
-    CYLINDER_JOINT,
-    MessageError,
-    decode_tension,
-)
+from winding_ros.message_error import MessageError
+from winding_ros.rig_messages import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, decode_tension
 from winding_ros.stamps import decode_stamp, encode_stamp
 
 _JOINTS = {CYLINDER: CYLINDER_JOINT, CARRIAGE: CARRIAGE_JOINT}

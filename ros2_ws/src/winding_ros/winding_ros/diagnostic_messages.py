@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from winding_core.status import Level, Status
-from winding_ros.rig_messages import MessageError
+from winding_ros.message_error import MessageError
 from winding_ros.stamps import decode_stamp, encode_stamp
 
 

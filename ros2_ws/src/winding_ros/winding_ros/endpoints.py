@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
@@ -16,15 +16,15 @@ from rclpy.subscription import Subscription
 from winding_core.status import Level, Status
 from winding_ros.graph import NodeSpec
 from winding_ros.heartbeat import Heartbeat
+from winding_ros.inputs import Input, Inputs
+from winding_ros.message_error import MessageError
 from winding_ros.message_guard import MessageGuard, Rivals, StampError
 from winding_ros.message_handler import Answer, MessageHandler
 from winding_ros.publishers import contestants
-from winding_ros.rig_messages import MessageError
-from winding_ros.stamps import decode_stamp, serialised_stamp_ns
+from winding_ros.stamps import decode_stamp, serialised_stamp
 from winding_ros.stop_request import StopRequest
 from winding_ros.topic import Topic
 from winding_ros.topic_status import topic_status
-from winding_ros.wake_up import Queue, in_order
 
 
 class Endpoints:
@@ -44,6 +44,7 @@ class Endpoints:
         self._stop_request = StopRequest(node)
         self._publishers: dict[str, Publisher] = {}
         self._subscriptions: list[Subscription] = []
+        self._inputs: Inputs | None = None
         self._guards: dict[str, MessageGuard] = {}
         self._rivals: dict[str, Rivals] = {}
         self._mismatch = ""
@@ -93,37 +94,44 @@ class Endpoints:
         )
 
     def connect(
-        self, handler: MessageHandler, *, busy: AbstractContextManager[Any] | None = None
+        self,
+        handler: MessageHandler,
+        *,
+        beside: Mapping[Topic, Callable[[bytes], None]] | None = None,
+        busy: AbstractContextManager[Any] | None = None,
     ) -> None:
         """Publish a handler's answers to each of the node's inputs.
 
         A node that wakes up deals with everything that has arrived, input by input in the order
-        of the graph. An executor serves one topic after the other as they come: a node in
-        arrears would see frames of a quarter of a second before the encoder samples of the first
-        of them.
+        of the graph.
 
         Args:
             handler: The node's work.
-            busy: Held while it works, when another thread may call it too.
+            beside: Take the messages of further topics.
+            busy: Held while the handler works, when another thread may call it too.
         """
-        subscriptions: dict[Topic, Subscription] = {}
-        queues = [
-            Queue(
-                topic=topic,
-                take=self._guarded(topic, self._answering(handler, topic, busy or nullcontext())),
-                found=self._guard(topic).found,
-            )
+        answering = {
+            topic: self._answering(handler, topic, busy or nullcontext())
             for topic in self._spec.inputs
-        ]
-        for topic in self._spec.inputs:
-            woken = in_order(topic, queues, subscriptions)
-            subscriptions[topic] = topic.listen(self._node, woken, events=self._events(topic))
-        self._subscriptions += subscriptions.values()
+        }
+        self._inputs = Inputs(
+            self._node,
+            [
+                Input(
+                    topic=topic,
+                    take=self._guarded(topic, take, raw=True),
+                    found=self._guard(topic).found,
+                    wakes=topic in self._spec.wakes,
+                    events=self._events(topic),
+                )
+                for topic, take in {**answering, **(beside or {})}.items()
+            ],
+        )
 
     def answer(self, answers: Iterable[Answer]) -> None:
         """Publish answers as they come."""
         for answer in answers:
-            self.publish(answer.topic, answer.message)
+            self.publish(answer.topic, answer.data)
 
     def begin_run(self) -> None:
         """Take the next stamp of every topic as it comes."""
@@ -132,6 +140,9 @@ class Endpoints:
 
     def clear(self) -> None:
         """Destroy all publishers and subscriptions, and forget what was heard."""
+        if self._inputs is not None:
+            self._inputs.destroy()
+            self._inputs = None
         for publisher in self._publishers.values():
             self._node.destroy_lifecycle_publisher(publisher)
         for subscription in self._subscriptions:
@@ -206,10 +217,10 @@ class Endpoints:
 
     def _answering(
         self, handler: MessageHandler, topic: Topic, busy: AbstractContextManager[Any]
-    ) -> Callable[[Any], None]:
-        def answer(message: Any) -> None:
+    ) -> Callable[[bytes], None]:
+        def answer(data: bytes) -> None:
             with busy:
-                self.answer(handler.take(topic, message))
+                self.answer(handler.take(topic, data))
 
         return answer
 
@@ -223,4 +234,4 @@ class Endpoints:
 
 
 def _stamp(message: Any, *, raw: bool) -> float:
-    return serialised_stamp_ns(message) * 1e-9 if raw else decode_stamp(message.header.stamp)
+    return serialised_stamp(message) if raw else decode_stamp(message.header.stamp)

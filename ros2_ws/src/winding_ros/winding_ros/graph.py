@@ -33,6 +33,8 @@ class NodeSpec:
             messages alone do not determine what it says.
         inputs: Topics that the handler takes, those first that the others are read with: of what
             has arrived together, and of messages with the same stamp, this is the order.
+        wakes: Those of them that are dealt with as soon as they come; the others are taken with
+            these, and every few milliseconds.
         beside: Topics that the node listens to without its handler.
         aside: Topics that it publishes without its handler, as further threads end.
         policy: What becomes of the run when the node fails.
@@ -43,6 +45,7 @@ class NodeSpec:
     parameters_class: str = ""
     handler_class: str = ""
     inputs: tuple[Topic, ...] = ()
+    wakes: tuple[Topic, ...] = ()
     beside: tuple[Topic, ...] = ()
     aside: tuple[Topic, ...] = ()
     policy: Policy = Policy.END
@@ -74,6 +77,7 @@ CORRECTION = NodeSpec(
     parameters_class="CorrectionParameters",
     handler_class="CorrectionHandler",
     inputs=(topics.TRACKED_MARKERS, topics.FEM_MARKERS),
+    wakes=(topics.TRACKED_MARKERS, topics.FEM_MARKERS),
     policy=Policy.RESTART,
 )
 FEM = NodeSpec(
@@ -92,6 +96,7 @@ TRACKER = NodeSpec(
     parameters_class="TrackerParameters",
     handler_class="TrackerHandler",
     inputs=(topics.CAMERA_INFO, topics.JOINT_STATES, topics.IMAGE),
+    wakes=(topics.IMAGE,),
     policy=Policy.RESTART,
 )
 RIG = NodeSpec(

@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from winding_core.material_report import NAME, MaterialReport
 from winding_core.status import Level, Status
 from winding_ros.diagnostic_messages import decode_diagnostics, encode_diagnostics
-from winding_ros.rig_messages import MessageError
+from winding_ros.message_error import MessageError
 
 
 def encode_material(t: float, report: MaterialReport | None) -> DiagnosticArray:

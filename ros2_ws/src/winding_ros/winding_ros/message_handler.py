@@ -11,14 +11,20 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from winding_ros.topic import Topic
+from winding_ros.wire.cdr import serialised
 
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """A `message` to publish on a `topic`."""
+    """A message to publish on a topic, as an object or as CDR bytes."""
 
     topic: Topic
     message: Any
+
+    @property
+    def data(self) -> bytes:
+        """The message as it is sent; handlers give fast ones as CDR bytes."""
+        return self.message if isinstance(self.message, bytes) else serialised(self.message)
 
 
 class MessageHandler(Protocol):
@@ -27,8 +33,8 @@ class MessageHandler(Protocol):
     def begin(self, t: float) -> Iterator[Answer]:
         """Begin a new run at a time [s]; yield what is said at once."""
 
-    def take(self, topic: Topic, message: Any) -> Iterator[Answer]:
-        """Take a message; yield the answers to it.
+    def take(self, topic: Topic, data: bytes) -> Iterator[Answer]:
+        """Take the CDR bytes of a message; yield the answers to it.
 
         Raises:
             MessageError: The message cannot be used.

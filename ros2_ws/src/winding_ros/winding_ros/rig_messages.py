@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from functools import reduce
+import struct
+from functools import cache, reduce
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
@@ -12,28 +13,45 @@ from sensor_msgs.msg import JointState
 
 from winding_core.machine_axes import AxisReader, JointSample, MachineAxes
 from winding_core.readings import CABLE_TENSION, AxisReading, Quantity
-from winding_ros.stamps import decode_stamp, encode_stamp
+from winding_ros.message_error import MessageError
+from winding_ros.serialised import deserialised
+from winding_ros.stamps import decode_stamp, serialised_stamp
+from winding_ros.wire.cdr import CdrError, CdrReader, serialised
+from winding_ros.wire.joint_states import JointStateLayout
+from winding_ros.wire.template import Template, number_at
 
 CYLINDER_JOINT = "cylinder_joint"
 CARRIAGE_JOINT = "carriage_joint"
 BASE_FRAME = "winder_axis"
 _PLAIN_AXES = MachineAxes()
+_DOUBLE = struct.Struct("<d")
+_NUMBERS = {"double": _DOUBLE, "float": struct.Struct("<f")}
 
 
-class MessageError(ValueError):
-    """A message does not say what its topic promises."""
+def encode_joint_state(t: float, reading: AxisReading) -> bytes:
+    """Return both axes as the CDR bytes of a JointState stamped t [s]."""
+    template, (cylinder, carriage), (fast, slow) = _joint_state_template()
+    into = _DOUBLE.pack_into
+    into(template.buffer, cylinder, reading.cylinder_angle)
+    into(template.buffer, carriage, reading.carriage_position)
+    into(template.buffer, fast, reading.angular_speed)
+    into(template.buffer, slow, reading.feed_speed)
+    return template.stamped(t)
 
 
-def encode_joint_state(t: float, reading: AxisReading) -> JointState:
-    """Return both axes as a JointState stamped t [s]."""
+@cache
+def _joint_state_template() -> tuple[Template, tuple[int, int], tuple[int, int]]:
+    """Return the message, and where its positions and velocities stand."""
     message = JointState(
-        name=[CYLINDER_JOINT, CARRIAGE_JOINT],
-        position=[reading.cylinder_angle, reading.carriage_position],
-        velocity=[reading.angular_speed, reading.feed_speed],
+        name=[CYLINDER_JOINT, CARRIAGE_JOINT], position=[0.0, 0.0], velocity=[0.0, 0.0]
     )
-    message.header.stamp = encode_stamp(t)
     message.header.frame_id = BASE_FRAME
-    return message
+    template = Template(message)
+    layout = JointStateLayout.of(bytes(template.buffer), (CYLINDER_JOINT, CARRIAGE_JOINT))
+    fast, slow = layout.velocities
+    assert fast is not None
+    assert slow is not None
+    return template, layout.positions, (fast, slow)
 
 
 def decode_joint_state(message: JointState) -> tuple[float, AxisReading]:
@@ -65,9 +83,7 @@ def decode_joint_sample(message: JointState, axes: MachineAxes) -> JointSample:
     speeds = tuple(
         velocity[joint] if joint < len(velocity) else math.nan for joint in (cylinder, carriage)
     )
-    # A velocity that is not a number is one that the driver does not measure.
-    if not all(map(math.isfinite, positions)) or any(map(math.isinf, speeds)):
-        raise MessageError(f"joint state must be finite, got {(*positions, *speeds)}")
+    _check_finite(*positions, *speeds)
     return JointSample(
         t=decode_stamp(message.header.stamp),
         cylinder=positions[0],
@@ -80,22 +96,50 @@ def decode_joint_sample(message: JointState, axes: MachineAxes) -> JointSample:
 class JointStateReader:
     """Decodes the joint states of one machine, one after the other.
 
+    Messages of one driver look alike: only the first is taken apart as a message object.
+
     Args:
         axes: Of the machine.
     """
 
     def __init__(self, axes: MachineAxes) -> None:
         self.axes = axes
+        self._joints = (axes.cylinder_joint, axes.carriage_joint)
         self._reader = AxisReader(axes)
+        self._layout: JointStateLayout | None = None
 
-    def __call__(self, message: JointState) -> tuple[float, AxisReading]:
-        """Return (t [s], reading) of a JointState.
+    def __call__(self, message: bytes | JointState) -> tuple[float, AxisReading]:
+        """Return (t [s], reading) of a JointState or of its CDR bytes.
 
         Raises:
-            MessageError: A joint is missing or a number is not finite.
+            MessageError: They are none, a joint is missing or a number is not finite.
         """
-        sample = decode_joint_sample(message, self.axes)
+        if isinstance(message, bytes):
+            sample = self._sample(message)
+        else:
+            sample = decode_joint_sample(message, self.axes)
         return sample.t, self._reader.read(sample)
+
+    def _sample(self, data: bytes) -> JointSample:
+        layout = self._layout
+        if layout is None or not layout.fits(data):
+            sample = decode_joint_sample(deserialised(data, JointState), self.axes)
+            try:
+                self._layout = JointStateLayout.of(data, self._joints)
+            except CdrError:
+                self._layout = None
+            return sample
+        t, cylinder, carriage, fast, slow = layout.numbers(data)
+        _check_finite(cylinder, carriage, fast, slow)
+        return JointSample(
+            t=t, cylinder=cylinder, carriage=carriage, cylinder_speed=fast, carriage_speed=slow
+        )
+
+
+def _check_finite(cylinder: float, carriage: float, *speeds: float) -> None:
+    # A velocity that is not a number is one that the driver does not measure.
+    if not (math.isfinite(cylinder) and math.isfinite(carriage)) or any(map(math.isinf, speeds)):
+        raise MessageError(f"joint state must be finite, got {(cylinder, carriage, *speeds)}")
 
 
 def _incomplete(message: JointState, axes: MachineAxes, wanted: str) -> str:
@@ -106,14 +150,25 @@ def _incomplete(message: JointState, axes: MachineAxes, wanted: str) -> str:
     )
 
 
-def encode_quantity(type_: type, quantity: Quantity, t: float, value: float) -> Any:
-    """Return one number of a sensor as a message of a type, stamped t [s]."""
-    message = type_()
-    message.header.stamp = encode_stamp(t)
+def encode_quantity(type_: type, quantity: Quantity, t: float, value: float) -> bytes:
+    """Return one number of a sensor as the CDR bytes of a message of a type, stamped t [s]."""
+    template, place, number = _quantity_template(type_, quantity)
+    number.pack_into(template.buffer, place, float(value))
+    return template.stamped(t)
+
+
+@cache
+def _quantity_template(type_: type, quantity: Quantity) -> tuple[Template, int, struct.Struct]:
+    """Return the message, and where and how its number stands."""
+    message: Any = type_()
     message.header.frame_id = quantity.sensor
+    without = serialised(message)
     *path, last = quantity.field.split(".")
-    setattr(reduce(getattr, path, message), last, float(value))
-    return message
+    owner = reduce(getattr, path, message)
+    setattr(owner, last, 1.0)
+    number = _NUMBERS[owner.get_fields_and_field_types()[last]]
+    place = number_at(without, serialised(message), number.size)
+    return Template(message), place, number
 
 
 def decode_quantity(quantity: Quantity, message: Any) -> tuple[float, float]:
@@ -128,23 +183,40 @@ def decode_quantity(quantity: Quantity, message: Any) -> tuple[float, float]:
     return decode_stamp(message.header.stamp), value
 
 
-def encode_tension(t: float, force: float) -> WrenchStamped:
-    """Return the load cell's force [N] along the cable as a wrench stamped t [s]."""
+def encode_tension(t: float, force: float) -> bytes:
+    """Return the load cell's force [N] along the cable as a wrench's CDR bytes, stamped t [s]."""
     return encode_quantity(WrenchStamped, CABLE_TENSION, t, force)
 
 
-def decode_tension(message: WrenchStamped) -> tuple[float, float]:
-    """Return (t [s], force [N]) of a load cell message.
+def decode_tension(message: bytes | WrenchStamped) -> tuple[float, float]:
+    """Return (t [s], force [N]) of a load cell's message or of its CDR bytes.
 
     Raises:
-        MessageError: The force is not finite.
+        MessageError: The force is not finite, or the bytes are none of its messages.
     """
-    return decode_quantity(CABLE_TENSION, message)
+    if not isinstance(message, bytes):
+        return decode_quantity(CABLE_TENSION, message)
+    try:
+        reader = CdrReader(message)
+        reader.skip(4, 2)
+        reader.string()
+        # The force along the cable is a wrench's first number.
+        (force,) = _DOUBLE.unpack_from(message, reader.skip(8, 6))
+    except CdrError as error:
+        raise MessageError(f"no geometry_msgs/WrenchStamped: {error}") from None
+    if not math.isfinite(force):
+        raise MessageError(f"tension must be finite, got {force} N")
+    return serialised_stamp(message), force
 
 
-def encode_clock(t: float) -> Clock:
-    """Return simulated time t [s] as a message."""
-    return Clock(clock=encode_stamp(t))
+def encode_clock(t: float) -> bytes:
+    """Return simulated time t [s] as the CDR bytes of a Clock."""
+    return _clock_template().stamped(t)
+
+
+@cache
+def _clock_template() -> Template:
+    return Template(Clock())
 
 
 def decode_clock(message: Clock) -> tuple[float, None]:

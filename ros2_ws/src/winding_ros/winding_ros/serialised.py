@@ -1,4 +1,4 @@
-"""Messages of the graph out of the bytes that a buffer or a recording kept."""
+"""Messages of the graph out of the bytes that DDS, a buffer or a recording holds."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message
 
-from winding_ros.rig_messages import MessageError
-from winding_ros.topic import Topic
+from winding_ros.message_error import MessageError
 
 
-def deserialised(data: bytes, topic: Topic) -> Any:
-    """Return a topic's message from its CDR bytes.
+def deserialised(data: bytes, type_: type) -> Any:
+    """Return a message of a type from its CDR bytes.
 
     Raises:
-        MessageError: The bytes are no message of the topic's type.
+        MessageError: The bytes are no such message.
     """
     try:
-        return deserialize_message(data, topic.type)
+        return deserialize_message(data, type_)
     except Exception as error:
         # What the type support raises is private to rclpy.
-        raise MessageError(f"{len(data)} bytes are not a {topic.type_name}") from error
+        name = type_.__module__.split(".")[0]
+        raise MessageError(f"{len(data)} bytes are not a {name}/{type_.__name__}") from error

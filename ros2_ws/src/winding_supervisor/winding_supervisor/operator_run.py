@@ -15,7 +15,8 @@ from winding_recorder.bags.notes import PARAMETERS
 from winding_recorder.live.recorder import BufferedMessage, Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
-from winding_ros.rig_messages import MessageError, decode_joint_state
+from winding_ros.message_error import MessageError
+from winding_ros.rig_messages import decode_joint_state
 from winding_supervisor.completion import Completion
 from winding_supervisor.orchestrator import Orchestrator
 

@@ -12,7 +12,8 @@ from winding_ros import services, topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph_error import GraphError
 from winding_ros.lifecycle import START_TIMEOUT
-from winding_ros.rig_messages import MessageError, decode_joint_state
+from winding_ros.message_error import MessageError
+from winding_ros.rig_messages import decode_joint_state
 from winding_ros.serialised import deserialised
 from winding_ros.topic import Topic
 
@@ -70,7 +71,7 @@ class SimulatedMachine:
         if message is None:
             return True
         try:
-            _, reading = decode_joint_state(deserialised(message.data, topics.JOINT_STATES))
+            _, reading = decode_joint_state(deserialised(message.data, topics.JOINT_STATES.type))
         except MessageError:
             return self._client.status(topics.RIG) is not None and not self.moving
         return stands(reading)

@@ -12,7 +12,8 @@ from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.graph_error import GraphError
-from winding_ros.rig_messages import MessageError, decode_joint_sample
+from winding_ros.message_error import MessageError
+from winding_ros.rig_messages import decode_joint_sample
 from winding_ros.serialised import deserialised
 from winding_supervisor.rival_watch import RivalWatch
 
@@ -53,7 +54,7 @@ async def standing_axes(
 def joint_sample(message: BufferedMessage, axes: MachineAxes) -> JointSample | None:
     """Return the joints of a buffered joint state; None for one that cannot be used."""
     try:
-        return decode_joint_sample(deserialised(message.data, topics.JOINT_STATES), axes)
+        return decode_joint_sample(deserialised(message.data, topics.JOINT_STATES.type), axes)
     except MessageError:
         return None
 
@@ -83,7 +84,7 @@ def _why_not(
             "or see `winding conform`"
         )
     try:
-        decode_joint_sample(deserialised(message.data, topics.JOINT_STATES), axes)
+        decode_joint_sample(deserialised(message.data, topics.JOINT_STATES.type), axes)
     except MessageError as error:
         return f"the driver's {error}; name its joints by cylinder_joint and carriage_joint"
     contested = RivalWatch(node, ()).look(now)

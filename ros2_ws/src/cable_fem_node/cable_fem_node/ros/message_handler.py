@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +21,9 @@ from winding_core.run_inputs import RunInputs
 from winding_core.tension_pairing import LoadedReading, TensionPairing
 from winding_ros import topics
 from winding_ros.cloud_messages import encode_cloud, encode_line_strip
+from winding_ros.message_error import MessageError
 from winding_ros.message_handler import Answer
-from winding_ros.rig_messages import JointStateReader, MessageError, decode_tension
+from winding_ros.rig_messages import JointStateReader, decode_tension
 from winding_ros.topic import Topic
 
 
@@ -88,7 +88,7 @@ class FemHandler:
             self._replay = None
         yield self.predicted(t, self._prediction.markers)
 
-    def take(self, topic: Topic, message: Any) -> Iterator[Answer]:
+    def take(self, topic: Topic, data: bytes) -> Iterator[Answer]:
         """Take a joint state or a tension; yield what is due.
 
         Raises:
@@ -98,11 +98,11 @@ class FemHandler:
             # Configured and not yet active: a machine that turns already is not followed.
             return
         if topic is topics.TENSION:
-            t, force = decode_tension(message)
+            t, force = decode_tension(data)
             _refuse(self._limits.against_tension(force))
             self._pairing.add_tension(t, max(force, 0.0))
         else:
-            t, reading = self._read(message)
+            t, reading = self._read(data)
             _refuse(self._limits.against_motion(t, reading, self._before))
             self._before = (t, reading)
             self._pairing.add_reading(t, reading)

@@ -79,12 +79,12 @@ class WindingModel(ABC):
             tension = self.config.tension_law(case.weight, case.cylinder_diameter, wound)
         elif not (math.isfinite(tension) and tension >= 0.0):
             raise ValueError(f"tension must not be negative, got {tension} N")
-        drive = np.empty((7, 2))
-        drive[:, 0] = self._drive
+        drive = np.stack([self._drive, self._drive], axis=1)
         drive[ANGLE, 1], drive[SPEED, 1] = angle, reading.angular_speed
         drive[GUIDE, 1], drive[FEED, 1] = reading.carriage_position, reading.feed_speed
         drive[TENSION, 1] = tension
-        drive[STRETCH, 1], drive[LANDING, 1] = self._response(tension)
+        if tension != self._drive[TENSION]:
+            drive[STRETCH, 1], drive[LANDING, 1] = self._response(tension)
         self._run(t, span, drive)
         self._drive = drive[:, 1].copy()
         self.time = t

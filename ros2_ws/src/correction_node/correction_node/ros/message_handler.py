@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -47,13 +46,13 @@ class CorrectionHandler:
         self._told = (frozenset(), frozenset(), {})
         yield Answer(topic=topics.CORRECTION_CASE, message=encode_case_votes(t, {}))
 
-    def take(self, topic: Topic, message: Any) -> Iterator[Answer]:
+    def take(self, topic: Topic, data: bytes) -> Iterator[Answer]:
         """Take predicted or measured markers; yield what they change.
 
         Raises:
             MessageError: The message cannot be used.
         """
-        t, markers = decode_cloud(message, MARKER_DTYPE)
+        t, markers = decode_cloud(data, MARKER_DTYPE)
         if topic is topics.FEM_MARKERS:
             corrected = self.run.correct(t, markers)
             yield Answer(topic=topics.CORRECTED_MARKERS, message=encode_cloud(t, corrected))

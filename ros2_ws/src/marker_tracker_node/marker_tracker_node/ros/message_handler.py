@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sensor_msgs.msg import CameraInfo
 
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.ros.parameters import TrackerParameters
@@ -17,8 +17,11 @@ from marker_tracker_node.tracking.tracker import Tracker
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading, decode_camera_info, decode_image
 from winding_ros.cloud_messages import encode_cloud
+from winding_ros.message_error import MessageError
 from winding_ros.message_handler import Answer
-from winding_ros.rig_messages import JointStateReader, MessageError
+from winding_ros.rig_messages import JointStateReader
+from winding_ros.serialised import deserialised
+from winding_ros.stamps import stamp_bytes, stampless, with_stamp
 from winding_ros.topic import Topic
 
 # Topics overtake each other: the first calibration may come a few frames late.
@@ -54,10 +57,11 @@ class TrackerHandler:
             correct=wanted.camera_clock_correction, limit=wanted.camera_clock_limit
         )
         self._camera: CameraReading | None = None
+        self._calibration = b""
         self._live = SynchronisedTracker(self._clock)
         self._uncalibrated = 0
         # A float of seconds since 1970 holds no nanoseconds: answers bear the frame's own stamp.
-        self._stamps: dict[float, Any] = {}
+        self._stamps: dict[float, bytes] = {}
 
     @property
     def tracker(self) -> Tracker | None:
@@ -78,31 +82,32 @@ class TrackerHandler:
         """Begin a new run; nothing is said before the first frame."""
         self._read = JointStateReader(self._axes)
         self._camera = None
+        self._calibration = b""
         self._live = SynchronisedTracker(self._clock)
         self._uncalibrated = 0
         self._stamps.clear()
         yield from ()
 
-    def take(self, topic: Topic, message: Any) -> Iterator[Answer]:
+    def take(self, topic: Topic, data: bytes) -> Iterator[Answer]:
         """Take a calibration, an encoder sample or a frame; yield the frames that can be measured.
 
         Raises:
             MessageError: The message cannot be used.
         """
         if topic is topics.CAMERA_INFO:
-            self._calibrate(message)
+            self._calibrate(data)
             yield from self._measure()
         elif topic is topics.JOINT_STATES:
-            t, reading = self._read(message)
+            t, reading = self._read(data)
             self._live.add_reading(t, reading)
             yield from self._measure()
         else:
-            t, frame = decode_image(message)
+            t, frame = decode_image(data)
             if self.tracker is None:
                 self._uncalibrated += 1
                 if self._uncalibrated > _FRAMES_BEFORE_CALIBRATION:
                     raise MessageError("no calibrated camera_info has come before this frame")
-            self._stamps[t] = message.header.stamp
+            self._stamps[t] = stamp_bytes(data)
             yield from self.take_frame(t, frame)
 
     def take_frame(self, t: float, frame: NDArray[np.uint8]) -> Iterator[Answer]:
@@ -110,12 +115,16 @@ class TrackerHandler:
         self._live.add_frame(t, frame)
         yield from self._measure()
 
-    def _calibrate(self, message: Any) -> None:
+    def _calibrate(self, data: bytes) -> None:
+        # Nearly every calibration is the last one with another stamp.
+        if stampless(data) == self._calibration:
+            return
         try:
-            _, reading = decode_camera_info(message)
+            _, reading = decode_camera_info(deserialised(data, CameraInfo))
             if self._camera is None or not _same(reading, self._camera):
                 self._live.start(Tracker(self.config, _camera(reading)))
                 self._camera = reading
+            self._calibration = stampless(data)
         except MessageError:
             # A camera that has no calibration gets none by waiting.
             self._uncalibrated = _FRAMES_BEFORE_CALIBRATION
@@ -124,7 +133,9 @@ class TrackerHandler:
     def _measure(self) -> Iterator[Answer]:
         for t, markers in self._live.measured():
             cloud = encode_cloud(t, markers)
-            cloud.header.stamp = self._stamps.pop(t, cloud.header.stamp)
+            stamp = self._stamps.pop(t, None)
+            if stamp is not None:
+                cloud = with_stamp(cloud, stamp)
             yield Answer(topic=topics.TRACKED_MARKERS, message=cloud)
 
 

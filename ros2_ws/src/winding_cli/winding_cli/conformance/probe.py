@@ -31,7 +31,8 @@ from winding_core.readings import AxisReading
 from winding_ros import services, topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.camera_messages import decode_camera_info, decode_image
-from winding_ros.rig_messages import JointStateReader, MessageError, decode_tension
+from winding_ros.message_error import MessageError
+from winding_ros.rig_messages import JointStateReader, decode_tension
 from winding_ros.topic import Topic
 
 RIG_SERVICES = (

@@ -16,7 +16,8 @@ from winding_dashboard.views.view_state import ViewState
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading
 from winding_ros.graph import PAGE
-from winding_ros.rig_messages import JointStateReader, MessageError
+from winding_ros.message_error import MessageError
+from winding_ros.rig_messages import JointStateReader
 from winding_ros.topic import Topic
 
 # The newest one is all that a look needs; a page must never hold up a publisher.

@@ -29,8 +29,8 @@ __all__ = ["BufferedMessage", "Recorder", "RecorderError", "RunBuffer"]
 # Progress follows the topics that come often enough to say how far storage has come.
 _FAST_RATE = 100.0
 _ANSWER_PERIOD_NS = 20_000_000
-# The readers' histories hold two seconds; looking costs nothing beside one wake-up per message.
-_LOOK_PERIOD = 0.004
+# The histories hold two seconds; a look in a while costs less than a wake-up for each message.
+_LOOK_PERIOD = 0.01
 # An open chunk is stored at least this often, and the recorder's state told (REP-107).
 _TELL_PERIOD_NS = 1_000_000_000
 # Messages of one topic come in order; a machine that is built anew begins at zero.

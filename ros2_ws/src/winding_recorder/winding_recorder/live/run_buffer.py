@@ -14,7 +14,8 @@ from winding_core.machine_axes import MachineAxes
 from winding_core.readings import AxisReading
 from winding_recorder.live.thinned_history import StampRuns, ThinnedHistory
 from winding_ros import topics
-from winding_ros.rig_messages import JointStateReader, MessageError
+from winding_ros.message_error import MessageError
+from winding_ros.rig_messages import JointStateReader
 from winding_ros.serialised import deserialised
 from winding_ros.topic import Topic
 
@@ -141,7 +142,7 @@ class RunBuffer:
             if message.received_ns * 1e-9 < since:
                 continue
             try:
-                yield decode(deserialised(message.data, topic))
+                yield decode(deserialised(message.data, topic.type))
             except MessageError:
                 continue
 
@@ -151,7 +152,14 @@ class RunBuffer:
         Args:
             since: Leaves out what came before this monotonic wall time [s].
         """
-        return self.readings(topics.JOINT_STATES, JointStateReader(self.axes), since)
+        read = JointStateReader(self.axes)
+        for message in self.messages.get(topics.JOINT_STATES.name, ()):
+            if message.received_ns * 1e-9 < since:
+                continue
+            try:
+                yield read(message.data)
+            except MessageError:
+                continue
 
     def newest_axis_reading(self) -> tuple[float, AxisReading] | None:
         """Return (t [s], reading) of the last usable joint state; None before the first."""
@@ -160,7 +168,7 @@ class RunBuffer:
         # Speeds that are not reported are slopes over the last samples.
         for message in self.messages[topics.JOINT_STATES.name].newest(_SLOPE_SAMPLES):
             try:
-                found = read(deserialised(message.data, topics.JOINT_STATES))
+                found = read(message.data)
             except MessageError:
                 continue
         return found
@@ -169,7 +177,7 @@ class RunBuffer:
         """Return the last that a decoder makes of a topic's messages; None before the first."""
         for message in reversed(self.messages.get(topic.name, ())):
             try:
-                return decode(deserialised(message.data, topic))
+                return decode(deserialised(message.data, topic.type))
             except MessageError:
                 continue
         return None

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.highlevel import AnyReader
 
 from winding_recorder.bags.comparison import Comparison, compare
@@ -22,8 +21,8 @@ from winding_recorder.bags.reading import Decoder, messages_of, opened
 from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
 from winding_ros import topics
 from winding_ros.graph import CORRECTION, FEM, TRACKER, parameters_of
+from winding_ros.message_error import MessageError
 from winding_ros.message_handler import Answer, MessageHandler
-from winding_ros.rig_messages import MessageError
 from winding_ros.stamps import decode_stamp, serialised_stamp_ns
 from winding_ros.topic import Topic
 
@@ -138,14 +137,14 @@ class _Run:
         """Put one message in, as a node does: one that is refused is counted."""
         self.inputs += 1
         try:
-            self.answer(self._handler.take(topic, deserialize_message(data, topic.type)))
+            self.answer(self._handler.take(topic, data))
         except MessageError:
             self.refused += 1
 
     def answer(self, answers: Iterator[Answer]) -> None:
         """Take answers."""
         for answer in answers:
-            data = self.decoder.canonical(answer.topic.type_name, serialize_message(answer.message))
+            data = self.decoder.canonical(answer.topic.type_name, answer.data)
             self.digest.update(answer.topic.name.encode())
             self.digest.update(data)
             self.answers[answer.topic.name][serialised_stamp_ns(data)].append(data)

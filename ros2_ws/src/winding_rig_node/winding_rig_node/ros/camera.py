@@ -24,7 +24,7 @@ from winding_rig_node.ros.outputs import Outputs, due
 from winding_rig_node.ros.parameters import RigParameters
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading, decode_camera_info
-from winding_ros.rig_messages import MessageError
+from winding_ros.message_error import MessageError
 
 CAMERA_SIGNAL = "camera"
 # A camera that falls behind by this many frames holds the machine's time.

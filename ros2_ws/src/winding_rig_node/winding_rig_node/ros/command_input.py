@@ -11,7 +11,7 @@ from winding_rig_node.machine.machine import Machine
 from winding_rig_node.ros.machine_loop import MachineLoop
 from winding_ros import topics
 from winding_ros.managed_node import ManagedNode
-from winding_ros.rig_messages import MessageError
+from winding_ros.message_error import MessageError
 from winding_ros.topic import Topic
 
 # A stream of refused commands is one sentence per second in the log.

@@ -21,6 +21,9 @@ _STEP_POLL = 0.01
 # A quick stop takes 0.3 s; a machine that does not come to rest may not keep its process.
 _REST_PATIENCE = 0.6
 _SAMPLE_PERIOD = 1.0 / SAMPLE_RATE
+# Samples are published in bursts of a frame's length: each wake-up of a 1 kHz loop, and of those
+# that read it, costs as much as several messages.
+_BURST = 5
 # Stamps come back as seconds in binary: a microsecond decides nothing at 1 kHz.
 _ROUNDING = 1.0e-6
 
@@ -205,12 +208,11 @@ class MachineLoop:
         return not self._quit
 
     def _wait_for_deadline(self, deadline: float) -> float:
-        """Sleep until the next control step is due; return the following deadline."""
+        """Sleep until the next burst is due; return the deadline of the next sample."""
         speed = self._wanted.speed
         if speed == 0.0:
             return deadline
-        # Sleeping once per control step halves the wake-ups of a 1 kHz loop.
-        if self.machine.state.drive_sample % 2 == 0:
+        if self.machine.state.drive_sample % _BURST == 0:
             time.sleep(max(0.0, deadline - time.monotonic()))
         return deadline + 1.0 / (SAMPLE_RATE * speed)
 

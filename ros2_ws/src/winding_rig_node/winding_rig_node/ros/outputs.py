@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from winding_rig_node.machine.machine_config import SAMPLE_RATE
 from winding_ros import graph, topics
 from winding_ros.camera_messages import (
     CameraReading,
-    encode_camera_info,
+    camera_info_template,
     encode_image,
     encode_preview,
 )
@@ -38,6 +39,7 @@ class Outputs:
     def __init__(self, node: ManagedNode[Any]) -> None:
         self.faults = Faults()
         self._publish = node.endpoints.publish
+        self._calibration: CameraReading | None = None
 
     def sample(self, machine: Machine) -> None:
         """Publish what of clock, axes and sensors is due at the machine's present sample."""
@@ -75,10 +77,12 @@ class Outputs:
     def camera_info(self, t: float, calibration: CameraReading) -> None:
         """Publish the camera's calibration."""
         for stamp, values in self._through(topics.CAMERA_INFO, t, calibration.matrix.copy):
-            message = encode_camera_info(stamp, calibration)
+            said = calibration
             if values is not None:
-                message.k = np.asarray(values, dtype=float).ravel()
-            self._publish(topics.CAMERA_INFO, message)
+                said = replace(calibration, matrix=np.asarray(values, dtype=float).reshape(3, 3))
+            if said is not self._calibration:
+                self._calibration, self._info = said, camera_info_template(said)
+            self._publish(topics.CAMERA_INFO, self._info.stamped(stamp))
 
     def image(self, t: float, frame: NDArray[np.uint8]) -> None:
         """Publish a frame, shape (height, width, 3), of time t [s]."""

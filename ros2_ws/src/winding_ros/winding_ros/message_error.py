@@ -1,0 +1,5 @@
+"""What decoders raise."""
+
+
+class MessageError(ValueError):
+    """A message does not say what its topic promises."""
