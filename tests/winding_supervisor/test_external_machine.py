@@ -100,12 +100,38 @@ def test_a_reversed_axis_is_named_and_what_was_wound_is_kept(
     assert "This run ended early" in page
 
 
+SERVE = 'f"rig/{name}", getattr(self, name)'
+RESET = "    def reset(self"
+# It goes on measuring, and never answers.
+HANG = """\
+    def hang(self, *_):
+        while True:
+            self.sample()
+
+"""
+
+
 @pytest.mark.parametrize(
-    "driver",
-    [{'"rig/{name}", getattr': '"rig/" + ("no_" * ("stop" in name)) + name, getattr'}],
-    indirect=True,
+    ("driver", "said"),
+    [
+        (
+            {SERVE: '"rig/" + ("no_" * ("stop" in name)) + name, getattr(self, name)'},
+            "nobody serves rig/quick_stop; nobody serves rig/stop",
+        ),
+        (
+            {
+                SERVE: 'f"rig/{name}", self.hang if "stop" in name else getattr(self, name)',
+                RESET: HANG + RESET,
+            },
+            "no answer from rig/quick_stop in 0.8 s; no answer from rig/stop in 0.8 s",
+        ),
+    ],
+    indirect=["driver"],
+    ids=["missing", "hanging"],
 )
-def test_a_stop_that_cannot_be_delivered_ends_the_run(driver: Any, tmp_path: Path) -> None:
+def test_a_stop_that_cannot_be_delivered_ends_the_run(
+    driver: Any, said: str, tmp_path: Path
+) -> None:
     errors = tmp_path / "stderr"
     with errors.open("w", encoding="utf-8") as stderr:
         run = subprocess.Popen(
@@ -120,8 +146,7 @@ def test_a_stop_that_cannot_be_delivered_ends_the_run(driver: Any, tmp_path: Pat
         assert run.wait(240.0) == 1
     finally:
         run.kill()
-    said = errors.read_text(encoding="utf-8")
-    assert "nobody serves rig/quick_stop; nobody serves rig/stop" in said
+    assert said in errors.read_text(encoding="utf-8")
     assert "could not be delivered" in numbers(tmp_path / "run")["ended"]
 
 

@@ -133,10 +133,8 @@ class RodWinding(WindingModel):
         total = max(1, math.ceil(span / self.step_limit))
         dt = span / total
         done = 0
-        begin = drive.copy()
+        part = drive
         while done < total:
-            part = drive.copy()
-            part[:, 0] = begin[:, 0]
             self.nodes, taken, self._surface_step, status, element = advance_winding(
                 self.nodes,
                 total - done,
@@ -166,7 +164,7 @@ class RodWinding(WindingModel):
                 )
             if status == FULL:
                 self._grow(2 * self.nodes)
-                begin = part_way(drive, done / total, span)
+                part = part_way(drive, done / total, span)
 
     def _grow(self, capacity: int) -> None:
         old, reference = self._cable, self._reference

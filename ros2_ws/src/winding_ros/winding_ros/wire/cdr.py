@@ -70,7 +70,7 @@ def _write(buffer: bytearray, value: Any, type_: str) -> None:
 
 def _write_items(buffer: bytearray, values: Any, type_: str) -> None:
     code = _CODES.get(type_)
-    if "/" in type_ and len(values):
+    if "/" in type_ and len(values) > 0:
         kinds = values[0].get_fields_and_field_types()
         # A line has some hundred points.
         if set(kinds.values()) == {"double"}:
@@ -79,9 +79,11 @@ def _write_items(buffer: bytearray, values: Any, type_: str) -> None:
     if code is None or type_ == "octet":
         for value in values:
             _write(buffer, value, type_)
-    elif values:
-        _align(buffer, struct.calcsize(code))
-        buffer += np.asarray(values, dtype=f"<{code}").tobytes()
+        return
+    items = np.asarray(values, dtype=f"<{code}")
+    if items.size:
+        _align(buffer, items.itemsize)
+        buffer += items.tobytes()
 
 
 def _align(buffer: bytearray, size: int) -> None:
