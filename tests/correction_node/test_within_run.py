@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from correction_node.live.within_run import (
-    WithinRun,
+from correction_node.live.within_run import WithinRun, published_within_run
+from correction_node.models.dataset import load_data_set
+from correction_node.training.within_run_learning import (
     conformal_quantile,
     expected_lengths,
     fit_build_up,
     held_out_lengths,
-    published_within_run,
+    learn_within_run,
     run_table,
 )
-from correction_node.models.dataset import load_data_set
 from correction_node.training.within_run_score import WithinRunScore, score_within_run
 
 CELLS = load_data_set("rod").cells
@@ -161,8 +161,12 @@ def test_more_measured_markers_predict_better_and_say_so(scored: WithinRunScore)
         assert widths[1] < widths[0]
 
 
-def test_learned_law_is_the_scored_one(scored: WithinRunScore) -> None:
-    assert published_within_run().build_up_length == scored.build_up_length
+def test_the_law_that_nodes_use_is_what_the_published_runs_teach() -> None:
+    learned, used = learn_within_run(CELLS), published_within_run()
+    # The search for L_c ends within a tenth of a millimetre, which moves no length by more than
+    # 1e-5 and so no bound, a few percent of a length, by more than 1e-3 of itself.
+    assert used.build_up_length == pytest.approx(learned.build_up_length, abs=1e-4)
+    assert used.relative_bounds == pytest.approx(learned.relative_bounds, rel=1e-3)
 
 
 def test_nothing_is_left_to_predict_after_the_last_marker() -> None:

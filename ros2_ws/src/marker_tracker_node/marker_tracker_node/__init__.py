@@ -1,11 +1,17 @@
 """Measurement: marker positions from camera frames and encoder readings. Core without ROS."""
 
-from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
-from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
-from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.refinement import Refinement, Sightings, refine
-from marker_tracker_node.tracking.report import FrameFault, TrackerReport
-from marker_tracker_node.tracking.tracker import Tracker
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
+    from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
+    from marker_tracker_node.tracking.config import TrackerConfig
+    from marker_tracker_node.tracking.refinement import Refinement, Sightings, refine
+    from marker_tracker_node.tracking.report import FrameFault, TrackerReport
+    from marker_tracker_node.tracking.tracker import Tracker
 
 __all__ = [
     "CameraPose",
@@ -20,3 +26,20 @@ __all__ = [
     "TrackerReport",
     "refine",
 ]
+
+_PLACES = {
+    "camera.pinhole": {"CameraPose", "PinholeCamera"},
+    "detection.colour": {"ColourModel", "ColourRefusedError"},
+    "tracking.config": {"TrackerConfig"},
+    "tracking.refinement": {"Refinement", "Sightings", "refine"},
+    "tracking.report": {"FrameFault", "TrackerReport"},
+    "tracking.tracker": {"Tracker"},
+}
+
+
+def __getattr__(name: str) -> Any:
+    # Who asks for the node's parameters alone is spared its kernels.
+    for module, names in _PLACES.items():
+        if name in names:
+            return getattr(importlib.import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -7,7 +7,6 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from winding_core.tension import RigTension
 
@@ -46,6 +45,8 @@ def fit_rig_tension(
         residuals: Residuals of a law, shape (n,), n > 5.
         start: Where the search begins.
     """
+    from scipy.optimize import least_squares  # noqa: PLC0415
+
     found = least_squares(
         lambda numbers: residuals(_law_of(numbers)),
         astuple(start),

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from numpy.typing import ArrayLike, NDArray
 
 from winding_core.camera_placement import CameraPlacement
 from winding_core.condition import ResolvedCondition
@@ -82,10 +82,10 @@ def machine_urdf(
 
     if camera is not None:
         _link(robot, CAMERA, "machine", "box", size=_text([0.03, 0.03, 0.05]))
-        turned = Rotation.from_matrix(_FACING) * Rotation.from_rotvec(camera.camera_tilt)
+        turned = _FACING @ _rotation(camera.camera_tilt)
         _joint(
             robot, "camera_joint", "fixed", BASE, CAMERA,
-            xyz=camera.camera_position, rpy=_roll_pitch_yaw(turned.as_matrix()),
+            xyz=camera.camera_position, rpy=_roll_pitch_yaw(turned),
         )  # fmt: skip
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
@@ -120,7 +120,18 @@ def _joint(
     return joint
 
 
-def _roll_pitch_yaw(turn: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[float]:
+def _rotation(vector: ArrayLike) -> NDArray[np.float64]:
+    """Return the matrix of a rotation vector [rad] (Rodrigues), shape (3, 3)."""
+    x, y, z = way = np.asarray(vector, dtype=float)
+    angle = math.hypot(x, y, z)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    # sin(a) / a, and (1 - cos(a)) / a^2 without the difference.
+    first = float(np.sinc(angle / math.pi))
+    second = 0.5 * float(np.sinc(0.5 * angle / math.pi)) ** 2
+    return np.asarray(math.cos(angle) * np.eye(3) + first * cross + second * np.outer(way, way))
+
+
+def _roll_pitch_yaw(turn: NDArray[np.float64]) -> list[float]:
     """Return the angles [rad] about fixed x, y, z of a rotation matrix, shape (3, 3).
 
     The camera's nominal pose has a pitch of a quarter turn, where roll and yaw are one: the roll

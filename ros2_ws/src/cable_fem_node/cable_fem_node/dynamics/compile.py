@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
-from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar, cast
 
-from numba import config, njit
-
-from winding_core import material_law
+from winding_core.kernel_cache import cached, code_folder
+from winding_core.lean_numba import numba
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -17,43 +14,18 @@ R = TypeVar("R")
 # NaN must stay visible to the divergence check, so "nnan" and "ninf" are left out.
 _REORDER = {"reassoc", "contract", "arcp", "nsz"}
 
-_PACKAGE = Path(__file__).parent.parent
-
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile an array function to cached machine code that releases the interpreter lock."""
-    compiled: Callable[P, R] = njit(cache=True, nogil=True, fastmath=_REORDER, error_model="numpy")(
-        function
-    )
-    return compiled
-
-
-def drop_stale_code(folder: Path, *shared: Path) -> None:
-    """Delete cached machine code that is older than any source below a folder.
-
-    Numba compares code only with the file that holds the function, not with the files of the
-    functions it calls: an edited kernel would live on inside its callers.
-
-    Args:
-        folder: Holds the kernels and what they call, at any depth.
-        shared: Files elsewhere whose constants are compiled into the kernels.
-    """
-    newest = max(source.stat().st_mtime for source in (*folder.rglob("*.py"), *shared))
-    for cached in folder.rglob("__pycache__/*.nb[ci]"):
-        with contextlib.suppress(FileNotFoundError, PermissionError):
-            if cached.stat().st_mtime < newest:
-                cached.unlink()
+    compile_ = numba.njit(nogil=True, fastmath=_REORDER, error_model="numpy")
+    return cast(Callable[P, R], cached(compile_(function)))
 
 
 def is_compiled() -> bool:
-    """Return whether machine code of earlier runs lies beside this package (or where Numba caches).
+    """Return whether there is machine code of earlier runs.
 
     Under NUMBA_DISABLE_JIT=1 there is nothing to compile.
     """
-    if config.DISABLE_JIT:
+    if numba.config.DISABLE_JIT:
         return True
-    folder = Path(config.CACHE_DIR) if config.CACHE_DIR else _PACKAGE
-    return any(folder.rglob("*.nbi"))
-
-
-drop_stale_code(_PACKAGE, Path(material_law.__file__))
+    return any(code_folder("cable_fem_node").rglob("*.nbi"))

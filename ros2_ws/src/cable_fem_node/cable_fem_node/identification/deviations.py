@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.optimize import brentq
 
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.tracked_run import TrackedRun
@@ -25,6 +23,8 @@ def angle_covariance(
         model_share: Relative standard error of the model, common to all markers of a run.
         scatter: Relative standard deviation of each marker by itself, beyond the tracker's.
     """
+    from scipy.linalg import block_diag  # noqa: PLC0415 - see `Search.run`
+
     blocks = []
     for run in runs:
         theta = run.readings.theta
@@ -57,6 +57,7 @@ def scatter_of(
         runs: Where they come from.
         model_share: See `angle_covariance`.
     """
+    from scipy.optimize import brentq  # noqa: PLC0415 - see `Search.run`
 
     def excess(scatter: float) -> float:
         return chi_square(left, angle_covariance(runs, model_share, scatter)) - degrees

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, t
 
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.deviations import angle_covariance, chi_square, scatter_of
@@ -96,6 +95,8 @@ def fit(
         IdentificationError: The search does not come to rest, or the rod fails.
         AbandonedError: `going` said no.
     """
+    from scipy.special import chdtrc, stdtrit  # noqa: PLC0415 - in the thread that fits
+
     config = FitConfig() if config is None else config
     search = Search(runs, family, bounds, config, going)
     low, high = bounds
@@ -104,7 +105,7 @@ def fit(
     left = (search.fitted - search.measured)[:angles]
     squares = chi_square(left, angle_covariance(runs, config.model_share))
     degrees = angles - search.parameters.size
-    misfit = degrees > 0 and float(chi2.sf(squares, degrees)) < config.misfit_level
+    misfit = degrees > 0 and float(chdtrc(degrees, squares)) < config.misfit_level
     scatter = 0.0
     if misfit:
         scatter = scatter_of(left, degrees, runs, config.model_share)
@@ -113,7 +114,7 @@ def fit(
         parameters=search.parameters,
         covariance=search.covariance,
         # Scatter that the residuals themselves tell is known as badly as they are few.
-        quantile=float(t.ppf(0.95, degrees)) if misfit else NORMAL_90,
+        quantile=float(stdtrit(degrees, 0.95)) if misfit else NORMAL_90,
         residuals=_residuals(runs, search.fitted),
         chi_square=squares,
         degrees=degrees,

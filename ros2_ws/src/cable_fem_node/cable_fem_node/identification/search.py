@@ -13,8 +13,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag, solve_triangular
-from scipy.optimize import least_squares
 
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.deviations import angle_covariance, axial_covariance
@@ -96,6 +94,10 @@ class Search:
             IdentificationError: The markers do not tell the parameters, or the search does not
                 come to rest.
         """
+        # Live, this is the thread beside the node's own, and the machine is winding.
+        from scipy.linalg import block_diag, solve_triangular  # noqa: PLC0415
+        from scipy.optimize import least_squares  # noqa: PLC0415
+
         runs, config = self._runs, self._config
         angle = angle_covariance(runs, config.model_share, scatter)
         axial = axial_covariance(runs, config.model_z)

@@ -8,7 +8,6 @@ from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.neighbors import KNeighborsClassifier
 
 from correction_node.models.dataset import Array
 from winding_core.published import published_markers
@@ -72,18 +71,34 @@ def repeated_runs(
     return np.asarray(repeated * np.exp(generator.normal(0.0, noise, (len(repeated), columns))))
 
 
-def classifier_of(
-    lengths: Array, cases: NDArray[np.int64], neighbours: int
-) -> KNeighborsClassifier:
-    """Return K-NN over the logarithms of known lengths.
+@dataclass(frozen=True, kw_only=True)
+class KnownRuns:
+    """Runs of known cases, among which the nearest vote.
 
-    Args:
-        lengths: Known runs [m], shape (n, 4); NaN where a marker is missing.
-        cases: Their cases, shape (n,).
+    Attributes:
+        lengths: [m], shape (n, 4); NaN where a marker is missing.
+        cases: Shape (n,).
         neighbours: k.
     """
-    found = KNeighborsClassifier(neighbours, metric="nan_euclidean", algorithm="brute")
-    return found.fit(np.log(lengths), cases)
+
+    lengths: Array
+    cases: NDArray[np.int64]
+    neighbours: int
+
+    def votes(self, lengths: Array) -> tuple[NDArray[np.int64], Array]:
+        """Return (cases, ascending, shape (c,); share of the votes of each run, shape (m, c)).
+
+        Args:
+            lengths: Runs to name [m], shape (m, 4); NaN where a marker is missing.
+        """
+        off = np.log(lengths)[:, np.newaxis] - np.log(self.lengths)
+        with np.errstate(invalid="ignore"):
+            # Runs without a common marker are further than any other: NaN is sorted last.
+            distance = np.nansum(off**2, axis=2) / np.isfinite(off).sum(axis=2)
+        nearest = np.argsort(distance, axis=1, kind="stable")[:, : self.neighbours]
+        cases = np.unique(self.cases)
+        named = self.cases[nearest][:, :, np.newaxis] == cases
+        return cases, named.mean(axis=1)
 
 
 class Neighbours:
@@ -101,7 +116,9 @@ class Neighbours:
         cases, table = published_lengths()
         generator = np.random.default_rng(seed)
         repeated = repeated_runs(table, REPETITIONS, noise, Noise.MARKER, generator)
-        self._classifier = classifier_of(repeated, np.repeat(cases, REPETITIONS), NEIGHBOURS)
+        self._known = KnownRuns(
+            lengths=repeated, cases=np.repeat(cases, REPETITIONS), neighbours=NEIGHBOURS
+        )
 
     def classify(self, lengths: ArrayLike) -> Resemblance:
         """Return the condition that measured lengths resemble.
@@ -113,10 +130,10 @@ class Neighbours:
             ValueError: Nothing is measured, a length is not positive, or there are too many.
         """
         run = _padded(lengths)
-        shares = self._classifier.predict_proba(np.log(run)[np.newaxis])[0]
+        cases, (shares,) = self._known.votes(run[np.newaxis])
         votes = {
             int(case): float(share)
-            for case, share in zip(self._classifier.classes_, shares, strict=True)
+            for case, share in zip(cases, shares, strict=True)
             if share > 0.0
         }
         case = max(votes, key=lambda number: votes[number])

@@ -10,8 +10,8 @@ import numpy as np
 from correction_node.live.neighbours import (
     NEIGHBOURS,
     REPETITIONS,
+    KnownRuns,
     Noise,
-    classifier_of,
     published_lengths,
     repeated_runs,
 )
@@ -90,5 +90,5 @@ def _campaign(
     known = repeated_runs(table, repetitions, noise, kind, generator)
     fresh = repeated_runs(table, repetitions, noise, kind, generator)
     truth = np.repeat(cases, repetitions)
-    named = classifier_of(known, truth, neighbours).predict(np.log(fresh))
-    return float(np.mean(named == truth))
+    cases, shares = KnownRuns(lengths=known, cases=truth, neighbours=neighbours).votes(fresh)
+    return float(np.mean(cases[shares.argmax(axis=1)] == truth))

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from correction_node.live.within_run import (
-    FEWEST,
+from correction_node.live.within_run import FEWEST
+from correction_node.models.dataset import Array, LengthCell
+from correction_node.training.within_run_learning import (
     RunTable,
     conformal_quantile,
     expected_lengths,
@@ -17,7 +18,6 @@ from correction_node.live.within_run import (
     run_scores,
     run_table,
 )
-from correction_node.models.dataset import Array, LengthCell
 
 
 @dataclass(frozen=True, kw_only=True)

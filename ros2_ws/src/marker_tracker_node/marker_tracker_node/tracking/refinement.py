@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCamera
 from marker_tracker_node.detection.band import Band, Body, band_centroid
@@ -88,6 +87,8 @@ def refine(config: TrackerConfig, camera: PinholeCamera, sightings: Sightings) -
     Raises:
         ValueError: There are too few sightings, or P0 was never seen.
     """
+    from scipy.optimize import least_squares  # noqa: PLC0415 - after a run, never within one
+
     if len(sightings.marker) < LEAST_SIGHTINGS:
         raise ValueError(
             f"a refinement needs at least {LEAST_SIGHTINGS} sightings, got {len(sightings.marker)}"

@@ -1,54 +1,96 @@
-"""The subcommands of `winding`; each is a file of its own and imports its packages late."""
+"""The subcommands of `winding`; each is a file of its own, imported when it is asked for."""
 
 from __future__ import annotations
 
-import typer
+import importlib
+from collections.abc import Iterator, Mapping
+from typing import Any
 
-from winding_cli.commands.bag import bag
-from winding_cli.commands.board import board
-from winding_cli.commands.calibrate import calibrate
-from winding_cli.commands.conform import conform
-from winding_cli.commands.dashboard import dashboard
-from winding_cli.commands.doctor import doctor
-from winding_cli.commands.faults import faults
-from winding_cli.commands.graph import graph
-from winding_cli.commands.health import health
-from winding_cli.commands.identify import identify
-from winding_cli.commands.predict import predict
-from winding_cli.commands.render import render
-from winding_cli.commands.run import run
-from winding_cli.commands.serve import serve
-from winding_cli.commands.study import study
-from winding_cli.commands.sweep import sweep
-from winding_cli.commands.track import track
-from winding_cli.commands.train import train
-from winding_cli.commands.verify import verify
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+# Command -> first paragraph of its help, in the order in which help lists them.
+SAID = {
+    "run": "Wind one case: predict, measure, correct; end with a table and a report.",
+    "serve": "Serve run/send_goal, run/cancel_goal and run/get_result until Ctrl-C.",
+    "predict": (
+        "Predict where every marker ends up, how much cable is used, and how far to trust it."
+    ),
+    "sweep": "Wind every combination of parameters that a file describes and tabulate the results.",
+    "identify": (
+        "Identify the cable's material from tracked markers by inverse winding, or from a test."
+    ),
+    "study": "Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models.",
+    "verify": (
+        "Compare the solver with closed forms and reference solutions; exit code 1 if one fails."
+    ),
+    "train": (
+        "Learn the correction factor h and compare it, in-sample and by case left out, with others."
+    ),
+    "render": "Render the measured lay of a case: frames, motion.csv, truth.csv, camera.yaml.",
+    "track": "Track a recording and print where every marker lies.",
+    "board": "Draw the board that `winding calibrate` looks for; print it at its true size.",
+    "calibrate": "Fit camera matrix and distortion, and write the YAML that ROS tools read.",
+    "conform": "Listen to a running driver and say, promise by promise, what it keeps.",
+    "doctor": "Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL.",
+    "faults": (
+        "Kill, hold and mislead a running graph in every way of the table; exit 1 if it fails one."
+    ),
+    "dashboard": "Serve the operator's page; Ctrl-C ends it.",
+    "health": "Listen to /diagnostics; exit 1 when a node is silent or in error.",
+    "graph": "Show the nodes, their topics and who listens.",
+    "bag": "Look into recordings, check, recover, play, replay and export them.",
+}
+
+
+class _LateCommands(Mapping[str, Any]):
+    """Commands by name; one that is asked for is imported with all that it needs."""
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in SAID:
+            raise KeyError(name)
+        command = getattr(importlib.import_module(f"winding_cli.commands.{name}"), name)
+        if not isinstance(command, typer.Typer):
+            alone = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
+            alone.command()(command)
+            command = alone
+        return typer.main.get_command(command)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(SAID)
+
+    def __len__(self) -> int:
+        return len(SAID)
+
+
+class _LateGroup(TyperGroup):
+    """Lists its commands without importing them."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = _LateCommands()  # type: ignore[assignment]
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(self.commands)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        late = self.commands
+        self.commands = {name: TyperCommand(name, help=said) for name, said in SAID.items()}
+        try:
+            super().format_help(ctx, formatter)
+        finally:
+            self.commands = late
+
 
 app = typer.Typer(
+    cls=_LateGroup,
     help="Predicts, watches and corrects how a flexible cable lays itself on a cylinder.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-for _command in (
-    run,
-    serve,
-    predict,
-    sweep,
-    identify,
-    study,
-    verify,
-    train,
-    render,
-    track,
-    board,
-    calibrate,
-    conform,
-    doctor,
-    faults,
-    dashboard,
-    health,
-    graph,
-):
-    app.command()(_command)
-app.add_typer(bag, name="bag")
+
+
+@app.callback()
+def _begin() -> None:
+    pass

@@ -21,6 +21,8 @@ from winding_core.units import MEGABYTE, MILLISECOND
 bag = typer.Typer(
     help="Look into recordings, check, recover, play, replay and export them.",
     no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
 )
 Source = Annotated[Path, typer.Argument(help="rosbag2 folder, or one .mcap or .db3 file.")]
 

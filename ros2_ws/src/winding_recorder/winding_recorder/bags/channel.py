@@ -4,21 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
-from rosbags.interfaces import (
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
-from rosbags.rosbag2.metadata import dump_qos_v9
-from rosbags.typesys import Stores, get_typestore
 
-_FOREVER = QosTime(sec=9223372036, nsec=854775807)
+# A run without a bag needs none of rosbags, so each function imports what it takes from there.
+if TYPE_CHECKING:
+    from rosbags.interfaces import Qos
+
+_FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +36,8 @@ class Channel:
     @property
     def profiles(self) -> list[Any]:
         """Offered profiles as metadata.yaml of version 9 writes them."""
+        from rosbags.rosbag2.metadata import dump_qos_v9  # noqa: PLC0415
+
         return list(dump_qos_v9(list(self.qos)))
 
     @property
@@ -62,7 +58,17 @@ def jazzy_channel(name: str, type_name: str, *, depth: int, latched: bool) -> Ch
     Raises:
         KeyError: Jazzy has no such type.
     """
+    from rosbags.interfaces import (  # noqa: PLC0415
+        Qos,
+        QosDurability,
+        QosHistory,
+        QosLiveliness,
+        QosReliability,
+        QosTime,
+    )
+
     definition, type_hash = _described(type_name)
+    forever = QosTime(**_FOREVER)
     durability = QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE
     return Channel(
         name=name,
@@ -75,10 +81,10 @@ def jazzy_channel(name: str, type_name: str, *, depth: int, latched: bool) -> Ch
                 depth=depth,
                 reliability=QosReliability.RELIABLE,
                 durability=durability,
-                deadline=_FOREVER,
-                lifespan=_FOREVER,
+                deadline=forever,
+                lifespan=forever,
                 liveliness=QosLiveliness.AUTOMATIC,
-                liveliness_lease_duration=_FOREVER,
+                liveliness_lease_duration=forever,
                 avoid_ros_namespace_conventions=False,
             ),
         ),
@@ -87,6 +93,8 @@ def jazzy_channel(name: str, type_name: str, *, depth: int, latched: bool) -> Ch
 
 @cache
 def _described(type_name: str) -> tuple[str, str]:
+    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+
     types = get_typestore(Stores.ROS2_JAZZY)
     definition, _ = types.generate_msgdef(type_name, ros_version=2)
     return definition, types.hash_rihs01(type_name)

@@ -6,18 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import CompressionType, Writer
-
 from winding_recorder.bags.channel import Channel
 from winding_recorder.bags.sink import Sink
 
 # Readers seek to the beginning of a chunk, and a killed recorder loses the open one.
 CHUNK_BYTES = 256 * 1024
-COMPRESSIONS = {"none": CompressionType.NONE, "zstd": CompressionType.ZSTD}
+COMPRESSIONS = ("none", "zstd")
 NOTES_BEFORE = "winding_run"
 NOTES_AFTER = "winding_recording"
 _LIBRARY = "cable-winding-twin"
+_SCHEMA_ENCODING, _MESSAGE_ENCODING = "ros2msg", "cdr"
 _MESSAGE_OVERHEAD = 9 + 22
 _RECORD_OVERHEAD = 64
 
@@ -63,13 +61,16 @@ class McapFile:
     def __init__(
         self, path: Path, channels: Sequence[Channel], config: BagConfig, notes: Mapping[str, str]
     ) -> None:
+        # A run without a bag needs no MCAP.
+        from mcap.writer import CompressionType, Writer  # noqa: PLC0415
+
         self._chunk_bytes = config.chunk_bytes
         self._sink = Sink(path)
         # Chunks are ended here: the library ends one only after it has grown too long.
         self._writer = Writer(
             self._sink,
             chunk_size=2**62,
-            compression=COMPRESSIONS[config.compression],
+            compression=CompressionType[config.compression.upper()],
             enable_crcs=True,
             enable_data_crcs=True,
         )
@@ -145,7 +146,7 @@ class McapFile:
         if channel.type_name not in self._schemas:
             definition = channel.definition.encode()
             self._schemas[channel.type_name] = self._writer.register_schema(
-                channel.type_name, SchemaEncoding.ROS2, definition
+                channel.type_name, _SCHEMA_ENCODING, definition
             )
             self._describe(len(definition) + len(channel.type_name))
         qos = channel.profiles_text
@@ -153,7 +154,7 @@ class McapFile:
         return int(
             self._writer.register_channel(
                 channel.name,
-                MessageEncoding.CDR,
+                _MESSAGE_ENCODING,
                 self._schemas[channel.type_name],
                 {"offered_qos_profiles": qos, "topic_type_hash": channel.type_hash},
             )

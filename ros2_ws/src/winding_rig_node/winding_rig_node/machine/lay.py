@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
-from scipy.optimize import brentq
 
 from winding_core.cases import Case
 from winding_core.drive import DriveProfile
@@ -106,7 +104,8 @@ def simulated_lay(case: Case, drive: DriveProfile, hidden: HiddenCable, end: flo
     stretch = neo_hookean_stretch(tension / (case.section_area * young))
     theta = _grid(end, np.empty(0))
     way = np.hypot(case.centreline_radius, law.slope(theta)) / stretch
-    laid = cumulative_trapezoid(way, theta, initial=0.0)
+    pieces = 0.5 * (way[1:] + way[:-1]) * np.diff(theta)
+    laid = np.concatenate([[0.0], np.cumsum(pieces)])
     marked = case.marker_spacing * np.arange(case.marker_count + 1)
     marker_theta = np.interp(marked, laid, theta, right=np.nan)
     return CableLay(path_theta=theta, path_z=law.z(theta), marker_theta=marker_theta)
@@ -117,7 +116,12 @@ def neo_hookean_stretch(load: float) -> float:
 
     sigma / E = (lambda - lambda^-2) / 3.
     """
-    return float(brentq(lambda x: (x - x**-2) / 3.0 - load, 1.0, 2.0 + 3.0 * load))
+    stretch, before = 1.0, 0.0
+    # The curve is concave, so Newton's method climbs to the root and never passes it.
+    while stretch > before:
+        left = load - (stretch - stretch**-2) / 3.0
+        before, stretch = stretch, stretch + 3.0 * left / (1.0 + 2.0 * stretch**-3)
+    return before
 
 
 def _law(case: Case, drive: DriveProfile, free_length: float) -> FleetAngleLaw:
