@@ -35,6 +35,18 @@ def test_reading_is_interpolated_to_the_frame() -> None:
     assert pair.guide_z == pytest.approx(3.5)
 
 
+@pytest.mark.parametrize("ahead", [1, 7])
+def test_what_a_frame_is_measured_with_does_not_depend_on_the_encoder_s_lead(ahead: int) -> None:
+    pairing = Synchroniser()
+    for sample in range(100 + ahead):
+        pairing.add_reading(1e-3 * sample, reading(1e-6 * sample**2))
+    pairing.add_frame(0.0995, FRAME)
+    (pair,) = pairing.ready()
+    assert pair.cylinder_angle == pytest.approx(1e-6 * 99.5**2, abs=1e-6)
+    assert pairing.history.newest == 0.1
+    assert pairing.history.angles(np.array([0.2]))[0] == reading(1e-6 * 100**2).cylinder_angle
+
+
 def test_frame_in_an_encoder_drop_out_goes_without_a_reading() -> None:
     pairing = Synchroniser(EncoderHistory(longest_gap=0.02))
     pairing.add_reading(1.0, reading(1.0))

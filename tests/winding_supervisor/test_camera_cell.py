@@ -35,8 +35,10 @@ class Wound:
 def cell(request: pytest.FixtureRequest) -> Iterator[None]:
     """Run a cell that differs from the ideal one as the test asks."""
     process = subprocess.Popen(
-        [sys.executable, str(CELL), json.dumps(request.param), "--ros-args"]
-        + ["-r", f"__ns:=/{NAMESPACE}"],
+        [
+            *(sys.executable, str(CELL), json.dumps(request.param)),
+            *("--ros-args", "-r", f"__ns:=/{NAMESPACE}"),
+        ],
         stderr=subprocess.PIPE,
         text=True,
     )
@@ -121,8 +123,11 @@ def test_a_camera_whose_clock_is_off_is_corrected_when_that_is_asked(
     assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
 
 
-@pytest.mark.parametrize("cell", [{"camera_offset": 0.05}], indirect=True, ids=str)
-def test_a_camera_whose_clock_is_off_is_warned_of(wind: Callable[..., Wound]) -> None:
+# At a steady speed an offset shifts all bands alike; what it would change in the ramp is withheld.
+@pytest.mark.parametrize(
+    "cell", [{"camera_offset": 0.05}, {"camera_offset": -0.005}], indirect=True, ids=str
+)
+def test_a_camera_whose_clock_is_off_leaves_lengths_alone(wind: Callable[..., Wound]) -> None:
     wound = wind()
-    assert "camera's clock" in wound.said
-    assert wound.lengths != pytest.approx(MEASURED, rel=NEAR)
+    assert wound.code == 0, wound.said
+    assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)

@@ -25,6 +25,7 @@ from winding_ros.stamps import decode_stamp, serialised_stamp
 from winding_ros.stop_request import StopRequest
 from winding_ros.topic import Topic
 from winding_ros.topic_status import topic_status
+from winding_ros.wire.cdr import serialised
 
 
 class Endpoints:
@@ -62,8 +63,8 @@ class Endpoints:
         )
 
     def publish(self, topic: Topic, message: Any) -> None:
-        """Publish a message on a topic that is advertised."""
-        self._publishers[topic.name].publish(message)
+        """Publish a message, or one in CDR bytes, on a topic that is advertised."""
+        self._publishers[topic.name].publish(serialised(message))
 
     def matched(self, topic: str) -> int:
         """Return how many subscriptions one of the node's publishers has."""
@@ -131,7 +132,7 @@ class Endpoints:
     def answer(self, answers: Iterable[Answer]) -> None:
         """Publish answers as they come."""
         for answer in answers:
-            self.publish(answer.topic, answer.data)
+            self.publish(answer.topic, answer.message)
 
     def begin_run(self) -> None:
         """Take the next stamp of every topic as it comes."""

@@ -23,8 +23,8 @@ class Answer:
 
     @property
     def data(self) -> bytes:
-        """The message as it is sent; handlers give fast ones as CDR bytes."""
-        return self.message if isinstance(self.message, bytes) else serialised(self.message)
+        """The message as it is sent."""
+        return serialised(self.message)
 
 
 class MessageHandler(Protocol):

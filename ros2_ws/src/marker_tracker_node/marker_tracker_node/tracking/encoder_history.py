@@ -32,15 +32,18 @@ class EncoderHistory:
         period: Median time between readings [s]; 0 before there are enough.
     """
 
-    def __init__(self, longest_gap: float | None = None) -> None:
+    def __init__(self, longest_gap: float | None = None, *, complete: bool = False) -> None:
         """Start without readings.
 
         Args:
             longest_gap: Longest gap that is interpolated [s]; None for a few measured periods.
+            complete: Whether readings come as far ahead of the frames as anybody looks, as those of
+                a recording do.
         """
         self._longest_gap = longest_gap
+        self._complete = complete
         self._rows = np.empty((3, 2 * KEPT))
-        self._count = 0
+        self._count = self._seen = 0
         self._speed = 0.0
         self._added = 0
         self._wraps = 0.0
@@ -58,21 +61,31 @@ class EncoderHistory:
             angle: Of the cylinder [rad]; whole turns may be missing.
             guide: Position [m].
         """
-        if self._count and not t > self.newest:
+        if self._count and not t > self.latest:
             return
         if self._count == self._rows.shape[1]:
             self._rows[:, :KEPT] = self._rows[:, KEPT:].copy()
             self._count = KEPT
         if self._count:
-            passed = t - self.newest
+            passed = t - self.latest
             before = self._rows[1, self._count - 1]
             self._wraps += lost_turns(angle + self._wraps - before, self._speed * passed)
             self._speed = (angle + self._wraps - before) / passed
         self._rows[:, self._count] = t, angle + self._wraps, guide
         self._count += 1
+        self._seen = self._count
         self._added += 1
         if self._added in (4, 16) or self._added % SAMPLED == 0:
             self.period = float(np.median(np.diff(self._times[-SAMPLED:])))
+
+    def look_up_to(self, t: float) -> None:
+        """Leave out what came after the first reading at t or later [s], until the next one comes.
+
+        What a frame is measured with must not depend on how far the encoder is ahead of it.
+        """
+        if self._complete:
+            return
+        self._seen = min(int(np.searchsorted(self._rows[0, : self._count], t)) + 1, self._count)
 
     @property
     def lost_turns(self) -> int:
@@ -80,9 +93,14 @@ class EncoderHistory:
         return round(self._wraps / (2.0 * math.pi))
 
     @property
-    def newest(self) -> float:
+    def latest(self) -> float:
         """Time of the last reading [s]."""
         return float(self._rows[0, self._count - 1]) if self._count else -math.inf
+
+    @property
+    def newest(self) -> float:
+        """Time of the last reading that is looked at [s]."""
+        return float(self._rows[0, self._seen - 1]) if self._seen else -math.inf
 
     @property
     def oldest(self) -> float:
@@ -100,12 +118,12 @@ class EncoderHistory:
 
     @property
     def _times(self) -> FloatArray:
-        return self._rows[0, : self._count]
+        return self._rows[0, : self._seen]
 
     def at(self, t: float) -> tuple[float | None, float | None]:
         """Return (cylinder angle [rad], guide [m]); None where readings are missing."""
         after = int(np.searchsorted(self._times, t))
-        if after == self._count or (after == 0 and self._times[0] > t):
+        if after == self._seen or (after == 0 and self._times[0] > t):
             return None, None
         if self._times[after] == t:
             return float(self._rows[1, after]), float(self._rows[2, after])
@@ -121,7 +139,7 @@ class EncoderHistory:
 
     def angles(self, times: FloatArray) -> FloatArray:
         """Return the cylinder angles [rad] at times [s], standing outside the readings."""
-        return np.interp(times, self._times, self._rows[1, : self._count])
+        return np.interp(times, self._times, self._rows[1, : self._seen])
 
     def speeds(self, times: FloatArray) -> FloatArray:
         """Return the cylinder speeds [rad/s] at times [s]."""

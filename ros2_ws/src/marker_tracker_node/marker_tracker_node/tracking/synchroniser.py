@@ -94,12 +94,14 @@ class Synchroniser:
         while self._frames:
             t, frame, heard = self._frames[0]
             instant = t - self.correction
-            covered = self.history.newest >= instant
+            covered = self.history.latest >= instant
             astray = self._astray(instant, self._readings - heard)
             silent = self._newest_frame - max(t, self._heard) >= self._patience
             if not (covered or astray or silent or final):
                 return
             self._frames.popleft()
+            if covered:
+                self.history.look_up_to(instant)
             angle, guide = self.history.at(instant) if covered else (None, None)
             if guide is not None and math.isnan(guide):
                 guide = None
@@ -108,7 +110,7 @@ class Synchroniser:
     def _astray(self, instant: float, heard: int) -> float:
         if not len(self.history):
             return 0.0
-        ahead = instant - self.history.newest
+        ahead = instant - self.history.latest
         behind = instant - self.history.first
         if ahead > self._longest_lead and heard >= _PROOF_READINGS:
             return ahead

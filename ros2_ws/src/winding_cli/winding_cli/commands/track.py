@@ -96,7 +96,7 @@ def track(
         settings = ClockSettings(
             correct=camera_clock_correction, limit=camera_clock_limit_ms * MILLISECOND
         )
-        live = SynchronisedTracker(settings, EncoderHistory(longest_gap=math.inf))
+        live = SynchronisedTracker(settings, EncoderHistory(longest_gap=math.inf, complete=True))
         tracker = Tracker(config, lens, remember=refined)
         live.start(tracker)
         rows = list(_measure(live, _frames(source, bag, fps), drive, settings.limit))

@@ -38,7 +38,9 @@ class CdrError(ValueError):
 
 
 def serialised(message: Any) -> bytes:
-    """Return the CDR bytes of a message; equal messages give equal bytes."""
+    """Return the CDR bytes of a message, unless it is bytes; equal messages give equal bytes."""
+    if isinstance(message, bytes):
+        return message
     buffer = bytearray(ENCAPSULATION)
     _write_fields(buffer, message)
     return bytes(buffer)
