@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from winding_core.compiling import compiled
+from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
 
@@ -192,7 +192,7 @@ class PinholeCamera:
                     )
 
 
-@compiled
+@called
 def pixels_per_metre(view: CameraView, depth: float) -> float:  # pragma: no cover
     """Return the scale of the image [px/m] at a depth [m]."""
     return view.fx / (depth * view.binning)

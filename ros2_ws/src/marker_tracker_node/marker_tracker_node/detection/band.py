@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from marker_tracker_node.camera.pinhole import CameraView, plane_of_point
-from winding_core.compiling import compiled
+from winding_core.compiling import called, compiled
 
 ALONG_NODES, ALONG_WEIGHTS = np.polynomial.legendre.leggauss(2)
 AROUND_NODES, AROUND_WEIGHTS = np.polynomial.legendre.leggauss(5)
@@ -72,7 +72,7 @@ def centre_point(
     return rho * math.cos(azimuth), rho * math.sin(azimuth), z
 
 
-@compiled
+@called
 def surface_point(
     rho: float, r: float, azimuth: float, z: float, slope: float, psi: float
 ) -> tuple[float, float, float]:  # pragma: no cover
@@ -171,13 +171,13 @@ def solve_band(
     return azimuth, z
 
 
-@compiled
+@called
 def moved_band(band: Band, azimuth: float, z: float) -> Band:  # pragma: no cover
     """Return a band with the same turns beside it at another azimuth [rad] and z [m]."""
     return Band(azimuth, z, band.slope, band.low, band.high, band.below, band.above)
 
 
-@compiled
+@called
 def _back_project(
     view: CameraView, rho: float, a: float, b: float, near: float
 ) -> tuple[float, float]:  # pragma: no cover

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.compiling import compiled
+from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
@@ -70,13 +70,13 @@ def empty_gates(count: int) -> Gates:  # pragma: no cover
     )
 
 
-@compiled
+@called
 def table_index(blue: int, green: int, red: int) -> np.uint32:  # pragma: no cover
     """Return the place of a colour in `Picture.table`."""
     return (np.uint32(blue >> 3) << 10) | (np.uint32(green >> 3) << 5) | np.uint32(red >> 3)
 
 
-@compiled
+@called
 def strip(
     slope: float, offset: float, low: float, high: float
 ) -> tuple[float, float]:  # pragma: no cover
@@ -87,7 +87,7 @@ def strip(
     return min(first, second), max(first, second)
 
 
-@compiled
+@called
 def gate_moments(
     picture: Picture, gates: Gates, n: int
 ) -> tuple[int, float, float]:  # pragma: no cover
@@ -118,7 +118,7 @@ def gate_moments(
     return count, sum_column / count, sum_row / count
 
 
-@compiled
+@called
 def in_gate(gates: Gates, n: int, u: float, v: float) -> bool:  # pragma: no cover
     """Return whether a pixel lies in gate n."""
     du, dv = u - gates.column[n], v - gates.row[n]
@@ -129,7 +129,7 @@ def in_gate(gates: Gates, n: int, u: float, v: float) -> bool:  # pragma: no cov
     )
 
 
-@compiled
+@called
 def gate_leaves_image(
     gates: Gates, n: int, margin: float, picture: Picture
 ) -> tuple[bool, bool]:  # pragma: no cover

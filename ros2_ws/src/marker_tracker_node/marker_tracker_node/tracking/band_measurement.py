@@ -9,7 +9,7 @@ from marker_tracker_node.detection.band import Band, solve_band
 from marker_tracker_node.detection.gate import Gates, Picture, gate_moments
 from marker_tracker_node.tracking.gate_prediction import HIDDEN, MEASURED
 from marker_tracker_node.tracking.state import Setup
-from winding_core.compiling import compiled
+from winding_core.compiling import called
 
 # Share of the expected area within which a gathering of pixels may be a new band, and within
 # which a known band is whole: one that is covered in part would be measured beside its middle.
@@ -17,7 +17,7 @@ NEW_AREA = (0.7, 1.4)
 WHOLE_AREA = (0.87, 1.2)
 
 
-@compiled
+@called
 def measure_band(
     picture: Picture,
     setup: Setup,

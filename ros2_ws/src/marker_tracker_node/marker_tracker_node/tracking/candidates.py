@@ -22,7 +22,7 @@ from marker_tracker_node.tracking.laid_path import (
     known_around,
 )
 from marker_tracker_node.tracking.state import CANDIDATES, Candidates, IndexArray, Marks, Setup
-from winding_core.compiling import compiled
+from winding_core.compiling import called
 
 P0_REACH = 0.45
 # A marker proves itself on the free span, this far before it lands [rad].
@@ -58,7 +58,7 @@ class Scan(NamedTuple):
     turned: float
 
 
-@compiled
+@called
 def mean_gap(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cover
     """Return the wound angle between markers [rad]: measured so far, or else expected."""
     if last > 0:
@@ -66,7 +66,7 @@ def mean_gap(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cove
     return setup.expected_gap
 
 
-@compiled
+@called
 def marker_number(setup: Setup, marks: Marks, theta: float) -> int:  # pragma: no cover
     """Return the number of a marker found at a wound angle [rad], or -1 if there is none."""
     count = marks.known.size
@@ -86,7 +86,7 @@ def marker_number(setup: Setup, marks: Marks, theta: float) -> int:  # pragma: n
     return min(max(number, below + 1), above - 1)
 
 
-@compiled
+@called
 def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma: no cover
     """Measure a gathering of marker pixels as a band and remember it if it is one.
 
@@ -126,7 +126,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
     _remember(scan.candidates, theta, z, share, turned)
 
 
-@compiled
+@called
 def _remember(
     candidates: Candidates, theta: float, z: float, share: float, turned: float
 ) -> None:  # pragma: no cover
@@ -155,7 +155,7 @@ def _remember(
     candidates.last[oldest] = turned
 
 
-@compiled
+@called
 def confirm_candidates(
     setup: Setup, marks: Marks, candidates: Candidates, shift: float
 ) -> float:  # pragma: no cover

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.tracking.state import Cylinder, Marks
-from winding_core.compiling import compiled
+from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def lost_turns(step: float, expected: float) -> float:  # pragma: no cover
     return turn * round((expected - step) / turn)
 
 
-@compiled
+@called
 def follow_encoder(before: Cylinder, t: float, encoder: float) -> Cylinder:  # pragma: no cover
     """Return the cylinder at a frame: the encoder without its wraps, or predicted.
 
@@ -63,7 +63,7 @@ def follow_encoder(before: Cylinder, t: float, encoder: float) -> Cylinder:  # p
     return Cylinder(angle, t, rate, wraps, True, blind, angle)
 
 
-@compiled
+@called
 def phase_lock(marks: Marks, azimuths: FloatArray, turned: float) -> float:  # pragma: no cover
     """Return the correction of a predicted cylinder angle by the markers in sight [rad].
 

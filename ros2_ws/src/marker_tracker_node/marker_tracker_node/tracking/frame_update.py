@@ -39,7 +39,7 @@ from marker_tracker_node.tracking.state import (
     Setup,
     Tracks,
 )
-from winding_core.compiling import compiled
+from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
@@ -113,7 +113,7 @@ def update_burst(
     return run
 
 
-@compiled
+@called
 def _update_frame(
     picture: Picture,
     setup: Setup,
@@ -174,7 +174,7 @@ def _update_frame(
     return Run(cylinder, shift, weight, cable.filled, guide)
 
 
-@compiled
+@called
 def _empty_expected(count: int) -> Expected:  # pragma: no cover
     """Return room for what is expected of a number of markers, all of them out of sight."""
     return Expected(
@@ -190,7 +190,7 @@ def _empty_expected(count: int) -> Expected:  # pragma: no cover
     )
 
 
-@compiled
+@called
 def _predict(
     picture: Picture,
     setup: Setup,

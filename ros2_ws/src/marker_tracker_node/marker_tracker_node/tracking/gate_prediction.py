@@ -13,7 +13,7 @@ from marker_tracker_node.camera.pinhole import (
 from marker_tracker_node.detection.band import Band, band_centroid, centre_point, surface_point
 from marker_tracker_node.detection.gate import Gates, Picture, gate_leaves_image
 from marker_tracker_node.tracking.state import Setup
-from winding_core.compiling import compiled
+from winding_core.compiling import called, compiled
 
 RING_DEPTH = 0.65
 TOUCH_REACH = 1.5
@@ -46,7 +46,7 @@ def predict_gate(setup: Setup, band: Band, gates: Gates, n: int) -> float:  # pr
     return float(area * camera.fx * camera.fy / (camera.binning * camera.binning))
 
 
-@compiled
+@called
 def _surface_pixel(
     setup: Setup, band: Band, way: float
 ) -> tuple[float, float, float]:  # pragma: no cover
@@ -58,7 +58,7 @@ def _surface_pixel(
     return u, v, depth
 
 
-@compiled
+@called
 def _territory_edge(
     setup: Setup, band: Band, psi: float, distance: float, gates: Gates, n: int
 ) -> float:  # pragma: no cover
@@ -85,7 +85,7 @@ def axis_scale(camera: CameraView) -> float:  # pragma: no cover
     return pixels_per_metre(camera, abs(camera.x))
 
 
-@compiled
+@called
 def gate_visibility(
     setup: Setup, gates: Gates, n: int, picture: Picture
 ) -> int:  # pragma: no cover
@@ -97,7 +97,7 @@ def gate_visibility(
     return CLIPPED if partly else HIDDEN
 
 
-@compiled
+@called
 def separate_gates(gates: Gates, first: int, second: int) -> bool:  # pragma: no cover
     """Keep two gates off each other's band along the cable and return whether the bands touch."""
     du = gates.column[second] - gates.column[first]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.detection.band import Band
 from marker_tracker_node.tracking.state import PATH_SIZE, PATH_STEP, Marks, Run, Setup
-from winding_core.compiling import compiled
+from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class LaidCable(NamedTuple):
     filled: int
 
 
-@compiled
+@called
 def extend_path(
     setup: Setup, path: FloatArray, run: Run, angle: float, guide: float
 ) -> tuple[int, float]:  # pragma: no cover
@@ -60,7 +60,7 @@ def extend_path(
     return count, guide
 
 
-@compiled
+@called
 def path_height(cable: LaidCable, theta: float) -> tuple[float, float]:  # pragma: no cover
     """Return expected z [m] and dz/dtheta [m/rad] at a wound angle."""
     last = cable.filled - 1
@@ -72,7 +72,7 @@ def path_height(cable: LaidCable, theta: float) -> tuple[float, float]:  # pragm
     return cable.path[low] + slope * (theta - low * PATH_STEP), slope
 
 
-@compiled
+@called
 def known_around(marks: Marks, theta: float) -> tuple[int, int]:  # pragma: no cover
     """Return the numbers of the known markers below and above a wound angle, -1 for none."""
     below, above = -1, -1
@@ -85,7 +85,7 @@ def known_around(marks: Marks, theta: float) -> tuple[int, int]:  # pragma: no c
     return below, above
 
 
-@compiled
+@called
 def corrected_height(cable: LaidCable, theta: float) -> tuple[float, float]:  # pragma: no cover
     """Return expected z [m] and slope, drawn through the markers that are known already."""
     height, slope = path_height(cable, theta)
@@ -103,7 +103,7 @@ def corrected_height(cable: LaidCable, theta: float) -> tuple[float, float]:  # 
     return height + first + tilt * (theta - marks.theta[below]), slope + tilt
 
 
-@compiled
+@called
 def band_beside_turns(
     setup: Setup, cable: LaidCable, azimuth: float, theta: float, z: float, slope: float
 ) -> Band:  # pragma: no cover

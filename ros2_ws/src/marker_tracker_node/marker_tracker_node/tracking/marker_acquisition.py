@@ -20,7 +20,7 @@ from marker_tracker_node.tracking.candidates import (
 )
 from marker_tracker_node.tracking.gate_prediction import OUT_OF_SIGHT, axis_scale
 from marker_tracker_node.tracking.laid_path import corrected_height
-from winding_core.compiling import compiled
+from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ PEAKS = 3
 LEAST_PEAK = 0.35
 
 
-@compiled
+@called
 def acquire_markers(scan: Scan, shift: float) -> float:  # pragma: no cover
     """Look where unknown markers may be; those that move with the cylinder become known.
 
@@ -58,7 +58,7 @@ def acquire_markers(scan: Scan, shift: float) -> float:  # pragma: no cover
     return confirm_candidates(scan.setup, scan.cable.marks, scan.candidates, shift)
 
 
-@compiled
+@called
 def _wanted_ranges(scan: Scan) -> tuple[FloatArray, FloatArray]:  # pragma: no cover
     """Return the wound angles [rad] between which unknown markers may lie, first and last."""
     marks = scan.cable.marks
@@ -83,7 +83,7 @@ def _wanted_ranges(scan: Scan) -> tuple[FloatArray, FloatArray]:  # pragma: no c
     return starts[:count], ends[:count]
 
 
-@compiled
+@called
 def _scan_turn(scan: Scan, first: float, last: float) -> None:  # pragma: no cover
     """Count marker pixels along one stretch of cable and verify where they gather."""
     setup, body = scan.setup, scan.setup.body
@@ -110,7 +110,7 @@ def _scan_turn(scan: Scan, first: float, last: float) -> None:  # pragma: no cov
         verify_candidate(scan, theta, shift)
 
 
-@compiled
+@called
 def _count_across(
     scan: Scan, theta: float, scale: float, stride: int
 ) -> tuple[float, float]:  # pragma: no cover
@@ -146,7 +146,7 @@ def _count_across(
     return count, offset
 
 
-@compiled
+@called
 def _claimed(scan: Scan, u: float, v: float) -> bool:  # pragma: no cover
     """Return whether a pixel lies in the gate of a known marker."""
     for n in range(scan.outcome.size):
@@ -155,7 +155,7 @@ def _claimed(scan: Scan, u: float, v: float) -> bool:  # pragma: no cover
     return False
 
 
-@compiled
+@called
 def _densest_window(counts: FloatArray, width: int) -> tuple[int, float]:  # pragma: no cover
     """Return where the stretch of a given width that holds most begins, and what it holds."""
     total, best, place = counts[:width].sum(), 0.0, 0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.tracking.gate_prediction import CLIPPED, HIDDEN
 from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Output, Run, Setup
-from winding_core.compiling import compiled
+from winding_core.compiling import called
 from winding_core.markers import MarkerFlag
 
 FloatArray = NDArray[np.float64]
@@ -31,7 +31,7 @@ SHIFT_SHARE = 0.02
 ENCODER_TRUST = 0.2
 
 
-@compiled
+@called
 def update_shift(
     run: Run, blind: bool, azimuth: float, turned: float
 ) -> tuple[float, float]:  # pragma: no cover
@@ -50,7 +50,7 @@ def update_shift(
     return run.shift + gain * (azimuth - turned), weight
 
 
-@compiled
+@called
 def update_means(marks: Marks, out: Output, k: int, turned: float) -> None:  # pragma: no cover
     """Take the bands measured in frame k into the run means; write their wound angles.
 
@@ -80,7 +80,7 @@ def update_means(marks: Marks, out: Output, k: int, turned: float) -> None:  # p
             marks.reference[n] = marks.theta[n]
 
 
-@compiled
+@called
 def write_results(
     setup: Setup,
     marks: Marks,
