@@ -8,13 +8,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.camera.cable_mesh import Cable, Lighting, draw_cable, path_height
+from winding_rig_node.camera.cable_mesh import draw_cable
+from winding_rig_node.camera.cable_section import Cable, Lighting
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.cylinder_view import StaticView, static_view
 from winding_rig_node.camera.optics import lens_of, project_points
 from winding_rig_node.camera.raster import BLOCK, Samples, resolve
 from winding_rig_node.camera.scene import Paint, Scene
-from winding_rig_node.camera.sensor import Noise, demosaiced, expose, noise_table
+from winding_rig_node.camera.sensor import Noise, demosaiced, expose, falloff, noise_table
 from winding_rig_node.camera.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
@@ -23,6 +24,9 @@ ByteArray = NDArray[np.uint8]
 
 # Chords of this many pixels stay within 0.01 px of the arc at every radius of the paper.
 SECTION_STEP = 3.0
+
+# Straight lines between so many values follow a highlight to 0.01 grey level.
+GLOSS_SIZE = 2048
 
 # Of one marker band: pixel (column, row) of its middle on the centre line, of the centroid of its
 # visible surface, and the visible area [px]; nan where there is none.
@@ -42,16 +46,18 @@ class Renderer:
         self.surroundings = surroundings or Surroundings()
         rows, columns = config.window.shape
         s = config.supersampling
-        self._lens = lens_of(config)
+        self._lens = lens_of(config, s)
         self._light = _lighting(config)
+        self._falloff = falloff(config.window.shape, config.light.falloff)
         self._table = noise_table()
-        shape = rows * s, columns * s
+        shape, blocks = (rows * s, columns * s), (rows, -(-columns // BLOCK))
         self._samples = Samples(
             inverse_depth=np.zeros(shape, dtype=np.float32),
             label=np.zeros(shape, dtype=np.uint8),
             shade=np.zeros(shape, dtype=np.float32),
             gloss=np.zeros(shape, dtype=np.float32),
-            touched=np.zeros((rows, -(-columns // BLOCK)), dtype=np.uint8),
+            touched=np.zeros(blocks, dtype=np.uint8),
+            shown=np.zeros(blocks, dtype=np.uint8),
             per_pixel=s,
         )
         self._radiance = np.zeros((rows, columns, 3), dtype=np.float32)
@@ -76,7 +82,8 @@ class Renderer:
         frame = np.empty((rows, columns, 3), dtype=np.uint8)
         offsets = rng.integers(0, self._table.size - 3 * columns, size=rows)
         noise = Noise(float(config.noise.read), float(config.noise.shot), self._table, offsets)
-        expose(radiance, self._view(scene).falloff, float(gain), noise, frame)
+        flat = rows, 3 * columns
+        expose(radiance.reshape(flat), self._falloff, float(gain), noise, frame.reshape(flat))
         return demosaiced(frame) if config.bayer else frame
 
     def visible_bands(self, scene: Scene) -> Bands:
@@ -129,12 +136,15 @@ class Renderer:
         view = self._view(scene)
         if self._drawn is not view:
             self._samples.inverse_depth[:] = view.inverse_depth
+            self._samples.shown[:] = 0
+            self._radiance[:] = view.radiance
             self._drawn = view
-        draw_cable(self._lens, self._cable(scene), self._light, self._samples)
+        draw_cable(self._lens, view.rays, self._cable(scene), self._light, self._samples)
 
     def _resolve(self, scene: Scene) -> SingleArray:
         view = self._view(scene)
-        resolve(view.radiance, view.inverse_depth, _palette(scene), self._samples, self._radiance)
+        colours = np.array([scene.paint.cable, scene.paint.marker], dtype=np.float32)
+        resolve(view.radiance, view.inverse_depth, colours, self._samples, self._radiance)
         return self._radiance
 
     def _cable(self, scene: Scene) -> Cable:
@@ -142,14 +152,12 @@ class Renderer:
             cylinder_radius=float(scene.cylinder_radius),
             cable_radius=float(scene.cable_radius),
             turned=float(scene.cylinder_angle),
-            landing_z=scene.landing_z,
             guide_z=float(scene.guide_z),
             free_length=float(scene.free_length),
             tail=float(scene.tail_angle),
-            path_theta=np.ascontiguousarray(scene.path_theta, dtype=float),
-            path_z=np.ascontiguousarray(scene.path_z, dtype=float),
+            band_width=float(scene.band_width),
+            path=scene.path.table,
             markers=np.ascontiguousarray(scene.marker_theta, dtype=float),
-            half_bands=_half_bands(scene),
             step=self._section_step(scene),
         )
 
@@ -167,26 +175,5 @@ def _lighting(config: CameraConfig) -> Lighting:
         y=y,
         z=z,
         ambient=float(light.ambient),
-        highlight=float(light.highlight),
-        exponent=float(light.gloss),
+        gloss=light.highlight * np.linspace(0.0, 1.0, GLOSS_SIZE) ** light.gloss,
     )
-
-
-def _half_bands(scene: Scene) -> FloatArray:
-    """Return half of each band as wound angle [rad]; its length is measured along the cable."""
-    rho = scene.centreline_radius
-    half = np.zeros(scene.marker_theta.size)
-    for n, theta in enumerate(scene.marker_theta):
-        if np.isfinite(theta):
-            if theta > scene.cylinder_angle:
-                slope = rho * (scene.guide_z - scene.landing_z) / scene.free_length
-            else:
-                _, slope = path_height(scene.path_theta, scene.path_z, float(theta))
-            half[n] = 0.5 * scene.band_width / np.hypot(rho, slope)
-    return half
-
-
-def _palette(scene: Scene) -> FloatArray:
-    paint = scene.paint
-    bands = [paint.marker] * scene.marker_theta.size
-    return np.array([(0.0, 0.0, 0.0), paint.cable, *bands])
