@@ -1,28 +1,34 @@
-"""The cable as strips of facets between cross-sections, no more of it than the window shows."""
+"""The cable as facets between cross-sections, no more of it than the window shows."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.compiling import compiled
-from winding_rig_node.camera.cable_path import path_crosses, path_height
+from winding_rig_node.camera.cable_path import PathTable, path_crosses
 from winding_rig_node.camera.cable_section import (
     FACETS,
     Bounds,
     Cable,
     Lighting,
-    Rim,
     View,
-    corner,
-    empty_rim,
+    centre_line,
     section,
-    span_slope,
+    span_rise,
 )
 from winding_rig_node.camera.optics import Lens
-from winding_rig_node.camera.raster import Samples, fill_triangle, touch
+from winding_rig_node.camera.raster import Samples
+from winding_rig_node.camera.ribbon import (
+    begin,
+    direction,
+    draw_ribbon,
+    draw_triangles,
+    extend,
+)
 from winding_rig_node.camera.sight import RayRange, Sight, sight_of
 
 FloatArray = NDArray[np.float64]
@@ -30,111 +36,171 @@ FloatArray = NDArray[np.float64]
 TURN = 2.0 * math.pi
 
 
+class Stretch(NamedTuple):
+    """Cable of one label: wound angles of its ends [rad], steps between its sections, the label."""
+
+    first: float
+    last: float
+    steps: int
+    value: int
+
+
+class Room(NamedTuple):
+    """Room for sections and for what they make of rows; see `ribbon`."""
+
+    rims: FloatArray
+    crossings: FloatArray
+
+
 @compiled
 def draw_cable(
-    lens: Lens, rays: RayRange, cable: Cable, light: Lighting, samples: Samples
+    lens: Lens,
+    rays: RayRange,
+    light: Lighting,
+    gloss: FloatArray,
+    cable: Cable,
+    path: PathTable,
+    markers: FloatArray,
+    samples: Samples,
 ) -> None:  # pragma: no cover
-    """Draw cable (label 1) and marker bands (label 2 + n) into samples that hold the cylinder."""
+    """Draw cable (label 1) and marker bands (label 2 + n) into samples that hold the cylinder.
+
+    Args:
+        lens: The camera.
+        rays: Through its window.
+        light: On the cable.
+        gloss: See `section`.
+        cable: To be drawn.
+        path: Where it lies on the cylinder.
+        markers: Wound angles [rad], nan for none, shape (n,).
+        samples: To be written.
+    """
     rho = cable.cylinder_radius + cable.cable_radius
-    rows, columns = samples.inverse_depth.shape
+    rows, columns = samples.seen.shape[:2]
     near = abs(lens.x) - cable.cylinder_radius - 2.0 * cable.cable_radius
     room = cable.cable_radius + cable.step * rho
     bounds = Bounds(float(columns), float(rows), room * lens.focal / near)
-    landing_z, _ = path_height(cable.path, cable.turned)
-    view = View(lens, cable, light, bounds, landing_z)
+    view = View(lens, cable, light, bounds)
+    # Chords and slanted rays reach a little farther than the section itself.
     sight = sight_of(lens, rays, rho, 1.1 * room)
-    half_bands = _half_bands(view)
-    edges = _breaks(cable, half_bands)
-    one, other = empty_rim(), empty_rim()
+    half_bands = _half_bands(cable, path, markers)
+    edges = _breaks(cable, markers, half_bands)
+    room_for = Room(np.empty((3, FACETS + 1, 5)), np.empty((rows, FACETS + 1, 4)))
     for interval in range(edges.size - 1):
         first, last = edges[interval], edges[interval + 1]
         if last - first <= 0.0:
             continue
         value = 1
-        for n in range(cable.markers.size):
-            if abs(0.5 * (first + last) - cable.markers[n]) < half_bands[n]:
+        for n in range(markers.size):
+            if abs(0.5 * (first + last) - markers[n]) < half_bands[n]:
                 value = 2 + n
         free = first >= cable.turned
         lowest, highest = 0, 0
         if not free:
             lowest = math.ceil((cable.turned - last - sight.last_azimuth) / TURN)
             highest = math.floor((cable.turned - first - sight.first_azimuth) / TURN)
-        count = math.ceil((last - first) / cable.step)
-        scale = count / (last - first)
+        stretch = Stretch(first, last, math.ceil((last - first) / cable.step), value)
         for turn in range(lowest, highest + 1):
-            start, end = _shown(view, sight, free, turn)
+            start, end = _shown(cable, sight, free, turn)
             start, end = max(start, first), min(end, last)
-            if start <= end and _crosses(view, sight, free, start, end):
-                from_k = max(math.floor((start - first) * scale), 0)
-                to_k = min(math.ceil((end - first) * scale), count)
-                seen = False
-                for k in range(from_k, to_k + 1):
-                    theta = first + (last - first) * k / count
-                    visible = section(view, theta, other)
-                    if visible and seen:
-                        _draw_strip(one, other, value, samples)
-                    seen = visible
-                    one, other = other, one
+            if start <= end and _crosses(cable, path, sight, start, end):
+                _draw_stretch(view, gloss, path, stretch, start, end, room_for, samples)
 
 
 @compiled
 def _shown(
-    view: View, sight: Sight, free: bool, turn: int
+    cable: Cable, sight: Sight, free: bool, turn: int
 ) -> tuple[float, float]:  # pragma: no cover
     """Return between which wound angles [rad] a turn, or the free span, stands in the window."""
-    turned = view.cable.turned
     if free:
-        rho = view.cable.cylinder_radius + view.cable.cable_radius
-        return turned - sight.y_high / rho, turned - sight.y_low / rho
-    front = turned - TURN * turn
+        rho = cable.cylinder_radius + cable.cable_radius
+        return cable.turned - sight.y_high / rho, cable.turned - sight.y_low / rho
+    front = cable.turned - TURN * turn
     return front - sight.last_azimuth, front - sight.first_azimuth
 
 
 @compiled
 def _crosses(
-    view: View, sight: Sight, free: bool, start: float, end: float
+    cable: Cable, path: PathTable, sight: Sight, start: float, end: float
 ) -> bool:  # pragma: no cover
     """Return whether cable between two wound angles [rad] may reach the window's heights."""
-    cable = view.cable
-    if not free:
-        return path_crosses(cable.path, start, end, sight.z_low, sight.z_high)
-    slope = span_slope(view) * (cable.cylinder_radius + cable.cable_radius)
-    one = view.landing_z + slope * (start - cable.turned)
-    other = view.landing_z + slope * (end - cable.turned)
+    if end <= cable.turned:
+        return path_crosses(path, start, end, sight.z_low, sight.z_high)
+    slope = span_rise(cable) * (cable.cylinder_radius + cable.cable_radius)
+    one = cable.landing_z + slope * (start - cable.turned)
+    other = cable.landing_z + slope * (end - cable.turned)
     return min(one, other) <= sight.z_high and max(one, other) >= sight.z_low
 
 
 @compiled
-def _half_bands(view: View) -> FloatArray:  # pragma: no cover
+def _draw_stretch(
+    view: View,
+    gloss: FloatArray,
+    path: PathTable,
+    stretch: Stretch,
+    start: float,
+    end: float,
+    room: Room,
+    samples: Samples,
+) -> None:  # pragma: no cover
+    """Draw the part of a stretch between two wound angles [rad]."""
+    # Plain arrays: each array taken out of a tuple, or each part of one, costs a locked count.
+    grid, heights, blocks = path.theta, path.z, path.first
+    rims, crossings = room.rims, room.crossings
+    width = stretch.last - stretch.first
+    from_k = max(math.floor((start - stretch.first) * stretch.steps / width), 0)
+    to_k = min(math.ceil((end - stretch.first) * stretch.steps / width), stretch.steps)
+    way, seen = 0, False
+    for k in range(from_k, to_k + 1):
+        one, other = 1 + k % 2, 2 - k % 2
+        theta = stretch.first + width * k / stretch.steps
+        place = centre_line(view.cable, grid, heights, blocks, theta)
+        visible = section(view, gloss, place, rims, other)
+        both, seen = visible and seen, visible
+        ahead = direction(rims, one, other) if both else 0
+        if way not in (0, ahead):
+            draw_ribbon(crossings, rims, one, stretch.value, samples)
+        if ahead not in (0, way):
+            begin(rims, one)
+        if ahead != 0:
+            extend(crossings, rims, one, other)
+        elif both:
+            draw_triangles(rims, one, other, stretch.value, samples)
+        way = ahead
+    if way != 0:
+        draw_ribbon(crossings, rims, 2 - to_k % 2, stretch.value, samples)
+
+
+@compiled
+def _half_bands(
+    cable: Cable, path: PathTable, markers: FloatArray
+) -> FloatArray:  # pragma: no cover
     """Return half of each band as wound angle [rad]; its length is measured along the cable."""
-    cable = view.cable
     rho = cable.cylinder_radius + cable.cable_radius
-    half = np.zeros(cable.markers.size)
-    for n in range(cable.markers.size):
-        theta = cable.markers[n]
-        if math.isfinite(theta):
-            if theta > cable.turned:
-                slope = rho * span_slope(view)
-            else:
-                _, slope = path_height(cable.path, theta)
-            half[n] = 0.5 * cable.band_width / math.hypot(rho, slope)
+    half = np.zeros(markers.size)
+    for n in range(markers.size):
+        if math.isfinite(markers[n]):
+            place = centre_line(cable, path.theta, path.z, path.first, markers[n])
+            half[n] = 0.5 * cable.band_width / (rho * math.hypot(1.0, place.rise))
     return half
 
 
 @compiled
-def _breaks(cable: Cable, half_bands: FloatArray) -> FloatArray:  # pragma: no cover
+def _breaks(
+    cable: Cable, markers: FloatArray, half_bands: FloatArray
+) -> FloatArray:  # pragma: no cover
     """Return the sorted wound angles [rad] where the cable changes: ends, landing, band edges."""
     start = -cable.tail
     end = cable.turned + cable.free_length / (cable.cylinder_radius + cable.cable_radius)
-    edges = np.empty(3 + 2 * cable.markers.size)
+    edges = np.empty(3 + 2 * markers.size)
     edges[0], edges[1], edges[2] = start, min(max(cable.turned, start), end), end
-    for n in range(cable.markers.size):
-        centre, half = cable.markers[n], half_bands[n]
+    for n in range(markers.size):
+        centre, half = markers[n], half_bands[n]
         if not math.isfinite(centre):
             centre, half = start, 0.0
         edges[3 + 2 * n] = min(max(centre - half, start), end)
         edges[4 + 2 * n] = min(max(centre + half, start), end)
-    # A sort of one's own: numpy's would cost a second to compile.
+    # Sorted by hand: numpy's sort takes two seconds to compile.
     for k in range(1, edges.size):
         moved, place = edges[k], k
         while place > 0 and edges[place - 1] > moved:
@@ -142,21 +208,3 @@ def _breaks(cable: Cable, half_bands: FloatArray) -> FloatArray:  # pragma: no c
             place -= 1
         edges[place] = moved
     return edges
-
-
-@compiled
-def _draw_strip(one: Rim, other: Rim, value: int, samples: Samples) -> None:  # pragma: no cover
-    """Draw the facets between two cross-sections."""
-    left, right, top, bottom = math.inf, -math.inf, math.inf, -math.inf
-    for k in range(FACETS + 1):
-        left = min(left, one.column[k], other.column[k])
-        right = max(right, one.column[k], other.column[k])
-        top = min(top, one.row[k], other.row[k])
-        bottom = max(bottom, one.row[k], other.row[k])
-    if not touch(samples, left, right, top, bottom):
-        return
-    for m in range(FACETS):
-        a, b = corner(one, m), corner(one, m + 1)
-        c, d = corner(other, m), corner(other, m + 1)
-        fill_triangle(a, b, c, value, samples)
-        fill_triangle(c, b, d, value, samples)

@@ -94,30 +94,25 @@ def _table(theta: FloatArray, z: FloatArray) -> PathTable:
 
 
 @compiled
-def path_block(path: PathTable, theta: float) -> int:  # pragma: no cover
-    """Return the block that holds a wound angle [rad], the nearest one outside the path."""
-    block = int((theta - path.theta[0]) / BLOCK_ANGLE)
-    return min(max(block, 0), path.lowest.size - 1)
-
-
-@compiled
-def path_height(path: PathTable, theta: float) -> tuple[float, float]:  # pragma: no cover
-    """Return z [m] and dz/dtheta [m/rad] at a wound angle [rad]."""
-    last = path.theta.size - 1
-    if theta <= path.theta[0]:
-        return path.z[0], 0.0
-    if theta >= path.theta[last]:
-        return path.z[last], 0.0
-    block = path_block(path, theta)
-    low, high = path.first[block], min(path.first[block + 1] + 1, last)
+def path_height(
+    theta: FloatArray, z: FloatArray, first: IndexArray, at: float
+) -> tuple[float, float]:  # pragma: no cover
+    """Return z [m] and dz/dtheta [m/rad] at a wound angle [rad]; for the arrays see `PathTable`."""
+    last = theta.size - 1
+    if at <= theta[0]:
+        return z[0], 0.0
+    if at >= theta[last]:
+        return z[last], 0.0
+    block = min(int((at - theta[0]) / BLOCK_ANGLE), first.size - 2)
+    low, high = first[block], min(first[block + 1] + 1, last)
     while high - low > 1:
         middle = (low + high) // 2
-        if path.theta[middle] <= theta:
+        if theta[middle] <= at:
             low = middle
         else:
             high = middle
-    slope = (path.z[high] - path.z[low]) / (path.theta[high] - path.theta[low])
-    return path.z[low] + slope * (theta - path.theta[low]), slope
+    slope = (z[high] - z[low]) / (theta[high] - theta[low])
+    return z[low] + slope * (at - theta[low]), slope
 
 
 @compiled
@@ -125,7 +120,10 @@ def path_crosses(
     path: PathTable, start: float, end: float, low: float, high: float
 ) -> bool:  # pragma: no cover
     """Return whether the path may come between two heights [m] within two wound angles [rad]."""
-    for block in range(path_block(path, start), path_block(path, end) + 1):
+    last = path.lowest.size - 1
+    one = min(max(int((start - path.theta[0]) / BLOCK_ANGLE), 0), last)
+    other = min(max(int((end - path.theta[0]) / BLOCK_ANGLE), 0), last)
+    for block in range(one, other + 1):
         if path.lowest[block] <= high and path.highest[block] >= low:
             return True
     return False

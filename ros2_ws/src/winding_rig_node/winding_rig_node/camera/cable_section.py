@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.compiling import compiled
-from winding_rig_node.camera.cable_path import PathTable, path_height
+from winding_rig_node.camera.cable_path import path_height
 from winding_rig_node.camera.optics import Lens, project
-from winding_rig_node.camera.raster import Corner
+from winding_rig_node.camera.raster import COLUMN, GLOSS, NEAR, ROW, SHADE
 from winding_rig_node.camera.sight import HIDDEN_COSINE
 
 FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
 
 FACETS = 10
 
@@ -26,43 +27,32 @@ class Cable(NamedTuple):
         cylinder_radius: R [m].
         cable_radius: r [m].
         turned: Cylinder angle Theta [rad].
+        landing_z: Where it lands [m].
         guide_z: [m]
         free_length: [m]
         tail: Cable behind P0 [rad].
         band_width: Of a marker along the cable [m].
-        path: Where it lies on the cylinder.
-        markers: Wound angles [rad], nan for none.
         step: Largest angle between sections [rad].
     """
 
     cylinder_radius: float
     cable_radius: float
     turned: float
+    landing_z: float
     guide_z: float
     free_length: float
     tail: float
     band_width: float
-    path: PathTable
-    markers: FloatArray
     step: float
 
 
 class Lighting(NamedTuple):
-    """Unit direction towards the lamp, share of ambient light and highlight over half-angle.
-
-    Attributes:
-        x: Of the direction.
-        y: Of the direction.
-        z: Of the direction.
-        ambient: Share of the light without a direction.
-        gloss: Highlight at equal steps of the half-angle's cosine from 0 to 1, shape (n,).
-    """
+    """Unit direction towards the lamp, and share of the light without a direction."""
 
     x: float
     y: float
     z: float
     ambient: float
-    gloss: FloatArray
 
 
 class Bounds(NamedTuple):
@@ -74,64 +64,74 @@ class Bounds(NamedTuple):
 
 
 class View(NamedTuple):
-    """The cable before the camera; landing_z is where it lands [m]."""
+    """The cable before the camera."""
 
     lens: Lens
     cable: Cable
     light: Lighting
     bounds: Bounds
-    landing_z: float
 
 
-class Rim(NamedTuple):
-    """Corners around a cross-section, arrays of shape (FACETS + 1,); see `Corner`."""
+class Place(NamedTuple):
+    """A point of the centre line.
 
-    column: FloatArray
-    row: FloatArray
-    inverse_depth: FloatArray
-    shade: FloatArray
-    gloss: FloatArray
+    Attributes:
+        x: [m]
+        y: [m]
+        z: [m]
+        out_x: Of the unit vector away from the cylinder's axis.
+        out_y: Of the unit vector away from the cylinder's axis.
+        rise: dz per way along the cylinder's circumference, towards the guide.
+    """
 
-
-@compiled
-def empty_rim() -> Rim:  # pragma: no cover
-    """Return room for the corners of one cross-section."""
-    size = FACETS + 1
-    return Rim(np.empty(size), np.empty(size), np.empty(size), np.empty(size), np.empty(size))
-
-
-@compiled
-def corner(rim: Rim, k: int) -> Corner:  # pragma: no cover
-    """Return corner k of a cross-section."""
-    return Corner(rim.column[k], rim.row[k], rim.inverse_depth[k], rim.shade[k], rim.gloss[k])
+    x: float
+    y: float
+    z: float
+    out_x: float
+    out_y: float
+    rise: float
 
 
 @compiled
-def span_slope(view: View) -> float:  # pragma: no cover
+def span_rise(cable: Cable) -> float:  # pragma: no cover
     """Return dz per way towards the guide of the free span."""
-    return (view.cable.guide_z - view.landing_z) / view.cable.free_length
+    return (cable.guide_z - cable.landing_z) / cable.free_length
 
 
 @compiled
-def section(view: View, theta: float, out: Rim) -> bool:  # pragma: no cover
-    """Write the projected rim of the section at a wound angle [rad]; return if it can be seen."""
-    lens, cable, light, bounds = view.lens, view.cable, view.light, view.bounds
-    r = cable.cable_radius
-    rho = cable.cylinder_radius + r
-    way = rho * (theta - cable.turned)
-    if way > 0.0:
-        slope = span_slope(view)
-        cx, cy, cz = rho, -way, view.landing_z + slope * way
-        ex, ey = 1.0, 0.0
-        tx, ty, tz = 0.0, -1.0, slope
-    else:
-        azimuth = cable.turned - theta
-        ex, ey = math.cos(azimuth), math.sin(azimuth)
-        if ex < HIDDEN_COSINE:
-            return False
-        cz, slope = path_height(cable.path, theta)
-        cx, cy = rho * ex, rho * ey
-        tx, ty, tz = ey, -ex, slope / rho
+def centre_line(
+    cable: Cable, grid: FloatArray, heights: FloatArray, first: IndexArray, theta: float
+) -> Place:  # pragma: no cover
+    """Return where the centre line runs at a wound angle [rad]; for the arrays see `PathTable`."""
+    rho = cable.cylinder_radius + cable.cable_radius
+    azimuth = cable.turned - theta
+    if azimuth < 0.0:
+        way, rise = -rho * azimuth, span_rise(cable)
+        return Place(rho, -way, cable.landing_z + rise * way, 1.0, 0.0, rise)
+    z, slope = path_height(grid, heights, first, theta)
+    c, s = math.cos(azimuth), math.sin(azimuth)
+    return Place(rho * c, rho * s, z, c, s, slope / rho)
+
+
+@compiled
+def section(
+    view: View, gloss: FloatArray, place: Place, rims: FloatArray, which: int
+) -> bool:  # pragma: no cover
+    """Write the rim of the section at a point of the centre line; return whether it can be seen.
+
+    Args:
+        view: The cable before the camera.
+        gloss: Highlight at equal steps of the half-angle's cosine from 0 to 1, shape (n,).
+        place: Of the section.
+        rims: Room for sections, corners around the half that faces the camera in the order of
+            `raster`, shape (sections, FACETS + 1, 5).
+        which: Of these sections is written.
+    """
+    lens, light, bounds = view.lens, view.light, view.bounds
+    r = view.cable.cable_radius
+    cx, cy, cz, ex, ey = place.x, place.y, place.z, place.out_x, place.out_y
+    if ex < HIDDEN_COSINE:
+        return False
     column, row, inverse = project(lens, cx, cy, cz)
     room = bounds.room
     if (
@@ -140,8 +140,8 @@ def section(view: View, theta: float, out: Rim) -> bool:  # pragma: no cover
         or not -room < row < bounds.rows + room
     ):
         return False
-    norm = 1.0 / math.sqrt(1.0 + tz * tz)
-    tx, ty, tz = tx * norm, ty * norm, tz * norm
+    norm = 1.0 / math.sqrt(1.0 + place.rise * place.rise)
+    tx, ty, tz = ey * norm, -ex * norm, place.rise * norm
     bx, by, bz = -tz * ey, tz * ex, tx * ey - ty * ex
     vx, vy, vz = lens.x - cx, lens.y - cy, lens.z - cz
     along_e, along_b = vx * ex + vy * ey, vx * bx + vy * by + vz * bz
@@ -161,16 +161,18 @@ def section(view: View, theta: float, out: Rim) -> bool:  # pragma: no cover
         c, s = c * facet_cosine - s * facet_sine, s * facet_cosine + c * facet_sine
         reached = r if k in (0, FACETS) else inner
         px, py, pz = cx + reached * nx, cy + reached * ny, cz + reached * nz
-        out.column[k], out.row[k], out.inverse_depth[k] = project(lens, px, py, pz)
+        rims[which, k, COLUMN], rims[which, k, ROW], rims[which, k, NEAR] = project(
+            lens, px, py, pz
+        )
         diffuse = nx * light.x + ny * light.y + nz * light.z
-        out.shade[k] = light.ambient + (1.0 - light.ambient) * max(diffuse, 0.0)
+        rims[which, k, SHADE] = light.ambient + (1.0 - light.ambient) * max(diffuse, 0.0)
         wx, wy, wz = lens.x - px, lens.y - py, lens.z - pz
         scale = 1.0 / math.sqrt(wx * wx + wy * wy + wz * wz)
         # Both directions are unit vectors: the square of their sum is twice 1 plus their product.
         between = (wx * light.x + wy * light.y + wz * light.z) * scale
         towards = (nx * wx + ny * wy + nz * wz) * scale
         half = (diffuse + towards) / math.sqrt(max(2.0 + 2.0 * between, 1.0e-12))
-        out.gloss[k] = _highlight(light.gloss, half)
+        rims[which, k, GLOSS] = _highlight(gloss, half)
     return True
 
 
@@ -179,4 +181,5 @@ def _highlight(gloss: FloatArray, cosine: float) -> float:  # pragma: no cover
     """Return the highlight at a cosine of the half-angle, linear between those of the table."""
     place = min(max(cosine, 0.0), 1.0) * (gloss.size - 1)
     index = min(int(place), gloss.size - 2)
-    return gloss[index] + (place - index) * (gloss[index + 1] - gloss[index])
+    low, high = gloss[index], gloss[index + 1]
+    return low + (place - index) * (high - low)

@@ -13,7 +13,8 @@ from winding_rig_node.camera.cable_section import Cable, Lighting
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.cylinder_view import StaticView, static_view
 from winding_rig_node.camera.optics import lens_of, project_points
-from winding_rig_node.camera.raster import BLOCK, Samples, resolve
+from winding_rig_node.camera.raster import BLOCK, LABEL, NEAR, Samples
+from winding_rig_node.camera.resolve import resolve
 from winding_rig_node.camera.scene import Paint, Scene
 from winding_rig_node.camera.sensor import Noise, demosaiced, expose, falloff, noise_table
 from winding_rig_node.camera.surroundings import Surroundings
@@ -48,14 +49,12 @@ class Renderer:
         s = config.supersampling
         self._lens = lens_of(config, s)
         self._light = _lighting(config)
+        self._gloss = _gloss(config)
         self._falloff = falloff(config.window.shape, config.light.falloff)
         self._table = noise_table()
-        shape, blocks = (rows * s, columns * s), (rows, -(-columns // BLOCK))
+        blocks = rows, -(-columns // BLOCK)
         self._samples = Samples(
-            inverse_depth=np.zeros(shape, dtype=np.float32),
-            label=np.zeros(shape, dtype=np.uint8),
-            shade=np.zeros(shape, dtype=np.float32),
-            gloss=np.zeros(shape, dtype=np.float32),
+            seen=np.zeros((rows * s, columns * s, 4), dtype=np.float32),
             touched=np.zeros(blocks, dtype=np.uint8),
             shown=np.zeros(blocks, dtype=np.uint8),
             per_pixel=s,
@@ -100,7 +99,7 @@ class Renderer:
             self.config, scene.centreline(scene.marker_theta[landed])
         )
         for n in range(bands.size):
-            rows, columns = np.nonzero(self._samples.label == n + 2)
+            rows, columns = np.nonzero(self._samples.seen[..., LABEL] == n + 2)
             bands["area"][n] = rows.size / s**2
             if rows.size:
                 middle = np.array([columns.mean(), rows.mean()])
@@ -135,11 +134,20 @@ class Renderer:
     def _paint(self, scene: Scene) -> None:
         view = self._view(scene)
         if self._drawn is not view:
-            self._samples.inverse_depth[:] = view.inverse_depth
+            self._samples.seen[..., NEAR] = view.inverse_depth
             self._samples.shown[:] = 0
             self._radiance[:] = view.radiance
             self._drawn = view
-        draw_cable(self._lens, view.rays, self._cable(scene), self._light, self._samples)
+        draw_cable(
+            self._lens,
+            view.rays,
+            self._light,
+            self._gloss,
+            self._cable(scene),
+            scene.path.table,
+            np.ascontiguousarray(scene.marker_theta, dtype=float),
+            self._samples,
+        )
 
     def _resolve(self, scene: Scene) -> SingleArray:
         view = self._view(scene)
@@ -152,12 +160,11 @@ class Renderer:
             cylinder_radius=float(scene.cylinder_radius),
             cable_radius=float(scene.cable_radius),
             turned=float(scene.cylinder_angle),
+            landing_z=scene.landing_z,
             guide_z=float(scene.guide_z),
             free_length=float(scene.free_length),
             tail=float(scene.tail_angle),
             band_width=float(scene.band_width),
-            path=scene.path.table,
-            markers=np.ascontiguousarray(scene.marker_theta, dtype=float),
             step=self._section_step(scene),
         )
 
@@ -175,5 +182,9 @@ def _lighting(config: CameraConfig) -> Lighting:
         y=y,
         z=z,
         ambient=float(light.ambient),
-        gloss=light.highlight * np.linspace(0.0, 1.0, GLOSS_SIZE) ** light.gloss,
     )
+
+
+def _gloss(config: CameraConfig) -> FloatArray:
+    cosine = np.linspace(0.0, 1.0, GLOSS_SIZE)
+    return np.asarray(config.light.highlight * cosine**config.light.gloss, dtype=float)
