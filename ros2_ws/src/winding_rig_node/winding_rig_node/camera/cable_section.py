@@ -182,4 +182,4 @@ def _highlight(gloss: FloatArray, cosine: float) -> float:  # pragma: no cover
     place = min(max(cosine, 0.0), 1.0) * (gloss.size - 1)
     index = min(int(place), gloss.size - 2)
     low, high = gloss[index], gloss[index + 1]
-    return low + (place - index) * (high - low)
+    return float(low + (place - index) * (high - low))

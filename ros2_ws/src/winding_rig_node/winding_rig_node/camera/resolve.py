@@ -30,6 +30,7 @@ def resolve(
     """
     rows, columns = background.shape[:2]
     seen, touched, shown, size = samples.seen, samples.touched, samples.shown, samples.per_pixel
+    share, glare = np.float32(1.0 / (size * size)), np.float32(255.0)
     for row in range(rows):
         for block in range(touched.shape[1]):
             drawn = touched[row, block]
@@ -38,41 +39,23 @@ def resolve(
             touched[row, block] = 0
             shown[row, block] = drawn
             for column in range(block * BLOCK, min((block + 1) * BLOCK, columns)):
-                for channel in range(3):
-                    out[row, column, channel] = background[row, column, channel]
+                cable, marker, white = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+                hits = 0
                 if drawn:
-                    _resolve_pixel(row, column, size, behind, colours, seen, out)
-
-
-@compiled
-def _resolve_pixel(
-    row: int,
-    column: int,
-    size: int,
-    behind: SingleArray,
-    colours: SingleArray,
-    seen: SingleArray,
-    out: SingleArray,
-) -> None:  # pragma: no cover
-    """Mix the samples of a pixel with the background that stands there, and clear them."""
-    cable, marker, white = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-    hits = 0
-    for j in range(row * size, (row + 1) * size):
-        for i in range(column * size, (column + 1) * size):
-            value = seen[j, i, LABEL]
-            if value > 0.0:
-                hits += 1
-                if value == 1.0:
-                    cable += seen[j, i, SHADE]
-                else:
-                    marker += seen[j, i, SHADE]
-                white += seen[j, i, GLOSS]
-                seen[j, i, LABEL] = 0.0
-                seen[j, i, NEAR] = behind[j, i]
-    if hits:
-        share = np.float32(1.0 / (size * size))
-        rest = np.float32(1.0) - np.float32(hits) * share
-        for channel in range(3):
-            light = colours[0, channel] * cable + colours[1, channel] * marker
-            mean = (light + np.float32(255.0) * white) * share
-            out[row, column, channel] = mean + rest * out[row, column, channel]
+                    for j in range(row * size, (row + 1) * size):
+                        for i in range(column * size, (column + 1) * size):
+                            value = seen[j, i, LABEL]
+                            if value > 0.0:
+                                hits += 1
+                                white += seen[j, i, GLOSS]
+                                if value == 1.0:
+                                    cable += seen[j, i, SHADE]
+                                else:
+                                    marker += seen[j, i, SHADE]
+                                seen[j, i, LABEL] = 0.0
+                                seen[j, i, NEAR] = behind[j, i]
+                rest = np.float32(1.0) - np.float32(hits) * share
+                for channel in range(3):
+                    light = colours[0, channel] * cable + colours[1, channel] * marker
+                    mean = (light + glare * white) * share
+                    out[row, column, channel] = mean + rest * background[row, column, channel]

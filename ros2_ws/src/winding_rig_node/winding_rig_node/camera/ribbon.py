@@ -104,6 +104,7 @@ def draw_ribbon(
     """
     seen, touched, per_pixel = samples.seen, samples.touched, samples.per_pixel
     rows, columns = seen.shape[:2]
+    label = np.float32(value)
     upper, lower = BEGIN, end
     if rims[upper, 0, ROW] > rims[lower, 0, ROW]:
         upper, lower = end, BEGIN
@@ -135,19 +136,20 @@ def draw_ribbon(
             left, right = min(left, first), max(right, last)
             width = b.column - a.column
             scale = 1.0 / width if width > 0.0 else 0.0
-            step = (b.near - a.near) * scale, (b.shade - a.shade) * scale
-            gloss_step = (b.gloss - a.gloss) * scale
             way = first - a.column
-            near, shade = a.near + way * step[0], a.shade + way * step[1]
-            gloss = a.gloss + way * gloss_step
+            near_rise, shade_rise = (b.near - a.near) * scale, (b.shade - a.shade) * scale
+            gloss_rise = (b.gloss - a.gloss) * scale
+            near, near_step = np.float32(a.near + way * near_rise), np.float32(near_rise)
+            shade, shade_step = np.float32(a.shade + way * shade_rise), np.float32(shade_rise)
+            gloss, gloss_step = np.float32(a.gloss + way * gloss_rise), np.float32(gloss_rise)
             for column in range(first, last + 1):
                 if near > seen[row, column, NEAR]:
-                    seen[row, column, LABEL] = value
+                    seen[row, column, LABEL] = label
                     seen[row, column, NEAR] = near
                     seen[row, column, SHADE] = shade
                     seen[row, column, GLOSS] = gloss
-                near += step[0]
-                shade += step[1]
+                near += near_step
+                shade += shade_step
                 gloss += gloss_step
         if left <= right:
             touch(touched, row, left, right, per_pixel)
