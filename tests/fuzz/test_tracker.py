@@ -17,7 +17,7 @@ from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
 from winding_core.markers import MARKER_DTYPE, MarkerFlag, Markers
 from winding_core.readings import AxisReading
-from winding_rig_node.camera import CameraConfig, Renderer, Scene
+from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene
 from winding_rig_node.machine.lay import published_lay
 from winding_ros import topics
 from winding_ros.camera_messages import encode_image
@@ -63,6 +63,7 @@ class Studio:
         self.config = CameraConfig()
         self.renderer = Renderer(self.config)
         self.lay = published_lay(CASE, DRIVE, FREE_LENGTH, DRIVE.positions(20.0)[0])
+        self.path = CablePath(theta=self.lay.path_theta, z=self.lay.path_z)
         known = ~np.isnan(self.lay.marker_theta)
         self.theta = self.lay.marker_theta[known]
         info = self.config.calibration()
@@ -77,8 +78,7 @@ class Studio:
             cylinder_radius=CASE.cylinder_radius,
             cable_radius=CASE.cable_radius,
             cylinder_angle=angle,
-            path_theta=self.lay.path_theta,
-            path_z=self.lay.path_z,
+            path=self.path,
             marker_theta=self.theta,
             guide_z=guide,
             free_length=FREE_LENGTH,

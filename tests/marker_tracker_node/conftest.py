@@ -13,7 +13,7 @@ from marker_tracker_node import CameraPose, PinholeCamera, Tracker, TrackerConfi
 from winding_core.cases import Case, paper_case
 from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
-from winding_rig_node.camera import CameraConfig, Paint, Renderer, Scene, Surroundings
+from winding_rig_node.camera import CablePath, CameraConfig, Paint, Renderer, Scene, Surroundings
 from winding_rig_node.machine.lay import CableLay, published_lay
 
 FREE_LENGTH = 0.198
@@ -60,10 +60,11 @@ class Film:
     def __post_init__(self) -> None:
         self.renderer = Renderer(self.camera, self.surroundings)
         self.rng = np.random.default_rng(self.seed)
+        self.path = CablePath(theta=self.lay.path_theta, z=self.lay.path_z)
         known = ~np.isnan(self.lay.marker_theta)
         self.theta = self.lay.marker_theta
         self.z = np.full(self.theta.shape, np.nan)
-        self.z[known] = np.interp(self.theta[known], self.lay.path_theta, self.lay.path_z)
+        self.z[known] = self.path.height(self.theta[known])
         self.s = np.hypot(self.case.centreline_radius * self.theta, self.z)
 
     def scene(self, angle: float, guide_z: float, **changes: object) -> Scene:
@@ -71,8 +72,7 @@ class Film:
             cylinder_radius=self.case.cylinder_radius,
             cable_radius=self.case.cable_radius,
             cylinder_angle=angle,
-            path_theta=self.lay.path_theta,
-            path_z=self.lay.path_z,
+            path=self.path,
             marker_theta=self.theta,
             guide_z=guide_z,
             free_length=FREE_LENGTH,

@@ -8,7 +8,7 @@ import pytest
 from marker_tracker_node import CameraPose
 from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_point
 from marker_tracker_node.detection.band import Band, band_centroid, centre_point, solve_band
-from winding_rig_node.camera import CameraConfig, Window
+from winding_rig_node.camera import CablePath, CameraConfig, Window
 
 pytestmark = pytest.mark.slow
 
@@ -27,7 +27,8 @@ def test_centroid_and_area_agree_with_the_renderers_ground_truth(smooth_film, ca
     film = smooth_film(case, camera=SHARP)
     view, body = view_and_body(film)
     for azimuth in (0.0, 0.35, 1.0):
-        made = film.scene(azimuth, 0.0, path_z=np.zeros_like(film.lay.path_z))
+        level = CablePath(theta=film.path.theta, z=np.zeros_like(film.path.z))
+        made = film.scene(azimuth, 0.0, path=level)
         truth = film.renderer.visible_bands(made)[0]
         a, b, area = band_centroid(view, body, Band(azimuth, 0.0, 0.0))
         # 0.05 px is 4 um; the sections of the renderer are chords of 3 px.

@@ -14,7 +14,7 @@ from winding_core.drive import DriveProfile
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_core.readings import AxisReading, ImageWindow
 from winding_core.status import Level
-from winding_rig_node.camera import CameraConfig, Renderer, Scene
+from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading, encode_camera_info, encode_image
 from winding_ros.cloud_messages import decode_cloud
@@ -66,8 +66,7 @@ class Bench:
                 cylinder_radius=case.cylinder_radius,
                 cable_radius=case.cable_radius,
                 cylinder_angle=angle,
-                path_theta=np.linspace(0.0, 2.0, 50),
-                path_z=np.linspace(0.0, 1e-3, 50),
+                path=CablePath(theta=np.linspace(0.0, 2.0, 50), z=np.linspace(0.0, 1e-3, 50)),
                 marker_theta=np.array([0.0, 6.28]),
                 guide_z=guide,
                 free_length=0.198,

@@ -10,6 +10,7 @@ from polygon import draw_polygons
 
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_rig_node.camera import (
+    CablePath,
     CameraConfig,
     Light,
     Patch,
@@ -33,8 +34,7 @@ def scene(angle=6.4, radius=0.015, cable=0.002, **changes):
         cylinder_radius=radius,
         cable_radius=cable,
         cylinder_angle=angle,
-        path_theta=theta,
-        path_z=law.z(theta),
+        path=CablePath(theta=theta, z=law.z(theta)),
         marker_theta=np.array([0.0, 6.1, 12.2]),
         guide_z=2.87e-3 * angle,
         free_length=0.198,
@@ -285,7 +285,9 @@ IMPOSSIBLE = [
     (lambda: SensorNoise(read=-1.0), "read noise"),
     (lambda: Light(gain=0.0), "gain"),
     (lambda: Light(ambient=1.5), "ambient"),
-    (lambda: scene(path_z=np.zeros(3)), "one length"),
+    (lambda: CablePath(theta=np.zeros(2), z=np.zeros(3)), "one length"),
+    (lambda: CablePath(theta=np.zeros(2), z=np.zeros(2)), "ascend"),
+    (lambda: CablePath(theta=np.arange(2.0), z=np.array([0.0, np.nan])), "finite"),
     (lambda: scene(cylinder_angle=math.nan), "finite"),
     (lambda: scene(cable_radius=-1.0), "cable_radius"),
     (lambda: Patch(column=0, row=0, width=0, height=1, colour=(0, 0, 0)), "patch size"),

@@ -26,6 +26,7 @@ from std_srvs.srv import Trigger
 from winding_core.cases import paper_case
 from winding_core.condition import Condition
 from winding_core.readings import ImageWindow
+from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Scene
@@ -89,6 +90,7 @@ class CellNode(Node):
         config = CameraConfig()
         end = float(self.drive.positions(20.0)[0])
         self.lay = published_lay(self.case, self.drive, self.condition.free_length, end)
+        self.path = CablePath(theta=self.lay.path_theta, z=self.lay.path_z)
         self.renderer, self.noise = Renderer(config), np.random.default_rng(1)
         calibration = config.calibration()
         x, y, width, height = calibration.roi
@@ -184,8 +186,7 @@ class CellNode(Node):
                 cable_radius=self.case.cable_radius,
                 cylinder_angle=float(angle),
                 cylinder_speed=float(self.drive.speeds(t)[0]),
-                path_theta=self.lay.path_theta,
-                path_z=self.lay.path_z,
+                path=self.path,
                 marker_theta=self.lay.marker_theta,
                 guide_z=float(way),
                 free_length=self.condition.free_length,

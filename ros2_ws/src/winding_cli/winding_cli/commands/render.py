@@ -35,7 +35,7 @@ def render(
     from winding_core.cases import paper_case
     from winding_core.drive import DriveProfile
     from winding_core.fleet_angle import PAPER_FREE_LENGTH
-    from winding_rig_node.camera import CameraConfig, Renderer, Scene, SensorNoise
+    from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene, SensorNoise
     from winding_rig_node.camera.sequence import write_sequence
     from winding_rig_node.machine.lay import published_lay
 
@@ -46,6 +46,7 @@ def render(
         wound, drive = paper_case(case), DriveProfile()
         end = drive.positions(start_s + duration_s)[0]
         lay = published_lay(wound, drive, PAPER_FREE_LENGTH, end)
+        path = CablePath(theta=lay.path_theta, z=lay.path_z)
         config = CameraConfig(noise=SensorNoise(read=noise), bayer=bayer)
         renderer = Renderer(config.full_frame() if full else config)
 
@@ -59,8 +60,7 @@ def render(
                     cylinder_radius=wound.cylinder_radius,
                     cable_radius=wound.cable_radius,
                     cylinder_angle=angle,
-                    path_theta=lay.path_theta,
-                    path_z=lay.path_z,
+                    path=path,
                     marker_theta=lay.marker_theta,
                     guide_z=guide,
                     free_length=PAPER_FREE_LENGTH,

@@ -1,5 +1,6 @@
 """Simulated high-speed camera with exact ground truth; it shares no code with the tracker."""
 
+from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import (
     CameraCalibration,
     CameraConfig,
@@ -13,6 +14,7 @@ from winding_rig_node.camera.scene import Paint, Scene
 from winding_rig_node.camera.surroundings import Patch, Surroundings
 
 __all__ = [
+    "CablePath",
     "CameraCalibration",
     "CameraConfig",
     "Light",

@@ -1,4 +1,4 @@
-"""The cable as strips of facets between cross-sections, only the half that faces the camera."""
+"""The cable as facets between cross-sections, no more of it than the window shows."""
 
 from __future__ import annotations
 
@@ -9,223 +9,202 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.compiling import compiled
-from winding_rig_node.camera.optics import Lens, project
-from winding_rig_node.camera.raster import Corner, Samples, fill_triangle
+from winding_rig_node.camera.cable_path import PathTable, path_crosses
+from winding_rig_node.camera.cable_section import (
+    FACETS,
+    Bounds,
+    Cable,
+    Lighting,
+    View,
+    centre_line,
+    section,
+    span_rise,
+)
+from winding_rig_node.camera.optics import Lens
+from winding_rig_node.camera.raster import Samples
+from winding_rig_node.camera.ribbon import (
+    begin,
+    direction,
+    draw_ribbon,
+    draw_triangles,
+    extend,
+)
+from winding_rig_node.camera.sight import RayRange, Sight, sight_of
 
 FloatArray = NDArray[np.float64]
 
-FACETS = 10
-HIDDEN_COSINE = -0.25
+TURN = 2.0 * math.pi
 
 
-class Cable(NamedTuple):
-    """The cable at one instant; see `Scene`.
+class Stretch(NamedTuple):
+    """Cable of one label: wound angles of its ends [rad], steps between its sections, the label."""
 
-    Attributes:
-        cylinder_radius: R [m].
-        cable_radius: r [m].
-        turned: Cylinder angle Theta [rad].
-        landing_z: Where the cable lands [m].
-        guide_z: [m]
-        free_length: [m]
-        tail: Cable behind P0 [rad].
-        path_theta: Path angles [rad].
-        path_z: Path heights [m].
-        markers: Wound angles [rad], nan for none.
-        half_bands: Half of each band as wound angle [rad].
-        step: Largest angle between sections [rad].
-    """
-
-    cylinder_radius: float
-    cable_radius: float
-    turned: float
-    landing_z: float
-    guide_z: float
-    free_length: float
-    tail: float
-    path_theta: FloatArray
-    path_z: FloatArray
-    markers: FloatArray
-    half_bands: FloatArray
-    step: float
+    first: float
+    last: float
+    steps: int
+    value: int
 
 
-class Lighting(NamedTuple):
-    """Unit direction towards the lamp, share of ambient light, strength and exponent of gloss."""
+class Room(NamedTuple):
+    """Room for sections and for what they make of rows; see `ribbon`."""
 
-    x: float
-    y: float
-    z: float
-    ambient: float
-    highlight: float
-    exponent: float
-
-
-class Bounds(NamedTuple):
-    """Columns and rows of the sample grid, and the room around it for a section [samples]."""
-
-    columns: float
-    rows: float
-    room: float
-
-
-class Rim(NamedTuple):
-    """Corners around a cross-section, arrays of shape (FACETS + 1,); see `Corner`."""
-
-    column: FloatArray
-    row: FloatArray
-    inverse_depth: FloatArray
-    shade: FloatArray
-    gloss: FloatArray
-
-
-@compiled
-def empty_rim() -> Rim:  # pragma: no cover
-    """Return room for the corners of one cross-section."""
-    size = FACETS + 1
-    return Rim(np.empty(size), np.empty(size), np.empty(size), np.empty(size), np.empty(size))
-
-
-@compiled
-def corner(rim: Rim, k: int) -> Corner:  # pragma: no cover
-    """Return corner k of a cross-section."""
-    return Corner(rim.column[k], rim.row[k], rim.inverse_depth[k], rim.shade[k], rim.gloss[k])
-
-
-@compiled
-def path_height(
-    grid: FloatArray, height: FloatArray, theta: float
-) -> tuple[float, float]:  # pragma: no cover
-    """Return z [m] and dz/dtheta [m/rad] of a piecewise linear path, level outside its grid."""
-    last = grid.size - 1
-    if theta <= grid[0]:
-        return height[0], 0.0
-    if theta >= grid[last]:
-        return height[last], 0.0
-    low, high = 0, last
-    while high - low > 1:
-        middle = (low + high) // 2
-        if grid[middle] <= theta:
-            low = middle
-        else:
-            high = middle
-    slope = (height[high] - height[low]) / (grid[high] - grid[low])
-    return height[low] + slope * (theta - grid[low]), slope
-
-
-@compiled
-def breaks(
-    start: float, landing: float, end: float, markers: FloatArray, half_band: FloatArray
-) -> FloatArray:  # pragma: no cover
-    """Return the sorted wound angles [rad] where the cable changes: ends, landing, band edges."""
-    edges = np.empty(3 + 2 * markers.size)
-    edges[0], edges[1], edges[2] = start, min(max(landing, start), end), end
-    for n in range(markers.size):
-        centre, half = markers[n], half_band[n]
-        if not math.isfinite(centre):
-            centre, half = start, 0.0
-        edges[3 + 2 * n] = min(max(centre - half, start), end)
-        edges[4 + 2 * n] = min(max(centre + half, start), end)
-    edges.sort()
-    return edges
-
-
-@compiled
-def section(
-    lens: Lens, cable: Cable, light: Lighting, bounds: Bounds, theta: float, out: Rim
-) -> bool:  # pragma: no cover
-    """Write the projected rim of the section at a wound angle [rad]; return if it can be seen."""
-    r = cable.cable_radius
-    rho = cable.cylinder_radius + r
-    way = rho * (theta - cable.turned)
-    if way > 0.0:
-        slope = (cable.guide_z - cable.landing_z) / cable.free_length
-        cx, cy, cz = rho, -way, cable.landing_z + slope * way
-        ex, ey = 1.0, 0.0
-        tx, ty, tz = 0.0, -1.0, slope
-    else:
-        azimuth = cable.turned - theta
-        ex, ey = math.cos(azimuth), math.sin(azimuth)
-        if ex < HIDDEN_COSINE:
-            return False
-        cz, slope = path_height(cable.path_theta, cable.path_z, theta)
-        cx, cy = rho * ex, rho * ey
-        tx, ty, tz = ey, -ex, slope / rho
-    column, row, inverse = project(lens, cx, cy, cz)
-    room = bounds.room
-    if (
-        inverse <= 0.0
-        or not -room < column < bounds.columns + room
-        or not -room < row < bounds.rows + room
-    ):
-        return False
-    norm = math.sqrt(tx * tx + ty * ty + tz * tz)
-    tx, ty, tz = tx / norm, ty / norm, tz / norm
-    bx, by, bz = ty * 0.0 - tz * ey, tz * ex - tx * 0.0, tx * ey - ty * ex
-    vx, vy, vz = lens.x - cx, lens.y - cy, lens.z - cz
-    along_e, along_b = vx * ex + vy * ey, vx * bx + vy * by + vz * bz
-    facing = math.atan2(along_b, along_e)
-    # Seen from a distance d the rim of a circle of radius r lies at acos(r / d), not at 90 degrees.
-    reach = math.acos(min(r / math.hypot(along_e, along_b), 1.0))
-    # Facets are chords: corners lie outside by as much as middles lie inside, so that the mean
-    # distance is r. The rim itself is exact.
-    inner = r / (1.0 - (reach / FACETS) ** 2 / 3.0)
-    for k in range(FACETS + 1):
-        psi = facing + reach * (2.0 * k / FACETS - 1.0)
-        c, s = math.cos(psi), math.sin(psi)
-        nx, ny, nz = c * ex + s * bx, c * ey + s * by, s * bz
-        reached = r if k in (0, FACETS) else inner
-        px, py, pz = cx + reached * nx, cy + reached * ny, cz + reached * nz
-        out.column[k], out.row[k], out.inverse_depth[k] = project(lens, px, py, pz)
-        diffuse = nx * light.x + ny * light.y + nz * light.z
-        out.shade[k] = light.ambient + (1.0 - light.ambient) * max(diffuse, 0.0)
-        wx, wy, wz = lens.x - px, lens.y - py, lens.z - pz
-        scale = 1.0 / math.sqrt(wx * wx + wy * wy + wz * wz)
-        hx, hy, hz = wx * scale + light.x, wy * scale + light.y, wz * scale + light.z
-        half = (nx * hx + ny * hy + nz * hz) / math.sqrt(hx * hx + hy * hy + hz * hz)
-        glossy = light.highlight > 0.0
-        out.gloss[k] = light.highlight * max(half, 0.0) ** light.exponent if glossy else 0.0
-    return True
+    rims: FloatArray
+    crossings: FloatArray
 
 
 @compiled
 def draw_cable(
-    lens: Lens, cable: Cable, light: Lighting, samples: Samples
+    lens: Lens,
+    rays: RayRange,
+    light: Lighting,
+    gloss: FloatArray,
+    cable: Cable,
+    path: PathTable,
+    markers: FloatArray,
+    samples: Samples,
 ) -> None:  # pragma: no cover
-    """Draw cable (label 1) and marker bands (label 2 + n) into samples that hold the cylinder."""
+    """Draw cable (label 1) and marker bands (label 2 + n) into samples that hold the cylinder.
+
+    Args:
+        lens: The camera.
+        rays: Through its window.
+        light: On the cable.
+        gloss: See `section`.
+        cable: To be drawn.
+        path: Where it lies on the cylinder.
+        markers: Wound angles [rad], nan for none, shape (n,).
+        samples: To be written.
+    """
     rho = cable.cylinder_radius + cable.cable_radius
-    rows, columns = samples.inverse_depth.shape
+    rows, columns = samples.seen.shape[:2]
     near = abs(lens.x) - cable.cylinder_radius - 2.0 * cable.cable_radius
-    grain = lens.focal * lens.supersampling / (lens.binning * near)
-    bounds = Bounds(float(columns), float(rows), (cable.cable_radius + cable.step * rho) * grain)
-    end = cable.turned + cable.free_length / rho
-    edges = breaks(-cable.tail, cable.turned, end, cable.markers, cable.half_bands)
-    previous, current = empty_rim(), empty_rim()
+    room = cable.cable_radius + cable.step * rho
+    bounds = Bounds(float(columns), float(rows), room * lens.focal / near)
+    view = View(lens, cable, light, bounds)
+    # Chords and slanted rays reach a little farther than the section itself.
+    sight = sight_of(lens, rays, rho, 1.1 * room)
+    half_bands = _half_bands(cable, path, markers)
+    edges = _breaks(cable, markers, half_bands)
+    room_for = Room(np.empty((3, FACETS + 1, 5)), np.empty((rows, FACETS + 1, 4)))
     for interval in range(edges.size - 1):
         first, last = edges[interval], edges[interval + 1]
         if last - first <= 0.0:
             continue
-        middle = 0.5 * (first + last)
         value = 1
-        for n in range(cable.markers.size):
-            if abs(middle - cable.markers[n]) < cable.half_bands[n]:
+        for n in range(markers.size):
+            if abs(0.5 * (first + last) - markers[n]) < half_bands[n]:
                 value = 2 + n
-        count = math.ceil((last - first) / cable.step)
-        seen = section(lens, cable, light, bounds, first, previous)
-        for k in range(1, count + 1):
-            theta = first + (last - first) * k / count
-            visible = section(lens, cable, light, bounds, theta, current)
-            if visible and seen:
-                _draw_strip(previous, current, value, samples)
-            seen = visible
-            previous, current = current, previous
+        free = first >= cable.turned
+        lowest, highest = 0, 0
+        if not free:
+            lowest = math.ceil((cable.turned - last - sight.last_azimuth) / TURN)
+            highest = math.floor((cable.turned - first - sight.first_azimuth) / TURN)
+        stretch = Stretch(first, last, math.ceil((last - first) / cable.step), value)
+        for turn in range(lowest, highest + 1):
+            start, end = _shown(cable, sight, free, turn)
+            start, end = max(start, first), min(end, last)
+            if start <= end and _crosses(cable, path, sight, start, end):
+                _draw_stretch(view, gloss, path, stretch, start, end, room_for, samples)
 
 
 @compiled
-def _draw_strip(one: Rim, other: Rim, value: int, samples: Samples) -> None:  # pragma: no cover
-    """Draw the facets between two cross-sections."""
-    for m in range(FACETS):
-        a, b = corner(one, m), corner(one, m + 1)
-        c, d = corner(other, m), corner(other, m + 1)
-        fill_triangle(a, b, c, value, samples)
-        fill_triangle(c, b, d, value, samples)
+def _shown(
+    cable: Cable, sight: Sight, free: bool, turn: int
+) -> tuple[float, float]:  # pragma: no cover
+    """Return between which wound angles [rad] a turn, or the free span, stands in the window."""
+    if free:
+        rho = cable.cylinder_radius + cable.cable_radius
+        return cable.turned - sight.y_high / rho, cable.turned - sight.y_low / rho
+    front = cable.turned - TURN * turn
+    return front - sight.last_azimuth, front - sight.first_azimuth
+
+
+@compiled
+def _crosses(
+    cable: Cable, path: PathTable, sight: Sight, start: float, end: float
+) -> bool:  # pragma: no cover
+    """Return whether cable between two wound angles [rad] may reach the window's heights."""
+    if end <= cable.turned:
+        return path_crosses(path, start, end, sight.z_low, sight.z_high)
+    slope = span_rise(cable) * (cable.cylinder_radius + cable.cable_radius)
+    one = cable.landing_z + slope * (start - cable.turned)
+    other = cable.landing_z + slope * (end - cable.turned)
+    return min(one, other) <= sight.z_high and max(one, other) >= sight.z_low
+
+
+@compiled
+def _draw_stretch(
+    view: View,
+    gloss: FloatArray,
+    path: PathTable,
+    stretch: Stretch,
+    start: float,
+    end: float,
+    room: Room,
+    samples: Samples,
+) -> None:  # pragma: no cover
+    """Draw the part of a stretch between two wound angles [rad]."""
+    # Plain arrays: each array taken out of a tuple, or each part of one, costs a locked count.
+    grid, heights, blocks = path.theta, path.z, path.first
+    rims, crossings = room.rims, room.crossings
+    width = stretch.last - stretch.first
+    from_k = max(math.floor((start - stretch.first) * stretch.steps / width), 0)
+    to_k = min(math.ceil((end - stretch.first) * stretch.steps / width), stretch.steps)
+    way, seen = 0, False
+    for k in range(from_k, to_k + 1):
+        one, other = 1 + k % 2, 2 - k % 2
+        theta = stretch.first + width * k / stretch.steps
+        place = centre_line(view.cable, grid, heights, blocks, theta)
+        visible = section(view, gloss, place, rims, other)
+        both, seen = visible and seen, visible
+        ahead = direction(rims, one, other) if both else 0
+        if way not in (0, ahead):
+            draw_ribbon(crossings, rims, one, stretch.value, samples)
+        if ahead not in (0, way):
+            begin(rims, one)
+        if ahead != 0:
+            extend(crossings, rims, one, other)
+        elif both:
+            draw_triangles(rims, one, other, stretch.value, samples)
+        way = ahead
+    if way != 0:
+        draw_ribbon(crossings, rims, 2 - to_k % 2, stretch.value, samples)
+
+
+@compiled
+def _half_bands(
+    cable: Cable, path: PathTable, markers: FloatArray
+) -> FloatArray:  # pragma: no cover
+    """Return half of each band as wound angle [rad]; its length is measured along the cable."""
+    rho = cable.cylinder_radius + cable.cable_radius
+    half = np.zeros(markers.size)
+    for n in range(markers.size):
+        if math.isfinite(markers[n]):
+            place = centre_line(cable, path.theta, path.z, path.first, markers[n])
+            half[n] = 0.5 * cable.band_width / (rho * math.hypot(1.0, place.rise))
+    return half
+
+
+@compiled
+def _breaks(
+    cable: Cable, markers: FloatArray, half_bands: FloatArray
+) -> FloatArray:  # pragma: no cover
+    """Return the sorted wound angles [rad] where the cable changes: ends, landing, band edges."""
+    start = -cable.tail
+    end = cable.turned + cable.free_length / (cable.cylinder_radius + cable.cable_radius)
+    edges = np.empty(3 + 2 * markers.size)
+    edges[0], edges[1], edges[2] = start, min(max(cable.turned, start), end), end
+    for n in range(markers.size):
+        centre, half = markers[n], half_bands[n]
+        if not math.isfinite(centre):
+            centre, half = start, 0.0
+        edges[3 + 2 * n] = min(max(centre - half, start), end)
+        edges[4 + 2 * n] = min(max(centre + half, start), end)
+    # Sorted by hand: numpy's sort takes two seconds to compile.
+    for k in range(1, edges.size):
+        moved, place = edges[k], k
+        while place > 0 and edges[place - 1] > moved:
+            edges[place] = edges[place - 1]
+            place -= 1
+        edges[place] = moved
+    return edges

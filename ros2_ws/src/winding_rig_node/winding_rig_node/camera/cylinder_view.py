@@ -1,7 +1,8 @@
-"""What never moves in the picture: cylinder, backdrop and the fall of the light."""
+"""What never moves in the picture: cylinder and backdrop."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.optics import sample_rays
 from winding_rig_node.camera.scene import Paint
+from winding_rig_node.camera.sight import RayRange
 from winding_rig_node.camera.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
@@ -24,12 +26,12 @@ class StaticView:
         inverse_depth: Of the cylinder at each sample [1/m], zero beside it,
             shape (rows * s, columns * s).
         radiance: Mean of each pixel without the cable, shape (rows, columns, 3).
-        falloff: Light that reaches each pixel, 1 in the middle, shape (rows, columns).
+        rays: Through the window.
     """
 
     inverse_depth: SingleArray
     radiance: SingleArray
-    falloff: SingleArray
+    rays: RayRange
 
 
 def static_view(
@@ -55,10 +57,12 @@ def static_view(
     plain = np.empty_like(radiance)
     plain[:] = paint.backdrop
     backdrop = surroundings.behind(config, plain)
+    ranges: list[tuple[float, ...]] = []
     for top in range(0, rows, 64):
         bottom = min(top + 64, rows)
         part = slice(top * s, bottom * s)
         rays = sample_rays(config, top, bottom)
+        ranges.append(_extremes(rays))
         depth, normal, along = _cylinder_hit(config, rays, radius, ends)
         colour = _cylinder_colour(config, normal, along, paint)
         beside = np.isnan(depth)
@@ -67,7 +71,20 @@ def static_view(
         blocks = colour.reshape(-1, s, columns, s, 3).mean(axis=(1, 3))
         open_share = beside.reshape(-1, s, columns, s).mean(axis=(1, 3))
         radiance[top:bottom] = blocks + open_share[..., None] * backdrop[top:bottom]
-    return StaticView(inverse_depth=inverse, radiance=radiance, falloff=_falloff(config))
+    return StaticView(inverse_depth=inverse, radiance=radiance, rays=_merged(ranges))
+
+
+def _extremes(rays: FloatArray) -> tuple[float, ...]:
+    """Return y_low, -y_high, z_low, -z_high of a `RayRange`."""
+    if not (rays[..., 0] < 0.0).all():
+        return (-math.inf,) * 4
+    y, z = rays[..., 1] / rays[..., 0], rays[..., 2] / rays[..., 0]
+    return float(y.min()), float(-y.max()), float(z.min()), float(-z.max())
+
+
+def _merged(parts: list[tuple[float, ...]]) -> RayRange:
+    y_low, y_high, z_low, z_high = (min(column) for column in zip(*parts, strict=True))
+    return RayRange(y_low=y_low, y_high=-y_high, z_low=z_low, z_high=-z_high)
 
 
 def _cylinder_hit(
@@ -96,11 +113,3 @@ def _cylinder_colour(
     grooves = 1.0 + 0.03 * np.sin(along * 9.0e3) + 0.03 * np.sin(along * 2.3e3 + 1.0)
     shade = (light.ambient + (1.0 - light.ambient) * diffuse) * grooves
     return np.asarray(shade[..., None] * np.array(paint.cylinder), dtype=float)
-
-
-def _falloff(config: CameraConfig) -> SingleArray:
-    rows, columns = config.window.shape
-    u = np.linspace(-1.0, 1.0, columns)
-    v = np.linspace(-1.0, 1.0, rows)
-    share = 1.0 - 0.5 * config.light.falloff * (u[None, :] ** 2 + v[:, None] ** 2)
-    return share.astype(np.float32)

@@ -20,9 +20,9 @@ INVERSION_TOLERANCE = 1.0e-11
 class Lens(NamedTuple):
     """Pose, lens and window as the kernels take them.
 
-    Right, down and forward are the camera's axes in the lab frame, x, y, z its centre [m], centre
-    its principal point and offset the window's corner on the sensor [px], k1 to k3 and p1, p2 the
-    Brown-Conrady distortion, supersampling the samples per pixel and direction.
+    Right, down and forward are the camera's axes in the lab frame, x, y, z its centre [m], focal
+    and centre its focal length and principal point on the window's sample grid [samples], k1 to
+    k3 and p1, p2 the Brown-Conrady distortion.
     """
 
     right_x: float
@@ -45,10 +45,6 @@ class Lens(NamedTuple):
     p1: float
     p2: float
     k3: float
-    column_offset: float
-    row_offset: float
-    binning: float
-    supersampling: float
 
 
 def axes(config: CameraConfig) -> FloatArray:
@@ -67,18 +63,27 @@ def rotation(vector: FloatArray) -> FloatArray:
     return np.asarray(turn, dtype=float)
 
 
-def lens_of(config: CameraConfig) -> Lens:
-    """Return pose, lens and window of a camera for the kernels."""
+def lens_of(config: CameraConfig, per_pixel: int) -> Lens:
+    """Return pose, lens and window of a camera for the kernels.
+
+    Args:
+        config: The camera.
+        per_pixel: Samples per pixel of the delivered image and direction.
+    """
     window = config.window
+    scale = per_pixel / window.binning
+    corner = window.x_offset, window.y_offset
     return Lens._make(
         float(number)
         for number in (
             *axes(config).T.ravel(),
             *config.position,
-            config.focal,
-            *config.centre,
+            config.focal * scale,
+            *(
+                (middle - offset + 0.5) * scale - 0.5
+                for middle, offset in zip(config.centre, corner, strict=True)
+            ),
             *config.distortion,
-            *(window.x_offset, window.y_offset, window.binning, config.supersampling),
         )
     )
 
@@ -92,16 +97,14 @@ def project(
     depth = lens.forward_x * dx + lens.forward_y * dy + lens.forward_z * dz
     if depth <= 1.0e-6:
         return 0.0, 0.0, -1.0
-    a = (lens.right_x * dx + lens.right_y * dy + lens.right_z * dz) / depth
-    b = (lens.down_x * dx + lens.down_y * dy + lens.down_z * dz) / depth
+    inverse = 1.0 / depth
+    a = (lens.right_x * dx + lens.right_y * dy + lens.right_z * dz) * inverse
+    b = (lens.down_x * dx + lens.down_y * dy + lens.down_z * dz) * inverse
     q = a * a + b * b
     radial = 1.0 + q * (lens.k1 + q * (lens.k2 + q * lens.k3))
     u = a * radial + 2.0 * lens.p1 * a * b + lens.p2 * (q + 2.0 * a * a)
     v = b * radial + lens.p1 * (q + 2.0 * b * b) + 2.0 * lens.p2 * a * b
-    scale = lens.supersampling / lens.binning
-    column = (lens.focal * u + lens.centre_column - lens.column_offset + 0.5) * scale - 0.5
-    row = (lens.focal * v + lens.centre_row - lens.row_offset + 0.5) * scale - 0.5
-    return column, row, 1.0 / depth
+    return lens.focal * u + lens.centre_column, lens.focal * v + lens.centre_row, inverse
 
 
 def project_points(config: CameraConfig, points: FloatArray) -> FloatArray:
@@ -114,7 +117,7 @@ def project_points(config: CameraConfig, points: FloatArray) -> FloatArray:
     Returns:
         Column and row with pixel centres at whole numbers, shape (n, 2); nan behind the camera.
     """
-    lens = lens_of(config)._replace(supersampling=1.0)
+    lens = lens_of(config, 1)
     pixels = np.full((len(points), 2), np.nan)
     for index, (x, y, z) in enumerate(points):
         column, row, inverse = project(lens, x, y, z)
@@ -144,7 +147,7 @@ def sample_rays(config: CameraConfig, first: int, last: int) -> FloatArray:
     u = config.window.x_offset - 0.5 + (np.arange(columns * s) + 0.5) * step
     v = config.window.y_offset - 0.5 + (np.arange(first * s, last * s) + 0.5) * step
     plane, worst = _undistorted(
-        lens_of(config),
+        lens_of(config, s),
         np.asarray((u - config.centre[0]) / config.focal, dtype=float),
         np.asarray((v - config.centre[1]) / config.focal, dtype=float),
     )

@@ -1,4 +1,4 @@
-"""Depth-buffered triangles on the sample grid, and the mean of the samples of each pixel."""
+"""Depth-buffered samples: facets are written into them, by spans of a row or by triangles."""
 
 from __future__ import annotations
 
@@ -14,123 +14,86 @@ FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 ByteArray = NDArray[np.uint8]
 
-# Frames are resolved in blocks of a row of this many pixels; untouched ones are background.
-BLOCK = 16
+# What a corner of a facet holds, and what a sample holds: its label in the place of the column.
+COLUMN, NEAR, SHADE, GLOSS, ROW = 0, 1, 2, 3, 4
+LABEL = 0
+
+# Frames are resolved in blocks of a row of this many pixels.
+BLOCK = 8
 
 
-class Corner(NamedTuple):
-    """A corner of a triangle: place on the sample grid, inverse depth [1/m], shade and gloss."""
+class Point(NamedTuple):
+    """A point of a facet: place on the sample grid, inverse depth [1/m], shade and gloss."""
 
     column: float
-    row: float
-    inverse_depth: float
+    near: float
     shade: float
     gloss: float
+    row: float
 
 
 class Samples(NamedTuple):
-    """Buffers of the samples, `inverse_depth`, `label`, `shade` and `gloss` of one shape.
+    """Buffers of the samples.
 
     Attributes:
-        inverse_depth: Of what is seen [1/m], shape (rows * per_pixel, columns * per_pixel).
-        label: Of what was drawn, zero for nothing.
-        shade: Diffuse light.
-        gloss: Highlight.
+        seen: Label, inverse depth (the cylinder's for no label), shade and gloss of what is seen,
+            shape (rows * per_pixel, columns * per_pixel, 4).
         touched: One for each block of pixels that was drawn into, shape (rows, blocks).
+        shown: One for each block of the radiance image that is not background, shape of touched.
         per_pixel: Samples per pixel and direction.
     """
 
-    inverse_depth: SingleArray
-    label: ByteArray
-    shade: SingleArray
-    gloss: SingleArray
+    seen: SingleArray
     touched: ByteArray
+    shown: ByteArray
     per_pixel: int
 
 
 @compiled
-def fill_triangle(
-    a: Corner, b: Corner, c: Corner, value: int, samples: Samples
-) -> None:  # pragma: no cover
-    """Write a label, shade and gloss of a triangle where it lies before what is there."""
-    rows, columns = samples.inverse_depth.shape
-    top = max(math.ceil(min(a.row, b.row, c.row)), 0)
-    bottom = min(math.floor(max(a.row, b.row, c.row)), rows - 1)
-    left = max(math.ceil(min(a.column, b.column, c.column)), 0)
-    right = min(math.floor(max(a.column, b.column, c.column)), columns - 1)
-    if top > bottom or left > right:
-        return
-    area = (b.column - a.column) * (c.row - a.row) - (b.row - a.row) * (c.column - a.column)
-    if area == 0.0:
-        return
-    block_size = samples.per_pixel * BLOCK
-    for block_row in range(top // samples.per_pixel, bottom // samples.per_pixel + 1):
-        for block in range(left // block_size, right // block_size + 1):
-            samples.touched[block_row, block] = 1
-    scale = 1.0 / area
-    u_column = (b.row - c.row) * scale
-    v_column = (c.row - a.row) * scale
-    for row in range(top, bottom + 1):
-        u = (b.column - left) * (c.row - row) - (b.row - row) * (c.column - left)
-        v = (c.column - left) * (a.row - row) - (c.row - row) * (a.column - left)
-        u, v = u * scale, v * scale
-        for column in range(left, right + 1):
-            w = 1.0 - u - v
-            if u >= 0.0 and v >= 0.0 and w >= 0.0:
-                near = u * a.inverse_depth + v * b.inverse_depth + w * c.inverse_depth
-                if near > samples.inverse_depth[row, column]:
-                    samples.inverse_depth[row, column] = near
-                    samples.label[row, column] = value
-                    samples.shade[row, column] = u * a.shade + v * b.shade + w * c.shade
-                    samples.gloss[row, column] = u * a.gloss + v * b.gloss + w * c.gloss
-            u += u_column
-            v += v_column
+def between(one: Point, other: Point, share: float) -> Point:  # pragma: no cover
+    """Return the point at a share of the way from one to another."""
+    return Point(
+        one.column + share * (other.column - one.column),
+        one.near + share * (other.near - one.near),
+        one.shade + share * (other.shade - one.shade),
+        one.gloss + share * (other.gloss - one.gloss),
+        one.row + share * (other.row - one.row),
+    )
 
 
 @compiled
-def resolve(
-    background: SingleArray,
-    behind: SingleArray,
-    palette: FloatArray,
-    samples: Samples,
-    out: SingleArray,
+def touch(
+    touched: ByteArray, row: int, first: int, last: int, per_pixel: int
 ) -> None:  # pragma: no cover
-    """Write the mean radiance of each pixel and clear the samples for the next frame.
+    """Note that samples of a row are drawn into, from a first to a last column."""
+    for block in range(first // (per_pixel * BLOCK), last // (per_pixel * BLOCK) + 1):
+        touched[row // per_pixel, block] = 1
 
-    Args:
-        background: Radiance without the cable, shape (rows, columns, 3).
-        behind: Inverse depth of the cylinder at each sample [1/m].
-        palette: Reflectance by label, shape (labels, 3).
-        samples: What was drawn.
-        out: Radiance, shape (rows, columns, 3).
-    """
-    rows, columns = background.shape[:2]
-    size = samples.per_pixel
-    share = np.float32(1.0 / (size * size))
-    for row in range(rows):
-        for block in range(samples.touched.shape[1]):
-            first, last = block * BLOCK, min((block + 1) * BLOCK, columns)
-            out[row, first:last] = background[row, first:last]
-            if samples.touched[row, block] == 0:
-                continue
-            samples.touched[row, block] = 0
-            for column in range(first, last):
-                blue, green, red = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-                hits = 0
-                for j in range(row * size, (row + 1) * size):
-                    for i in range(column * size, (column + 1) * size):
-                        value = samples.label[j, i]
-                        if value:
-                            hits += 1
-                            light = samples.shade[j, i]
-                            white = np.float32(255.0) * samples.gloss[j, i]
-                            blue += np.float32(palette[value, 0]) * light + white
-                            green += np.float32(palette[value, 1]) * light + white
-                            red += np.float32(palette[value, 2]) * light + white
-                            samples.label[j, i] = 0
-                            samples.inverse_depth[j, i] = behind[j, i]
-                if hits:
-                    rest = np.float32(1.0) - np.float32(hits) * share
-                    out[row, column, 0] = blue * share + rest * background[row, column, 0]
-                    out[row, column, 1] = green * share + rest * background[row, column, 1]
-                    out[row, column, 2] = red * share + rest * background[row, column, 2]
+
+@compiled
+def fill_triangle(
+    a: Point, b: Point, c: Point, value: int, seen: SingleArray
+) -> None:  # pragma: no cover
+    """Write the samples of a triangle where they lie before what is there."""
+    top = max(math.ceil(min(a.row, b.row, c.row)), 0)
+    bottom = min(math.floor(max(a.row, b.row, c.row)), seen.shape[0] - 1)
+    left = max(math.ceil(min(a.column, b.column, c.column)), 0)
+    right = min(math.floor(max(a.column, b.column, c.column)), seen.shape[1] - 1)
+    b_column, b_row = b.column - a.column, b.row - a.row
+    c_column, c_row = c.column - a.column, c.row - a.row
+    area = b_column * c_row - b_row * c_column
+    if top > bottom or left > right or area == 0.0:
+        return
+    scale = 1.0 / area
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            x, y = column - a.column, row - a.row
+            v, w = (x * c_row - y * c_column) * scale, (y * b_column - x * b_row) * scale
+            u = 1.0 - v - w
+            if u >= 0.0 and v >= 0.0 and w >= 0.0:
+                near = u * a.near + v * b.near + w * c.near
+                if near > seen[row, column, NEAR]:
+                    seen[row, column, LABEL] = value
+                    seen[row, column, NEAR] = near
+                    seen[row, column, SHADE] = u * a.shade + v * b.shade + w * c.shade
+                    seen[row, column, GLOSS] = u * a.gloss + v * b.gloss + w * c.gloss

@@ -8,13 +8,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.camera.cable_mesh import Cable, Lighting, draw_cable, path_height
+from winding_rig_node.camera.cable_mesh import draw_cable
+from winding_rig_node.camera.cable_section import Cable, Lighting
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.cylinder_view import StaticView, static_view
 from winding_rig_node.camera.optics import lens_of, project_points
-from winding_rig_node.camera.raster import BLOCK, Samples, resolve
+from winding_rig_node.camera.raster import BLOCK, LABEL, NEAR, Samples
+from winding_rig_node.camera.resolve import resolve
 from winding_rig_node.camera.scene import Paint, Scene
-from winding_rig_node.camera.sensor import Noise, demosaiced, expose, noise_table
+from winding_rig_node.camera.sensor import Noise, demosaiced, expose, falloff, noise_table
 from winding_rig_node.camera.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
@@ -23,6 +25,9 @@ ByteArray = NDArray[np.uint8]
 
 # Chords of this many pixels stay within 0.01 px of the arc at every radius of the paper.
 SECTION_STEP = 3.0
+
+# Straight lines between so many values follow a highlight to 0.01 grey level.
+GLOSS_SIZE = 2048
 
 # Of one marker band: pixel (column, row) of its middle on the centre line, of the centroid of its
 # visible surface, and the visible area [px]; nan where there is none.
@@ -42,16 +47,16 @@ class Renderer:
         self.surroundings = surroundings or Surroundings()
         rows, columns = config.window.shape
         s = config.supersampling
-        self._lens = lens_of(config)
+        self._lens = lens_of(config, s)
         self._light = _lighting(config)
+        self._gloss = _gloss(config)
+        self._falloff = falloff(config.window.shape, config.light.falloff)
         self._table = noise_table()
-        shape = rows * s, columns * s
+        blocks = rows, -(-columns // BLOCK)
         self._samples = Samples(
-            inverse_depth=np.zeros(shape, dtype=np.float32),
-            label=np.zeros(shape, dtype=np.uint8),
-            shade=np.zeros(shape, dtype=np.float32),
-            gloss=np.zeros(shape, dtype=np.float32),
-            touched=np.zeros((rows, -(-columns // BLOCK)), dtype=np.uint8),
+            seen=np.zeros((rows * s, columns * s, 4), dtype=np.float32),
+            touched=np.zeros(blocks, dtype=np.uint8),
+            shown=np.zeros(blocks, dtype=np.uint8),
             per_pixel=s,
         )
         self._radiance = np.zeros((rows, columns, 3), dtype=np.float32)
@@ -76,7 +81,8 @@ class Renderer:
         frame = np.empty((rows, columns, 3), dtype=np.uint8)
         offsets = rng.integers(0, self._table.size - 3 * columns, size=rows)
         noise = Noise(float(config.noise.read), float(config.noise.shot), self._table, offsets)
-        expose(radiance, self._view(scene).falloff, float(gain), noise, frame)
+        flat = rows, 3 * columns
+        expose(radiance.reshape(flat), self._falloff, float(gain), noise, frame.reshape(flat))
         return demosaiced(frame) if config.bayer else frame
 
     def visible_bands(self, scene: Scene) -> Bands:
@@ -93,7 +99,7 @@ class Renderer:
             self.config, scene.centreline(scene.marker_theta[landed])
         )
         for n in range(bands.size):
-            rows, columns = np.nonzero(self._samples.label == n + 2)
+            rows, columns = np.nonzero(self._samples.seen[..., LABEL] == n + 2)
             bands["area"][n] = rows.size / s**2
             if rows.size:
                 middle = np.array([columns.mean(), rows.mean()])
@@ -128,13 +134,25 @@ class Renderer:
     def _paint(self, scene: Scene) -> None:
         view = self._view(scene)
         if self._drawn is not view:
-            self._samples.inverse_depth[:] = view.inverse_depth
+            self._samples.seen[..., NEAR] = view.inverse_depth
+            self._samples.shown[:] = 0
+            self._radiance[:] = view.radiance
             self._drawn = view
-        draw_cable(self._lens, self._cable(scene), self._light, self._samples)
+        draw_cable(
+            self._lens,
+            view.rays,
+            self._light,
+            self._gloss,
+            self._cable(scene),
+            scene.path.table,
+            np.ascontiguousarray(scene.marker_theta, dtype=float),
+            self._samples,
+        )
 
     def _resolve(self, scene: Scene) -> SingleArray:
         view = self._view(scene)
-        resolve(view.radiance, view.inverse_depth, _palette(scene), self._samples, self._radiance)
+        colours = np.array([scene.paint.cable, scene.paint.marker], dtype=np.float32)
+        resolve(view.radiance, view.inverse_depth, colours, self._samples, self._radiance)
         return self._radiance
 
     def _cable(self, scene: Scene) -> Cable:
@@ -146,10 +164,7 @@ class Renderer:
             guide_z=float(scene.guide_z),
             free_length=float(scene.free_length),
             tail=float(scene.tail_angle),
-            path_theta=np.ascontiguousarray(scene.path_theta, dtype=float),
-            path_z=np.ascontiguousarray(scene.path_z, dtype=float),
-            markers=np.ascontiguousarray(scene.marker_theta, dtype=float),
-            half_bands=_half_bands(scene),
+            band_width=float(scene.band_width),
             step=self._section_step(scene),
         )
 
@@ -167,26 +182,9 @@ def _lighting(config: CameraConfig) -> Lighting:
         y=y,
         z=z,
         ambient=float(light.ambient),
-        highlight=float(light.highlight),
-        exponent=float(light.gloss),
     )
 
 
-def _half_bands(scene: Scene) -> FloatArray:
-    """Return half of each band as wound angle [rad]; its length is measured along the cable."""
-    rho = scene.centreline_radius
-    half = np.zeros(scene.marker_theta.size)
-    for n, theta in enumerate(scene.marker_theta):
-        if np.isfinite(theta):
-            if theta > scene.cylinder_angle:
-                slope = rho * (scene.guide_z - scene.landing_z) / scene.free_length
-            else:
-                _, slope = path_height(scene.path_theta, scene.path_z, float(theta))
-            half[n] = 0.5 * scene.band_width / np.hypot(rho, slope)
-    return half
-
-
-def _palette(scene: Scene) -> FloatArray:
-    paint = scene.paint
-    bands = [paint.marker] * scene.marker_theta.size
-    return np.array([(0.0, 0.0, 0.0), paint.cable, *bands])
+def _gloss(config: CameraConfig) -> FloatArray:
+    cosine = np.linspace(0.0, 1.0, GLOSS_SIZE)
+    return np.asarray(config.light.highlight * cosine**config.light.gloss, dtype=float)

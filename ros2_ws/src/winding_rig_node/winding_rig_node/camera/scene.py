@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from winding_rig_node.camera.cable_path import CablePath
+
 FloatArray = NDArray[np.float64]
 Colour = tuple[float, float, float]
 
@@ -37,8 +39,7 @@ class Scene:
         cylinder_radius: R [m].
         cable_radius: r [m].
         cylinder_angle: Theta [rad].
-        path_theta: Ascending grid of wound angles [rad], shape (n,); it may reach beyond Theta.
-        path_z: Axial position of the wound cable on this grid [m], shape (n,).
+        path: Axial position of the wound cable; it may reach beyond Theta.
         marker_theta: Wound angle of each marker [rad], shape (m,), nan for one beyond the span.
         guide_z: Axial position of the guide [m].
         free_length: Distance of the guide before the contact line [m].
@@ -52,8 +53,7 @@ class Scene:
     cylinder_radius: float
     cable_radius: float
     cylinder_angle: float
-    path_theta: FloatArray
-    path_z: FloatArray
+    path: CablePath
     marker_theta: FloatArray
     guide_z: float
     free_length: float
@@ -72,13 +72,6 @@ class Scene:
             value = getattr(self, name)
             if not math.isfinite(value):
                 raise ValueError(f"{name} must be finite, got {value}")
-        if self.path_theta.shape != self.path_z.shape or self.path_theta.size < 2:
-            raise ValueError(
-                "path_theta and path_z must be two arrays of one length of at least 2, got "
-                f"{self.path_theta.shape} and {self.path_z.shape}"
-            )
-        if not (np.isfinite(self.path_z).all() and (np.diff(self.path_theta) > 0.0).all()):
-            raise ValueError("path_theta must ascend and path_z must be finite")
 
     @property
     def centreline_radius(self) -> float:
@@ -88,7 +81,7 @@ class Scene:
     @property
     def landing_z(self) -> float:
         """Axial position of the contact line's landing point [m]."""
-        return float(np.interp(self.cylinder_angle, self.path_theta, self.path_z))
+        return float(self.path.height(np.array(self.cylinder_angle)))
 
     def centreline(self, theta: NDArray[np.float64]) -> FloatArray:
         """Return lab points of the cable's centre line at wound angles, shape (n, 3)."""
@@ -101,7 +94,7 @@ class Scene:
             [
                 rho * np.cos(azimuth),
                 rho * np.sin(azimuth),
-                np.interp(theta, self.path_theta, self.path_z),
+                self.path.height(theta),
             ],
             axis=-1,
         )

@@ -40,7 +40,7 @@ class Noise(NamedTuple):
 
     Attributes:
         read: Standard deviation of a dark pixel [grey levels].
-        shot: Variance per grey level.
+        shot: Variance per grey level of signal.
         table: Standard normal numbers, shape (n,).
         offsets: Where each row starts to read the table, shape (rows,); a row needs 3 * columns
             numbers after it.
@@ -52,33 +52,50 @@ class Noise(NamedTuple):
     offsets: IndexArray
 
 
+class Falloff(NamedTuple):
+    """Light that reaches the sensor, the difference of two parts, 1 in the middle.
+
+    Attributes:
+        across: Part of each number of a row, shape (3 * columns,).
+        down: What a row loses, shape (rows,).
+    """
+
+    across: SingleArray
+    down: SingleArray
+
+
+def falloff(shape: tuple[int, int], loss: float) -> Falloff:
+    """Return the light on a sensor of a shape that loses a share of it towards its corners."""
+    rows, columns = shape
+    across = 1.0 - 0.5 * loss * np.linspace(-1.0, 1.0, columns) ** 2
+    down = 0.5 * loss * np.linspace(-1.0, 1.0, rows) ** 2
+    return Falloff(np.repeat(across, 3).astype(np.float32), down.astype(np.float32))
+
+
 @compiled
 def expose(
-    radiance: SingleArray, falloff: SingleArray, gain: float, noise: Noise, out: ByteArray
+    radiance: SingleArray, light: Falloff, gain: float, noise: Noise, out: ByteArray
 ) -> None:  # pragma: no cover
     """Write the eight-bit frame of a radiance image.
 
     Args:
-        radiance: Shape (rows, columns, 3).
-        falloff: Light at each pixel, shape (rows, columns).
+        radiance: Shape (rows, 3 * columns).
+        light: On the sensor.
         gain: Exposure factor.
         noise: Of the sensor.
-        out: Shape (rows, columns, 3).
+        out: Shape (rows, 3 * columns).
     """
-    rows, columns = falloff.shape
-    deviation = np.empty(256, dtype=np.float32)
-    for level in range(256):
-        deviation[level] = math.sqrt(noise.read * noise.read + noise.shot * level)
-    noisy = noise.read > 0.0 or noise.shot > 0.0
+    rows, size = radiance.shape
+    # One type, whole rows and no table: the inner loop then runs on whole vectors.
+    black, white, half = np.float32(0.0), np.float32(255.0), np.float32(0.5)
+    read, shot, factor = np.float32(noise.read**2), np.float32(noise.shot), np.float32(gain)
     for row in range(rows):
-        cursor = noise.offsets[row]
-        for column in range(columns):
-            light = np.float32(gain) * falloff[row, column]
-            for channel in range(3):
-                value = radiance[row, column, channel] * light
-                if noisy:
-                    level = min(max(int(value), 0), 255)
-                    value += deviation[level] * noise.table[cursor]
-                    cursor += 1
-                value = value + np.float32(0.5)
-                out[row, column, channel] = np.uint8(min(max(value, 0.0), 255.0))
+        start = noise.offsets[row]
+        source, target = radiance[row], out[row]
+        normal = noise.table[start : start + size]
+        loss = light.down[row]
+        for k in range(size):
+            value = source[k] * (factor * (light.across[k] - loss))
+            level = min(max(value, black), white)
+            value = value + math.sqrt(read + shot * level) * normal[k] + half
+            target[k] = np.uint8(min(max(value, black), white))

@@ -53,7 +53,7 @@ def write_sequence(
                 raise OSError(f"cannot write {folder / name}")
             frames.writerow([name, f"{t:.9f}"])
             motion.writerow([f"{t:.9f}", f"{scene.cylinder_angle:.12g}", f"{scene.guide_z:.12g}"])
-            height = np.interp(scene.marker_theta, scene.path_theta, scene.path_z)
+            height = scene.path.height(scene.marker_theta)
             for n, band in enumerate(renderer.visible_bands(scene)):
                 numbers = [scene.marker_theta[n], height[n], *band["centroid"], band["area"]]
                 truth.writerow([f"{t:.9f}", n, *(f"{value:.9g}" for value in numbers)])

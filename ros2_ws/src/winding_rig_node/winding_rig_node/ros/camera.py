@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from winding_core.cases import Case
 from winding_core.readings import ImageWindow
+from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import CameraCalibration, CameraConfig, SensorNoise
 from winding_rig_node.camera.preview import encode_jpeg
 from winding_rig_node.camera.renderer import Renderer
@@ -65,7 +66,8 @@ class Camera:
     def __init__(self, wanted: RigParameters, lay: CableLay, outputs: Outputs) -> None:
         self._wanted = wanted
         self._case: Case = wanted.resolved().case
-        self._lay = lay
+        self._path = CablePath(theta=lay.path_theta, z=lay.path_z)
+        self._marker_theta = lay.marker_theta
         self._outputs = outputs
         self._rng = np.random.default_rng([wanted.seed, 1])
         camera = CameraConfig(noise=SensorNoise(read=wanted.camera_noise))
@@ -143,9 +145,8 @@ class Camera:
                 cable_radius=self._case.cable_radius,
                 cylinder_angle=exposure.cylinder_angle,
                 cylinder_speed=exposure.angular_speed,
-                path_theta=self._lay.path_theta,
-                path_z=self._lay.path_z,
-                marker_theta=self._lay.marker_theta,
+                path=self._path,
+                marker_theta=self._marker_theta,
                 guide_z=exposure.guide_z,
                 free_length=self._wanted.free_length,
                 band_width=self._wanted.band_width,

@@ -1,0 +1,61 @@
+"""The mean of the samples of each pixel, in blocks that the cable touches now or did before."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_core.compiling import compiled
+from winding_rig_node.camera.raster import BLOCK, GLOSS, LABEL, NEAR, SHADE, Samples
+
+SingleArray = NDArray[np.float32]
+
+
+@compiled
+def resolve(
+    background: SingleArray,
+    behind: SingleArray,
+    colours: SingleArray,
+    samples: Samples,
+    out: SingleArray,
+) -> None:  # pragma: no cover
+    """Bring a radiance image up to what was drawn and clear the samples for the next frame.
+
+    Args:
+        background: Radiance without the cable, shape (rows, columns, 3).
+        behind: Inverse depth of the cylinder at each sample [1/m].
+        colours: Reflectance of cable and markers, shape (2, 3).
+        samples: What was drawn.
+        out: Radiance, shape (rows, columns, 3), as the last call left it.
+    """
+    rows, columns = background.shape[:2]
+    seen, touched, shown, size = samples.seen, samples.touched, samples.shown, samples.per_pixel
+    share, glare = np.float32(1.0 / (size * size)), np.float32(255.0)
+    for row in range(rows):
+        for block in range(touched.shape[1]):
+            drawn = touched[row, block]
+            if not (drawn or shown[row, block]):
+                continue
+            touched[row, block] = 0
+            shown[row, block] = drawn
+            for column in range(block * BLOCK, min((block + 1) * BLOCK, columns)):
+                cable, marker, white = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+                hits = 0
+                if drawn:
+                    for j in range(row * size, (row + 1) * size):
+                        for i in range(column * size, (column + 1) * size):
+                            value = seen[j, i, LABEL]
+                            if value > 0.0:
+                                hits += 1
+                                white += seen[j, i, GLOSS]
+                                if value == 1.0:
+                                    cable += seen[j, i, SHADE]
+                                else:
+                                    marker += seen[j, i, SHADE]
+                                seen[j, i, LABEL] = 0.0
+                                seen[j, i, NEAR] = behind[j, i]
+                rest = np.float32(1.0) - np.float32(hits) * share
+                for channel in range(3):
+                    light = colours[0, channel] * cable + colours[1, channel] * marker
+                    mean = (light + glare * white) * share
+                    out[row, column, channel] = mean + rest * background[row, column, channel]

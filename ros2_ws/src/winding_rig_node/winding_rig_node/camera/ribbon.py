@@ -1,0 +1,197 @@
+"""The facets between cross-sections, row by row where they run straight up or down the picture.
+
+Where every corner of a section lies farther down (or up) the picture than that of the section
+before, the line through the corners of one kind crosses each row once, and a row of a facet lies
+between two such crossings. Elsewhere facets are pairs of triangles.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_core.compiling import compiled
+from winding_rig_node.camera.raster import (
+    COLUMN,
+    GLOSS,
+    LABEL,
+    NEAR,
+    ROW,
+    SHADE,
+    Point,
+    Samples,
+    between,
+    fill_triangle,
+    touch,
+)
+
+FloatArray = NDArray[np.float64]
+
+# Index among sections of the one that a ribbon begins with.
+BEGIN = 0
+
+
+@compiled
+def point(rims: FloatArray, which: int, m: int) -> Point:  # pragma: no cover
+    """Return corner m of one of some sections."""
+    return Point(
+        rims[which, m, COLUMN],
+        rims[which, m, NEAR],
+        rims[which, m, SHADE],
+        rims[which, m, GLOSS],
+        rims[which, m, ROW],
+    )
+
+
+@compiled
+def begin(rims: FloatArray, which: int) -> None:  # pragma: no cover
+    """Keep a section as the one that a ribbon begins with."""
+    for m in range(rims.shape[1]):
+        for j in range(rims.shape[2]):
+            rims[BEGIN, m, j] = rims[which, m, j]
+
+
+@compiled
+def direction(rims: FloatArray, one: int, other: int) -> int:  # pragma: no cover
+    """Return 1 if a section lies below another at every corner, -1 if above, 0 if neither."""
+    down, up = True, True
+    for m in range(rims.shape[1]):
+        rise = rims[other, m, ROW] - rims[one, m, ROW]
+        down, up = down and rise > 0.0, up and rise < 0.0
+    return int(down) - int(up)
+
+
+@compiled
+def extend(
+    crossings: FloatArray, rims: FloatArray, one: int, other: int
+) -> None:  # pragma: no cover
+    """Continue a ribbon from one section to another.
+
+    Args:
+        crossings: Where the line through each corner crosses each row of samples, written,
+            shape (rows, corners, 4).
+        rims: Sections, shape (sections, corners, 5).
+        one: Index of a section.
+        other: Index of the next section.
+    """
+    for m in range(rims.shape[1]):
+        start, end = point(rims, one, m), point(rims, other, m)
+        first = max(math.ceil(min(start.row, end.row)), 0)
+        last = min(math.floor(max(start.row, end.row)), crossings.shape[0] - 1)
+        scale = 1.0 / (end.row - start.row)
+        for row in range(first, last + 1):
+            place = between(start, end, (row - start.row) * scale)
+            crossings[row, m, COLUMN] = place.column
+            crossings[row, m, NEAR] = place.near
+            crossings[row, m, SHADE] = place.shade
+            crossings[row, m, GLOSS] = place.gloss
+
+
+@compiled
+def draw_ribbon(
+    crossings: FloatArray, rims: FloatArray, end: int, value: int, samples: Samples
+) -> None:  # pragma: no cover
+    """Draw the facets of a ribbon with a label.
+
+    Args:
+        crossings: See `extend`.
+        rims: Sections, shape (sections, corners, 5).
+        end: Index of the section that the ribbon ends with.
+        value: Label.
+        samples: To be written.
+    """
+    seen, touched, per_pixel = samples.seen, samples.touched, samples.per_pixel
+    rows, columns = seen.shape[:2]
+    label = np.float32(value)
+    upper, lower = BEGIN, end
+    if rims[upper, 0, ROW] > rims[lower, 0, ROW]:
+        upper, lower = end, BEGIN
+    top, bottom = math.inf, -math.inf
+    for m in range(rims.shape[1]):
+        top, bottom = min(top, rims[upper, m, ROW]), max(bottom, rims[lower, m, ROW])
+    for row in range(max(math.ceil(top), 0), min(math.floor(bottom), rows - 1) + 1):
+        left, right = columns, -1
+        for m in range(rims.shape[1] - 1):
+            upper_a, upper_b = rims[upper, m, ROW], rims[upper, m + 1, ROW]
+            lower_a, lower_b = rims[lower, m, ROW], rims[lower, m + 1, ROW]
+            if row < min(upper_a, upper_b) or row > max(lower_a, lower_b):
+                continue
+            if upper_a <= row <= lower_a:
+                a = _crossing(crossings, row, m)
+            else:
+                a = _cut(rims, upper if row < upper_a else lower, m, row)
+            if upper_b <= row <= lower_b:
+                b = _crossing(crossings, row, m + 1)
+            else:
+                b = _cut(rims, upper if row < upper_b else lower, m, row)
+            if a.column > b.column:
+                a, b = b, a
+            # The span is written here: as a call it would cost as much again.
+            first = math.ceil(max(a.column, 0.0))
+            last = math.floor(min(b.column, columns - 1.0))
+            if first > last:
+                continue
+            left, right = min(left, first), max(right, last)
+            width = b.column - a.column
+            scale = 1.0 / width if width > 0.0 else 0.0
+            way = first - a.column
+            near_rise, shade_rise = (b.near - a.near) * scale, (b.shade - a.shade) * scale
+            gloss_rise = (b.gloss - a.gloss) * scale
+            near, near_step = np.float32(a.near + way * near_rise), np.float32(near_rise)
+            shade, shade_step = np.float32(a.shade + way * shade_rise), np.float32(shade_rise)
+            gloss, gloss_step = np.float32(a.gloss + way * gloss_rise), np.float32(gloss_rise)
+            for column in range(first, last + 1):
+                if near > seen[row, column, NEAR]:
+                    seen[row, column, LABEL] = label
+                    seen[row, column, NEAR] = near
+                    seen[row, column, SHADE] = shade
+                    seen[row, column, GLOSS] = gloss
+                near += near_step
+                shade += shade_step
+                gloss += gloss_step
+        if left <= right:
+            touch(touched, row, left, right, per_pixel)
+
+
+@compiled
+def _crossing(crossings: FloatArray, row: int, m: int) -> Point:  # pragma: no cover
+    return Point(
+        crossings[row, m, COLUMN],
+        crossings[row, m, NEAR],
+        crossings[row, m, SHADE],
+        crossings[row, m, GLOSS],
+        float(row),
+    )
+
+
+@compiled
+def _cut(rims: FloatArray, end: int, m: int, row: int) -> Point:  # pragma: no cover
+    """Return where a row cuts the side of facet m at an end of the ribbon."""
+    one, other = point(rims, end, m), point(rims, end, m + 1)
+    return between(one, other, (row - one.row) / (other.row - one.row))
+
+
+@compiled
+def draw_triangles(
+    rims: FloatArray, one: int, other: int, value: int, samples: Samples
+) -> None:  # pragma: no cover
+    """Draw the facets between two sections with a label, wherever their corners lie."""
+    seen, touched, per_pixel = samples.seen, samples.touched, samples.per_pixel
+    rows, columns = seen.shape[:2]
+    left, right, top, bottom = math.inf, -math.inf, math.inf, -math.inf
+    for m in range(rims.shape[1]):
+        for which in (one, other):
+            left, right = min(left, rims[which, m, COLUMN]), max(right, rims[which, m, COLUMN])
+            top, bottom = min(top, rims[which, m, ROW]), max(bottom, rims[which, m, ROW])
+    if left >= columns or right < 0.0 or top >= rows or bottom < 0.0:
+        return
+    first, last = math.floor(max(left, 0.0)), math.floor(min(right, columns - 1.0))
+    for row in range(math.floor(max(top, 0.0)), math.floor(min(bottom, rows - 1.0)) + 1):
+        touch(touched, row, first, last, per_pixel)
+    for m in range(rims.shape[1] - 1):
+        a, b = point(rims, one, m), point(rims, one, m + 1)
+        c, d = point(rims, other, m), point(rims, other, m + 1)
+        fill_triangle(a, b, c, value, seen)
+        fill_triangle(c, b, d, value, seen)
