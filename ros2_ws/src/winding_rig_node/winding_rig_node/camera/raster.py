@@ -1,4 +1,4 @@
-"""Depth-buffered samples: facets are written into them, by spans of a row or by triangles."""
+"""Depth-buffered samples, points of facets, and triangles written into samples."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Renderer:
             gain *= (1.0 + config.light.flicker) ** rng.uniform(-1.0, 1.0)
         rows, columns = config.window.shape
         frame = np.empty((rows, columns, 3), dtype=np.uint8)
-        offsets = rng.integers(0, self._table.size - 3 * columns, size=rows)
+        offsets = (rng.random(rows) * (self._table.size - 3 * columns)).astype(np.int64)
         noise = Noise(float(config.noise.read), float(config.noise.shot), self._table, offsets)
         flat = rows, 3 * columns
         expose(radiance.reshape(flat), self._falloff, float(gain), noise, frame.reshape(flat))

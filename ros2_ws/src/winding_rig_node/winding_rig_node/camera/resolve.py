@@ -30,7 +30,8 @@ def resolve(
     """
     rows, columns = background.shape[:2]
     seen, touched, shown, size = samples.seen, samples.touched, samples.shown, samples.per_pixel
-    share, glare = np.float32(1.0 / (size * size)), np.float32(255.0)
+    nothing, one, glare = np.float32(0.0), np.float32(1.0), np.float32(255.0)
+    share = np.float32(1.0 / (size * size))
     for row in range(rows):
         for block in range(touched.shape[1]):
             drawn = touched[row, block]
@@ -39,22 +40,20 @@ def resolve(
             touched[row, block] = 0
             shown[row, block] = drawn
             for column in range(block * BLOCK, min((block + 1) * BLOCK, columns)):
-                cable, marker, white = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-                hits = 0
+                hits, cable, marker, white = nothing, nothing, nothing, nothing
                 if drawn:
                     for j in range(row * size, (row + 1) * size):
                         for i in range(column * size, (column + 1) * size):
-                            value = seen[j, i, LABEL]
-                            if value > 0.0:
-                                hits += 1
-                                white += seen[j, i, GLOSS]
-                                if value == 1.0:
-                                    cable += seen[j, i, SHADE]
-                                else:
-                                    marker += seen[j, i, SHADE]
-                                seen[j, i, LABEL] = 0.0
-                                seen[j, i, NEAR] = behind[j, i]
-                rest = np.float32(1.0) - np.float32(hits) * share
+                            label, shade = seen[j, i, LABEL], seen[j, i, SHADE]
+                            hits += min(label, one)
+                            cable += shade if label == one else nothing
+                            marker += shade if label > one else nothing
+                            white += seen[j, i, GLOSS]
+                            seen[j, i, LABEL] = nothing
+                            seen[j, i, NEAR] = behind[j, i]
+                            seen[j, i, SHADE] = nothing
+                            seen[j, i, GLOSS] = nothing
+                rest = one - hits * share
                 for channel in range(3):
                     light = colours[0, channel] * cable + colours[1, channel] * marker
                     mean = (light + glare * white) * share
