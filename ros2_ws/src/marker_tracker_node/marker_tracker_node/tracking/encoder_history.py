@@ -71,7 +71,9 @@ class EncoderHistory:
             before = self._rows[1, self._count - 1]
             self._wraps += lost_turns(angle + self._wraps - before, self._speed * passed)
             self._speed = (angle + self._wraps - before) / passed
-        self._rows[:, self._count] = t, angle + self._wraps, guide
+        rows = self._rows
+        rows[0, self._count], rows[1, self._count] = t, angle + self._wraps
+        rows[2, self._count] = guide
         self._count += 1
         self._seen = self._count
         self._added += 1
