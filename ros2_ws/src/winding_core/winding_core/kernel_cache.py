@@ -60,13 +60,13 @@ def _user_folder() -> Path:
 
 @functools.cache
 def _sources(package: str) -> str:
-    """Return a digest of all that the kernels of a package may be made of."""
+    """Return a digest of all that the kernels of a package, or of a module alone, are made of."""
     digest = hashlib.sha256(f"{numba.__version__} {np.__version__}".encode())
     for name in sorted({package, _SHARED}):
-        file = sys.modules[name].__file__ if name in sys.modules else None
-        assert file is not None
-        folder = Path(file).parent
-        for source in sorted(folder.rglob("*.py")):
+        file = Path(str(sys.modules[name].__file__))
+        folder = file.parent
+        alone = file.name != "__init__.py"
+        for source in [file] if alone else sorted(folder.rglob("*.py")):
             content = source.read_bytes()
             digest.update(f"{name} {source.relative_to(folder)} {len(content)}\n".encode())
             digest.update(content)
@@ -96,6 +96,9 @@ class _Place(_CacheLocator):  # type: ignore[misc]
 
     def __init__(self, function: Callable[..., object]) -> None:
         package = function.__module__.partition(".")[0]
+        if sys.modules[package].__file__ is None:
+            # A folder of scripts or tests is no package.
+            package = function.__module__
         folder = code_folder(package)
         _opened(folder)
         self._stamp = _sources(package)

@@ -95,8 +95,6 @@ def _align(buffer: bytearray, size: int) -> None:
 class CdrReader:
     """Walks through the fields of a message.
 
-    Every method raises CdrError when the message ends too early.
-
     Args:
         data: CDR bytes.
 
@@ -114,7 +112,11 @@ class CdrReader:
         self.offset = HEADER_BYTES
 
     def skip(self, size: int, count: int = 1) -> int:
-        """Pass primitives of a size [bytes]; return where they begin."""
+        """Pass primitives of a size [bytes]; return where they begin.
+
+        Raises:
+            CdrError: The message ends too early.
+        """
         begin = self.offset + (HEADER_BYTES - self.offset) % size
         self.offset = begin + size * count
         if self.offset > len(self.data):
