@@ -15,8 +15,13 @@ FAILED = 1
 
 def refuse(sentence: object, code: int = REFUSED) -> NoReturn:
     """End the command with one sentence."""
-    print(f"winding: {sentence}", file=sys.stderr)
+    complain(sentence)
     raise typer.Exit(code)
+
+
+def complain(sentence: object) -> None:
+    """Say one sentence on stderr, now."""
+    print(f"winding: {sentence}", file=sys.stderr, flush=True)
 
 
 @contextmanager
