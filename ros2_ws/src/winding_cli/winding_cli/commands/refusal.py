@@ -24,6 +24,11 @@ def complain(sentence: object) -> None:
     print(f"winding: {sentence}", file=sys.stderr, flush=True)
 
 
+def fail() -> NoReturn:
+    """End the command whose failure has been said already."""
+    raise typer.Exit(FAILED)
+
+
 @contextmanager
 def refused(*errors: type[Exception], code: int = REFUSED) -> Iterator[None]:
     """End the command with the sentence of any of these errors in the body."""

@@ -17,7 +17,7 @@ from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
 from winding_cli.commands.machine_options import MachineOptions, machine_of
 from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
-from winding_cli.commands.refusal import FAILED, complain, refuse
+from winding_cli.commands.refusal import FAILED, complain, fail, refuse
 from winding_cli.commands.ros_environment import check_namespace
 from winding_cli.commands.termination import end
 from winding_core.condition import Condition
@@ -286,7 +286,7 @@ def _wind(
                 reason = str(error)
                 # Numbers and report of what there is take seconds.
                 complain(reason)
-                ending = _fail
+                ending = fail
             except KeyboardInterrupt:
                 reason = "interrupted"
                 ending = partial(end, "interrupted; the nodes are stopped")
@@ -298,10 +298,6 @@ def _wind(
         refuse(error)
     except OSError as error:
         refuse(error, FAILED)
-
-
-def _fail() -> NoReturn:
-    raise typer.Exit(FAILED)
 
 
 def _say(sentence: str) -> None:
