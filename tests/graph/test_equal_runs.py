@@ -11,7 +11,8 @@ from winding_recorder.bags.reading import opened
 
 pytestmark = [pytest.mark.processes, pytest.mark.slow]
 
-# It tells of processes and wall time as well.
+# It tells of processes and wall time as well. An identification does so too, when a marker has
+# landed: later than these runs end.
 OF_THE_WALL_CLOCK = "/diagnostics"
 
 

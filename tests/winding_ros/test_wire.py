@@ -1,11 +1,13 @@
 """Messages as bytes: what other readers and writers of CDR make of them, and equal for equal."""
 
+import struct
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Point
+from geometry_msgs.msg import Point, WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Imu, JointState, PointCloud2, Temperature
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -13,9 +15,15 @@ from visualization_msgs.msg import Marker
 
 from winding_core.machine_axes import MachineAxes
 from winding_core.readings import AxisReading, Quantity
-from winding_ros.cloud_messages import encode_cloud
+from winding_ros.cloud_messages import decode_cloud, encode_cloud
 from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import JointStateReader, encode_joint_state, encode_quantity
+from winding_ros.rig_messages import (
+    JointStateReader,
+    decode_tension,
+    encode_joint_state,
+    encode_quantity,
+)
+from winding_ros.stamps import serialised_stamp
 from winding_ros.wire.cdr import CdrError, CdrReader, serialised
 from winding_ros.wire.joint_states import JointStateLayout
 
@@ -120,3 +128,39 @@ def test_a_cloud_says_whether_all_its_points_are_there() -> None:
     message = deserialize_message(encode_cloud(0.0, records), PointCloud2)
     assert not message.is_dense
     assert (message.width, message.row_step) == (2, 32)
+
+
+def test_threads_that_encode_at_once_do_not_mix_their_messages() -> None:
+    dtype = np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f8")])
+
+    def encode(count: int) -> set[tuple[float, int]]:
+        clouds = [encode_cloud(float(count), np.zeros(count, dtype=dtype)) for _ in range(2000)]
+        return {(serialised_stamp(data), len(decode_cloud(data, dtype)[1])) for data in clouds}
+
+    with ThreadPoolExecutor(4) as threads:
+        found = list(threads.map(encode, range(1, 5)))
+    assert found == [{(float(count), count)} for count in range(1, 5)]
+
+
+def big_endian(message: Any) -> bytes:
+    """Return the bytes that a publisher of the other byte order sends."""
+    data = bytearray(b"\x00\x00\x00\x00")
+
+    def put(code: str, value: Any) -> None:
+        size = struct.calcsize(code)
+        data.extend(bytes((4 - len(data)) % size) + struct.pack(f">{code}", value))
+
+    put("i", message.header.stamp.sec)
+    put("I", message.header.stamp.nanosec)
+    put("I", 1)
+    data.extend(b"\0")
+    for vector in (message.wrench.force, message.wrench.torque):
+        for name in "xyz":
+            put("d", getattr(vector, name))
+    return bytes(data)
+
+
+def test_a_load_cell_of_the_other_byte_order_is_read() -> None:
+    message = WrenchStamped()
+    message.header.stamp.sec, message.wrench.force.x = 3, 1.96
+    assert decode_tension(big_endian(message)) == (3.0, 1.96)

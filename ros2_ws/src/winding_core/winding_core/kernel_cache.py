@@ -13,6 +13,7 @@ import hashlib
 import os
 import shutil
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -48,9 +49,11 @@ def cached(dispatcher: Callable[..., object]) -> Callable[..., object]:
     Under NUMBA_DISABLE_JIT=1 it is plain Python and stays so.
     """
     if not numba.config.DISABLE_JIT:
-        with contextlib.suppress(OSError, RuntimeError):
-            # Without a folder to write to, every process compiles for itself.
+        try:
             dispatcher._cache = _KernelCache(dispatcher.py_func)  # type: ignore[attr-defined]
+        except (OSError, RuntimeError) as error:
+            # Python shows the same warning once in a process.
+            warnings.warn(f"every process compiles its kernels anew: {error}", stacklevel=1)
     return dispatcher
 
 

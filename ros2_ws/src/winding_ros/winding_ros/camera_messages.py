@@ -12,8 +12,9 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
 
 from winding_core.readings import ImageWindow
 from winding_ros.message_error import MessageError
+from winding_ros.serialised import deserialised
 from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp
-from winding_ros.wire.cdr import COUNT, CdrError, CdrReader
+from winding_ros.wire.cdr import COUNT, CdrError, CdrReader, serialised
 from winding_ros.wire.template import Template
 
 CAMERA_FRAME = "camera_optical_frame"
@@ -58,9 +59,8 @@ def _image_template(height: int, width: int) -> Template:
     """Return everything of an Image before its pixels, their number included."""
     message = Image(height=height, width=width, encoding=ENCODING, step=3 * width)
     message.header.frame_id = CAMERA_FRAME
-    template = Template(message)
-    template.buffer[-COUNT.size :] = COUNT.pack(3 * width * height)
-    return template
+    # An empty picture ends with the number of its bytes.
+    return Template(serialised(message)[: -COUNT.size] + COUNT.pack(3 * width * height))
 
 
 def decode_image(message: bytes | Image) -> tuple[float, NDArray[np.uint8]]:
@@ -72,8 +72,8 @@ def decode_image(message: bytes | Image) -> tuple[float, NDArray[np.uint8]]:
     if isinstance(message, bytes):
         try:
             picture = _picture(CdrReader(message))
-        except CdrError as error:
-            raise MessageError(f"no sensor_msgs/Image: {error}") from None
+        except CdrError:
+            return decode_image(deserialised(message, Image))
         return serialised_stamp(message), _frame(picture)
     picture = _Picture(
         message.height, message.width, message.encoding, message.step, memoryview(message.data)
@@ -116,7 +116,7 @@ def _frame(picture: _Picture) -> NDArray[np.uint8]:
 
 def camera_info_template(reading: CameraReading) -> Template:
     """Return a calibration as a CameraInfo to be stamped: full-resolution K with its window."""
-    return Template(encode_camera_info(0.0, reading))
+    return Template.of(encode_camera_info(0.0, reading))
 
 
 def encode_camera_info(t: float, reading: CameraReading) -> CameraInfo:

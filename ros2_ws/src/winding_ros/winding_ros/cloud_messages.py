@@ -17,7 +17,7 @@ from winding_ros.message_error import MessageError
 from winding_ros.rig_messages import BASE_FRAME
 from winding_ros.serialised import deserialised
 from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp
-from winding_ros.wire.cdr import COUNT, CdrReader
+from winding_ros.wire.cdr import COUNT, CdrReader, serialised
 from winding_ros.wire.template import Template
 
 # row_step, and the number of bytes that follow.
@@ -39,10 +39,11 @@ def encode_cloud(t: float, records: NDArray[np.void]) -> bytes:
     count = len(records)
     data = _padded(records).tobytes()
     dense = all(bool(np.isfinite(records[name]).all()) for name in ("x", "y", "z"))
-    COUNT.pack_into(layout.before.buffer, layout.width_at, count)
+    before = layout.before.stamped(t)
+    COUNT.pack_into(before, layout.width_at, count)
     return b"".join(
         (
-            layout.before.stamped(t),
+            before,
             _SIZES.pack(records.dtype.itemsize * count, len(data)),
             data,
             bytes([dense]),
@@ -66,16 +67,15 @@ def _cloud_layout(dtype: np.dtype[np.void]) -> _CloudLayout:
     ]
     message = PointCloud2(height=1, fields=fields, point_step=dtype.itemsize)
     message.header.frame_id = BASE_FRAME
-    before = Template(message)
-    # The end of an empty cloud: row_step, the number of its bytes, is_dense.
-    del before.buffer[-_SIZES.size - 1 :]
-    reader = CdrReader(bytes(before.buffer))
+    # An empty cloud ends with row_step, the number of its bytes and is_dense.
+    before = Template(serialised(message)[: -_SIZES.size - 1])
+    reader = CdrReader(before.data)
     reader.skip(4, 2)
     head = reader.offset
     reader.string()
     reader.skip(4)
     width_at = reader.skip(4)
-    spans = (slice(head, width_at), slice(reader.offset, len(before.buffer)))
+    spans = (slice(head, width_at), slice(reader.offset, len(before.data)))
     return _CloudLayout(before, width_at, tuple((span, reader.data[span]) for span in spans))
 
 
@@ -135,7 +135,7 @@ def _records(data: bytes, dtype: np.dtype[np.void]) -> NDArray[np.void] | None:
     layout = _cloud_layout(dtype)
     if any(data[span] != what for span, what in layout.fixed):
         return None
-    begin = len(layout.before.buffer) + _SIZES.size
+    begin = len(layout.before.data) + _SIZES.size
     if len(data) < begin:
         return None
     (count,) = COUNT.unpack_from(data, layout.width_at)

@@ -31,12 +31,12 @@ _NUMBERS = {"double": _DOUBLE, "float": struct.Struct("<f")}
 def encode_joint_state(t: float, reading: AxisReading) -> bytes:
     """Return both axes as the CDR bytes of a JointState stamped t [s]."""
     template, (cylinder, carriage), (fast, slow) = _joint_state_template()
-    into = _DOUBLE.pack_into
-    into(template.buffer, cylinder, reading.cylinder_angle)
-    into(template.buffer, carriage, reading.carriage_position)
-    into(template.buffer, fast, reading.angular_speed)
-    into(template.buffer, slow, reading.feed_speed)
-    return template.stamped(t)
+    into, message = _DOUBLE.pack_into, template.stamped(t)
+    into(message, cylinder, reading.cylinder_angle)
+    into(message, carriage, reading.carriage_position)
+    into(message, fast, reading.angular_speed)
+    into(message, slow, reading.feed_speed)
+    return bytes(message)
 
 
 @cache
@@ -46,8 +46,8 @@ def _joint_state_template() -> tuple[Template, tuple[int, int], tuple[int, int]]
         name=[CYLINDER_JOINT, CARRIAGE_JOINT], position=[0.0, 0.0], velocity=[0.0, 0.0]
     )
     message.header.frame_id = BASE_FRAME
-    template = Template(message)
-    layout = JointStateLayout.of(bytes(template.buffer), (CYLINDER_JOINT, CARRIAGE_JOINT))
+    template = Template.of(message)
+    layout = JointStateLayout.of(template.data, (CYLINDER_JOINT, CARRIAGE_JOINT))
     fast, slow = layout.velocities
     assert fast is not None
     assert slow is not None
@@ -153,8 +153,9 @@ def _incomplete(message: JointState, axes: MachineAxes, wanted: str) -> str:
 def encode_quantity(type_: type, quantity: Quantity, t: float, value: float) -> bytes:
     """Return one number of a sensor as the CDR bytes of a message of a type, stamped t [s]."""
     template, place, number = _quantity_template(type_, quantity)
-    number.pack_into(template.buffer, place, float(value))
-    return template.stamped(t)
+    message = template.stamped(t)
+    number.pack_into(message, place, float(value))
+    return bytes(message)
 
 
 @cache
@@ -168,7 +169,7 @@ def _quantity_template(type_: type, quantity: Quantity) -> tuple[Template, int, 
     setattr(owner, last, 1.0)
     number = _NUMBERS[owner.get_fields_and_field_types()[last]]
     place = number_at(without, serialised(message), number.size)
-    return Template(message), place, number
+    return Template.of(message), place, number
 
 
 def decode_quantity(quantity: Quantity, message: Any) -> tuple[float, float]:
@@ -202,8 +203,8 @@ def decode_tension(message: bytes | WrenchStamped) -> tuple[float, float]:
         reader.string()
         # The force along the cable is a wrench's first number.
         (force,) = _DOUBLE.unpack_from(message, reader.skip(8, 6))
-    except CdrError as error:
-        raise MessageError(f"no geometry_msgs/WrenchStamped: {error}") from None
+    except CdrError:
+        return decode_quantity(CABLE_TENSION, deserialised(message, WrenchStamped))
     if not math.isfinite(force):
         raise MessageError(f"tension must be finite, got {force} N")
     return serialised_stamp(message), force
@@ -211,12 +212,12 @@ def decode_tension(message: bytes | WrenchStamped) -> tuple[float, float]:
 
 def encode_clock(t: float) -> bytes:
     """Return simulated time t [s] as the CDR bytes of a Clock."""
-    return _clock_template().stamped(t)
+    return bytes(_clock_template().stamped(t))
 
 
 @cache
 def _clock_template() -> Template:
-    return Template(Clock())
+    return Template.of(Clock())
 
 
 def decode_clock(message: Clock) -> tuple[float, None]:

@@ -10,9 +10,11 @@ from builtin_interfaces.msg import Time
 from winding_ros.message_guard import StampError
 
 _NANO = 1_000_000_000
-_CDR_HEADER = 4
 # Every stamped message starts with its stamp, right behind the CDR encapsulation header.
-_STAMP = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}
+STAMP_AT = 4
+STAMP = struct.Struct("<iI")
+_STAMPS = {0: struct.Struct(">iI"), 1: STAMP}
+_BEHIND = STAMP_AT + STAMP.size
 
 
 def stamp_parts(t: float) -> tuple[int, int]:
@@ -40,9 +42,7 @@ def serialised_stamp(data: bytes) -> float:
     Raises:
         StampError: The data is too short to hold a stamp.
     """
-    if len(data) < _CDR_HEADER + 8:
-        raise StampError(f"a stamped message has at least 12 bytes, got {len(data)}")
-    seconds, nanoseconds = _STAMP[data[1] & 1].unpack_from(data, _CDR_HEADER)
+    seconds, nanoseconds = _serialised_parts(data)
     return float(seconds) + 1.0e-9 * float(nanoseconds)
 
 
@@ -52,27 +52,32 @@ def serialised_stamp_ns(data: bytes) -> int:
     Raises:
         StampError: The data is too short to hold a stamp.
     """
-    if len(data) < _CDR_HEADER + 8:
-        raise StampError(f"a stamped message has at least 12 bytes, got {len(data)}")
-    seconds, nanoseconds = _STAMP[data[1] & 1].unpack_from(data, _CDR_HEADER)
-    return int(seconds) * _NANO + int(nanoseconds)
+    seconds, nanoseconds = _serialised_parts(data)
+    return seconds * _NANO + nanoseconds
+
+
+def _serialised_parts(data: bytes) -> tuple[int, int]:
+    if len(data) < _BEHIND:
+        raise StampError(f"a stamped message has at least {_BEHIND} bytes, got {len(data)}")
+    seconds, nanoseconds = _STAMPS[data[1] & 1].unpack_from(data, STAMP_AT)
+    return seconds, nanoseconds
 
 
 def stamp_bytes_of(stamp_ns: int) -> bytes:
     """Return a stamp [ns] as it stands in a serialised message of this project."""
-    return _STAMP[1].pack(*divmod(stamp_ns, _NANO))
+    return STAMP.pack(*divmod(stamp_ns, _NANO))
 
 
 def stamp_bytes(data: bytes) -> bytes:
     """Return the stamp of a serialised message as it stands there."""
-    return data[_CDR_HEADER : _CDR_HEADER + 8]
+    return data[STAMP_AT:_BEHIND]
 
 
 def stampless(data: bytes) -> bytes:
     """Return what follows the stamp of a serialised message."""
-    return data[_CDR_HEADER + 8 :]
+    return data[_BEHIND:]
 
 
 def with_stamp(data: bytes, stamp: bytes) -> bytes:
     """Return a serialised message with another stamp, of the same byte order."""
-    return b"".join((data[:_CDR_HEADER], stamp, stampless(data)))
+    return b"".join((data[:STAMP_AT], stamp, stampless(data)))

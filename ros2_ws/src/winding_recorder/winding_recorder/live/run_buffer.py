@@ -138,13 +138,7 @@ class RunBuffer:
             decode: Raises MessageError for a message that cannot be used.
             since: Leaves out what came before this monotonic wall time [s].
         """
-        for message in self.messages.get(topic.name, ()):
-            if message.received_ns * 1e-9 < since:
-                continue
-            try:
-                yield decode(deserialised(message.data, topic.type))
-            except MessageError:
-                continue
+        return self._decoded(topic, lambda data: decode(deserialised(data, topic.type)), since)
 
     def axis_readings(self, since: float = 0.0) -> Iterator[tuple[float, AxisReading]]:
         """Yield (t [s], reading) of the usable joint states.
@@ -152,12 +146,16 @@ class RunBuffer:
         Args:
             since: Leaves out what came before this monotonic wall time [s].
         """
-        read = JointStateReader(self.axes)
-        for message in self.messages.get(topics.JOINT_STATES.name, ()):
+        return self._decoded(topics.JOINT_STATES, JointStateReader(self.axes), since)
+
+    def _decoded(
+        self, topic: Topic, decode: Callable[[bytes], Reading], since: float
+    ) -> Iterator[Reading]:
+        for message in self.messages.get(topic.name, ()):
             if message.received_ns * 1e-9 < since:
                 continue
             try:
-                yield read(message.data)
+                yield decode(message.data)
             except MessageError:
                 continue
 

@@ -82,7 +82,7 @@ class Outputs:
                 said = replace(calibration, matrix=np.asarray(values, dtype=float).reshape(3, 3))
             if said is not self._calibration:
                 self._calibration, self._info = said, camera_info_template(said)
-            self._publish(topics.CAMERA_INFO, self._info.stamped(stamp))
+            self._publish(topics.CAMERA_INFO, bytes(self._info.stamped(stamp)))
 
     def image(self, t: float, frame: NDArray[np.uint8]) -> None:
         """Publish a frame, shape (height, width, 3), of time t [s]."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
+from winding_ros.stamps import serialised_stamp
 from winding_ros.wire.cdr import CdrReader
-from winding_ros.wire.template import STAMP, STAMP_AT
 
 _DOUBLE = struct.Struct("<d")
-_NANO = 1.0e-9
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -72,12 +71,11 @@ class JointStateLayout:
 
     def numbers(self, data: bytes) -> tuple[float, float, float, float, float]:
         """Return stamp [s], both positions and both velocities; nan for a velocity not measured."""
-        seconds, nanoseconds = STAMP.unpack_from(data, STAMP_AT)
         at = _DOUBLE.unpack_from
         one, other = self.positions
         fast, slow = self.velocities
         return (
-            seconds + _NANO * nanoseconds,
+            serialised_stamp(data),
             at(data, one)[0],
             at(data, other)[0],
             float("nan") if fast is None else at(data, fast)[0],

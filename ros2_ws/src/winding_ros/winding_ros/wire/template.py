@@ -2,34 +2,33 @@
 
 from __future__ import annotations
 
-import struct
+from dataclasses import dataclass
 from typing import Any
 
-from winding_ros.stamps import stamp_parts
+from winding_ros.stamps import STAMP, STAMP_AT, stamp_parts
 from winding_ros.wire.cdr import HEADER_BYTES, serialised
 
-# Every stamped message, and a Clock, begins with its stamp.
-STAMP = struct.Struct("<iI")
-STAMP_AT = HEADER_BYTES
 
-
+@dataclass(frozen=True)
 class Template:
-    """The bytes of a message, to be filled in and sent again and again.
-
-    Args:
-        message: As it is, except for what is filled in.
+    """The bytes of a message, filled in again and again, by several threads if need be.
 
     Attributes:
-        buffer: To write numbers into, at offsets that are known from elsewhere.
+        data: CDR bytes of the message as it is, except for what is filled in.
     """
 
-    def __init__(self, message: Any) -> None:
-        self.buffer = bytearray(serialised(message))
+    data: bytes
 
-    def stamped(self, t: float) -> bytes:
-        """Return the message with the stamp t [s]."""
-        STAMP.pack_into(self.buffer, STAMP_AT, *stamp_parts(t))
-        return bytes(self.buffer)
+    @classmethod
+    def of(cls, message: Any) -> Template:
+        """Return the template of a message that begins with its stamp."""
+        return cls(serialised(message))
+
+    def stamped(self, t: float) -> bytearray:
+        """Return a copy with the stamp t [s], to write numbers into at known offsets."""
+        copy = bytearray(self.data)
+        STAMP.pack_into(copy, STAMP_AT, *stamp_parts(t))
+        return copy
 
 
 def number_at(without: bytes, with_number: bytes, size: int) -> int:
