@@ -33,7 +33,7 @@ def test_a_node_may_do_what_the_graph_says_and_no_more() -> None:
     policy = sros2_policy("cell")
     for spec in GRAPH:
         own = {
-            *("/rosout", "/parameter_events", "/diagnostics"),
+            *("/rosout", "/parameter_events", "/diagnostics", "trace"),
             *(f"{spec.name}/transition_event", f"{spec.name}/heartbeat"),
         }
         published = {topic.name for topic in spec.publishes}

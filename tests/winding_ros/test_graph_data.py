@@ -28,7 +28,9 @@ def test_every_topic_has_a_publisher() -> None:
     published = {topic for spec in GRAPH for topic in spec.publishes}
     outside = set(topics.published_by(topics.COMMANDER))
     served = set(topics.published_by(topics.RUN_SERVER))
-    shared = {topics.DIAGNOSTICS, topics.RECORDER_PROGRESS, topics.ROBOT_DESCRIPTION}
+    shared = {
+        topics.DIAGNOSTICS, topics.RECORDER_PROGRESS, topics.ROBOT_DESCRIPTION, topics.TRACE,
+    }  # fmt: skip
     assert set(topics.TOPICS) - published == shared | outside | served
     assert outside <= set(RIG.subscribes)
 
@@ -55,6 +57,7 @@ def endpoints(node: Any) -> tuple[set[str], set[str]]:
     shared = {
         f"{NAMESPACE}/{name}/transition_event",
         "/diagnostics",
+        f"{NAMESPACE}/trace",
         f"{NAMESPACE}/{name}/heartbeat",
         f"{NAMESPACE}/orchestrator/heartbeat",
     }

@@ -1,4 +1,4 @@
-"""Structured NumPy records as PointCloud2, and back: markers, corrected markers, cable."""
+"""Structured NumPy records as PointCloud2, and back: markers, cable, what nodes trace."""
 
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ def encode_cloud(t: float, records: NDArray[np.void]) -> bytes:
     layout = _cloud_layout(records.dtype)
     count = len(records)
     data = _padded(records).tobytes()
-    dense = all(bool(np.isfinite(records[name]).all()) for name in ("x", "y", "z"))
+    places = [name for name in ("x", "y", "z") if name in (records.dtype.names or ())]
+    dense = all(bool(np.isfinite(records[name]).all()) for name in places)
     before = layout.before.stamped(t)
     COUNT.pack_into(before, layout.width_at, count)
     return b"".join(

@@ -20,16 +20,20 @@ from winding_ros.inputs import Input, Inputs
 from winding_ros.message_error import MessageError
 from winding_ros.message_guard import MessageGuard, Rivals, StampError
 from winding_ros.message_handler import Answer, MessageHandler
+from winding_ros.node_trace import NodeTrace
 from winding_ros.publishers import contestants
 from winding_ros.stamps import decode_stamp, serialised_stamp
 from winding_ros.stop_request import StopRequest
-from winding_ros.topic import Topic
+from winding_ros.topic import Delivered, Topic
 from winding_ros.topic_status import topic_status
 from winding_ros.wire.cdr import serialised
 
 
 class Endpoints:
     """What a managed node publishes and hears from `configure` to `cleanup`.
+
+    Attributes:
+        trace: What it notes of the way of a corrected length.
 
     Args:
         node: Whose endpoints.
@@ -42,6 +46,7 @@ class Endpoints:
         self._node = node
         self._spec = spec
         self._heartbeat = heartbeat
+        self.trace = NodeTrace(node, spec.name)
         self._stop_request = StopRequest(node)
         self._publishers: dict[str, Publisher] = {}
         self._subscriptions: list[Subscription] = []
@@ -64,7 +69,13 @@ class Endpoints:
 
     def publish(self, topic: Topic, message: Any) -> None:
         """Publish a message, or one in CDR bytes, on a topic that is advertised."""
-        self._publishers[topic.name].publish(serialised(message))
+        data = serialised(message)
+        if not self.trace.wanted:
+            self._publishers[topic.name].publish(data)
+            return
+        began = time.time_ns()
+        self._publishers[topic.name].publish(data)
+        self.trace.published(topic, data, began)
 
     def matched(self, topic: str) -> int:
         """Return how many subscriptions one of the node's publishers has."""
@@ -120,7 +131,7 @@ class Endpoints:
             [
                 Input(
                     topic=topic,
-                    take=self._guarded(topic, take, raw=True),
+                    take=self._traced(topic, self._guarded(topic, take, raw=True)),
                     found=self._guard(topic).found,
                     wakes=topic in self._spec.wakes,
                     events=self._events(topic),
@@ -215,6 +226,19 @@ class Endpoints:
             self._heartbeat.beat()
 
         return guarded
+
+    def _traced(self, topic: Topic, take: Callable[[bytes], None]) -> Callable[[Delivered], None]:
+        trace = self.trace
+
+        def traced(delivered: Delivered) -> None:
+            if not trace.wanted:
+                take(delivered.data)
+                return
+            began = trace.taking()
+            take(delivered.data)
+            trace.taken(topic, delivered, began)
+
+        return traced
 
     def _answering(
         self, handler: MessageHandler, topic: Topic, busy: AbstractContextManager[Any]

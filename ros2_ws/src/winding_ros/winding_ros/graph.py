@@ -120,7 +120,7 @@ PAGE = NodeSpec(
     beside=tuple(
         topic
         for topic in topics.TOPICS
-        if topic not in (topics.CLOCK, topics.IMAGE, topics.RECORDER_PROGRESS)
+        if topic not in (topics.CLOCK, topics.IMAGE, topics.RECORDER_PROGRESS, topics.TRACE)
         and topic.publisher not in (topics.COMMANDER, topics.ORCHESTRATOR, topics.RUN_SERVER)
     ),
     policy=Policy.ASIDE,

@@ -5,14 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+from rclpy.waitable import NumberOfEntities, Waitable
 
-from winding_ros.topic import Topic
+from winding_ros.topic import Delivered, Topic
 
 # A wake-up costs as much as several messages: most topics are looked at this often [s].
 LOOK_PERIOD = 0.01
@@ -24,14 +25,14 @@ class Input:
 
     Attributes:
         topic: Which.
-        take: Gets the CDR bytes of each message.
+        take: Gets each message, in CDR bytes.
         found: Told how many messages waited at each wake-up.
         wakes: Whether a message wakes the node up; otherwise it waits for the next look.
         events: Called when publishers do not match.
     """
 
     topic: Topic
-    take: Callable[[bytes], None]
+    take: Callable[[Delivered], None]
     found: Callable[[int], None]
     wakes: bool
     events: SubscriptionEventCallbacks
@@ -51,6 +52,13 @@ class Inputs:
     def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
         self._node = node
         self._served = [(item, self._subscription(item)) for item in inputs]
+        self._alarms = [
+            _Alarm(node, subscription, self._serve)
+            for item, subscription in self._served
+            if item.wakes
+        ]
+        for alarm in self._alarms:
+            node.add_waitable(alarm)
         # Wall time: simulated time may stand while messages wait.
         self._timer = node.create_timer(
             LOOK_PERIOD, self._serve, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -59,32 +67,58 @@ class Inputs:
     def destroy(self) -> None:
         """Take nothing any more."""
         self._node.destroy_timer(self._timer)
+        for alarm in self._alarms:
+            self._node.remove_waitable(alarm)
         for _, subscription in self._served:
-            if not self._node.destroy_subscription(subscription):
-                subscription.destroy()
+            subscription.destroy()
         self._served = []
 
     def _subscription(self, item: Input) -> Subscription:
-        woken = partial(self._serve, item)
-        subscription = item.topic.listen(self._node, woken, raw=True, events=item.events)
-        if not item.wakes:
-            # The executor waits for what the node lists, and rclpy has no other way to leave a
-            # subscription out of that.
-            self._node._subscriptions.remove(subscription)
+        subscription = item.topic.listen(self._node, _never, raw=True, events=item.events)
+        # The executor takes from what the node lists, and does not say when a message was sent;
+        # rclpy has no other way to leave a subscription out of that.
+        self._node._subscriptions.remove(subscription)
         return subscription
 
-    def _serve(self, woken: Input | None = None, message: bytes = b"") -> None:
+    def _serve(self) -> None:
         awake = time.time_ns()
         for item, subscription in self._served:
             count = 0
-            if item is woken:
-                item.take(message)
-                count = 1
-            for waiting, arrived in item.topic.waiting(subscription, raw=True):
+            for waiting in item.topic.waiting(subscription, raw=True):
                 item.take(waiting)
                 # What goes on arriving has its turn later: a slow topic must not starve a fast one.
-                if arrived > awake:
+                if waiting.arrived_ns > awake:
                     break
                 count += 1
             if count:
                 item.found(count)
+
+
+class _Alarm(Waitable):  # type: ignore[misc]
+    """Has the executor wake a node up when a message has arrived, and leaves it to the node."""
+
+    def __init__(self, node: Node, subscription: Subscription, wake: Callable[[], None]) -> None:
+        super().__init__(node.default_callback_group)
+        self._subscription = subscription
+        self._wake = wake
+        self._index = 0
+
+    def is_ready(self, wait_set: Any) -> bool:
+        return bool(wait_set.is_ready("subscription", self._index))
+
+    def take_data(self) -> None:
+        """The node takes its messages in an order of its own."""
+
+    async def execute(self, taken_data: None) -> None:
+        self._wake()
+
+    def get_num_entities(self) -> NumberOfEntities:
+        return NumberOfEntities(1, 0, 0, 0, 0)
+
+    def add_to_wait_set(self, wait_set: Any) -> None:
+        with self._subscription.handle:
+            self._index = wait_set.add_subscription(self._subscription.handle)
+
+
+def _never(message: bytes) -> None:
+    raise RuntimeError("the executor took a message that the node itself takes")

@@ -138,6 +138,8 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         """Stop to work; keep the configuration."""
         result = self._transition("deactivate", self.deactivate)
         self.active = self.active and result is not TransitionCallbackReturn.SUCCESS
+        # Its process may end before the next look.
+        self.endpoints.trace.tell()
         super().on_deactivate(state)
         return result
 
@@ -209,6 +211,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         if self._fatal is not None:
             raise self._fatal
         self._heartbeat.beat()
+        self.endpoints.trace.tell()
         self.endpoints.look_for_rivals()
         for sentence in self.endpoints.rivals():
             self.contested(sentence)

@@ -62,7 +62,7 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
         heard = [topic.name for topic in spec.subscribes]
         if spec.name != topics.RIG:
             heard.append(topics.CLOCK.name)
-        told = [heartbeat_topic(spec.name), f"{spec.name}/transition_event"]
+        told = [heartbeat_topic(spec.name), f"{spec.name}/transition_event", topics.TRACE.name]
         _allow(profile, "topics", "publish", [*(t.name for t in spec.publishes), *told])
         _allow(profile, "topics", "subscribe", [*heard, heartbeat_topic(ORCHESTRATOR)])
         own = (f"{spec.name}/{name}" for name in _OWN_SERVICES)
@@ -73,7 +73,8 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     signs = [heartbeat_topic(spec.name) for spec in (*graph, PAGE)]
     said = [topic.name for topic in topics.published_by(ORCHESTRATOR)]
     _allow(profile, "topics", "publish", [heartbeat_topic(ORCHESTRATOR), *said])
-    _allow(profile, "topics", "subscribe", [topics.DIAGNOSTICS.name, *signs])
+    heard = [topics.DIAGNOSTICS.name, topics.TRACE.name, *signs]
+    _allow(profile, "topics", "subscribe", heard)
     asked = [f"{spec.name}/{name}" for spec in graph for name in _OWN_SERVICES]
     _allow(profile, "services", "request", [*served_by(topics.RIG), *asked])
     _allow(profile, "services", "reply", [f"{ORCHESTRATOR}/{n}" for n in _PARAMETER_SERVICES])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -15,6 +15,20 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from winding_core.readings import Quantity
+
+
+class Delivered(NamedTuple):
+    """A message as DDS delivered it.
+
+    Attributes:
+        data: The message, or its CDR bytes.
+        sent_ns: When its publisher sent it, by the clock of that system [ns].
+        arrived_ns: When it arrived, by the clock of this system, however late it was taken [ns].
+    """
+
+    data: Any
+    sent_ns: int
+    arrived_ns: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,10 +101,10 @@ class Topic:
             awake = time.time_ns()
             callback(message)
             count = 1
-            for waiting, arrived in self.waiting(subscription, raw=raw):
-                callback(waiting)
+            for waiting in self.waiting(subscription, raw=raw):
+                callback(waiting.data)
                 # What arrives while others are served did not wait for the node to wake up.
-                count += arrived <= awake
+                count += waiting.arrived_ns <= awake
             if found is not None:
                 found(count)
 
@@ -100,16 +114,16 @@ class Topic:
     def listen(
         self,
         node: Node,
-        woken: Callable[[Any], None],
+        callback: Callable[[Any], None],
         *,
         raw: bool = False,
         events: SubscriptionEventCallbacks | None = None,
     ) -> Subscription:
-        """Return a subscription whose callback gets one message and takes those that wait."""
+        """Return a plain subscription, whose callback gets one message at a time."""
         subscription: Subscription = node.create_subscription(
             self.type,
             self.name,
-            woken,
+            callback,
             self.qos,
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             raw=raw,
@@ -117,21 +131,17 @@ class Topic:
         )
         return subscription
 
-    def waiting(
-        self, subscription: Subscription, *, raw: bool = False
-    ) -> Iterator[tuple[Any, int]]:
-        """Take the messages that have arrived on a subscription of this topic, `depth` at most.
-
-        Yields:
-            The message, and when it arrived by the clock of the system [ns].
-        """
+    def waiting(self, subscription: Subscription, *, raw: bool = False) -> Iterator[Delivered]:
+        """Take the messages that have arrived on a subscription of this topic, `depth` at most."""
         for _ in range(self.depth):
             with subscription.handle:
                 taken = subscription.handle.take_message(self.type, raw)
             if taken is None:
                 return
             message, information = taken
-            yield message, information["received_timestamp"]
+            yield Delivered(
+                message, information["source_timestamp"], information["received_timestamp"]
+            )
 
     def advertise(self, node: Node) -> Publisher:
         """Return a plain publisher on a node that is not managed."""

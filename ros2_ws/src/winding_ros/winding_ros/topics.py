@@ -18,6 +18,7 @@ from visualization_msgs.msg import Marker
 
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
 from winding_core.readings import CABLE_TENSION, Quantity
+from winding_core.trace import TRACE_DTYPE
 from winding_ros.camera_messages import decode_camera_info, decode_image, decode_preview
 from winding_ros.cloud_messages import decode_cloud, decode_line_width
 from winding_ros.command_messages import (
@@ -221,6 +222,16 @@ CORRECTION_CASE = _topic(
     "known condition that this run resembles, with its share of votes",
     decode_case_votes,
     latched=True,
+)
+TRACE = _topic(
+    "trace",
+    PointCloud2,
+    None,
+    EVERY_NODE,
+    "instants on the way of each corrected length; only while somebody listens",
+    _records(TRACE_DTYPE),
+    recorded=False,
+    depth=1000,
 )
 DIAGNOSTICS = _topic(
     "/diagnostics", DiagnosticArray, None, EVERY_NODE, "state of each node", decode_diagnostics

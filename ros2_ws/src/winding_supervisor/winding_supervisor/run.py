@@ -10,6 +10,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
@@ -29,6 +32,7 @@ from winding_supervisor.orchestrator import GraphConfig, Orchestrator
 from winding_supervisor.run_config import RunConfig, check_run, claim_folder
 from winding_supervisor.simulated_machine import SimulatedMachine
 from winding_supervisor.supervision import Supervisor, replay_parameters
+from winding_supervisor.trace_recording import TraceRecording
 
 _POLL = 0.05
 _VIEW_PERIOD = 0.25
@@ -49,6 +53,8 @@ class RunResult:
         bags: What was recorded.
         ended: Why the run ended before its end; empty for one that came to its end.
         simulated: Whether its machine was the simulated one, with samples at known instants.
+        trace: What the nodes noted of the corrected lengths, TRACE_DTYPE, shape (n,); None in a
+            run without a trace.
     """
 
     buffer: RunBuffer
@@ -59,6 +65,7 @@ class RunResult:
     bags: tuple[Path, ...] = ()
     ended: str = ""
     simulated: bool = True
+    trace: NDArray[np.void] | None = None
 
 
 View = Callable[[RunBuffer, float], None]
@@ -96,6 +103,7 @@ class Run:
         self._operated: OperatorRun | None = None
         self._recorder_of_run: Recorder | None = None
         self._began: float | None = None
+        self._trace: TraceRecording | None = None
 
     def wind(self, view: View, say: Say = print) -> RunResult:
         """Run the graph once from start to finish, or as an operator conducts it.
@@ -138,6 +146,7 @@ class Run:
             bags=tuple(recorder.bags.folders),
             ended=ended,
             simulated=self.config.machine is None,
+            trace=None if self._trace is None else self._trace.records,
         )
 
     async def _wind(
@@ -149,6 +158,8 @@ class Run:
         recorder = self._recorder_of_run = self._recorder(client)
         # It publishes until everything is stored, so it is closed before the client.
         stack.callback(recorder.close)
+        if config.trace:
+            self._trace = TraceRecording(client.node)
         client.start()
         machine = self._machine(client, recorder.buffer)
         await machine.stand()

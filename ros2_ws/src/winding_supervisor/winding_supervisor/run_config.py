@@ -50,6 +50,7 @@ class RunConfig:
         attach: Whether somebody else runs the nodes; nothing is started or ended here.
         machine: The machine behind somebody else's driver; None for the simulated one.
         page: Parameters of the operator's page; None for a run that starts by itself.
+        trace: Whether the nodes note the way of each corrected length.
     """
 
     directory: Path
@@ -65,6 +66,7 @@ class RunConfig:
     attach: bool = False
     machine: ExternalMachineConfig | None = None
     page: Mapping[str, object] | None = None
+    trace: bool = False
 
     @property
     def log_directory(self) -> Path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 import time
 from collections.abc import Callable
@@ -19,14 +18,13 @@ from winding_cli.commands.machine_options import MachineOptions, machine_of
 from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
 from winding_cli.commands.refusal import FAILED, complain, fail, refuse
 from winding_cli.commands.ros_environment import check_namespace
+from winding_cli.commands.run_checks import check_before_start, recording_of, refuse_open
 from winding_cli.commands.termination import end
 from winding_core.condition import Condition
 from winding_core.machine_axes import MachineAxes
 from winding_core.options import typed_values
-from winding_core.units import MEGABYTE
 
 if TYPE_CHECKING:
-    from winding_recorder.bags.mcap_file import BagConfig
     from winding_recorder.live.recorder import RunBuffer
     from winding_study.runs.run_record import RunRecord
     from winding_supervisor.run import RunResult
@@ -61,6 +59,12 @@ def run(
     ] = None,
     report: Annotated[Path | None, typer.Option(help="Folder of the report.")] = None,
     json: Annotated[Path | None, typer.Option(help="File of the run's numbers.")] = None,
+    trace: Annotated[
+        Path | None,
+        typer.Option(
+            help="File of where each corrected length's time went, for Perfetto (Trace Event JSON)."
+        ),
+    ] = None,
     weights: Annotated[
         str | None, typer.Option(help="Trained weight: shipped name or folder.")
     ] = None,
@@ -131,10 +135,10 @@ def run(
     if dashboard_port is not None and not dashboard:
         refuse("--dashboard-port is for a run with --dashboard")
     if secure:
-        _refuse_open(namespace, dashboard=dashboard)
+        refuse_open(namespace, dashboard=dashboard)
     if parameters is not None and not parameters.is_file():
         refuse(f"no parameter file at {parameters}")
-    recording = _recording(compression, split_mb)
+    recording = recording_of(compression, split_mb)
     external = machine_of(
         machine,
         axes,
@@ -173,9 +177,11 @@ def run(
         namespace=namespace,
         attach=attach,
         page=page_parameters(dashboard_port, parameters, namespace) if dashboard else None,
+        trace=trace is not None,
     )
     check_output_folder(report)
-    check_output_file(json, make_folder=True)
+    for file in (json, trace):
+        check_output_file(file, make_folder=True)
     directory, result, failure = _wind(config, condition)
     if dashboard and config.machine is None:
         operated = operated_condition(condition, result)
@@ -187,65 +193,21 @@ def run(
         condition = operated
     numbers = json or directory / "run.json"
     record, page = _deliver(condition, result, report or directory / "report", numbers)
+    if trace is not None:
+        _write_trace(record, result, trace)
     if failure is not None:
         failure()
-    _show(record, page, numbers, result.bags)
+    _show(record, page, numbers, result.bags, trace)
     if result.recording_error is not None:
         refuse(f"the recording is incomplete: {result.recording_error}", FAILED)
-
-
-def _recording(compression: str, split_mb: float) -> BagConfig:
-    from winding_recorder.bags.mcap_file import BagConfig
-
-    if not math.isfinite(split_mb):
-        refuse(f"split size must be finite, got {split_mb} MB")
-    try:
-        return BagConfig(compression=compression, split_bytes=round(split_mb * MEGABYTE))
-    except ValueError as error:
-        refuse(error)
 
 
 def _given(**values: object) -> dict[str, object]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def _refuse_open(namespace: str, *, dashboard: bool) -> None:
-    from winding_ros.graph import GRAPH, PAGE
-    from winding_ros.security import SecurityError, check_security
-
-    try:
-        check_security(namespace, graph=(*GRAPH, PAGE) if dashboard else GRAPH)
-    except SecurityError as error:
-        refuse(error)
-
-
 def _label(case: int) -> str:
     return f"case{case:02d}" if case else "own"
-
-
-def _check(config: RunConfig) -> None:
-    """Refuse what would end the run after its nodes have started."""
-    from winding_supervisor.run_config import check_run
-
-    try:
-        check_run(config)
-    except ValueError as error:
-        refuse(error)
-    _check_weights(config)
-    check_output_folder(config.bag, new=True)
-    check_output_folder(config.directory, new=not config.numbered)
-
-
-def _check_weights(config: RunConfig) -> None:
-    from correction_node.models.weights import load_factor, weights_directory
-    from winding_ros import topics
-
-    name = config.parameters()[topics.CORRECTION].get("weights")
-    if name:
-        try:
-            load_factor(weights_directory(str(name)))
-        except (OSError, ValueError) as error:
-            refuse(error)
 
 
 def _wind(
@@ -267,7 +229,7 @@ def _wind(
     from winding_supervisor.run import opened_run
     from winding_supervisor.run_config import RunFolderError
 
-    _check(config)
+    check_before_start(config)
     console = Console(stderr=True)
     try:
         with opened_run(config) as run:
@@ -341,10 +303,24 @@ def _deliver(
     return record, page
 
 
-def _show(record: RunRecord, page: Path, json: Path, bags: tuple[Path, ...]) -> None:
-    from winding_cli.output.results import results_table
+def _write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
+    from winding_study.trace.chrome import write_chrome_trace
+
+    assert record.trace is not None
+    assert result.trace is not None
+    with staged(path) as place:
+        write_chrome_trace(record.trace, result.trace, place)
+
+
+def _show(
+    record: RunRecord, page: Path, json: Path, bags: tuple[Path, ...], trace: Path | None
+) -> None:
+    from winding_cli.output.results import results_table, trace_tables
 
     console = result_console()
     console.print(results_table(record))
-    for name, path in (("report", page), ("numbers", json), *(("bag", bag) for bag in bags)):
+    if record.trace is not None:
+        console.print(*trace_tables(record.trace))
+    further = [("bag", bag) for bag in bags] + ([] if trace is None else [("trace", trace)])
+    for name, path in (("report", page), ("numbers", json), *further):
         console.print(f"{name}: {path}", soft_wrap=True)

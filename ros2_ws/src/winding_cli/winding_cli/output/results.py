@@ -23,12 +23,16 @@ from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostic
 from winding_ros.rig_messages import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
 from winding_study.runs.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
+from winding_study.trace.hops import LengthTrace, length_trace
+from winding_study.trace.summary import hop_costs
 from winding_supervisor.run import RunResult
 
 # A marker in one of these states was not measured in the frame that says so.
 _UNSEEN = int(
     MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED | MarkerFlag.OCCLUDED | MarkerFlag.CLIPPED
 )
+
+_ORIGINS = {"camera": "exposure of the newest frame", "prediction": "encoder sample"}
 
 _THINNED = (
     "The run was long: of what came before its last seconds, curves and means have every second "
@@ -89,6 +93,7 @@ def run_record(condition: Condition, result: RunResult) -> RunRecord:
         sim_s=reached,
         ended=result.ended,
         facts=_facts(buffer),
+        trace=None if result.trace is None else length_trace(result.trace),
         notes=(*_notes(published=case.is_published), *([_THINNED] if buffer.thinned else [])),
     )
 
@@ -125,6 +130,32 @@ def results_table(record: RunRecord) -> Table:
             *(_cell(value, 1.0, 2) for value in (row.error_fem_pct, row.error_corrected_pct)),
         )
     return table
+
+
+def trace_tables(trace: LengthTrace) -> list[Table]:
+    """Return what each hop of the ways to the corrected lengths takes."""
+    tables = []
+    for way in trace.ways:
+        table = Table(
+            title=f"From the {_ORIGINS[way.name]} to the corrected length, {len(way.stamps)} of "
+            f"{trace.lengths} lengths",
+            box=SIMPLE_HEAD,
+            title_justify="left",
+        )
+        for heading in ("where", "what"):
+            table.add_column(heading)
+        for heading in ("median, ms", "p99, ms", "share, %"):
+            table.add_column(heading, justify="right", no_wrap=True)
+        for cost in hop_costs(way):
+            table.add_row(
+                cost.station,
+                cost.name,
+                _cell(cost.median, 1e3, 2),
+                _cell(cost.p99, 1e3, 2),
+                _cell(cost.share, 1e2, 1),
+            )
+        tables.append(table)
+    return tables
 
 
 def _in_run(

@@ -45,6 +45,7 @@ class Exposure:
         cylinder_angle: [rad].
         angular_speed: [rad/s].
         guide_z: [m].
+        began_ns: When that was, by the clock of the trace.
     """
 
     t: float
@@ -52,6 +53,7 @@ class Exposure:
     cylinder_angle: float
     angular_speed: float
     guide_z: float
+    began_ns: int = 0
 
 
 class Camera:
@@ -103,6 +105,7 @@ class Camera:
             cylinder_angle=machine.state.cylinder.motor.position,
             angular_speed=machine.state.cylinder.motor.speed,
             guide_z=machine.state.carriage.motor.position,
+            began_ns=self._outputs.trace.now_ns(),
         )
         while going():
             try:
@@ -121,6 +124,7 @@ class Camera:
                     return
                 continue
             frame = self._render(exposure)
+            self._outputs.trace.exposed(exposure.t, exposure.began_ns)
             channel = self.faults.of(CAMERA_SIGNAL)
             if channel is None:
                 self._show(exposure.t, exposure.index, frame)

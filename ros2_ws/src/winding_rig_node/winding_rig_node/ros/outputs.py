@@ -34,11 +34,13 @@ class Outputs:
 
     Attributes:
         faults: What is wrong with the topics on purpose; a healthy topic costs nothing.
+        trace: What the node notes of its frames.
     """
 
     def __init__(self, node: ManagedNode[Any]) -> None:
         self.faults = Faults()
         self._publish = node.endpoints.publish
+        self.trace = node.endpoints.trace
         self._calibration: CameraReading | None = None
 
     def sample(self, machine: Machine) -> None:

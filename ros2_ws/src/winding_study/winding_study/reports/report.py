@@ -10,6 +10,7 @@ from winding_study.documents.page import MISSING, PAGE, Tile, fixed, render_page
 from winding_study.reports.lay_pictures import lay_picture, marker_picture
 from winding_study.reports.length_pictures import lengths_picture
 from winding_study.reports.machine_pictures import speeds_picture, tension_picture
+from winding_study.reports.trace_pictures import trace_picture
 from winding_study.runs.run_record import RunRecord
 
 _TEMPLATE = "report.html.j2"
@@ -38,6 +39,7 @@ def render_report(record: RunRecord) -> str:
             marker_picture(record),
             speeds_picture(record),
             tension_picture(record),
+            *([] if record.trace is None else [trace_picture(record.trace)]),
         ],
         ended=record.ended,
         facts=record.facts,

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from winding_core.cases import Case
 from winding_core.drive import DriveProfile
 from winding_core.published import PublishedMarker, length_error_pct, published_markers
+from winding_study.trace.hops import LengthTrace
+from winding_study.trace.summary import hop_costs
 
 Array = NDArray[np.float64]
 
@@ -147,6 +149,7 @@ class RunRecord(AxisSpeeds):
         ended: Why the run ended before its end; empty for one that came to its end.
         facts: Short facts by name for the head of the report, such as the trained factor.
         notes: Sentences on what the numbers are worth.
+        trace: The ways to its corrected lengths; None for a run that was not traced.
     """
 
     case: Case
@@ -164,6 +167,7 @@ class RunRecord(AxisSpeeds):
     ended: str = ""
     facts: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    trace: LengthTrace | None = None
 
     @property
     def marker_ids(self) -> tuple[int, ...]:
@@ -209,6 +213,26 @@ def run_json(record: RunRecord) -> dict[str, Any]:
         "joint_states_lost": record.joint_states_lost,
         "wall_s": _number(record.wall_s),
         "sim_s": _number(record.sim_s),
+        **({} if record.trace is None else {"trace": _trace_json(record.trace)}),
+    }
+
+
+def _trace_json(trace: LengthTrace) -> dict[str, Any]:
+    return {
+        "lengths": trace.lengths,
+        **{
+            way.name: [
+                {
+                    "station": cost.station or None,
+                    "hop": cost.name,
+                    "median_s": cost.median,
+                    "p99_s": cost.p99,
+                    "share": cost.share,
+                }
+                for cost in hop_costs(way)
+            ]
+            for way in trace.ways
+        },
     }
 
 

@@ -1,0 +1,62 @@
+"""What `winding run` refuses before any of its nodes starts."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from winding_cli.commands.output_path import check_output_folder
+from winding_cli.commands.refusal import refuse
+from winding_core.units import MEGABYTE
+
+if TYPE_CHECKING:
+    from winding_recorder.bags.mcap_file import BagConfig
+    from winding_supervisor.run_config import RunConfig
+
+
+def recording_of(compression: str, split_mb: float) -> BagConfig:
+    """Return how a bag is stored; refuse what no bag can be."""
+    from winding_recorder.bags.mcap_file import BagConfig
+
+    if not math.isfinite(split_mb):
+        refuse(f"split size must be finite, got {split_mb} MB")
+    try:
+        return BagConfig(compression=compression, split_bytes=round(split_mb * MEGABYTE))
+    except ValueError as error:
+        refuse(error)
+
+
+def refuse_open(namespace: str, *, dashboard: bool) -> None:
+    """Refuse a run whose messages anybody could read or send."""
+    from winding_ros.graph import GRAPH, PAGE
+    from winding_ros.security import SecurityError, check_security
+
+    try:
+        check_security(namespace, graph=(*GRAPH, PAGE) if dashboard else GRAPH)
+    except SecurityError as error:
+        refuse(error)
+
+
+def check_before_start(config: RunConfig) -> None:
+    """Refuse what would end the run after its nodes have started."""
+    from winding_supervisor.run_config import check_run
+
+    try:
+        check_run(config)
+    except ValueError as error:
+        refuse(error)
+    _check_weights(config)
+    check_output_folder(config.bag, new=True)
+    check_output_folder(config.directory, new=not config.numbered)
+
+
+def _check_weights(config: RunConfig) -> None:
+    from correction_node.models.weights import load_factor, weights_directory
+    from winding_ros import topics
+
+    name = config.parameters()[topics.CORRECTION].get("weights")
+    if name:
+        try:
+            load_factor(weights_directory(str(name)))
+        except (OSError, ValueError) as error:
+            refuse(error)

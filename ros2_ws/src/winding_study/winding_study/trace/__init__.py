@@ -1,0 +1,1 @@
+"""Where the time goes between an exposure and a corrected length."""
