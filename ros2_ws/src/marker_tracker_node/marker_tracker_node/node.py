@@ -24,8 +24,8 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
     tracker/markers, one message per frame with the frame's stamp.
     """
 
-    def __init__(self, **kwargs: Any) -> None:
-        super().__init__(graph.TRACKER, TrackerParameters, **kwargs)
+    def __init__(self, spec: graph.NodeSpec = graph.TRACKER, **kwargs: Any) -> None:
+        super().__init__(spec, TrackerParameters, **kwargs)
         self._handler: TrackerHandler | None = None
         self._busy = threading.Lock()
 
@@ -77,6 +77,22 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
 
     def take_frame(self, t: float, frame: NDArray[np.uint8]) -> None:
         """Take a frame of time t [s] from a camera in this process, from any thread."""
-        assert self._handler is not None
+        handler, trace = self._handler, self.endpoints.trace
+        assert handler is not None
+        # The encoder sample of the frame may be there already.
+        self.endpoints.look()
+        began = trace.taking()
         with self._busy:
-            self.publish(self._handler.take_frame(t, frame))
+            self.publish(handler.take_frame(t, frame))
+        trace.handed_over(topics.IMAGE, t, began)
+
+    def take_calibration(self, info: bytes) -> None:
+        """Take the calibration of frames that come from this process, as CDR of a CameraInfo.
+
+        Raises:
+            MessageError: It is none.
+        """
+        handler = self._handler
+        assert handler is not None
+        with self._busy:
+            self.publish(handler.take(topics.CAMERA_INFO, info))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,6 @@ import numpy as np
 from winding_core.parameters import refuse_unknown
 from winding_core.status import Status
 from winding_rig_node.machine.faults import Faults
-from winding_rig_node.machine.lay import HiddenCable, published_lay, simulated_lay
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import MachineConfig
 from winding_rig_node.machine.machine_state import PhaseError
@@ -27,6 +26,7 @@ from winding_ros.heartbeat import Sign, watch_heartbeat
 from winding_ros.managed_node import ManagedNode
 from winding_ros.message_error import MessageError
 from winding_ros.stamps import serialised_stamp_ns
+from winding_ros.topic import Topic
 
 
 class RigNode(ManagedNode[RigParameters]):
@@ -66,11 +66,7 @@ class RigNode(ManagedNode[RigParameters]):
         what = wanted.resolved()
         case, drive = what.case, what.drive
         rng = np.random.default_rng(wanted.seed)
-        end = drive.positions(wanted.duration)[0]
-        if wanted.lay == "paper":
-            lay = published_lay(case, drive, what.free_length, end)
-        else:
-            lay = simulated_lay(case, drive, HiddenCable.drawn(rng), end)
+        lay = wanted.laid(rng)
         self._outputs = Outputs(self)
         self._camera = Camera(wanted, lay, self._outputs)
         self._loop = MachineLoop(
@@ -113,6 +109,11 @@ class RigNode(ManagedNode[RigParameters]):
     def cleanup(self) -> None:
         """Forget the machine and its camera."""
         self._loop = self._camera = None
+
+    def advertised(self) -> Iterable[Topic]:
+        """Return what the node publishes; a camera elsewhere publishes its frames itself."""
+        shown = () if self.configuration.camera_elsewhere else graph.CAMERA_TOPICS
+        return (t for t in graph.RIG.publishes if t in shown or t not in graph.CAMERA_TOPICS)
 
     def status(self) -> Status:
         """Return the machine's phase and time."""
@@ -162,8 +163,9 @@ class RigNode(ManagedNode[RigParameters]):
         return serve
 
     def _set_camera_info(self, request: Any, response: Any) -> Any:
-        if self._camera is None:
-            response.status_message = f"{topics.RIG} is not configured"
+        if self._camera is None or self.configuration.camera_elsewhere:
+            why = "is not configured" if self._camera is None else "has its camera elsewhere"
+            response.status_message = f"{topics.RIG} {why}"
             return response
         try:
             self._camera.recalibrate(request.camera_info)

@@ -140,6 +140,11 @@ class Endpoints:
             ],
         )
 
+    def look(self) -> None:
+        """Deal with everything that has arrived on the node's inputs, from any thread."""
+        if self._inputs is not None:
+            self._inputs.serve()
+
     def answer(self, answers: Iterable[Answer]) -> None:
         """Publish answers as they come."""
         for answer in answers:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from winding_ros import topics
@@ -38,6 +38,10 @@ class NodeSpec:
         beside: Topics that the node listens to without its handler.
         aside: Topics that it publishes without its handler, as further threads end.
         policy: What becomes of the run when the node fails.
+        says: What it publishes where that is not what the topics say.
+        module: What runs as its process where that is not the package.
+        arguments: Of that process, before those for ROS.
+        guest: A node without a life of its own in that process, which has the rig's parameters.
     """
 
     name: str
@@ -49,11 +53,20 @@ class NodeSpec:
     beside: tuple[Topic, ...] = ()
     aside: tuple[Topic, ...] = ()
     policy: Policy = Policy.END
+    says: tuple[Topic, ...] | None = None
+    module: str = ""
+    arguments: tuple[str, ...] = ()
+    guest: str = ""
+
+    @property
+    def command(self) -> tuple[str, ...]:
+        """What follows `python` to run the node's process, without arguments for ROS."""
+        return ("-m", self.module or self.package, *self.arguments)
 
     @property
     def publishes(self) -> tuple[Topic, ...]:
         """Topics it publishes, /diagnostics aside."""
-        return topics.published_by(self.name)
+        return topics.published_by(self.name) if self.says is None else self.says
 
     @property
     def outputs(self) -> tuple[Topic, ...]:
@@ -111,6 +124,35 @@ RIG = NodeSpec(
 )
 # Sinks first, the rig last: who listens is awake before anybody speaks.
 GRAPH: tuple[NodeSpec, ...] = (CORRECTION, FEM, TRACKER, RIG)
+
+CAMERA_TOPICS = (topics.IMAGE, topics.CAMERA_INFO, topics.PREVIEW)
+# The simulated camera where it runs in the tracker's process, and its node there.
+SIMULATED_CAMERA = "winding_rig_node.ros.hosted_camera:open_camera"
+HOSTED_CAMERA = "winding_rig_camera"
+COMPOSED_TRACKER = replace(
+    TRACKER,
+    inputs=(topics.JOINT_STATES,),
+    wakes=(),
+    says=(*TRACKER.publishes, *CAMERA_TOPICS),
+    aside=CAMERA_TOPICS,
+    module="marker_tracker_node.composition",
+)
+
+
+def composed(graph: tuple[NodeSpec, ...], camera: str) -> tuple[NodeSpec, ...]:
+    """Return a graph whose camera runs in the tracker's process and hands its frames over.
+
+    Args:
+        graph: The nodes.
+        camera: What opens the camera, as MODULE:FUNCTION or FILE.py:FUNCTION.
+    """
+    guest = HOSTED_CAMERA if camera == SIMULATED_CAMERA else ""
+    others = {
+        TRACKER.name: replace(COMPOSED_TRACKER, arguments=(camera,), guest=guest),
+        RIG.name: replace(RIG, says=tuple(t for t in RIG.publishes if t not in CAMERA_TOPICS)),
+    }
+    return tuple(others.get(spec.name, spec) for spec in graph)
+
 
 # No part of the graph: it looks and asks, and the graph is whole without it.
 PAGE = NodeSpec(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -51,9 +52,11 @@ class Inputs:
 
     def __init__(self, node: Node, inputs: Sequence[Input]) -> None:
         self._node = node
+        # A camera's thread may look, too: each topic is taken from by one thread at a time.
+        self._taking = threading.Lock()
         self._served = [(item, self._subscription(item)) for item in inputs]
         self._alarms = [
-            _Alarm(node, subscription, self._serve)
+            _Alarm(node, subscription, self.serve)
             for item, subscription in self._served
             if item.wakes
         ]
@@ -61,7 +64,7 @@ class Inputs:
             node.add_waitable(alarm)
         # Wall time: simulated time may stand while messages wait.
         self._timer = node.create_timer(
-            LOOK_PERIOD, self._serve, clock=Clock(clock_type=ClockType.STEADY_TIME)
+            LOOK_PERIOD, self.serve, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
 
     def destroy(self) -> None:
@@ -79,6 +82,11 @@ class Inputs:
         # rclpy has no other way to leave a subscription out of that.
         self._node._subscriptions.remove(subscription)
         return subscription
+
+    def serve(self) -> None:
+        """Deal with everything that has arrived."""
+        with self._taking:
+            self._serve()
 
     def _serve(self) -> None:
         awake = time.time_ns()

@@ -21,6 +21,7 @@ from winding_ros.node_parameters import (
     read_parameters,
     refuse_invalid,
 )
+from winding_ros.topic import Topic
 from winding_ros.topic_status import news
 from winding_ros.topics import DIAGNOSTICS
 
@@ -88,6 +89,10 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
 
     def contested(self, sentence: str) -> None:
         """Take note that another node publishes on one of this node's topics."""
+
+    def advertised(self) -> Iterable[Topic]:
+        """Return what the node publishes; by default what the graph says."""
+        return self._spec.publishes
 
     def status(self) -> Status:
         """Return the state of the node's own work."""
@@ -174,7 +179,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self.endpoints.clear()
 
     def _advertise(self) -> None:
-        for topic in self._spec.publishes:
+        for topic in self.advertised():
             self.endpoints.advertise(topic)
 
     def _take_parameters(self) -> None:

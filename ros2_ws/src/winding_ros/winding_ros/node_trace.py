@@ -30,6 +30,11 @@ _STATIONS = {
 _Record = tuple[int, int, int, float, float, float, float, float]
 
 
+def now_ns() -> int:
+    """Return the time of the system, the clock of every instant noted here [ns]."""
+    return time.time_ns()
+
+
 class NodeTrace:
     """Notes instants while somebody listens to the topic `trace`, and publishes them in batches.
 
@@ -47,11 +52,6 @@ class NodeTrace:
         self._records: deque[_Record] = deque()
         self._published = 0
         self.wanted = False
-
-    @staticmethod
-    def now_ns() -> int:
-        """Return the time of the system, the clock of every instant noted here [ns]."""
-        return time.time_ns()
 
     def exposed(self, t: float, began_ns: int) -> None:
         """Note that the pixels of a frame of time t [s] are there.
@@ -108,6 +108,19 @@ class NodeTrace:
                 )
             )
         self.wanted = self._publisher.get_subscription_count() > 0
+
+    def handed_over(self, topic: Topic, t: float, began: tuple[int, int]) -> None:
+        """Note that a message of time t [s] was dealt with that came from the same process."""
+        began_ns, _ = began
+        if self.wanted:
+            self._note(
+                TraceEvent.TAKEN,
+                _CHANNELS[topic.name],
+                t,
+                sent_ns=began_ns,
+                arrived_ns=began_ns,
+                began_ns=began_ns,
+            )
 
     def _note(
         self,

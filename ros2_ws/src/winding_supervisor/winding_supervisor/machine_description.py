@@ -27,7 +27,8 @@ def describe_machine(
         node: Publishes it for as long as it lives.
         say: Takes the sentence when the machine has no URDF.
     """
-    spec = TRACKER if TRACKER in config.graph else FEM
+    names = {spec.name for spec in config.graph}
+    spec = TRACKER if TRACKER.name in names else FEM
     wound: Any = build(parameters_of(spec), config.parameters(axes)[spec.name], owner=spec.name)
     try:
         camera = wound if isinstance(wound, CameraPlacement) else None

@@ -212,7 +212,12 @@ class Orchestrator:
                 )
             return AttachedNode(spec, self._transitions, values)
         return node_process(
-            spec, namespace, self.config.log_directory, values, self.config.parameters_file
+            spec,
+            namespace,
+            self.config.log_directory,
+            values,
+            self.config.parameters_file,
+            guest=self.config.parameters.get(topics.RIG),
         )
 
     async def _reason(self, name: str) -> str:

@@ -17,6 +17,7 @@ from winding_ros.graph import (
     RIG,
     TRACKER,
     NodeSpec,
+    composed,
     pace_topics,
     parameters_of,
 )
@@ -51,6 +52,8 @@ class RunConfig:
         machine: The machine behind somebody else's driver; None for the simulated one.
         page: Parameters of the operator's page; None for a run that starts by itself.
         trace: Whether the nodes note the way of each corrected length.
+        compose: What opens a camera in the tracker's process, as MODULE:FUNCTION; empty for one
+            that publishes its frames.
     """
 
     directory: Path
@@ -67,6 +70,7 @@ class RunConfig:
     machine: ExternalMachineConfig | None = None
     page: Mapping[str, object] | None = None
     trace: bool = False
+    compose: str = ""
 
     @property
     def log_directory(self) -> Path:
@@ -76,10 +80,11 @@ class RunConfig:
     @property
     def graph(self) -> tuple[NodeSpec, ...]:
         """The nodes of the run; a real machine needs no rig, and without a camera no tracker."""
-        if self.machine is None:
-            return GRAPH
-        camera = self.machine.camera
-        return tuple(spec for spec in GRAPH if spec is not RIG and (camera or spec is not TRACKER))
+        graph = GRAPH
+        if self.machine is not None:
+            camera = self.machine.camera
+            graph = tuple(s for s in GRAPH if s is not RIG and (camera or s is not TRACKER))
+        return composed(graph, self.compose) if self.compose else graph
 
     def own_parameters(
         self, axes: Mapping[str, object] | None = None
@@ -100,6 +105,8 @@ class RunConfig:
         if topics.RIG in parameters:
             parameters[topics.RIG]["pace_topics"] = ",".join(topic.name for topic in pace_topics())
             parameters[topics.RIG]["supervisor_timeout"] = _SUPERVISOR_TIMEOUT
+            if self.compose:
+                parameters[topics.RIG]["camera_elsewhere"] = True
         return parameters
 
     def file_parameters(self, node: str) -> dict[str, object]:

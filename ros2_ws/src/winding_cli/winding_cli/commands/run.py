@@ -18,7 +18,12 @@ from winding_cli.commands.machine_options import MachineOptions, machine_of
 from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
 from winding_cli.commands.refusal import FAILED, complain, fail, refuse
 from winding_cli.commands.ros_environment import check_namespace
-from winding_cli.commands.run_checks import check_before_start, recording_of, refuse_open
+from winding_cli.commands.run_checks import (
+    check_before_start,
+    composed_camera,
+    recording_of,
+    refuse_open,
+)
 from winding_cli.commands.termination import end
 from winding_core.condition import Condition
 from winding_core.machine_axes import MachineAxes
@@ -64,6 +69,16 @@ def run(
         typer.Option(
             help="File of where each corrected length's time went, for Perfetto (Trace Event JSON)."
         ),
+    ] = None,
+    compose: Annotated[
+        str | None,
+        typer.Option(
+            help="Track frames in the camera's process: camera for the simulated one, or what "
+            "opens a real one, MODULE:FUNCTION or FILE.py:FUNCTION."
+        ),
+    ] = None,
+    frame_rate: Annotated[
+        int | None, typer.Option(help="Simulated frames per second: 200 or 1000.")
     ] = None,
     weights: Annotated[
         str | None, typer.Option(help="Trained weight: shipped name or folder.")
@@ -150,8 +165,11 @@ def run(
             wound_length_mm=wound_length_mm,
             standing_s=standing_s,
         ),
-        simulated={"speed": speed, "lay": lay, "seed": seed},
+        simulated={"speed": speed, "lay": lay, "seed": seed, "frame-rate": frame_rate},
     )
+    if frame_rate not in (None, 200, 1000):
+        refuse(f"--frame-rate must be 200 or 1000, got {frame_rate}")
+    camera_source = composed_camera(compose, external, attach=attach)
     lay = lay or ("paper" if wound.is_published else "fem")
     if lay == "paper" and not wound.is_published:
         refuse("--lay paper is what the paper measured of cases 1 to 12; use --lay fem")
@@ -166,7 +184,11 @@ def run(
         condition=values,
         machine=external,
         own={
-            **({topics.RIG: _given(speed=speed, lay=lay, seed=seed)} if external is None else {}),
+            **(
+                {topics.RIG: _given(speed=speed, lay=lay, seed=seed, frame_rate=frame_rate)}
+                if external is None
+                else {}
+            ),
             topics.CORRECTION: _given(weights=weights),
         },
         duration=condition.duration,
@@ -178,6 +200,7 @@ def run(
         attach=attach,
         page=page_parameters(dashboard_port, parameters, namespace) if dashboard else None,
         trace=trace is not None,
+        compose=camera_source,
     )
     check_output_folder(report)
     for file in (json, trace):

@@ -11,6 +11,7 @@ from winding_core.units import MEGABYTE
 
 if TYPE_CHECKING:
     from winding_recorder.bags.mcap_file import BagConfig
+    from winding_supervisor.external_machine import ExternalMachineConfig
     from winding_supervisor.run_config import RunConfig
 
 
@@ -24,6 +25,37 @@ def recording_of(compression: str, split_mb: float) -> BagConfig:
         return BagConfig(compression=compression, split_bytes=round(split_mb * MEGABYTE))
     except ValueError as error:
         refuse(error)
+
+
+def composed_camera(
+    wanted: str | None, machine: ExternalMachineConfig | None, *, attach: bool
+) -> str:
+    """Return what opens a camera in the tracker's process; empty for one that publishes.
+
+    Args:
+        wanted: What was typed: camera for the simulated one, or a camera source.
+        machine: The external machine; None for the simulated one.
+        attach: Whether somebody else runs the nodes.
+    """
+    if wanted is None:
+        return ""
+    from winding_core.camera_source import CameraSource, CameraSourceError
+
+    if attach:
+        refuse("with --attach somebody else runs the tracker: compose its camera there")
+    if machine is None:
+        if wanted != "camera":
+            refuse("the simulated machine has a camera of its own: --compose camera")
+        from winding_ros.graph import SIMULATED_CAMERA
+
+        return SIMULATED_CAMERA
+    if not machine.camera:
+        refuse("--compose and --no-camera exclude each other")
+    try:
+        CameraSource.parsed(wanted)
+    except CameraSourceError as error:
+        refuse(error)
+    return wanted
 
 
 def refuse_open(namespace: str, *, dashboard: bool) -> None:

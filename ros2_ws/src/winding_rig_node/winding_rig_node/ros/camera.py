@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,12 @@ from winding_rig_node.machine.faults import Faults
 from winding_rig_node.machine.lay import CableLay
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SAMPLE_RATE
-from winding_rig_node.ros.outputs import Outputs, due
+from winding_rig_node.ros.outputs import due
 from winding_rig_node.ros.parameters import RigParameters
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading, decode_camera_info
 from winding_ros.message_error import MessageError
+from winding_ros.node_trace import now_ns
 
 CAMERA_SIGNAL = "camera"
 # A camera that falls behind by this many frames holds the machine's time.
@@ -45,7 +46,6 @@ class Exposure:
         cylinder_angle: [rad].
         angular_speed: [rad/s].
         guide_z: [m].
-        began_ns: When that was, by the clock of the trace.
     """
 
     t: float
@@ -53,11 +53,26 @@ class Exposure:
     cylinder_angle: float
     angular_speed: float
     guide_z: float
-    began_ns: int = 0
+
+
+class Shown(Protocol):
+    """Where frames and what goes with them are shown."""
+
+    def exposed(self, t: float, began_ns: int) -> None:
+        """Note that the pixels of a frame of time t [s] are there."""
+
+    def camera_info(self, t: float, calibration: CameraReading) -> None:
+        """Show the calibration of a frame."""
+
+    def image(self, t: float, frame: NDArray[np.uint8]) -> None:
+        """Show a frame."""
+
+    def preview(self, t: float, jpeg: bytes) -> None:
+        """Show a compressed frame."""
 
 
 class Camera:
-    """Renders, encodes and publishes frames.
+    """Renders, encodes and shows frames.
 
     Attributes:
         calibration: What every later camera_info carries.
@@ -65,7 +80,7 @@ class Camera:
         listener: When set, takes every frame instead of camera/image_raw.
     """
 
-    def __init__(self, wanted: RigParameters, lay: CableLay, outputs: Outputs) -> None:
+    def __init__(self, wanted: RigParameters, lay: CableLay, outputs: Shown) -> None:
         self._wanted = wanted
         self._case: Case = wanted.resolved().case
         self._path = CablePath(theta=lay.path_theta, z=lay.path_z)
@@ -74,7 +89,7 @@ class Camera:
         self._rng = np.random.default_rng([wanted.seed, 1])
         camera = CameraConfig(noise=SensorNoise(read=wanted.camera_noise))
         self._renderer = Renderer(camera)
-        self._exposures: queue.Queue[Exposure] = queue.Queue(_FRAME_QUEUE)
+        self._exposures: queue.Queue[tuple[Exposure, int]] = queue.Queue(_FRAME_QUEUE)
         self.calibration = _reading(camera.calibration())
         self.faults = Faults()
         self.listener: FrameListener | None = None
@@ -97,19 +112,12 @@ class Camera:
         # The window is the driver's own: a calibration says nothing about it.
         self.calibration = replace(reading, window=present.window)
 
-    def expose(self, machine: Machine, going: Callable[[], bool]) -> None:
+    def expose(self, exposure: Exposure, going: Callable[[], bool]) -> None:
         """Have a frame taken of the machine as it is now; wait while the camera is behind."""
-        exposure = Exposure(
-            t=machine.time,
-            index=machine.state.drive_sample,
-            cylinder_angle=machine.state.cylinder.motor.position,
-            angular_speed=machine.state.cylinder.motor.speed,
-            guide_z=machine.state.carriage.motor.position,
-            began_ns=self._outputs.trace.now_ns(),
-        )
+        began = now_ns()
         while going():
             try:
-                self._exposures.put(exposure, timeout=_POLL)
+                self._exposures.put((exposure, began), timeout=_POLL)
             except queue.Full:
                 continue
             return
@@ -118,20 +126,29 @@ class Camera:
         """Take exposures until told to stop; the loop of the camera's thread."""
         while True:
             try:
-                exposure = self._exposures.get(timeout=_POLL)
+                exposure, began = self._exposures.get(timeout=_POLL)
             except queue.Empty:
                 if not going():
                     return
                 continue
-            frame = self._render(exposure)
-            self._outputs.trace.exposed(exposure.t, exposure.began_ns)
-            channel = self.faults.of(CAMERA_SIGNAL)
-            if channel is None:
-                self._show(exposure.t, exposure.index, frame)
-                continue
-            for delivery in channel.deliver(exposure.t, frame):
-                pixels = np.asarray(delivery.values, dtype=np.uint8)
-                self._show(delivery.t, round(delivery.t * SAMPLE_RATE), pixels)
+            self.take(exposure, began)
+
+    def take(self, exposure: Exposure, began_ns: int) -> None:
+        """Take a frame and show it.
+
+        Args:
+            exposure: What it shows.
+            began_ns: When the machine stood so, by the clock of the trace.
+        """
+        frame = self._render(exposure)
+        self._outputs.exposed(exposure.t, began_ns)
+        channel = self.faults.of(CAMERA_SIGNAL)
+        if channel is None:
+            self._show(exposure.t, exposure.index, frame)
+            return
+        for delivery in channel.deliver(exposure.t, frame):
+            pixels = np.asarray(delivery.values, dtype=np.uint8)
+            self._show(delivery.t, round(delivery.t * SAMPLE_RATE), pixels)
 
     def _show(self, t: float, index: int, frame: NDArray[np.uint8]) -> None:
         self._outputs.camera_info(t, self.calibration)
@@ -157,6 +174,17 @@ class Camera:
             ),
             self._rng,
         )
+
+
+def exposure_of(machine: Machine) -> Exposure:
+    """Return what a frame shows that is taken of a machine now."""
+    return Exposure(
+        t=machine.time,
+        index=machine.state.drive_sample,
+        cylinder_angle=machine.state.cylinder.motor.position,
+        angular_speed=machine.state.cylinder.motor.speed,
+        guide_z=machine.state.carriage.motor.position,
+    )
 
 
 def _reading(calibration: CameraCalibration) -> CameraReading:

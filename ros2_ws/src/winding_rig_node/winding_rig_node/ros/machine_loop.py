@@ -11,10 +11,9 @@ from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SAMPLE_RATE
 from winding_rig_node.machine.machine_state import Phase
 from winding_rig_node.machine.pace import Pace
-from winding_rig_node.ros.camera import Camera
-from winding_rig_node.ros.outputs import Outputs, due
+from winding_rig_node.ros.camera import Camera, exposure_of
+from winding_rig_node.ros.outputs import Outputs
 from winding_rig_node.ros.parameters import RigParameters
-from winding_ros import topics
 
 _POLL = 0.1
 _STEP_POLL = 0.01
@@ -67,6 +66,8 @@ class MachineLoop:
         self._camera = camera
         self._warn = warn
         self._fail = fail
+        self._exposing = not wanted.camera_elsewhere
+        self._frame_period = wanted.frame_period
         self._changed = threading.Condition()
         self._threads: list[threading.Thread] = []
         self._quit = False
@@ -218,5 +219,6 @@ class MachineLoop:
 
     def _emit(self) -> None:
         self._outputs.sample(self.machine)
-        if due(self.machine.state.drive_sample, topics.IMAGE):
-            self._camera.expose(self.machine, self._going)
+        if not self._exposing or self.machine.state.drive_sample % self._frame_period:
+            return
+        self._camera.expose(exposure_of(self.machine), self._going)

@@ -34,13 +34,13 @@ class Outputs:
 
     Attributes:
         faults: What is wrong with the topics on purpose; a healthy topic costs nothing.
-        trace: What the node notes of its frames.
+        exposed: Notes that the pixels of a frame are there.
     """
 
     def __init__(self, node: ManagedNode[Any]) -> None:
         self.faults = Faults()
         self._publish = node.endpoints.publish
-        self.trace = node.endpoints.trace
+        self.exposed = node.endpoints.trace.exposed
         self._calibration: CameraReading | None = None
 
     def sample(self, machine: Machine) -> None:

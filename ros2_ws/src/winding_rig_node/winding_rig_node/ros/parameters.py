@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from winding_core.condition import Condition
 from winding_core.parameters import parameter
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS, CommandLimits
+from winding_rig_node.machine.lay import CableLay, HiddenCable, published_lay, simulated_lay
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +42,10 @@ class RigParameters(Condition):
     )
     camera_noise: float = parameter(
         1.5, "read noise of the camera, one standard deviation [grey levels]", low=0.0, high=50.0
+    )
+    frame_rate: int = parameter(200, "frames per simulated second: 200 or 1000", low=200, high=1000)
+    camera_elsewhere: bool = parameter(
+        False, "whether the camera runs in another process and this one shows no frames"
     )
     preview_quality: int = parameter(80, "JPEG quality of the preview", low=1, high=100)
     supervisor_timeout: float = parameter(
@@ -96,6 +103,25 @@ class RigParameters(Condition):
         "off, stuck, garbage, wrong, slow, delayed, intermittent",
         read_only=False,
     )
+
+    def laid(self, rng: np.random.Generator) -> CableLay:
+        """Return where the cable will lie; a hidden cable is drawn first of all from rng."""
+        what = self.resolved()
+        end = what.drive.positions(self.duration)[0]
+        if self.lay == "paper":
+            return published_lay(what.case, what.drive, what.free_length, end)
+        return simulated_lay(what.case, what.drive, HiddenCable.drawn(rng), end)
+
+    @property
+    def frame_period(self) -> int:
+        """Samples of the machine from one frame to the next.
+
+        Raises:
+            ValueError: The frame rate is neither 200 nor 1000 Hz.
+        """
+        if self.frame_rate not in (200, 1000):
+            raise ValueError(f"frame_rate must be 200 or 1000 Hz, got {self.frame_rate}")
+        return 1000 // self.frame_rate
 
     def command_limits(self) -> CommandLimits:
         """Return what outside commanders may ask of the machine.

@@ -178,9 +178,11 @@ def _exposed(events: _Events, frame: np.void) -> list[float] | None:
     """Return when a frame shows the machine, and when it was handed to DDS."""
     stamp, sent = float(frame["stamp"]), float(frame["sent"])
     shown = events.last(TraceEvent.EXPOSED, Channel.FRAME, Station.RIG, sent, stamp)
+    if shown is None:
+        # A camera in the tracker's process hands its frames over and publishes few of them.
+        shown = events.last(TraceEvent.EXPOSED, Channel.FRAME, Station.TRACKER, sent, stamp)
     if shown is not None:
         handed = events.last(TraceEvent.PUBLISHED, Channel.FRAME, Station.RIG, sent, stamp)
-        # Handed over within the process, a frame is not published.
         return [float(shown["began"]), sent if handed is None else float(handed["began"])]
     if 0.0 <= sent - stamp < _STAMPED_BY_CLOCK:
         return [stamp, sent]

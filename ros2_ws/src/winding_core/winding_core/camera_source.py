@@ -1,0 +1,85 @@
+"""Where the code of a camera is found that runs in the tracker's process: MODULE:FUNCTION."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+
+class CameraSourceError(ValueError):
+    """There is no such camera."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraSource:
+    """A function that opens a camera, and where it stands.
+
+    Attributes:
+        place: Name of a module, or path of a Python file.
+        function: Its name there.
+    """
+
+    place: str
+    function: str
+
+    @classmethod
+    def parsed(cls, text: str) -> CameraSource:
+        """Return a source from `my_camera:open_camera` or `drivers/my_camera.py:open_camera`.
+
+        Raises:
+            CameraSourceError: It is no such text, or there is no such file or module.
+        """
+        place, colon, function = text.rpartition(":")
+        if not (place and colon and function.isidentifier()):
+            raise CameraSourceError(
+                f"a camera is MODULE:FUNCTION or FILE.py:FUNCTION, got {text!r}"
+            )
+        source = cls(place=place, function=function)
+        if source.is_file:
+            if not Path(place).is_file():
+                raise CameraSourceError(f"no camera at {place}")
+        elif _found(place) is None:
+            raise CameraSourceError(f"there is no module {place}")
+        return source
+
+    @property
+    def is_file(self) -> bool:
+        """Whether the place is a file rather than a module."""
+        return self.place.endswith(".py")
+
+    def load(self) -> Callable[..., Any]:
+        """Import the code and return the function.
+
+        Raises:
+            CameraSourceError: It has no such function.
+        """
+        module = self._module()
+        found = getattr(module, self.function, None)
+        if not callable(found):
+            raise CameraSourceError(f"{self.place} has no function {self.function}")
+        loaded: Callable[..., Any] = found
+        return loaded
+
+    def _module(self) -> Any:
+        if not self.is_file:
+            return importlib.import_module(self.place)
+        name = Path(self.place).stem
+        spec = importlib.util.spec_from_file_location(name, self.place)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        spec.loader.exec_module(module)
+        return module
+
+
+def _found(module: str) -> Any:
+    try:
+        return importlib.util.find_spec(module)
+    except ModuleNotFoundError:
+        return None

@@ -1,0 +1,106 @@
+"""The simulated camera in the process that tracks its frames: `winding run --compose camera`."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.node import Node
+
+from winding_core.machine_axes import MachineAxes
+from winding_core.readings import AxisReading
+from winding_rig_node.machine.machine_config import SAMPLE_RATE
+from winding_rig_node.ros.camera import Camera, Exposure
+from winding_rig_node.ros.parameters import RigParameters
+from winding_ros import topics
+from winding_ros.camera_messages import CameraReading, encode_camera_info
+from winding_ros.graph import HOSTED_CAMERA
+from winding_ros.node_parameters import declare_parameters
+from winding_ros.node_trace import now_ns
+from winding_ros.polled import PolledTopic
+from winding_ros.rig_messages import JointStateReader
+
+# The machine publishes bursts of 5 ms.
+_LOOK_PERIOD = 0.002
+
+
+class Port(Protocol):
+    """What takes the frames."""
+
+    context: Any
+
+    def calibrate(self, info: Any) -> None:
+        """Take the CameraInfo of the frames that follow."""
+
+    def take(self, t: float, frame: NDArray[np.uint8]) -> None:
+        """Take a frame of time t [s], shape (height, width, 3)."""
+
+    def exposed(self, t: float, began_ns: int) -> None:
+        """Note that the pixels of a frame are there."""
+
+    def fail(self, error: Exception) -> None:
+        """End the process with an error."""
+
+
+@contextmanager
+def open_camera(port: Port) -> Iterator[None]:
+    """Hand over a frame of the simulated machine, drawn where its encoders say that it stands.
+
+    Args:
+        port: Takes the frames, from a thread of the camera's own.
+    """
+    node = Node(HOSTED_CAMERA, context=port.context, enable_rosout=False)
+    wanted = declare_parameters(node, RigParameters)
+    camera = Camera(wanted, wanted.laid(np.random.default_rng(wanted.seed)), _Handover(port))
+    port.calibrate(encode_camera_info(0.0, camera.calibration))
+    joints = PolledTopic(node, topics.JOINT_STATES)
+    closing = threading.Event()
+
+    def run() -> None:
+        read = JointStateReader(MachineAxes())
+        try:
+            while not closing.wait(_LOOK_PERIOD):
+                for taken in joints.take():
+                    t, reading = read(taken.data)
+                    index = round(t * SAMPLE_RATE)
+                    if index % wanted.frame_period == 0:
+                        camera.take(_exposure(t, index, reading), now_ns())
+        except Exception as error:  # noqa: BLE001 - handed to the executor's thread
+            port.fail(error)
+
+    thread = threading.Thread(target=run, name="camera")
+    thread.start()
+    try:
+        yield
+    finally:
+        closing.set()
+        thread.join()
+        node.destroy_node()
+
+
+class _Handover:
+    """Shows frames to the port; calibration and preview are its own business."""
+
+    def __init__(self, port: Port) -> None:
+        self.exposed = port.exposed
+        self.image = port.take
+
+    def camera_info(self, t: float, calibration: CameraReading) -> None:
+        """Leave it to the port, which has the calibration."""
+
+    def preview(self, t: float, jpeg: bytes) -> None:
+        """Leave it to the port."""
+
+
+def _exposure(t: float, index: int, reading: AxisReading) -> Exposure:
+    return Exposure(
+        t=t,
+        index=index,
+        cylinder_angle=reading.cylinder_angle,
+        angular_speed=reading.angular_speed,
+        guide_z=reading.carriage_position,
+    )
