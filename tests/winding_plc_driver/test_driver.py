@@ -1,6 +1,5 @@
 """The driver as a process between a real OPC UA server and DDS."""
 
-import json
 import math
 import signal
 import socket
@@ -150,34 +149,6 @@ def test_losses_and_bad_values_that_the_server_marks_are_counted(
     assert int(values["queue overflows"]) > 0
     assert int(values["angle unusable"]) > 0
     listener.wait(lambda: any("lost so far" in s.message for s in listener.statuses))
-
-
-def test_conform_finds_every_promise_kept(
-    machine: Any, driver: Any, listener: Listener, command: Callable[..., Any], tmp_path: Path
-) -> None:
-    driver(machine().port)
-    listener.more(100)
-    options = ("--no-camera", "--seconds", 1, "--move")
-    done = command("conform", *options, cwd=tmp_path)
-    assert done.returncode == 0, done.stdout + done.stderr
-
-
-def test_the_graph_winds_with_it(
-    machine: Any, driver: Any, listener: Listener, command: Callable[..., Any], tmp_path: Path
-) -> None:
-    plc = machine()
-    driver(plc.port)
-    listener.more(100)
-    done = command(
-        *("run", "--case", 4, "--machine", "external", "--no-camera"),
-        *("--duration-s", 5, "--output", tmp_path / "run"),
-        cwd=tmp_path,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert plc.calls == ["ready", "Start", "Stop"]
-    record = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
-    # The simulated machine's run of the same length, and the specification's 0.05 %.
-    assert record["markers"][0]["s_fem_m"] == pytest.approx(0.105868, rel=5.0e-4)
 
 
 def test_a_call_that_hangs_is_given_up(machine: Any, driver: Any, listener: Listener) -> None:

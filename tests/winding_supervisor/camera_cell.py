@@ -1,17 +1,19 @@
 """A cell with encoders, load cell and camera, as a process of its own: wall clock, own threads.
 
 `python camera_cell.py '{"joint_rate": 100.0, ...}' --ros-args -r __ns:=/cell`; the fields of `Cell`
-say what is odd about it. It winds what the paper measured of a case.
+say what is odd about it. It winds what the paper measured of a case. Its encoders never start anew:
+rig/reset puts a new cable on where the machine stands.
 """
 
 import json
+import math
 import queue
 import random
 import signal
 import sys
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -70,6 +72,31 @@ class Cell:
     frames_in_pause: bool = True
 
 
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """One motion from a start to the next stop, on wall time [s].
+
+    Attributes:
+        since: Time of the drive's programme at its start.
+        begun: Its start.
+        ended: The stop.
+        angle: Reading of the cylinder's encoder at the programme's start [rad].
+        carriage: Reading of the carriage's encoder there [m].
+    """
+
+    since: float = 0.0
+    begun: float = math.inf
+    ended: float = math.inf
+    angle: float
+    carriage: float
+
+    def time(self, now: float) -> float:
+        return self.since + max(0.0, min(now, self.ended) - self.begun)
+
+    def goes_on(self, now: float) -> bool:
+        return self.begun <= now < self.ended
+
+
 class CellNode(Node):
     """Publishes what the cell's sensors say; every thread keeps its own absolute schedule."""
 
@@ -78,14 +105,18 @@ class CellNode(Node):
         self.cell = cell
         self.condition = Condition(case=cell.case, duration=20.0).resolved()
         self.case, self.drive = paper_case(cell.case), self.condition.drive
-        self.begun: float | None = None
-        self.stopped: float | None = None
+        # The threads look at it while a service replaces it.
+        self.motion = Motion(angle=cell.angle, carriage=cell.carriage)
+        self.latched = False
         self.random = random.Random(1)
         self.joints = self.create_publisher(JointState, "rig/joint_states", 100)
         self.force = self.create_publisher(WrenchStamped, "rig/tension", 100)
         self.images = self.create_publisher(Image, "camera/image_raw", 50)
         self.infos = self.create_publisher(CameraInfo, "camera/camera_info", 50)
-        for name, act in (("start", self.start), ("stop", self.stop), ("quick_stop", self.stop)):
+        for name, act in (
+            *(("start", self.start), ("stop", self.stop), ("quick_stop", self.stop)),
+            *(("emergency_stop", self.emergency_stop), ("reset", self.reset)),
+        ):
             self.create_service(Trigger, f"rig/{name}", act)
         config = CameraConfig()
         end = float(self.drive.positions(20.0)[0])
@@ -115,27 +146,47 @@ class CellNode(Node):
         self.get_logger().info("ready")
 
     def start(self, _: Any, response: Trigger.Response) -> Trigger.Response:
-        self.begun, response.success = time.time(), True
+        response.success = not self.latched
+        if response.success:
+            now = time.time()
+            since = self.motion.time(now)
+            self.motion = replace(self.motion, since=since, begun=now, ended=math.inf)
         return response
 
     def stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:
-        self.stopped, response.success = self.stopped or time.time(), True
+        self.motion = replace(self.motion, ended=min(self.motion.ended, time.time()))
+        response.success = True
         return response
 
-    def programme_time(self, now: float) -> float:
+    def emergency_stop(self, request: Any, response: Trigger.Response) -> Trigger.Response:
+        self.latched = True
+        return self.stop(request, response)
+
+    def reset(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+        now = time.time()
+        self.latched, response.success = False, not self.motion.goes_on(now)
+        if response.success:
+            angle, carriage = self.readings(self.motion, now)
+            self.motion = Motion(angle=angle, carriage=carriage)
+        return response
+
+    def readings(self, motion: Motion, now: float) -> tuple[float, float]:
+        """Return what the encoders of cylinder [rad] and carriage [m] read at wall time `now`."""
+        sign = -1.0 if self.cell.reversed else 1.0
+        angle, way = self.drive.positions(self.programme_time(motion, now))
+        return motion.angle + sign * float(angle), motion.carriage + sign * float(way)
+
+    def programme_time(self, motion: Motion, now: float) -> float:
         """Return how far the drive's programme has come at wall time `now` [s]."""
-        if self.begun is None:
-            return 0.0
-        t = min(now, self.stopped or now) - self.begun
+        t = motion.time(now)
         cell = self.cell
         if not cell.pause or t < cell.pause_at:
-            return max(t, 0.0)
+            return t
         return max(cell.pause_at, t - cell.pause)
 
-    def paused(self, now: float) -> bool:
+    def paused(self, motion: Motion, now: float) -> bool:
         cell = self.cell
-        since = -1.0 if self.begun is None else now - self.begun - cell.pause_at
-        return bool(cell.pause) and 0.0 <= since < cell.pause
+        return 0.0 <= motion.time(now) - cell.pause_at < cell.pause
 
     def encode(self) -> None:
         cell, due = self.cell, time.time()
@@ -143,13 +194,13 @@ class CellNode(Node):
         while not self.quit.is_set():
             due += 1.0 / cell.joint_rate
             time.sleep(max(0.0, due - time.time()))
-            t = self.programme_time(due)
-            angle, way = self.drive.positions(t)
-            omega, feed = self.drive.speeds(t)
-            still = self.paused(due) or self.stopped is not None
+            motion = self.motion
+            angle, carriage = self.readings(motion, due)
+            omega, feed = self.drive.speeds(self.programme_time(motion, due))
+            still = self.paused(motion, due) or not motion.goes_on(due)
             message = JointState(name=["carriage_joint", "cylinder_joint"])
             message.header.stamp = encode_stamp(due)
-            message.position = [cell.carriage + sign * way, cell.angle + sign * angle]
+            message.position = [carriage, angle]
             if cell.velocities:
                 message.velocity = [0.0, 0.0] if still else [sign * feed, sign * omega]
             if self.random.random() >= cell.loss:
@@ -172,11 +223,12 @@ class CellNode(Node):
         while not self.quit.is_set():
             due += 1.0 / cell.frame_rate
             time.sleep(max(0.0, due - time.time()))
-            if self.paused(due) and not cell.frames_in_pause:
+            motion = self.motion
+            if self.paused(motion, due) and not cell.frames_in_pause:
                 continue
             stamp = due + cell.camera_offset
             self.infos.publish(encode_camera_info(stamp, self.calibration))
-            self.images.publish(encode_image(stamp, self.picture(self.programme_time(due))))
+            self.images.publish(encode_image(stamp, self.picture(self.programme_time(motion, due))))
 
     def picture(self, t: float) -> Any:
         angle, way = self.drive.positions(t)

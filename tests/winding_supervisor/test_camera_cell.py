@@ -57,10 +57,10 @@ def cell(request: pytest.FixtureRequest) -> Iterator[None]:
 def wind(cell: None, tmp_path: Path, command: Callable[..., Any]) -> Callable[..., Wound]:
     """Wind case 4 with the cell."""
 
-    def run(*further: object, duration: float = DURATION) -> Wound:
+    def run(*further: object) -> Wound:
         done = command(
             *("run", "--case", 4, "--machine", "external", "--namespace", NAMESPACE),
-            *("--duration-s", duration, "--output", tmp_path / "run", *further),
+            *("--duration-s", DURATION, "--output", tmp_path / "run", *further),
             cwd=tmp_path,
         )
         numbers = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
@@ -91,17 +91,19 @@ def test_markers_are_measured_where_they_lie(
     assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
 
 
+# P1 and then P2 are in view; lengths are means over all frames, so one frame of another turn shows.
 @pytest.mark.parametrize(
     "cell",
     [
-        {"pause_at": 5.0, "pause": 3.0, "frames_in_pause": True},
-        {"pause_at": 6.1, "pause": 4.0, "frames_in_pause": False},
+        {"pause_at": 5.0 if frames else 6.1, "pause": pause, "frames_in_pause": frames}
+        for pause in (0.5, 3.0, 30.0)
+        for frames in (True, False)
     ],
     indirect=True,
-    ids=["with frames", "without frames"],
+    ids=lambda cell: f"{cell['pause']} s with{'' if cell['frames_in_pause'] else 'out'} frames",
 )
 def test_a_machine_that_pauses_loses_no_marker(wind: Callable[..., Wound]) -> None:
-    wound = wind(duration=DURATION)
+    wound = wind()
     assert wound.code == 0, wound.said
     assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
 

@@ -12,8 +12,6 @@ from typing import Any
 import psutil
 import pytest
 
-from winding_recorder.bags.check import check
-
 pytestmark = [
     pytest.mark.processes,
     pytest.mark.timeout(600),
@@ -47,22 +45,6 @@ P1 = 0.105868
 # The machine's speeds are what its encoder says, so a different place of the origin, direction
 # and unit change a length by no more than rounding: the specification's 0.05 %.
 SAME = 5.0e-4
-
-
-def test_a_driver_of_the_tutorials_table_is_wound_with(
-    wind: Callable[..., Any], tmp_path: Path, command: Callable[..., Any]
-) -> None:
-    done = wind("--bag", tmp_path / "bag")
-    assert done.returncode == 0, done.stdout + done.stderr
-    found = numbers(tmp_path / "run")
-    assert found["ended"] is None
-    assert found["markers"][0]["s_fem_m"] == pytest.approx(P1, rel=SAME)
-    assert found["joint_states_lost"] == 0
-    assert (tmp_path / "run" / "report" / "index.html").is_file()
-    assert check(tmp_path / "bag").findings == []
-    # The replay hears of the standing machine what the solver heard.
-    replay = command("bag", "replay", tmp_path / "bag", "--node", "fem", cwd=tmp_path)
-    assert replay.returncode == 0, replay.stdout
 
 
 @pytest.mark.parametrize(

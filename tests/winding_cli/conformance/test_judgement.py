@@ -86,6 +86,13 @@ def test_a_frame_without_its_calibration_is_found() -> None:
     ]
 
 
+def test_of_two_topics_one_may_be_heard_first_and_last() -> None:
+    frames = Heard(stamps=[0.1, 0.2, 0.3, 0.4])
+    calibrations = Heard(stamps=[0.3, 0.4, 0.5])
+    assert not broken(judge_camera(frames, calibrations, winding_encoder()))
+    assert broken(judge_camera(frames, Heard(), winding_encoder()))
+
+
 def test_a_camera_with_a_clock_of_its_own_is_found() -> None:
     frames = Heard(stamps=[1000.1, 1000.2])
     found = broken(judge_camera(frames, frames, winding_encoder()))

@@ -245,6 +245,7 @@ def _wind(
     from rich.live import Live
     from rich.text import Text
 
+    from winding_cli.output.early_import import import_early
     from winding_cli.output.live_view import LiveView
     from winding_recorder.live.recorder import RecorderError
     from winding_ros.graph_error import GraphError
@@ -257,6 +258,7 @@ def _wind(
     try:
         with opened_run(config) as run:
             directory = run.config.directory
+            import_early("winding_study.reports.report")
             try:
                 if not console.is_terminal:
                     return directory, run.wind(_ProgressLines(config.duration), _say), None
@@ -269,7 +271,6 @@ def _wind(
                     return directory, run.wind(view, live.console.print), None
             except (GraphError, TimeoutError, OSError) as error:
                 reason = str(error)
-                # Numbers and report of what there is take seconds.
                 complain(reason)
                 ending = fail
             except KeyboardInterrupt:
@@ -298,7 +299,6 @@ class _ProgressLines:
         print(_FIRST_WORDS, file=sys.stderr, flush=True)
 
     def __call__(self, buffer: RunBuffer, wall: float) -> None:
-
         t = buffer.time
         tenth = int(10.0 * t / self._duration)
         if tenth > self._printed:

@@ -122,12 +122,13 @@ def judge_tension(heard: Heard) -> Iterator[Finding]:
 def judge_camera(images: Heard, infos: Heard, encoder: Heard) -> Iterator[Finding]:
     """Yield findings on frames: each with its calibration, each within the encoder's samples."""
     frames, calibrations = set(images.stamps), set(infos.stamps)
-    # The newest frame's calibration may still be on its way, and the other way round.
+    # Of the two topics one is heard first, and the newest message may be ahead of its partner.
+    begin = max(min(frames, default=0.0), min(calibrations, default=0.0))
     open_end = max(frames | calibrations, default=0.0)
-    alone = (frames ^ calibrations) - {open_end}
+    alone = {t for t in frames ^ calibrations if begin <= t < open_end}
     yield Finding(
         promise="camera/camera_info: one for each frame, with its stamp",
-        kept=bool(frames) and not alone,
+        kept=bool(frames and calibrations) and not alone,
         measured=f"{len(alone)} of {len(frames)} frames differ",
     )
     if encoder.stamps and images.stamps:

@@ -1,0 +1,153 @@
+"""The simulated machine and its commander as two processes, with DDS between them."""
+
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from winding_core.status import Level, Status
+from winding_core.units import MILLISECOND
+from winding_ros import topics
+from winding_ros.diagnostic_messages import decode_diagnostics
+from winding_ros.stamps import decode_stamp
+from winding_ros.topic_status import subscribers_of
+
+pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(600)]
+
+COMMANDER = Path(__file__).with_name("commander.py")
+NAMESPACE = "commanded"
+IN_NAMESPACE = ("--ros-args", "-r", f"__ns:=/{NAMESPACE}")
+# A sine of the carriage: amplitude [m], frequency [Hz], and what it may be missed by [m].
+AMPLITUDE, FREQUENCY, MISSED = 20.0e-3, 0.5, 0.5e-3
+OMEGA = 2.0 * math.pi * FREQUENCY
+# It is judged for thirty seconds once the carriage has caught up with it [s].
+CAUGHT_UP, END = 1.0, 31.0
+
+
+class Bench:
+    """A machine and a commander as processes, and what the machine says."""
+
+    def __init__(self, ros: Any, start: Callable[..., subprocess.Popen[bytes]]) -> None:
+        self.ros, self._start = ros, start
+        # Time of the machine [s], position of the carriage [m], speeds of both axes.
+        self.samples: list[tuple[float, float, list[float]]] = []
+        self.statuses: list[Status] = []
+        self.node = ros.add(Node, "probe", namespace=NAMESPACE)
+        topics.JOINT_STATES.subscribe(self.node, self._sampled)
+        topics.DIAGNOSTICS.subscribe(self.node, self._told)
+
+    def wind(self, **parameters: object) -> None:
+        """Bring a machine up and start it once somebody hears it and somebody commands it."""
+        given = {"duration": 60.0, **parameters}.items()
+        values = [word for name, value in given for word in ("-p", f"{name}:={value}")]
+        self._start("-m", "winding_rig_node", *IN_NAMESPACE, *values)
+        for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+            request = ChangeState.Request(transition=Transition(id=transition))
+            assert self._call(ChangeState, "winding_rig/change_state", request).success
+
+    def command(self, course: str, rate: float = 50.0) -> subprocess.Popen[bytes]:
+        """Start a commander, and the machine once they have found each other."""
+        options = json.dumps({"course": course, "rate": rate})
+        commander = self._start(COMMANDER, options, *IN_NAMESPACE)
+        self.ros.spin_until(lambda: self.readers >= 2)
+        assert self._call(Trigger, "rig/start", Trigger.Request()).success
+        return commander
+
+    def wait_for(self, text: str) -> Status:
+        """Return the first status whose message has a text."""
+
+        def found() -> list[Status]:
+            return [status for status in self.statuses if text in status.message]
+
+        self.ros.spin_until(found)
+        return found()[0]
+
+    @property
+    def readers(self) -> int:
+        """Who hears the encoders, as the machine knows it: this process and the commander."""
+        told = [item for item in self.statuses if item.name == f"{topics.RIG}: topics"]
+        return subscribers_of(told[-1].values).get(topics.JOINT_STATES.name, 0) if told else 0
+
+    def _call(self, service: Any, name: str, request: Any) -> Any:
+        return self.ros.call(self.node, service, name, request)
+
+    def _sampled(self, message: Any) -> None:
+        t = decode_stamp(message.header.stamp)
+        self.samples.append((t, message.position[1], list(message.velocity)))
+
+    def _told(self, message: Any) -> None:
+        self.statuses += decode_diagnostics(message)[1]
+
+
+@pytest.fixture
+def bench(ros: Any, tmp_path: Path) -> Iterator[Bench]:
+    processes: list[subprocess.Popen[bytes]] = []
+
+    def start(*arguments: object) -> subprocess.Popen[bytes]:
+        processes.append(subprocess.Popen([sys.executable, *map(str, arguments)], cwd=tmp_path))
+        return processes[-1]
+
+    yield Bench(ros, start)
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+def sine(t: float) -> float:
+    return AMPLITUDE * math.sin(OMEGA * t)
+
+
+def from_rest(t: float) -> float:
+    return AMPLITUDE * (1.0 - math.cos(OMEGA * t))
+
+
+# The machine's time waits for the commander as it does for the nodes of a run: a slow computer
+# makes the test long, and changes neither what the machine is told nor when by its stamps.
+@pytest.mark.parametrize(
+    ("course", "rate", "meant"),
+    [
+        ("sine by position", 50.0, sine),
+        ("sine by position", 100.0, sine),
+        ("sine by speed", 100.0, from_rest),
+    ],
+)
+def test_a_sine_from_another_process_is_followed(
+    bench: Bench, course: str, rate: float, meant: Callable[[float], float]
+) -> None:
+    bench.wind(speed=0.0, pace_topics=topics.FEM_MARKERS.name, max_lead=1.0 / rate + MILLISECOND)
+    bench.command(course, rate)
+    bench.ros.spin_until(lambda: bench.samples and bench.samples[-1][0] >= END, 500.0)
+    errors = [abs(at - meant(t)) for t, at, _ in bench.samples if CAUGHT_UP <= t <= END]
+    # Every sample of 1 kHz.
+    assert len(errors) == 30_001
+    assert max(errors) < MISSED
+
+
+def test_a_command_out_of_bounds_is_refused_in_one_sentence(bench: Bench) -> None:
+    bench.wind()
+    bench.command("out of bounds")
+    status = bench.wait_for("carriage position")
+    assert status.message == "winding: carriage position must lie in -0.1 to 1 m, got 3"
+    assert status.level is Level.WARN
+    assert "commanded" not in status.values
+
+
+def test_a_commander_that_is_killed_leaves_a_machine_at_rest(bench: Bench) -> None:
+    bench.wind()
+    commander = bench.command("steady speed")
+    bench.ros.spin_until(lambda: bench.samples and bench.samples[-1][2][1] > 0.015)
+    commander.kill()
+    status = bench.wait_for("idle: no command for the carriage for more than 0.5 s")
+    assert status.values["phase"] == "idle"
+    # A standing machine publishes nothing; its last sample is below a hundredth of its speeds.
+    bench.ros.spin_until(lambda: np.all(np.abs(bench.samples[-1][2]) < [0.0174, 0.05e-3]))
