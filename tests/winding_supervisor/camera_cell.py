@@ -44,7 +44,7 @@ class Cell:
     Attributes:
         case: Row of the paper's Table 2.
         joint_rate: Encoder samples per second.
-        frame_rate: Frames per second.
+        frame_rate: Frames per second; 0 for a camera in another process.
         angle: Reading of the cylinder's encoder where it stands at first [rad].
         carriage: Reading of the carriage's encoder there [m].
         reversed: Whether both encoders count backwards.
@@ -111,8 +111,9 @@ class CellNode(Node):
         self.random = random.Random(1)
         self.joints = self.create_publisher(JointState, "rig/joint_states", 100)
         self.force = self.create_publisher(WrenchStamped, "rig/tension", 100)
-        self.images = self.create_publisher(Image, "camera/image_raw", 50)
-        self.infos = self.create_publisher(CameraInfo, "camera/camera_info", 50)
+        if cell.frame_rate:
+            self.images = self.create_publisher(Image, "camera/image_raw", 50)
+            self.infos = self.create_publisher(CameraInfo, "camera/camera_info", 50)
         for name, act in (
             *(("start", self.start), ("stop", self.stop), ("quick_stop", self.stop)),
             *(("emergency_stop", self.emergency_stop), ("reset", self.reset)),
@@ -138,9 +139,8 @@ class CellNode(Node):
         self.picture(0.0)
         self.quit = threading.Event()
         self.outbox: queue.SimpleQueue[tuple[float, JointState]] = queue.SimpleQueue()
-        self.threads = [
-            threading.Thread(target=work) for work in (self.encode, self.photograph, self.deliver)
-        ]
+        works = [self.encode, self.deliver, *([self.photograph] if cell.frame_rate else [])]
+        self.threads = [threading.Thread(target=work) for work in works]
         for thread in self.threads:
             thread.start()
         self.get_logger().info("ready")

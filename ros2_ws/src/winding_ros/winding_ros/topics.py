@@ -36,6 +36,8 @@ from winding_ros.topic import Topic
 WORST_STALL_S = 2.0
 # Encoders of real machines are read at up to this rate [Hz].
 FASTEST_DRIVER = 2000.0
+# A camera in the tracker's process may take so many frames a second [Hz].
+FASTEST_CAMERA = 1000.0
 
 
 def _topic(
@@ -149,6 +151,7 @@ CAMERA_INFO = _topic(
     RIG,
     "full-resolution calibration, window and binning",
     decode_camera_info,
+    fastest=FASTEST_CAMERA,
 )
 PREVIEW = _topic(
     "camera/image_raw/compressed", CompressedImage, 25.0, RIG, "JPEG preview", decode_preview
@@ -160,6 +163,7 @@ TRACKED_MARKERS = _topic(
     TRACKER,
     "measured markers, one message per frame",
     _records(MARKER_DTYPE),
+    fastest=FASTEST_CAMERA,
     answer=True,
 )
 FEM_MARKERS = _topic(

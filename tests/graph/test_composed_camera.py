@@ -1,0 +1,143 @@
+"""`winding run --compose`: frames are tracked in the process of the camera that takes them."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from winding_core.camera_source import CameraSource, CameraSourceError
+from winding_core.published import published_markers
+from winding_recorder.bags.contents import contents
+from winding_ros.graph import CAMERA_TOPICS, GRAPH, RIG, SIMULATED_CAMERA, TRACKER, composed
+
+CELLS = Path(__file__).parents[1] / "winding_supervisor"
+NAMESPACE = "film"
+
+
+def messages(bag: Path) -> dict[str, int]:
+    return {topic.name: topic.messages for topic in contents(bag).topics}
+
+
+def lengths(run: Path, count: int) -> list[float]:
+    markers = json.loads((run / "run.json").read_text(encoding="utf-8"))["markers"]
+    return [marker["s_tracked_m"] for marker in markers[:count]]
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("rate", [200, pytest.param(1000, marks=pytest.mark.campaign)])
+def test_every_frame_of_the_simulated_camera_is_tracked(
+    rate: int, tmp_path: Path, command: Callable[..., Any]
+) -> None:
+    done = command(
+        *("run", "--case", 4, "--duration-s", 5, "--speed", 0, "--compose", "camera"),
+        *("--frame-rate", rate, "--output", "run", "--bag", "bag"),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    recorded = messages(tmp_path / "bag")
+    assert recorded["/winding/tracker/markers"] == 5 * rate + 1
+    assert recorded["/winding/camera/camera_info"] == 5 * rate + 1
+    # One in 40 ms, for recorder and operator.
+    for shown in ("/winding/camera/image_raw", "/winding/camera/image_raw/compressed"):
+        assert recorded[shown] == 5 * 25 + 1
+    (first,) = lengths(tmp_path / "run", 1)
+    measured = published_markers(4)[0].experiment
+    assert measured is not None
+    # The tracker's own bound for a marker that has just been seen.
+    assert first == pytest.approx(measured.s, rel=1e-3)
+
+
+@pytest.mark.campaign
+@pytest.mark.processes
+def test_a_camera_of_ones_own_hands_its_frames_over(
+    tmp_path: Path, command: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera, film = CELLS / "film_camera.py", tmp_path / "film.npy"
+    subprocess.run([sys.executable, str(camera), str(film), "8", "200"], check=True)
+    monkeypatch.setenv("WINDING_FILM", str(film))
+    cell = subprocess.Popen(
+        [
+            *(sys.executable, str(CELLS / "camera_cell.py")),
+            json.dumps({"frame_rate": 0.0, "joint_rate": 100.0}),
+            *("--ros-args", "-r", f"__ns:=/{NAMESPACE}"),
+        ],
+        stderr=subprocess.PIPE,
+        env=dict(os.environ),
+        text=True,
+    )
+    assert cell.stderr is not None
+    try:
+        assert any("ready" in line for line in cell.stderr)
+        done = command(
+            *("run", "--case", 4, "--machine", "external", "--namespace", NAMESPACE),
+            *("--duration-s", 7, "--output", "run", "--bag", "bag"),
+            *("--compose", f"{camera}:open_camera"),
+            cwd=tmp_path,
+        )
+    finally:
+        cell.kill()
+        cell.wait()
+    assert done.returncode == 0, done.stdout + done.stderr
+    recorded = messages(tmp_path / "bag")
+    frames = recorded[f"/{NAMESPACE}/camera/camera_info"]
+    assert recorded[f"/{NAMESPACE}/tracker/markers"] == frames > 700
+    measured = published_markers(4)[0].experiment
+    assert measured is not None
+    # The cells' own bar (test_camera_cell.py).
+    assert lengths(tmp_path / "run", 1) == [pytest.approx(measured.s, rel=2e-3)]
+
+
+def test_a_composed_graph_has_one_publisher_of_each_camera_topic() -> None:
+    graph = composed(GRAPH, SIMULATED_CAMERA)
+    for topic in CAMERA_TOPICS:
+        assert [spec.name for spec in graph if topic in spec.publishes] == [TRACKER.name]
+        assert topic in RIG.publishes
+    tracker = next(spec for spec in graph if spec.name == TRACKER.name)
+    assert tracker.command == ("-m", "marker_tracker_node.composition", SIMULATED_CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("source", "sentence"),
+    [
+        ("camera", "a camera is MODULE:FUNCTION"),
+        (":open", "a camera is MODULE:FUNCTION"),
+        ("no_such_place.py:open", "no camera at no_such_place.py"),
+        ("no_such_package.camera:open", "there is no module no_such_package.camera"),
+        ("json:no_such_function", "json has no function no_such_function"),
+    ],
+)
+def test_what_is_no_camera_is_said_in_one_sentence(source: str, sentence: str) -> None:
+    with pytest.raises(CameraSourceError, match=sentence):
+        CameraSource.parsed(source).load()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (("--compose", "my_camera:open"), "the simulated machine has a camera of its own"),
+        (("--compose", "camera", "--attach"), "compose its camera there"),
+        (("--frame-rate", 300), "--frame-rate must be 200 or 1000, got 300"),
+        (
+            ("--machine", "external", "--compose", "nowhere.py:open"),
+            "no camera at nowhere.py",
+        ),
+        (
+            ("--machine", "external", "--no-camera", "--compose", "json:load"),
+            "--compose and --no-camera exclude each other",
+        ),
+    ],
+)
+def test_a_composition_that_cannot_be_is_refused_before_the_start(
+    options: tuple[object, ...], sentence: str, tmp_path: Path, command: Callable[..., Any]
+) -> None:
+    done = command("run", "--case", 4, *options, cwd=tmp_path)
+    assert done.returncode == 2
+    (said,) = done.stderr.splitlines()
+    assert sentence in said
+    assert not (tmp_path / "runs").exists()
