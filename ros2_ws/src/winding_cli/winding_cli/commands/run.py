@@ -18,8 +18,9 @@ from winding_cli.commands.console import result_console
 from winding_cli.commands.machine_options import MachineOptions, machine_of
 from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
 from winding_cli.commands.refusal import FAILED, complain, fail, refuse
-from winding_cli.commands.ros_environment import check_namespace
+from winding_cli.commands.ros_environment import check_namespace, refuse_open
 from winding_cli.commands.termination import end
+from winding_core.camera_clock import CameraClockParameters
 from winding_core.condition import Condition
 from winding_core.machine_axes import MachineAxes
 from winding_core.options import typed_values
@@ -35,10 +36,11 @@ if TYPE_CHECKING:
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
 
-@with_options(Condition, MachineAxes)
+@with_options(Condition, MachineAxes, CameraClockParameters)
 def run(
     typed: Typed,
     axes: Typed,
+    clock: Typed,
     *,
     lay: Annotated[
         str | None,
@@ -125,13 +127,14 @@ def run(
             "case": condition.case,
             "duration": condition.duration,
         }
+        tracker = typed_values(CameraClockParameters, clock, spelled)
     except ValueError as error:
         refuse(error)
     check_namespace(namespace)
     if dashboard_port is not None and not dashboard:
         refuse("--dashboard-port is for a run with --dashboard")
     if secure:
-        _refuse_open(namespace, dashboard=dashboard)
+        refuse_open(namespace, dashboard=dashboard)
     if parameters is not None and not parameters.is_file():
         refuse(f"no parameter file at {parameters}")
     recording = _recording(compression, split_mb)
@@ -163,6 +166,7 @@ def run(
         machine=external,
         own={
             **({topics.RIG: _given(speed=speed, lay=lay, seed=seed)} if external is None else {}),
+            topics.TRACKER: tracker,
             topics.CORRECTION: _given(weights=weights),
         },
         duration=condition.duration,
@@ -207,16 +211,6 @@ def _recording(compression: str, split_mb: float) -> BagConfig:
 
 def _given(**values: object) -> dict[str, object]:
     return {name: value for name, value in values.items() if value is not None}
-
-
-def _refuse_open(namespace: str, *, dashboard: bool) -> None:
-    from winding_ros.graph import GRAPH, PAGE
-    from winding_ros.security import SecurityError, check_security
-
-    try:
-        check_security(namespace, graph=(*GRAPH, PAGE) if dashboard else GRAPH)
-    except SecurityError as error:
-        refuse(error)
 
 
 def _label(case: int) -> str:
