@@ -1,4 +1,4 @@
-"""A machine behind a real OPC UA server, a path to it that can be cut, and driver processes."""
+"""A machine behind a real OPC UA server, a path to it that can be cut, drivers, and a listener."""
 
 import asyncio
 import contextlib
@@ -14,6 +14,14 @@ from typing import Any
 
 import pytest
 import yaml
+from asyncua.crypto.cert_gen import setup_self_signed_certificate
+from cryptography.x509.oid import ExtendedKeyUsageOID
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from winding_core.status import Level, Status
+from winding_ros import topics
+from winding_ros.diagnostic_messages import decode_diagnostics
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # No machine stops by itself because a busy computer keeps the driver waiting.
@@ -116,6 +124,40 @@ class Relay:
         writer.close()
 
 
+class Listener:
+    """Everything that the driver publishes, and its services."""
+
+    def __init__(self, ros: Any) -> None:
+        self.joints: list[Any] = []
+        self.forces: list[Any] = []
+        self.statuses: list[Status] = []
+        self._ros, self._node = ros, ros.add(Node, "probe", namespace="winding")
+        topics.JOINT_STATES.subscribe(self._node, self.joints.append)
+        topics.TENSION.subscribe(self._node, self.forces.append)
+        topics.DIAGNOSTICS.subscribe(self._node, self._told)
+
+    def call(self, name: str) -> tuple[bool, str]:
+        answer = self._ros.call(self._node, Trigger, f"rig/{name}", Trigger.Request())
+        return answer.success, answer.message
+
+    def wait(self, reached: Callable[[], Any]) -> None:
+        self._ros.spin_until(reached)
+
+    def wait_for(self, level: Level, text: str) -> Status:
+        """Return the next status of a level whose message has a text."""
+        self.statuses.clear()
+        self.wait(lambda: any(s.level is level and text in s.message for s in self.statuses))
+        return self.statuses[-1]
+
+    def more(self, count: int) -> None:
+        """Wait for so many further joint states."""
+        target = len(self.joints) + count
+        self.wait(lambda: len(self.joints) >= target)
+
+    def _told(self, message: Any) -> None:
+        self.statuses += decode_diagnostics(message)[1]
+
+
 @pytest.fixture
 def examples() -> Path:
     """Where the example machine and its mapping are."""
@@ -150,6 +192,53 @@ def relay() -> Iterator[Callable[[int], Relay]]:
     yield make
     for item in relays:
         item.end()
+
+
+@pytest.fixture
+def listener(ros: Any) -> Listener:
+    """Hear a driver in namespace /winding."""
+    return Listener(ros)
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> Callable[[str, str], Coroutine[Any, Any, None]]:
+    """Make a self-signed certificate NAME.der with its key NAME.pem for an application URI."""
+
+    async def make(name: str, uri: str) -> None:
+        await setup_self_signed_certificate(
+            tmp_path / f"{name}.pem",
+            tmp_path / f"{name}.der",
+            uri,
+            socket.gethostname(),
+            [ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH],
+            {},
+        )
+
+    return make
+
+
+Secured = tuple[dict[str, str], list[object]]
+
+
+@pytest.fixture
+def secured(
+    tmp_path: Path, pair: Callable[[str, str], Coroutine[Any, Any, None]]
+) -> Callable[[], Coroutine[Any, Any, Secured]]:
+    """Make a pair for each side; return the driver's keys and the machine's options."""
+
+    async def make() -> Secured:
+        await pair("driver", "urn:winding:driver")
+        await pair("plc", "urn:freeopcua:python:server")
+        mapping = {
+            "security_policy": "Basic256Sha256",
+            "security_mode": "SignAndEncrypt",
+            "certificate": "driver.der",
+            "private_key": "driver.pem",
+            "server_certificate": "plc.der",
+        }
+        return mapping, ["--certificate", tmp_path / "plc.der", "--key", tmp_path / "plc.pem"]
+
+    return make
 
 
 @pytest.fixture

@@ -2,68 +2,21 @@
 
 import math
 import signal
-import socket
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from asyncua.crypto.cert_gen import setup_self_signed_certificate
-from cryptography.x509.oid import ExtendedKeyUsageOID
-from rclpy.node import Node
-from std_srvs.srv import Trigger
 
-from winding_core.status import Level, Status
-from winding_ros import topics
-from winding_ros.diagnostic_messages import decode_diagnostics
+from winding_core.status import Level
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.slow]
-
-
-class Listener:
-    """Everything that the driver publishes, and its services."""
-
-    def __init__(self, ros: Any) -> None:
-        self.joints: list[Any] = []
-        self.forces: list[Any] = []
-        self.statuses: list[Status] = []
-        self._ros, self._node = ros, ros.add(Node, "probe", namespace="winding")
-        topics.JOINT_STATES.subscribe(self._node, self.joints.append)
-        topics.TENSION.subscribe(self._node, self.forces.append)
-        topics.DIAGNOSTICS.subscribe(self._node, self._told)
-
-    def call(self, name: str) -> tuple[bool, str]:
-        answer = self._ros.call(self._node, Trigger, f"rig/{name}", Trigger.Request())
-        return answer.success, answer.message
-
-    def wait(self, reached: Callable[[], Any]) -> None:
-        self._ros.spin_until(reached)
-
-    def wait_for(self, level: Level, text: str) -> Status:
-        """Return the next status of a level whose message has a text."""
-        self.statuses.clear()
-        self.wait(lambda: any(s.level is level and text in s.message for s in self.statuses))
-        return self.statuses[-1]
-
-    def more(self, count: int) -> None:
-        """Wait for so many further joint states."""
-        target = len(self.joints) + count
-        self.wait(lambda: len(self.joints) >= target)
-
-    def _told(self, message: Any) -> None:
-        self.statuses += decode_diagnostics(message)[1]
-
-
-@pytest.fixture
-def listener(ros: Any) -> Listener:
-    return Listener(ros)
 
 
 def stamp_ns(message: Any) -> int:
     return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
 
 
-def check_nothing_is_lost_or_doubled(listener: Listener, machine: Any) -> None:
+def check_nothing_is_lost_or_doubled(listener: Any, machine: Any) -> None:
     """Every value that the server wrote from the first to the last that was heard, once."""
     written = machine.written()
     for messages in (listener.joints, listener.forces):
@@ -77,7 +30,7 @@ def check_nothing_is_lost_or_doubled(listener: Listener, machine: Any) -> None:
 
 
 def test_every_value_arrives_once_with_its_source_timestamp(
-    machine: Any, driver: Any, listener: Listener
+    machine: Any, driver: Any, listener: Any
 ) -> None:
     plc = machine()
     process = driver(plc.port)
@@ -100,7 +53,7 @@ def test_every_value_arrives_once_with_its_source_timestamp(
 
 
 def test_a_refusal_of_the_plc_is_the_answer_of_the_service(
-    machine: Any, driver: Any, listener: Listener
+    machine: Any, driver: Any, listener: Any
 ) -> None:
     driver(machine().port)
     listener.more(1)
@@ -114,7 +67,7 @@ def test_a_refusal_of_the_plc_is_the_answer_of_the_service(
     assert listener.call("start")[0]
 
 
-def test_a_command_may_be_a_variable(machine: Any, driver: Any, listener: Listener) -> None:
+def test_a_command_may_be_a_variable(machine: Any, driver: Any, listener: Any) -> None:
     space = "nsu=urn:winding-machine;s=Machine."
     commands = {
         name: {"node": f"{space}{node}", "value": 77}
@@ -136,7 +89,7 @@ def test_a_command_may_be_a_variable(machine: Any, driver: Any, listener: Listen
 
 
 def test_losses_and_bad_values_that_the_server_marks_are_counted(
-    machine: Any, driver: Any, listener: Listener
+    machine: Any, driver: Any, listener: Any
 ) -> None:
     """Good with the overflow bit, and BadSensorFailure, from the server on its own."""
     status = "0x480 if cycle % 10 == 3 else 0x808C0000 if cycle % 10 == 7 else 0"
@@ -151,7 +104,7 @@ def test_losses_and_bad_values_that_the_server_marks_are_counted(
     listener.wait(lambda: any("lost so far" in s.message for s in listener.statuses))
 
 
-def test_a_call_that_hangs_is_given_up(machine: Any, driver: Any, listener: Listener) -> None:
+def test_a_call_that_hangs_is_given_up(machine: Any, driver: Any, listener: Any) -> None:
     slow = {"return machine.call(name)": "await asyncio.sleep(600.0 * (name == 'Reset'))"}
     driver(machine(changes=slow).port, call_timeout_s=0.5)
     listener.more(1)
@@ -159,7 +112,7 @@ def test_a_call_that_hangs_is_given_up(machine: Any, driver: Any, listener: List
 
 
 def test_a_cut_link_is_said_and_the_queue_of_the_server_is_taken(
-    machine: Any, driver: Any, relay: Any, listener: Listener
+    machine: Any, driver: Any, relay: Any, listener: Any
 ) -> None:
     plc = machine()
     path = relay(plc.port)
@@ -180,7 +133,7 @@ def test_a_cut_link_is_said_and_the_queue_of_the_server_is_taken(
     check_nothing_is_lost_or_doubled(listener, plc)
 
 
-def test_a_silent_link_is_lost(machine: Any, driver: Any, relay: Any, listener: Listener) -> None:
+def test_a_silent_link_is_lost(machine: Any, driver: Any, relay: Any, listener: Any) -> None:
     plc = machine()
     path = relay(plc.port)
     driver(path.port, link_timeout_s=3.0)
@@ -196,7 +149,7 @@ def test_a_silent_link_is_lost(machine: Any, driver: Any, relay: Any, listener: 
 
 @pytest.mark.parametrize("asked", ["", "quick_stop"])
 def test_a_machine_is_stopped_when_the_link_returns(
-    asked: str, machine: Any, driver: Any, relay: Any, listener: Listener
+    asked: str, machine: Any, driver: Any, relay: Any, listener: Any
 ) -> None:
     plc = machine()
     path = relay(plc.port)
@@ -217,7 +170,7 @@ def test_a_machine_is_stopped_when_the_link_returns(
 
 
 def test_a_server_that_has_forgotten_the_session_gets_a_new_one(
-    machine: Any, driver: Any, relay: Any, listener: Listener
+    machine: Any, driver: Any, relay: Any, listener: Any
 ) -> None:
     path = relay(machine().port)
     driver(path.port)
@@ -231,63 +184,6 @@ def test_a_server_that_has_forgotten_the_session_gets_a_new_one(
     listener.more(100)
     stamps = [stamp_ns(message) for message in listener.joints]
     assert stamps == sorted(set(stamps))
-
-
-async def certificates(folder: Path) -> tuple[dict[str, str], list[object]]:
-    """Make a self-signed pair for each side; return the driver's keys and the machine's options."""
-    for name, uri in (("driver", "urn:winding:driver"), ("plc", "urn:freeopcua:python:server")):
-        await setup_self_signed_certificate(
-            folder / f"{name}.pem",
-            folder / f"{name}.der",
-            uri,
-            socket.gethostname(),
-            [ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH],
-            {},
-        )
-    mapping = {
-        "security_policy": "Basic256Sha256",
-        "security_mode": "SignAndEncrypt",
-        "certificate": "driver.der",
-        "private_key": "driver.pem",
-        "server_certificate": "plc.der",
-    }
-    return mapping, ["--certificate", folder / "plc.der", "--key", folder / "plc.pem"]
-
-
-@pytest.mark.asyncio
-async def test_certificates_and_a_user_name_open_the_session(
-    machine: Any, driver: Any, relay: Any, listener: Listener, tmp_path: Path
-) -> None:
-    security, options = await certificates(tmp_path)
-    plc = machine("--user", "winding", "--password", "right", *options)
-    path = relay(plc.port)
-    user = {"user": "winding", "password_variable": "PLC_PASSWORD"}
-    driver(path.port, {"PLC_PASSWORD": "right"}, **security, **user)
-    listener.more(100)
-    path.cut()
-    listener.wait_for(Level.ERROR, "has been lost for")
-    path.restore()
-    status = listener.wait_for(Level.OK, "the link is up")
-    assert status.values["sessions resumed"] == "1"
-    listener.more(100)
-    check_nothing_is_lost_or_doubled(listener, plc)
-
-
-@pytest.mark.parametrize("secured", [False, True])
-@pytest.mark.asyncio
-async def test_a_wrong_password_is_one_sentence_before_anything_else(
-    secured: bool, machine: Any, driver: Any, tmp_path: Path
-) -> None:
-    security, options = await certificates(tmp_path) if secured else ({}, [])
-    plc = machine("--user", "winding", "--password", "right", *options)
-    (tmp_path / "password.txt").write_text("wrong\n", encoding="utf-8")
-    process = driver(plc.port, user="winding", password_file="password.txt", **security)
-    said = process.communicate(timeout=60)[1]
-    assert process.returncode == 2
-    assert said.startswith(f"error: the connection to opc.tcp://127.0.0.1:{plc.port} was refused: ")
-    assert "(BadUserAccessDenied)" in said
-    assert said.count("\n") == 1
-    assert "wrong" not in said
 
 
 def test_a_variable_that_is_not_there_is_one_sentence(
@@ -304,7 +200,7 @@ def test_a_variable_that_is_not_there_is_one_sentence(
 
 
 def test_a_plc_that_comes_later_is_waited_for(
-    machine: Any, driver: Any, relay: Any, listener: Listener
+    machine: Any, driver: Any, relay: Any, listener: Any
 ) -> None:
     path = relay(machine().port)
     path.cut()

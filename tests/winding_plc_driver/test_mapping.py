@@ -7,12 +7,8 @@ from typing import Any
 import pytest
 import yaml
 
-from winding_plc_driver.machine.mapping import (
-    MappingError,
-    parse_mapping,
-    read_mapping,
-    read_password,
-)
+from winding_plc_driver.machine.mapping import MappingError, parse_mapping, read_mapping
+from winding_plc_driver.machine.password import read_password
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "opcua_machine.yaml"
 
@@ -54,6 +50,18 @@ def test_a_plc_without_quick_stop_is_stopped(tmp_path: Path) -> None:
         ("server", {"security_policy": "Basic128"}, "must be one of None, Basic256Sha256"),
         ("server", {"security_policy": "Basic256Sha256"}, "needs certificate and private_key"),
         ("server", {"user": "me"}, "needs one of password_variable and password_file"),
+        ("server", {"user_certificate": "me.der"}, "certificate needs its key and the other way"),
+        ("server", {"user_private_key": "me.pem"}, "certificate needs its key and the other way"),
+        (
+            "server",
+            {
+                "user": "me",
+                "password_file": "word",
+                "user_certificate": "c",
+                "user_private_key": "k",
+            },
+            "a session has one user, by name or by certificate, got user 'me'",
+        ),
         ("variables", {"angle": None}, "variables needs angle"),
         ("variables", {"angel": {}}, "variables has no parameter angel; did you mean angle?"),
         ("variables", {"angle": 3}, "variable angle must be a mapping of names, got 3"),

@@ -34,6 +34,15 @@ def check_namespace(namespace: str) -> None:
         refuse(f"namespace must be made of letters, digits, _ and /, got {namespace!r}")
 
 
+def refuse_open(namespace: str, *, dashboard: bool) -> None:
+    """Refuse a graph whose nodes, and page where there is one, are not held to their policies."""
+    from winding_ros.graph import GRAPH, PAGE
+    from winding_ros.security import SecurityError, check_security
+
+    with refused(SecurityError):
+        check_security(namespace, graph=(*GRAPH, PAGE) if dashboard else GRAPH)
+
+
 @contextmanager
 def joined(domain: int | None) -> Iterator[Joined]:
     """Set the process' environment before the first context reads it; signals interrupt the body.

@@ -17,14 +17,10 @@ from winding_cli.commands.console import result_console
 from winding_cli.commands.machine_options import MachineOptions, machine_of
 from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
 from winding_cli.commands.refusal import FAILED, complain, fail, refuse
-from winding_cli.commands.ros_environment import check_namespace
-from winding_cli.commands.run_checks import (
-    check_before_start,
-    composed_camera,
-    recording_of,
-    refuse_open,
-)
+from winding_cli.commands.ros_environment import check_namespace, refuse_open
+from winding_cli.commands.run_checks import check_before_start, composed_camera, recording_of
 from winding_cli.commands.termination import end
+from winding_core.camera_clock import CameraClockParameters
 from winding_core.condition import Condition
 from winding_core.machine_axes import MachineAxes
 from winding_core.options import typed_values
@@ -38,10 +34,11 @@ if TYPE_CHECKING:
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
 
-@with_options(Condition, MachineAxes)
+@with_options(Condition, MachineAxes, CameraClockParameters)
 def run(
     typed: Typed,
     axes: Typed,
+    clock: Typed,
     *,
     lay: Annotated[
         str | None,
@@ -144,6 +141,7 @@ def run(
             "case": condition.case,
             "duration": condition.duration,
         }
+        tracker = typed_values(CameraClockParameters, clock, spelled)
     except ValueError as error:
         refuse(error)
     check_namespace(namespace)
@@ -189,6 +187,7 @@ def run(
                 if external is None
                 else {}
             ),
+            topics.TRACKER: tracker,
             topics.CORRECTION: _given(weights=weights),
         },
         duration=condition.duration,

@@ -58,17 +58,6 @@ def composed_camera(
     return wanted
 
 
-def refuse_open(namespace: str, *, dashboard: bool) -> None:
-    """Refuse a run whose messages anybody could read or send."""
-    from winding_ros.graph import GRAPH, PAGE
-    from winding_ros.security import SecurityError, check_security
-
-    try:
-        check_security(namespace, graph=(*GRAPH, PAGE) if dashboard else GRAPH)
-    except SecurityError as error:
-        refuse(error)
-
-
 def check_before_start(config: RunConfig) -> None:
     """Refuse what would end the run after its nodes have started."""
     from winding_supervisor.run_config import check_run

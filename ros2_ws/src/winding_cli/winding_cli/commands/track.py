@@ -15,9 +15,12 @@ from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, staged
 from winding_cli.commands.refusal import FAILED, refuse, refused
+from winding_core.camera_clock import CameraClockParameters
 from winding_core.condition import Condition, ResolvedCondition
+from winding_core.options import typed_values
+from winding_core.parameters import build
 from winding_core.readings import AxisReading
-from winding_core.units import MILLIMETRE, MILLIRADIAN, MILLISECOND
+from winding_core.units import MILLIMETRE, MILLIRADIAN
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,9 +36,10 @@ if TYPE_CHECKING:
 BAGS = (".mcap", ".db3", ".bag")
 
 
-@with_options(Condition)
+@with_options(Condition, CameraClockParameters)
 def track(
     typed: Typed,
+    clock: Typed,
     *,
     source: Annotated[Path, typer.Argument(help="Video file, folder of pictures, or bag.")],
     out: Annotated[Path, typer.Option(help="CSV of every frame's markers.")],
@@ -52,16 +56,6 @@ def track(
         typer.Option(help="Camera: across, up, along the axis. A run refines it."),
     ] = "417.5,0,50",
     fps: Annotated[float | None, typer.Option(help="Of pictures without times.")] = None,
-    camera_clock_correction: Annotated[
-        bool,
-        typer.Option(
-            "--camera-clock-correction/--no-camera-clock-correction",
-            help="Apply the measured offset of the camera's clock to later frames.",
-        ),
-    ] = False,
-    camera_clock_limit_ms: Annotated[
-        float, typer.Option(help="Largest offset of the camera's clock with which frames are used.")
-    ] = 250.0,
     refined: Annotated[
         bool, typer.Option("--refine/--no-refine", help="Fit the camera's pose over the run.")
     ] = True,
@@ -93,8 +87,13 @@ def track(
             refuse("there is no camera: give --camera")
         if drive is None:
             refuse("there is no motion: give --motion")
+        wanted = build(
+            CameraClockParameters,
+            typed_values(CameraClockParameters, clock, spelled),
+            owner="the camera's clock",
+        )
         settings = ClockSettings(
-            correct=camera_clock_correction, limit=camera_clock_limit_ms * MILLISECOND
+            correct=wanted.camera_clock_correction, limit=wanted.camera_clock_limit
         )
         live = SynchronisedTracker(settings, EncoderHistory(longest_gap=math.inf, complete=True))
         tracker = Tracker(config, lens, remember=refined)

@@ -71,6 +71,8 @@ class Server:
     user: str = parameter("", "user name; empty for an anonymous session")
     password_variable: str = parameter("", "environment variable that holds the password")
     password_file: str = parameter("", "file whose first line is the password")
+    user_certificate: str = parameter("", "file of a user's certificate, in place of a user name")
+    user_private_key: str = parameter("", "file of that user's private key, DER or PEM")
     publishing_interval_s: float = parameter(0.02, "time between notifications", None, 0.001, 10.0)
     sampling_interval_s: float = parameter(
         0.0, "time between samples of a variable; 0 for the server's fastest", None, 0.0, 10.0
@@ -224,28 +226,6 @@ def parse_mapping(text: str, folder: Path) -> MachineMapping:
         raise MappingError(str(error)) from None
 
 
-def read_password(server: Server, environment: Mapping[str, str]) -> str:
-    """Return the user's password; empty where there is no user.
-
-    Raises:
-        MappingError: It is nowhere to be found.
-    """
-    if not server.user:
-        return ""
-    if server.password_variable:
-        if server.password_variable not in environment:
-            raise MappingError(
-                f"the password of user {server.user} is to be in the environment variable "
-                f"{server.password_variable}, which is not set"
-            )
-        return environment[server.password_variable]
-    try:
-        lines = Path(server.password_file).read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeError) as error:
-        raise MappingError(f"the password file cannot be read: {error}") from None
-    return lines[0] if lines else ""
-
-
 def _section(value: Any, title: str) -> dict[str, Any]:
     if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
         got = "nothing" if value is None else repr(value)[:80]
@@ -289,7 +269,20 @@ def _server(values: dict[str, Any], folder: Path) -> Server:
             "a user needs one of password_variable and password_file, and nobody needs none, got "
             f"user {server.user!r} with {sources} of them"
         )
-    files = ("certificate", "private_key", "server_certificate", "password_file")
+    if bool(server.user_certificate) != bool(server.user_private_key):
+        raise MappingError(
+            "a user's certificate needs its key and the other way round, got user_certificate "
+            f"{server.user_certificate!r}, user_private_key {server.user_private_key!r}"
+        )
+    if server.user and server.user_certificate:
+        raise MappingError(
+            "a session has one user, by name or by certificate, got user "
+            f"{server.user!r} and user_certificate {server.user_certificate!r}"
+        )
+    files = (
+        *("certificate", "private_key", "server_certificate", "password_file"),
+        *("user_certificate", "user_private_key"),
+    )
     found = {name: str(folder / path) for name in files if (path := getattr(server, name))}
     return replace(server, **found)  # type: ignore[arg-type]
 

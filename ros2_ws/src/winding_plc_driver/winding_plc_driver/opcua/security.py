@@ -1,4 +1,4 @@
-"""Certificates and keys of the channel, as the mapping names them."""
+"""Certificates and keys of channel and user, as the mapping names them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,7 @@ async def secure(client: Client, server: Server) -> None:
     """
     if server.security_policy == "None":
         return
-    for path in filter(None, (server.certificate, server.private_key, server.server_certificate)):
-        if not Path(path).is_file():
-            raise ua.UaError(f"{path} is not a file")
+    _check_files(server.certificate, server.private_key, server.server_certificate)
     certificate = await uacrypto.load_certificate(server.certificate)
     client.application_uri = _application_uri(certificate) or client.application_uri
     await client.set_security(
@@ -32,6 +30,25 @@ async def secure(client: Client, server: Server) -> None:
         server_certificate=server.server_certificate or None,
         mode=ua.MessageSecurityMode[server.security_mode],
     )
+
+
+async def identify(client: Client, server: Server) -> None:
+    """Give a client the certificate of its user; without one, nothing.
+
+    Raises:
+        UaError: There is no such file.
+        ValueError: A file holds no certificate, or no key.
+    """
+    if server.user_certificate:
+        _check_files(server.user_certificate, server.user_private_key)
+        await client.load_client_certificate(server.user_certificate)
+        await client.load_private_key(Path(server.user_private_key))
+
+
+def _check_files(*paths: str) -> None:
+    for path in filter(None, paths):
+        if not Path(path).is_file():
+            raise ua.UaError(f"{path} is not a file")
 
 
 def _application_uri(certificate: x509.Certificate) -> str:

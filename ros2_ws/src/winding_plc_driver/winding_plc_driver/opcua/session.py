@@ -10,7 +10,7 @@ from winding_plc_driver.machine.mapping import Command, MachineMapping
 from winding_plc_driver.opcua.errors import RefusedError, told
 from winding_plc_driver.opcua.nodes import WRITE, Nodes
 from winding_plc_driver.opcua.request import ask
-from winding_plc_driver.opcua.security import secure
+from winding_plc_driver.opcua.security import identify, secure
 from winding_plc_driver.opcua.subscription import Subscription
 
 _CHANNEL_LIFETIME_S = 3600.0
@@ -25,7 +25,7 @@ class Session:
 
     Args:
         mapping: What is read, written and called.
-        password: Of the user; empty for an anonymous session.
+        password: Of the user; empty for one with a certificate and for an anonymous session.
 
     Attributes:
         subscription: To every variable of the mapping.
@@ -58,6 +58,7 @@ class Session:
         with told(f"the connection to {self._server.endpoint}", self._timeout):
             if not self._secured:
                 await secure(client, self._server)
+                await identify(client, self._server)
                 self._secured = True
             await client.connect_socket()
             await client.send_hello()
@@ -163,7 +164,9 @@ class Session:
         return True
 
     async def _activate(self) -> None:
-        await self._client.activate_session(self._server.user or None, self._password or None)
+        client = self._client
+        user, password = self._server.user or None, self._password or None
+        await client.activate_session(user, password, client.user_certificate)
 
     async def _write(self, title: str, value: bool | int) -> None:
         # Some PLCs refuse a write that brings a status or a timestamp of its own.

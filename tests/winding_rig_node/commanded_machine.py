@@ -1,0 +1,47 @@
+"""A simulated machine that winds, and the commands that tests give it."""
+
+import numpy as np
+
+from winding_core.cases import paper_case
+from winding_core.commands import AxisTarget, JointTargets, JointTrajectory, Waypoint
+from winding_core.drive import DriveProfile
+from winding_rig_node.machine.machine import Machine
+from winding_rig_node.machine.machine_config import MachineConfig
+
+# A machine has wound for so long before it is commanded [s].
+BEGIN = 1.0
+
+
+def machine(duration: float = 60.0) -> Machine:
+    config = MachineConfig(case=paper_case(4), drive=DriveProfile(), duration=duration)
+    return Machine(config, np.random.default_rng(1))
+
+
+def winding(duration: float = 60.0) -> Machine:
+    """Return a machine that has wound for a second."""
+    rig = machine(duration)
+    rig.start()
+    run(rig, BEGIN)
+    return rig
+
+
+def run(rig: Machine, seconds: float) -> None:
+    end = rig.time + seconds - 0.5e-3
+    while rig.moving and rig.time < end:
+        rig.step()
+
+
+def targets(t: float = 0.0, **axes: AxisTarget) -> JointTargets:
+    return JointTargets(t=t, axes=axes)
+
+
+def course(*points: tuple[float, ...], t: float = 0.0) -> JointTrajectory:
+    waypoints = tuple(
+        Waypoint(t=point[0], position=point[1], speed=point[2] if len(point) > 2 else None)
+        for point in points
+    )
+    return JointTrajectory(t=t, axes={"carriage": waypoints})
+
+
+def carriage(rig: Machine) -> float:
+    return rig.state.carriage.motor.position
