@@ -36,12 +36,18 @@ BEGIN = 0
 @compiled
 def point(rims: FloatArray, which: int, m: int) -> Point:  # pragma: no cover
     """Return corner m of one of some sections."""
+    return _point_of(rims, which, m, rims[which, m, ROW])
+
+
+@compiled
+def _point_of(table: FloatArray, which: int, m: int, row: float) -> Point:  # pragma: no cover
+    """Return what is kept of corner m of a section, or of its line at a crossing, with its row."""
     return Point(
-        rims[which, m, COLUMN],
-        rims[which, m, NEAR],
-        rims[which, m, SHADE],
-        rims[which, m, GLOSS],
-        rims[which, m, ROW],
+        table[which, m, COLUMN],
+        table[which, m, NEAR],
+        table[which, m, SHADE],
+        table[which, m, GLOSS],
+        row,
     )
 
 
@@ -119,11 +125,11 @@ def draw_ribbon(
             if row < min(upper_a, upper_b) or row > max(lower_a, lower_b):
                 continue
             if upper_a <= row <= lower_a:
-                a = _crossing(crossings, row, m)
+                a = _point_of(crossings, row, m, float(row))
             else:
                 a = _cut(rims, upper if row < upper_a else lower, m, row)
             if upper_b <= row <= lower_b:
-                b = _crossing(crossings, row, m + 1)
+                b = _point_of(crossings, row, m + 1, float(row))
             else:
                 b = _cut(rims, upper if row < upper_b else lower, m, row)
             if a.column > b.column:
@@ -153,17 +159,6 @@ def draw_ribbon(
                 gloss += gloss_step
         if left <= right:
             touch(touched, row, left, right, per_pixel)
-
-
-@compiled
-def _crossing(crossings: FloatArray, row: int, m: int) -> Point:  # pragma: no cover
-    return Point(
-        crossings[row, m, COLUMN],
-        crossings[row, m, NEAR],
-        crossings[row, m, SHADE],
-        crossings[row, m, GLOSS],
-        float(row),
-    )
 
 
 @compiled
