@@ -165,7 +165,7 @@ class ComposedGraph:
                 item
                 for item in vars(module).values()
                 if isinstance(item, type)
-                and issubclass(item, ManagedNode)
+                and ManagedNode in item.__bases__
                 and item.__module__ == module.__name__
             )
             values = {"use_sim_time": True, **parameters.get(spec.name, {})}.items()

@@ -98,7 +98,7 @@ def test_a_composed_graph_has_one_publisher_of_each_camera_topic() -> None:
         assert [spec.name for spec in graph if topic in spec.publishes] == [TRACKER.name]
         assert topic in RIG.publishes
     tracker = next(spec for spec in graph if spec.name == TRACKER.name)
-    assert tracker.command == ("-m", "marker_tracker_node.composition", SIMULATED_CAMERA)
+    assert tracker.command == ("-m", "marker_tracker_node", "--camera", SIMULATED_CAMERA)
 
 
 @pytest.mark.parametrize(

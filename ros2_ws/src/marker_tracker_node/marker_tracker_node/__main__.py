@@ -1,14 +1,24 @@
-"""Run the tracker's node: python -m marker_tracker_node --ros-args ..."""
+"""Run the tracker's node: python -m marker_tracker_node [--camera SOURCE] --ros-args ..."""
 
 import sys
 
-from marker_tracker_node.node import MarkerTrackerNode
-from winding_ros.process import run_node
+from marker_tracker_node.node import ComposedTrackerNode, MarkerTrackerNode
+from winding_core.camera_source import CameraSource, CameraSourceError
+from winding_ros.process import EXIT_REFUSED, run_node
 
 
 def main() -> int:
-    """Entry point of the node's process."""
-    return run_node(MarkerTrackerNode)
+    """Entry point of the node's process, and of a camera in it: MODULE:FUNCTION or a file's."""
+    if sys.argv[1:2] != ["--camera"]:
+        return run_node(MarkerTrackerNode)
+    try:
+        source = CameraSource.parsed(sys.argv[2] if len(sys.argv) > 2 else "")
+        camera = source.load()
+    except CameraSourceError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_REFUSED
+    del sys.argv[1:3]
+    return run_node(lambda: ComposedTrackerNode(camera))
 
 
 if __name__ == "__main__":

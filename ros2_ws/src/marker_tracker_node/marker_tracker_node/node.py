@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import threading
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.ros.camera_port import Camera, CameraPort
 from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
 from marker_tracker_node.tracking.tracker import Tracker
@@ -96,3 +98,29 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
         assert handler is not None
         with self._busy:
             self.publish(handler.take(topics.CAMERA_INFO, info))
+
+
+class ComposedTrackerNode(MarkerTrackerNode):
+    """The tracker with a camera in its process, which hands its frames over.
+
+    Publishes camera/camera_info with every frame, camera/image_raw and its preview at 25 Hz, and
+    tracker/markers for every frame. Subscribes to rig/joint_states.
+
+    Args:
+        camera: Opens the camera while the node is active.
+        kwargs: Of the node.
+    """
+
+    def __init__(self, camera: Camera, **kwargs: Any) -> None:
+        super().__init__(graph.COMPOSED_TRACKER, **kwargs)
+        self._camera = camera
+        self._open = ExitStack()
+
+    def activate(self) -> None:
+        """Begin a new run, and open the camera."""
+        super().activate()
+        self._open.enter_context(self._camera(CameraPort(self)))
+
+    def deactivate(self) -> None:
+        """Close the camera."""
+        self._open.close()

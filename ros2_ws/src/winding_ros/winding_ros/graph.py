@@ -39,7 +39,6 @@ class NodeSpec:
         aside: Topics that it publishes without its handler, as further threads end.
         policy: What becomes of the run when the node fails.
         says: What it publishes where that is not what the topics say.
-        module: What runs as its process where that is not the package.
         arguments: Of that process, before those for ROS.
         guest: A node without a life of its own in that process, which has the rig's parameters.
     """
@@ -54,14 +53,13 @@ class NodeSpec:
     aside: tuple[Topic, ...] = ()
     policy: Policy = Policy.END
     says: tuple[Topic, ...] | None = None
-    module: str = ""
     arguments: tuple[str, ...] = ()
     guest: str = ""
 
     @property
     def command(self) -> tuple[str, ...]:
         """What follows `python` to run the node's process, without arguments for ROS."""
-        return ("-m", self.module or self.package, *self.arguments)
+        return ("-m", self.package, *self.arguments)
 
     @property
     def publishes(self) -> tuple[Topic, ...]:
@@ -135,7 +133,6 @@ COMPOSED_TRACKER = replace(
     wakes=(),
     says=(*TRACKER.publishes, *CAMERA_TOPICS),
     aside=CAMERA_TOPICS,
-    module="marker_tracker_node.composition",
 )
 
 
@@ -148,7 +145,7 @@ def composed(graph: tuple[NodeSpec, ...], camera: str) -> tuple[NodeSpec, ...]:
     """
     guest = HOSTED_CAMERA if camera == SIMULATED_CAMERA else ""
     others = {
-        TRACKER.name: replace(COMPOSED_TRACKER, arguments=(camera,), guest=guest),
+        TRACKER.name: replace(COMPOSED_TRACKER, arguments=("--camera", camera), guest=guest),
         RIG.name: replace(RIG, says=tuple(t for t in RIG.publishes if t not in CAMERA_TOPICS)),
     }
     return tuple(others.get(spec.name, spec) for spec in graph)

@@ -62,13 +62,13 @@ class Shown(Protocol):
         """Note that the pixels of a frame of time t [s] are there."""
 
     def camera_info(self, t: float, calibration: CameraReading) -> None:
-        """Show the calibration of a frame."""
+        """Show the calibration of a frame of time t [s]."""
 
     def image(self, t: float, frame: NDArray[np.uint8]) -> None:
-        """Show a frame."""
+        """Show a frame, shape (rows, columns, 3), of time t [s]."""
 
     def preview(self, t: float, jpeg: bytes) -> None:
-        """Show a compressed frame."""
+        """Show a compressed frame of time t [s]."""
 
 
 class Camera:

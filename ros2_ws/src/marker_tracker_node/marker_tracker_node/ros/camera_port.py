@@ -1,6 +1,6 @@
-"""A camera and the tracker in one process: frames are handed over instead of published.
+"""Where a camera in the tracker's process hands its frames over, instead of publishing them.
 
-A camera is a function that opens it, for as long as the tracker is active:
+A camera is a function that opens it for as long as the tracker is active:
 
     @contextmanager
     def open_camera(port: CameraPort) -> Iterator[None]:
@@ -11,28 +11,26 @@ A camera is a function that opens it, for as long as the tracker is active:
 Yield:
         device.close()
 
-    python -m marker_tracker_node.composition my_camera:open_camera --ros-args ...
+    python -m marker_tracker_node --camera my_camera:open_camera --ros-args ...
 
 or, in a run, `winding run --machine external --compose my_camera:open_camera`.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack
-from typing import Any
+from contextlib import AbstractContextManager
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.context import Context
 from sensor_msgs.msg import CameraInfo
 
-from marker_tracker_node.node import MarkerTrackerNode
-from winding_core.camera_source import CameraSource, CameraSourceError
-from winding_ros import graph, topics
+from winding_ros import topics
 from winding_ros.camera_messages import encode_image, encode_preview
-from winding_ros.process import EXIT_REFUSED, run_node
+from winding_ros.endpoints import Endpoints
 from winding_ros.stamps import STAMP, stamp_parts, with_stamp
 from winding_ros.wire.cdr import serialised
 
@@ -44,6 +42,23 @@ _JPEG_QUALITY = 80
 Camera = Callable[["CameraPort"], AbstractContextManager[Any]]
 
 
+class FrameTracker(Protocol):
+    """The node that tracks what the port takes."""
+
+    context: Context
+    endpoints: Endpoints
+    active: bool
+
+    def take_calibration(self, info: bytes) -> None:
+        """Take a CameraInfo in CDR bytes."""
+
+    def take_frame(self, t: float, frame: NDArray[np.uint8]) -> None:
+        """Take a frame, shape (rows, columns, 3), of time t [s]."""
+
+    def fail(self, error: Exception) -> None:
+        """End the process with an error."""
+
+
 class CameraPort:
     """What a camera in the tracker's process hands its frames to, from any one thread.
 
@@ -51,7 +66,7 @@ class CameraPort:
         context: Of rclpy, for nodes of the camera's own.
     """
 
-    def __init__(self, node: ComposedTracker) -> None:
+    def __init__(self, node: FrameTracker) -> None:
         self._node = node
         self._info = b""
         self._next = -np.inf
@@ -103,46 +118,3 @@ class CameraPort:
         endpoints.publish(topics.IMAGE, encode_image(t, frame))
         _, jpeg = cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
         endpoints.publish(topics.PREVIEW, encode_preview(t, jpeg.tobytes()))
-
-
-class ComposedTracker(MarkerTrackerNode):
-    """The tracker with a camera in its process; publishes few of its frames.
-
-    Publishes camera/camera_info with every frame, camera/image_raw and its preview at 25 Hz, and
-    tracker/markers for every frame. Subscribes to rig/joint_states.
-
-    Args:
-        camera: Opens the camera while the node is active.
-        kwargs: Of the node.
-    """
-
-    def __init__(self, camera: Camera, **kwargs: Any) -> None:
-        super().__init__(graph.COMPOSED_TRACKER, **kwargs)
-        self._camera = camera
-        self._open = ExitStack()
-
-    def activate(self) -> None:
-        """Begin a new run, and open the camera."""
-        super().activate()
-        self._open.enter_context(self._camera(CameraPort(self)))
-
-    def deactivate(self) -> None:
-        """Close the camera."""
-        self._open.close()
-
-
-def main() -> int:
-    """Entry point of the process: what opens the camera, then arguments for ROS."""
-    if len(sys.argv) < 2:
-        print("error: give a camera, MODULE:FUNCTION or FILE.py:FUNCTION", file=sys.stderr)
-        return EXIT_REFUSED
-    try:
-        camera = CameraSource.parsed(sys.argv.pop(1)).load()
-    except CameraSourceError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_REFUSED
-    return run_node(lambda: ComposedTracker(camera))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
