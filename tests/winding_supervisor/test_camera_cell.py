@@ -9,6 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rclpy.serialization import deserialize_message
+
+from winding_core.markers import MARKER_DTYPE, MarkerFlag
+from winding_recorder.bags.reading import messages_of, opened
+from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud
+from winding_ros.diagnostic_messages import decode_diagnostics
+from winding_ros.topic import Topic
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(900)]
 
@@ -20,6 +28,8 @@ DURATION = 12.0
 MEASURED = (0.10685, 0.21336)
 # Issue's bar for encoders and cameras with losses, delays and pauses.
 NEAR = 2.0e-3
+# A record with one of these brings no measured length.
+UNSEEN = int(MarkerFlag.OCCLUDED | MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 
 
 @dataclass(frozen=True)
@@ -112,15 +122,9 @@ def test_a_machine_that_pauses_loses_no_marker(wind: Callable[..., Wound]) -> No
     "cell", [{"camera_offset": 0.05}, {"camera_offset": -0.2}], indirect=True, ids=str
 )
 def test_a_camera_whose_clock_is_off_is_corrected_when_that_is_asked(
-    wind: Callable[..., Wound], tmp_path: Path
+    wind: Callable[..., Wound],
 ) -> None:
-    parameters = tmp_path / "clock.yaml"
-    parameters.write_text(
-        f"/{NAMESPACE}/marker_tracker:\n  ros__parameters:\n"
-        "    camera_clock_correction: true\n    camera_clock_limit: 0.3\n",
-        encoding="utf-8",
-    )
-    wound = wind("--parameters", parameters)
+    wound = wind("--camera-clock-correction", "--camera-clock-limit-ms", 300)
     assert wound.code == 0, wound.said
     assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
 
@@ -133,3 +137,44 @@ def test_a_camera_whose_clock_is_off_leaves_lengths_alone(wind: Callable[..., Wo
     wound = wind()
     assert wound.code == 0, wound.said
     assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
+
+
+# At a steady speed the offset is hidden in the shift of P0; what it hides comes out at standstill.
+@pytest.mark.parametrize(
+    "cell",
+    [
+        {"camera_offset": offset, "pause_at": 6.1, "pause": 3.0, "frames_in_pause": True}
+        for offset in (0.05, -0.05)
+    ],
+    indirect=True,
+    ids=str,
+)
+def test_a_length_that_the_clock_falsifies_is_published_under_the_warning(
+    request: pytest.FixtureRequest, wind: Callable[..., Wound], tmp_path: Path
+) -> None:
+    wound = wind("--bag", tmp_path / "bag")
+    assert wound.code == 0, wound.said
+    warned = [
+        t
+        for t, statuses in map(decode_diagnostics, recorded(tmp_path / "bag", topics.DIAGNOSTICS))
+        if any("lengths may be wrong" in status.message for status in statuses)
+    ]
+    offset = request.node.callspec.params["cell"]["camera_offset"]
+    wrong = [
+        t - offset
+        for cloud in recorded(tmp_path / "bag", topics.TRACKED_MARKERS)
+        for t, markers in [decode_cloud(cloud, MARKER_DTYPE)]
+        for marker in markers[(markers["flags"] & UNSEEN) == 0]
+        if marker["id"] in (1, 2)
+        and marker["s"] != pytest.approx(MEASURED[marker["id"] - 1], rel=NEAR)
+    ]
+    assert wrong
+    # A length is published after its frame's exposure.
+    assert min(warned) < min(wrong)
+
+
+def recorded(bag: Path, topic: Topic) -> list[Any]:
+    """Return a topic's messages in a bag."""
+    with opened(bag) as reader:
+        links = [link for link in reader.connections if link.topic.endswith(topic.name)]
+        return [deserialize_message(data, topic.type) for _, _, data in messages_of(reader, links)]
