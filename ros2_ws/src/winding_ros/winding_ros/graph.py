@@ -88,7 +88,8 @@ CORRECTION = NodeSpec(
     parameters_class="CorrectionParameters",
     handler_class="CorrectionHandler",
     inputs=(topics.TRACKED_MARKERS, topics.FEM_MARKERS),
-    wakes=(topics.TRACKED_MARKERS, topics.FEM_MARKERS),
+    # Lengths are said with predictions; what the tracker said in the meantime is taken with them.
+    wakes=(topics.FEM_MARKERS,),
     policy=Policy.RESTART,
 )
 FEM = NodeSpec(
