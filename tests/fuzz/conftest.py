@@ -4,8 +4,13 @@ FUZZ_TIMES=10 tries ten times as many, not the same ones each time.
 """
 
 import os
+import sys
+from pathlib import Path
 
 from hypothesis import HealthCheck, settings
+
+# Test modules are imported by path, without packages: their neighbours are found from here.
+sys.path.insert(0, str(Path(__file__).parent))
 
 _TIMES = int(os.environ.get("FUZZ_TIMES", "1"))
 

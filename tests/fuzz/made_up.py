@@ -1,0 +1,33 @@
+"""What made-up messages are made of, and how they travel."""
+
+from collections.abc import Callable
+from typing import Any
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+
+from winding_ros.message_error import MessageError
+
+fuzzed = settings.get_profile("quick")
+any_float = st.floats(allow_nan=True, allow_infinity=True)
+number = st.floats(allow_nan=False, allow_infinity=False)
+small = st.integers(0, 40)
+uint32 = st.one_of(small, st.integers(0, 2**32 - 1))
+words = st.text(st.characters(min_codepoint=32, exclude_categories=["Cs"]), max_size=12)
+# What comes back exactly from whole nanoseconds.
+stamps = st.integers(-(2**20), 2**20).map(lambda k: k / 2.0)
+
+
+def taken(decode: Callable[[Any], Any], message: Any) -> Any:
+    """Return what a decoder makes of a message, or None when it refuses it."""
+    try:
+        return decode(message)
+    except MessageError:
+        return None
+
+
+def wired(message: Any, type_: type | None = None) -> Any:
+    """Return a message, or one of a type in CDR bytes, as it arrives at the other end."""
+    data = message if isinstance(message, bytes) else serialize_message(message)
+    return deserialize_message(data, type_ or type(message))
