@@ -23,6 +23,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from winding_ros import topics
 from winding_ros.rig_messages import decode_joint_state
 
+# Test modules are imported by path, without packages: their neighbours are found from here.
+sys.path.insert(0, str(Path(__file__).parent))
+
 CHROMIUM = Path("/usr/bin/chromium")
 # First starts compile kernels on a busy machine.
 PATIENCE = 240.0
