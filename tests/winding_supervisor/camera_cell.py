@@ -16,9 +16,9 @@ import time
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 import rclpy
 from geometry_msgs.msg import WrenchStamped
+from pictures import Pictures
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -27,13 +27,7 @@ from std_srvs.srv import Trigger
 
 from winding_core.cases import paper_case
 from winding_core.condition import Condition
-from winding_core.readings import ImageWindow
-from winding_rig_node.camera.cable_path import CablePath
-from winding_rig_node.camera.config import CameraConfig
-from winding_rig_node.camera.renderer import Renderer
-from winding_rig_node.camera.scene import Scene
-from winding_rig_node.machine.lay import published_lay
-from winding_ros.camera_messages import CameraReading, encode_camera_info, encode_image
+from winding_ros.camera_messages import encode_camera_info, encode_image
 from winding_ros.stamps import encode_stamp
 
 
@@ -119,24 +113,9 @@ class CellNode(Node):
             *(("emergency_stop", self.emergency_stop), ("reset", self.reset)),
         ):
             self.create_service(Trigger, f"rig/{name}", act)
-        config = CameraConfig()
-        end = float(self.drive.positions(20.0)[0])
-        self.lay = published_lay(self.case, self.drive, self.condition.free_length, end)
-        self.path = CablePath(theta=self.lay.path_theta, z=self.lay.path_z)
-        self.renderer, self.noise = Renderer(config), np.random.default_rng(1)
-        calibration = config.calibration()
-        x, y, width, height = calibration.roi
-        self.calibration = CameraReading(
-            width=calibration.width,
-            height=calibration.height,
-            matrix=calibration.k,
-            distortion=calibration.d,
-            window=ImageWindow(
-                x_offset=x, y_offset=y, width=width, height=height, binning=calibration.binning
-            ),
-        )
+        self.pictures = Pictures(cell.case)
         # The first picture compiles the renderer.
-        self.picture(0.0)
+        self.pictures.at(0.0)
         self.quit = threading.Event()
         self.outbox: queue.SimpleQueue[tuple[float, JointState]] = queue.SimpleQueue()
         works = [self.encode, self.deliver, *([self.photograph] if cell.frame_rate else [])]
@@ -227,25 +206,9 @@ class CellNode(Node):
             if self.paused(motion, due) and not cell.frames_in_pause:
                 continue
             stamp = due + cell.camera_offset
-            self.infos.publish(encode_camera_info(stamp, self.calibration))
-            self.images.publish(encode_image(stamp, self.picture(self.programme_time(motion, due))))
-
-    def picture(self, t: float) -> Any:
-        angle, way = self.drive.positions(t)
-        return self.renderer.render(
-            Scene(
-                cylinder_radius=self.case.cylinder_radius,
-                cable_radius=self.case.cable_radius,
-                cylinder_angle=float(angle),
-                cylinder_speed=float(self.drive.speeds(t)[0]),
-                path=self.path,
-                marker_theta=self.lay.marker_theta,
-                guide_z=float(way),
-                free_length=self.condition.free_length,
-                band_width=0.006,
-            ),
-            self.noise,
-        )
+            self.infos.publish(encode_camera_info(stamp, self.pictures.calibration))
+            frame = self.pictures.at(self.programme_time(motion, due))
+            self.images.publish(encode_image(stamp, frame))
 
 
 def main() -> None:

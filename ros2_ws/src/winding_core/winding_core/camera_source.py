@@ -68,7 +68,10 @@ class CameraSource:
     def _module(self) -> Any:
         if not self.is_file:
             return importlib.import_module(self.place)
-        name = Path(self.place).stem
+        name, folder = Path(self.place).stem, str(Path(self.place).resolve().parent)
+        if folder not in sys.path:
+            # Its neighbours are found from it, as they are when Python runs it.
+            sys.path.insert(0, folder)
         spec = importlib.util.spec_from_file_location(name, self.place)
         assert spec is not None
         assert spec.loader is not None
