@@ -84,7 +84,7 @@ def test_a_reading_that_says_nothing_does_not_end_the_camera(ros: Any, rig: RigN
 def test_without_a_rig_the_camera_is_refused_and_leaves_no_node(
     ros: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("winding_rig_node.ros.asked_parameters._PATIENCE", 0.1)
+    monkeypatch.setattr("winding_rig_node.ros.asked_parameters._ATTEMPTS", 1)
     probe = ros.plain()
     with (
         pytest.raises(SilentRigError, match="winding_rig does not say within"),

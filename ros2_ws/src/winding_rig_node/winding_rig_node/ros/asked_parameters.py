@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -13,9 +11,9 @@ from winding_core.parameters import build, declarations
 from winding_rig_node.ros.parameters import RigParameters
 from winding_ros import topics
 
-_PATIENCE = 10.0
 # An answer is lost while client and server find each other, so the request is repeated.
-_RETRY_PERIOD = 0.5
+_ATTEMPTS = 20
+_PATIENCE = 0.5
 
 
 class SilentRigError(ValueError):
@@ -36,13 +34,12 @@ def asked_parameters(node: Node) -> RigParameters:
     client = node.create_client(GetParameters, f"{topics.RIG}/get_parameters")
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
-    end = time.monotonic() + _PATIENCE
     try:
-        while time.monotonic() < end:
-            if not client.wait_for_service(timeout_sec=_RETRY_PERIOD):
+        for _ in range(_ATTEMPTS):
+            if not client.wait_for_service(timeout_sec=_PATIENCE):
                 continue
             answer = client.call_async(GetParameters.Request(names=names))
-            executor.spin_until_future_complete(answer, timeout_sec=_RETRY_PERIOD)
+            executor.spin_until_future_complete(answer, timeout_sec=_PATIENCE)
             if answer.done():
                 values = map(parameter_value_to_python, answer.result().values)
                 given = dict(zip(names, values, strict=False))
@@ -51,4 +48,5 @@ def asked_parameters(node: Node) -> RigParameters:
         executor.remove_node(node)
         executor.shutdown()
         node.destroy_client(client)
-    raise SilentRigError(f"{topics.RIG} does not say within {_PATIENCE:g} s what it is set to")
+    waited = _ATTEMPTS * _PATIENCE
+    raise SilentRigError(f"{topics.RIG} does not say within {waited:g} s what it is set to")
