@@ -109,11 +109,29 @@ def test_a_composed_graph_has_one_publisher_of_each_camera_topic() -> None:
         ("no_such_place.py:open", "no camera at no_such_place.py"),
         ("no_such_package.camera:open", "there is no module no_such_package.camera"),
         ("json:no_such_function", "json has no function no_such_function"),
+        (".relative:open", ".relative cannot be imported: ImportError"),
     ],
 )
 def test_what_is_no_camera_is_said_in_one_sentence(source: str, sentence: str) -> None:
     with pytest.raises(CameraSourceError, match=sentence):
         CameraSource.parsed(source).load()
+
+
+@pytest.mark.parametrize("place", ["broken.py", "broken.camera"])
+def test_a_camera_that_cannot_be_imported_is_said_in_one_sentence(
+    place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "broken"
+    package.mkdir()
+    for file in (tmp_path / "broken.py", package / "__init__.py"):
+        file.write_text("import a_library_that_nobody_has\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(
+        CameraSourceError,
+        match="cannot be imported: ModuleNotFoundError: No module named 'a_library_that_nobody",
+    ):
+        CameraSource.parsed(f"{place}:open_camera").load()
 
 
 @pytest.mark.slow
@@ -122,6 +140,7 @@ def test_what_is_no_camera_is_said_in_one_sentence(source: str, sentence: str) -
     [
         (("--compose", "my_camera:open"), "the simulated machine has a camera of its own"),
         (("--compose", "camera", "--attach"), "compose its camera there"),
+        (("--compose", "camera", "--secure"), "--compose and --secure exclude each other"),
         (("--frame-rate", 300), "--frame-rate must be 200 or 1000, got 300"),
         (
             ("--machine", "external", "--compose", "nowhere.py:open"),

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
+import traceback
 from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.ros.camera_port import Camera, CameraPort
+from marker_tracker_node.ros.camera_port import Camera, CameraError, CameraPort
 from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
 from marker_tracker_node.tracking.tracker import Tracker
@@ -117,10 +118,26 @@ class ComposedTrackerNode(MarkerTrackerNode):
         self._open = ExitStack()
 
     def activate(self) -> None:
-        """Begin a new run, and open the camera."""
+        """Begin a new run, and open the camera.
+
+        Raises:
+            CameraError: It does not open.
+        """
         super().activate()
-        self._open.enter_context(self._camera(CameraPort(self)))
+        try:
+            self._open.enter_context(self._camera(CameraPort(self)))
+        except Exception as error:
+            # Whoever wrote the camera needs to know where.
+            self.get_logger().error(traceback.format_exc())
+            raise CameraError(f"the camera does not open: {_told(error)}") from error
 
     def deactivate(self) -> None:
-        """Close the camera."""
-        self._open.close()
+        """Close the camera; one that fails to is left alone."""
+        try:
+            self._open.close()
+        except Exception as error:  # noqa: BLE001 - of code that is not the graph's
+            self.get_logger().error(f"{traceback.format_exc()}the camera: {_told(error)}")
+
+
+def _told(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"

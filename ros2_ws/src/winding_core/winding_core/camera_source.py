@@ -32,7 +32,8 @@ class CameraSource:
         """Return a source from `my_camera:open_camera` or `drivers/my_camera.py:open_camera`.
 
         Raises:
-            CameraSourceError: It is no such text, or there is no such file or module.
+            CameraSourceError: It is no such text, there is no such file or module, or a package
+                above the module cannot be imported.
         """
         place, colon, function = text.rpartition(":")
         if not (place and colon and function.isidentifier()):
@@ -56,9 +57,12 @@ class CameraSource:
         """Import the code and return the function.
 
         Raises:
-            CameraSourceError: It has no such function.
+            CameraSourceError: It cannot be imported, or has no such function.
         """
-        module = self._module()
+        try:
+            module = self._module()
+        except Exception as error:
+            raise _unimportable(self.place, error) from error
         found = getattr(module, self.function, None)
         if not callable(found):
             raise CameraSourceError(f"{self.place} has no function {self.function}")
@@ -77,12 +81,24 @@ class CameraSource:
         assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
-        spec.loader.exec_module(module)
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[name]
+            raise
         return module
 
 
 def _found(module: str) -> Any:
     try:
         return importlib.util.find_spec(module)
-    except ModuleNotFoundError:
-        return None
+    except Exception as error:
+        # The packages above a module are imported to find it.
+        missing = error.name if isinstance(error, ModuleNotFoundError) else None
+        if missing is not None and f"{module}.".startswith(f"{missing}."):
+            return None
+        raise _unimportable(module, error) from error
+
+
+def _unimportable(place: str, error: Exception) -> CameraSourceError:
+    return CameraSourceError(f"{place} cannot be imported: {type(error).__name__}: {error}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 class TraceEvent(IntEnum):
@@ -54,3 +55,19 @@ TRACE_DTYPE = np.dtype(
     ],
     align=True,
 )
+_KINDS: dict[str, type[IntEnum]] = {"event": TraceEvent, "channel": Channel, "station": Station}
+
+
+def usable_records(records: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Return which records bear known kinds and times that are finite, shape (n,).
+
+    Args:
+        records: TRACE_DTYPE, shape (n,).
+    """
+    usable = np.ones(len(records), dtype=bool)
+    for name in TRACE_DTYPE.names or ():
+        if name in _KINDS:
+            usable &= records[name] < len(_KINDS[name])
+        else:
+            usable &= np.isfinite(records[name])
+    return usable

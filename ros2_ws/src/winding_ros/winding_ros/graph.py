@@ -40,7 +40,6 @@ class NodeSpec:
         policy: What becomes of the run when the node fails.
         says: What it publishes where that is not what the topics say.
         arguments: Of that process, before those for ROS.
-        guest: A node without a life of its own in that process, which has the rig's parameters.
     """
 
     name: str
@@ -54,7 +53,6 @@ class NodeSpec:
     policy: Policy = Policy.END
     says: tuple[Topic, ...] | None = None
     arguments: tuple[str, ...] = ()
-    guest: str = ""
 
     @property
     def command(self) -> tuple[str, ...]:
@@ -125,9 +123,8 @@ RIG = NodeSpec(
 GRAPH: tuple[NodeSpec, ...] = (CORRECTION, FEM, TRACKER, RIG)
 
 CAMERA_TOPICS = (topics.IMAGE, topics.CAMERA_INFO, topics.PREVIEW)
-# The simulated camera where it runs in the tracker's process, and its node there.
+# The simulated camera where it runs in the tracker's process.
 SIMULATED_CAMERA = "winding_rig_node.ros.hosted_camera:open_camera"
-HOSTED_CAMERA = "winding_rig_camera"
 COMPOSED_TRACKER = replace(
     TRACKER,
     inputs=(topics.JOINT_STATES,),
@@ -144,9 +141,8 @@ def composed(graph: tuple[NodeSpec, ...], camera: str) -> tuple[NodeSpec, ...]:
         graph: The nodes.
         camera: What opens the camera, as MODULE:FUNCTION or FILE.py:FUNCTION.
     """
-    guest = HOSTED_CAMERA if camera == SIMULATED_CAMERA else ""
     others = {
-        TRACKER.name: replace(COMPOSED_TRACKER, arguments=("--camera", camera), guest=guest),
+        TRACKER.name: replace(COMPOSED_TRACKER, arguments=("--camera", camera)),
         RIG.name: replace(RIG, says=tuple(t for t in RIG.publishes if t not in CAMERA_TOPICS)),
     }
     return tuple(others.get(spec.name, spec) for spec in graph)

@@ -175,7 +175,6 @@ def node_process(
     log_directory: Path,
     parameters: Mapping[str, object],
     parameters_file: Path | None = None,
-    guest: Mapping[str, object] | None = None,
 ) -> NodeProcess:
     """Return the process of a node in a namespace, with its parameters in a file beside its log.
 
@@ -185,14 +184,11 @@ def node_process(
         log_directory: Folder of its output.
         parameters: By name; they go over those of the file.
         parameters_file: The user's, or None.
-        guest: Parameters of the node that is a guest in the process.
     """
     own = log_directory / f"{spec.name}.yaml"
     # The page's has a token.
     own.touch(mode=0o600)
     content = {f"/{namespace}/{spec.name}": {"ros__parameters": dict(parameters)}}
-    if spec.guest:
-        content[f"/{namespace}/{spec.guest}"] = {"ros__parameters": dict(guest or {})}
     own.write_text(yaml.safe_dump(content), encoding="utf-8")
     arguments = enclave_arguments(namespace, spec.name)
     arguments += ros_arguments(namespace) or ["--ros-args"]

@@ -217,7 +217,6 @@ class Orchestrator:
             self.config.log_directory,
             values,
             self.config.parameters_file,
-            guest=self.config.parameters.get(topics.RIG),
         )
 
     async def _reason(self, name: str) -> str:

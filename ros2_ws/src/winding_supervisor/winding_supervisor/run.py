@@ -146,7 +146,7 @@ class Run:
             bags=tuple(recorder.bags.folders),
             ended=ended,
             simulated=self.config.machine is None,
-            trace=None if self._trace is None else self._trace.records,
+            trace=None if self._trace is None else self._trace.since(recorder.buffer.begun_ns),
         )
 
     async def _wind(

@@ -42,6 +42,10 @@ _JPEG_QUALITY = 80
 Camera = Callable[["CameraPort"], AbstractContextManager[Any]]
 
 
+class CameraError(ValueError):
+    """A camera cannot be used."""
+
+
 class FrameTracker(Protocol):
     """The node that tracks what the port takes."""
 

@@ -147,8 +147,6 @@ def run(
     check_namespace(namespace)
     if dashboard_port is not None and not dashboard:
         refuse("--dashboard-port is for a run with --dashboard")
-    if secure:
-        refuse_open(namespace, dashboard=dashboard)
     if parameters is not None and not parameters.is_file():
         refuse(f"no parameter file at {parameters}")
     recording = recording_of(compression, split_mb)
@@ -167,7 +165,9 @@ def run(
     )
     if frame_rate not in (None, 200, 1000):
         refuse(f"--frame-rate must be 200 or 1000, got {frame_rate}")
-    camera_source = composed_camera(compose, external, attach=attach)
+    camera_source = composed_camera(compose, external, attach=attach, secure=secure)
+    if secure:
+        refuse_open(namespace, dashboard=dashboard)
     lay = lay or ("paper" if wound.is_published else "fem")
     if lay == "paper" and not wound.is_published:
         refuse("--lay paper is what the paper measured of cases 1 to 12; use --lay fem")

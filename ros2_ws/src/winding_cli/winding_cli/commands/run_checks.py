@@ -28,7 +28,11 @@ def recording_of(compression: str, split_mb: float) -> BagConfig:
 
 
 def composed_camera(
-    wanted: str | None, machine: ExternalMachineConfig | None, *, attach: bool
+    wanted: str | None,
+    machine: ExternalMachineConfig | None,
+    *,
+    attach: bool,
+    secure: bool,
 ) -> str:
     """Return what opens a camera in the tracker's process; empty for one that publishes.
 
@@ -36,6 +40,7 @@ def composed_camera(
         wanted: What was typed: camera for the simulated one, or a camera source.
         machine: The external machine; None for the simulated one.
         attach: Whether somebody else runs the nodes.
+        secure: Whether they are held to their policies.
     """
     if wanted is None:
         return ""
@@ -43,6 +48,8 @@ def composed_camera(
 
     if attach:
         refuse("with --attach somebody else runs the tracker: compose its camera there")
+    if secure:
+        refuse("--compose and --secure exclude each other: no policy lets the tracker show frames")
     if machine is None:
         if wanted != "camera":
             refuse("the simulated machine has a camera of its own: --compose camera")

@@ -57,11 +57,13 @@ class RunBuffer:
         origin: Stamp at which the run begins [s], infinite while a real machine stands before
             it; a reset leaves time as it is.
         axes: How the joint states of its machine are read.
+        begun_ns: What arrived before is of earlier runs, monotonic wall time [ns].
     """
 
     def __init__(self, recorded: Iterable[Topic]) -> None:
         self.origin = 0.0
         self.axes = MachineAxes()
+        self.begun_ns = 0
         self._lock = threading.Lock()
         self._kept = kept = [topic for topic in recorded if topic not in _PICTURES]
         self.messages: dict[str, ThinnedHistory[BufferedMessage]] = {
@@ -90,6 +92,7 @@ class RunBuffer:
         """
         with self._lock:
             self.origin = origin
+            self.begun_ns = cut_ns
             for topic in self._kept:
                 old = self.messages[topic.name]
                 later = [message for message in old if message.received_ns >= cut_ns]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,16 +15,16 @@ from rclpy.node import Node
 from winding_core.machine_axes import MachineAxes
 from winding_core.readings import AxisReading
 from winding_rig_node.machine.machine_config import SAMPLE_RATE
+from winding_rig_node.ros.asked_parameters import asked_parameters
 from winding_rig_node.ros.camera import Camera, Exposure
-from winding_rig_node.ros.parameters import RigParameters
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading, encode_camera_info
-from winding_ros.graph import HOSTED_CAMERA
-from winding_ros.node_parameters import declare_parameters
+from winding_ros.message_error import MessageError
 from winding_ros.node_trace import now_ns
 from winding_ros.polled import PolledTopic
 from winding_ros.rig_messages import JointStateReader
 
+_NAME = "winding_rig_camera"
 # The machine publishes bursts of 5 ms.
 _LOOK_PERIOD = 0.002
 
@@ -50,35 +51,41 @@ class Port(Protocol):
 def open_camera(port: Port) -> Iterator[None]:
     """Hand over a frame of the simulated machine, drawn where its encoders say that it stands.
 
+    What is wound, and how, is asked of the rig each time: an operator may have chosen something
+    else since the process was started.
+
     Args:
         port: Takes the frames, from a thread of the camera's own.
+
+    Raises:
+        SilentRigError: The rig does not say what it winds.
     """
-    node = Node(HOSTED_CAMERA, context=port.context, enable_rosout=False)
-    wanted = declare_parameters(node, RigParameters)
-    camera = Camera(wanted, wanted.laid(np.random.default_rng(wanted.seed)), _Handover(port))
-    port.calibrate(encode_camera_info(0.0, camera.calibration))
-    joints = PolledTopic(node, topics.JOINT_STATES)
+    node = Node(_NAME, context=port.context, enable_rosout=False, start_parameter_services=False)
     closing = threading.Event()
-
-    def run() -> None:
-        read = JointStateReader(MachineAxes())
-        try:
-            while not closing.wait(_LOOK_PERIOD):
-                for taken in joints.take():
-                    t, reading = read(taken.data)
-                    index = round(t * SAMPLE_RATE)
-                    if index % wanted.frame_period == 0:
-                        camera.take(_exposure(t, index, reading), now_ns())
-        except Exception as error:  # noqa: BLE001 - handed to the executor's thread
-            port.fail(error)
-
-    thread = threading.Thread(target=run, name="camera")
-    thread.start()
     try:
-        yield
+        wanted = asked_parameters(node)
+        camera = Camera(wanted, wanted.laid(np.random.default_rng(wanted.seed)), _Handover(port))
+        port.calibrate(encode_camera_info(0.0, camera.calibration))
+        joints, read = PolledTopic(node, topics.JOINT_STATES), JointStateReader(MachineAxes())
+
+        def run() -> None:
+            try:
+                while not closing.wait(_LOOK_PERIOD):
+                    for t, reading in _usable(joints, read):
+                        index = round(t * SAMPLE_RATE)
+                        if index % wanted.frame_period == 0:
+                            camera.take(_exposure(t, index, reading), now_ns())
+            except Exception as error:  # noqa: BLE001 - handed to the executor's thread
+                port.fail(error)
+
+        thread = threading.Thread(target=run, name="camera")
+        thread.start()
+        try:
+            yield
+        finally:
+            closing.set()
+            thread.join()
     finally:
-        closing.set()
-        thread.join()
         node.destroy_node()
 
 
@@ -94,6 +101,13 @@ class _Handover:
 
     def preview(self, t: float, jpeg: bytes) -> None:
         """Leave it to the port."""
+
+
+def _usable(joints: PolledTopic, read: JointStateReader) -> Iterator[tuple[float, AxisReading]]:
+    """Yield what has arrived and says where the axes are; the tracker counts what does not."""
+    for taken in joints.take():
+        with contextlib.suppress(MessageError):
+            yield read(taken.data)
 
 
 def _exposure(t: float, index: int, reading: AxisReading) -> Exposure:
