@@ -16,6 +16,8 @@ HEAVY = (
     "scipy.spatial", "scipy.special", "scipy.stats", "sklearn", "joblib", "matplotlib", "torch",
     "nicegui", "pyarrow", "rosbags", "mcap", "asyncua", "coverage",
 )  # fmt: skip
+# What only help and refusals are written with.
+HELP = ("typer.rich_utils", "markdown_it", "pygments")
 # What a core is made of; help needs no core.
 CORES = ("numpy", "numba", "cv2", "rclpy", "yaml", "asyncio", "pydantic")
 
@@ -52,24 +54,33 @@ def test_a_run_begins_without_what_its_report_needs() -> None:
 
 
 def test_a_prediction_needs_numpy_and_numba_alone() -> None:
-    code = (
-        "from winding_cli.commands.predict import predict\n"
-        "from winding_study.runs.run_parameters import RunParameters\n"
-        "RunParameters.from_typed({'case': 4}).plan().model()"
-    )
+    code = command("predict", "--case", "4", "--duration-s", "0.1")
     # The compiler itself imports more, so another process sees to it that there is code.
     loaded(code, ())
-    assert loaded(code, (*HEAVY, "yaml", "rclpy", "cv2")) == []
+    needless = ("scipy", "yaml", "rclpy", "cv2", "pydantic", "numba.np.arrayobj", *HELP)
+    assert loaded(code, (*HEAVY, *needless)) == []
 
 
 @pytest.mark.parametrize("words", [["--help"], []])
 def test_help_imports_no_command(words: list[str]) -> None:
+    commands = ("winding_cli.commands.run", "winding_core", "winding_ros")
+    renderers = ("markdown_it", "pygments", "attr")
+    assert loaded(command(*words), (*HEAVY, *CORES, *commands, *renderers)) == []
+
+
+def test_help_leaves_what_it_does_without_to_others() -> None:
     code = (
+        f"{command('--help')}\nfrom rich.markdown import Markdown\nassert Markdown('# text').parsed"
+    )
+    assert loaded(code, ("markdown_it",)) == ["markdown_it"]
+
+
+def command(*words: str) -> str:
+    """Return code that runs the command and shows nothing."""
+    return (
         "import contextlib, io, sys\n"
         "from winding_cli.commands.app import app\n"
         f"sys.argv = ['winding', *{words!r}]\n"
         "with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):\n"
         "    app()"
     )
-    commands = ("winding_cli.commands.run", "winding_core", "winding_ros")
-    assert loaded(code, (*HEAVY, *CORES, *commands)) == []

@@ -10,7 +10,9 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import io
 import os
+import pickle
 import shutil
 import sys
 import warnings
@@ -22,7 +24,13 @@ import numpy as np
 
 from winding_core.lean_numba import numba  # isort: skip - before its parts
 
-from numba.core.caching import Cache, CompileResultCacheImpl, _CacheLocator
+from numba.core.caching import (
+    Cache,
+    CompileResultCacheImpl,
+    IndexDataCacheFile,
+    _CacheLocator,
+)
+from numba.core.environment import Environment, _rebuild_env, lookup_environment
 from numba.core.runtime import rtsys
 
 # What a kernel may call or take constants from, beside its own package.
@@ -126,8 +134,42 @@ class _Code(CompileResultCacheImpl):  # type: ignore[misc]
     _locator_classes = (_Place,)
 
 
+def _environment(module: str, constants: list[object], name: str) -> Any:
+    """Return what ready code of a function has around it, without importing the function's module.
+
+    Code that was made without Python objects reads no globals. A module of numba whose function a
+    kernel calls, such as np.zeros, would bring half of what numba can compile with it.
+    """
+    if module in sys.modules or lookup_environment(name) is not None:
+        return _rebuild_env(module, constants, name)
+    made = Environment({"__name__": module})
+    made.consts[:] = constants
+    made.env_name = name
+    Environment._memo[name] = made
+    return made
+
+
+class _Reader(pickle.Unpickler):
+    def find_class(self, module: str, name: str) -> Any:
+        found = super().find_class(module, name)
+        return _environment if found is _rebuild_env else found
+
+
+class _Files(IndexDataCacheFile):  # type: ignore[misc]
+    def _load_data(self, name: str) -> Any:
+        return _Reader(io.BytesIO(Path(self._data_path(name)).read_bytes())).load()
+
+
 class _KernelCache(Cache):  # type: ignore[misc]
     _impl_class = _Code
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        super().__init__(function)
+        self._cache_file = _Files(
+            cache_path=self._cache_path,
+            filename_base=self._impl.filename_base,
+            source_stamp=self._impl.locator.get_source_stamp(),
+        )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return ready code, or None.

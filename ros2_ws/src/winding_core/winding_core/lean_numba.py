@@ -6,8 +6,9 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-# A tracer of lines, which sees none of compiled code, and the reader of a configuration file.
-_NEEDLESS = ("coverage", "yaml")
+# A tracer of lines, which sees none of compiled code, the reader of a configuration file, and a
+# library of which only the version is looked at.
+_NEEDLESS = ("coverage", "yaml", "scipy")
 
 
 @contextmanager

@@ -7,7 +7,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand
+
+from winding_cli.commands.lean_help import import_help
+from winding_cli.commands.lean_options import LeanCommand, LeanGroup
 
 # Command -> first paragraph of its help, in the order in which help lists them.
 SAID = {
@@ -52,7 +55,7 @@ class _LateCommands(Mapping[str, Any]):
         command = getattr(importlib.import_module(f"winding_cli.commands.{name}"), name)
         if not isinstance(command, typer.Typer):
             alone = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
-            alone.command()(command)
+            alone.command(cls=LeanCommand)(command)
             command = alone
         return typer.main.get_command(command)
 
@@ -63,7 +66,7 @@ class _LateCommands(Mapping[str, Any]):
         return len(SAID)
 
 
-class _LateGroup(TyperGroup):
+class _LateGroup(LeanGroup):
     """Lists its commands without importing them."""
 
     def __init__(self, **settings: Any) -> None:
@@ -74,6 +77,7 @@ class _LateGroup(TyperGroup):
         return list(self.commands)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
+        import_help()
         late = self.commands
         self.commands = {name: TyperCommand(name, help=said) for name, said in SAID.items()}
         try:

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.console import result_console
+from winding_cli.commands.console import progress_bar, result_console
 from winding_cli.commands.output_path import check_output_file, write_json
 from winding_cli.commands.refusal import refuse
 from winding_core.units import MILLIMETRE
@@ -49,15 +48,12 @@ def _wind(run: PlannedRun) -> Prediction:
     console = Console(stderr=True)
     if not is_compiled():
         console.print("compiling the solver's kernels: once after installation, a minute at most")
-    with Progress(
-        TextColumn(f"winding with the {run.element}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-    ) as bar:
-        task = bar.add_task("winding", total=1.0)
+    if not console.is_terminal:
+        return run.wind()
+    from rich.progress import TaskProgressColumn, TimeElapsedColumn
+
+    with progress_bar(TaskProgressColumn(), TimeElapsedColumn()) as bar:
+        task = bar.add_task(f"winding with the {run.element}", total=1.0)
 
         def show(share: float) -> None:
             bar.update(task, completed=share)
