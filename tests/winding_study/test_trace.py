@@ -160,3 +160,24 @@ def test_the_file_is_one_that_viewers_of_trace_events_read(tmp_path: Path) -> No
             # Hops follow each other without a gap.
             assert all(a["ts"] == b["ts"] for a, b in list(pairwise(hops))[1::2])
     assert all(event["dur"] >= 0.0 for event in events if event["ph"] == "X")
+
+
+def test_what_two_threads_of_a_node_do_at_once_stands_in_two_rows(tmp_path: Path) -> None:
+    noted = np.array(
+        [
+            (TAKEN, Channel.FRAME, Station.TRACKER, 0.0, BEGIN, BEGIN, BEGIN, BEGIN + 4 * HOP),
+            (PUBLISHED, Channel.TRACKED, Station.TRACKER, 0.0, 0, 0, BEGIN + HOP, BEGIN + 2 * HOP),
+            (TAKEN, Channel.JOINT_STATES, Station.TRACKER, 0.0, 0, 0, BEGIN + HOP, BEGIN + 5 * HOP),
+            (TAKEN, Channel.FRAME, Station.TRACKER, 0.0, 0, 0, BEGIN + 5 * HOP, BEGIN + 6 * HOP),
+        ],
+        dtype=TRACE_DTYPE,
+    )
+    write_chrome_trace(length_trace(noted), noted, tmp_path / "trace.json")
+    events = json.loads((tmp_path / "trace.json").read_text())["traceEvents"]
+    rows = [(event["name"], event["tid"]) for event in events if event["ph"] == "X"]
+    assert rows == [
+        ("take frame", 1),
+        ("publish tracked", 1),
+        ("take joint_states", 2),
+        ("take frame", 1),
+    ]

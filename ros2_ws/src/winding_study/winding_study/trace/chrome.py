@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -72,7 +73,12 @@ def _way_events(way: Way, origin: float) -> Iterator[dict[str, Any]]:
 
 
 def _node_events(records: NDArray[np.void], origin: float) -> Iterator[dict[str, Any]]:
-    """Yield what each node did; what it publishes lies within what it takes."""
+    """Yield what each node did; what it publishes lies within what it takes.
+
+    Viewers draw slices of a row that lie within each other, not those that overlap: what a
+    second thread does at the same time gets a row of its own.
+    """
+    open_ends: dict[int, list[list[float]]] = defaultdict(list)
     for row in records[np.argsort(records["began"], kind="stable")]:
         event = TraceEvent(int(row["event"]))
         begin, end = float(row["began"]), float(row["ended"])
@@ -80,9 +86,26 @@ def _node_events(records: NDArray[np.void], origin: float) -> Iterator[dict[str,
             "ph": "X",
             "name": f"{_VERBS[event]} {Channel(int(row['channel'])).name.lower()}",
             "pid": _FIRST_STATION + int(row["station"]),
-            # Frames are exposed and published beside the machine, in a thread of their own.
-            "tid": 2 if event is TraceEvent.EXPOSED else 1,
+            "tid": _free_row(open_ends[int(row["station"])], begin, end),
             "ts": round(_MICRO * (begin - origin), 1),
             "dur": round(_MICRO * (end - begin), 1),
             "args": {"stamp_s": float(row["stamp"])},
         }
+
+
+def _free_row(rows: list[list[float]], begin: float, end: float) -> int:
+    """Return the number of the first row, from 1, in which a slice overlaps no other.
+
+    Args:
+        rows: Ends of the slices that are open in each, outermost first; this one is added.
+        begin: Of the slice, not before those that came earlier.
+        end: Of the slice.
+    """
+    for number, ends in enumerate(rows, start=1):
+        while ends and ends[-1] <= begin:
+            ends.pop()
+        if not ends or end <= ends[-1]:
+            ends.append(end)
+            return number
+    rows.append([end])
+    return len(rows)
