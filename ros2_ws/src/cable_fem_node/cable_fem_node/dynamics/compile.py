@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar, cast
 
+from winding_core.lean_numba import numba  # isort: skip - before its parts
+
+from numba.extending import register_jitable
+
 from winding_core.kernel_cache import cached, code_folder
-from winding_core.lean_numba import numba
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -19,6 +22,17 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile an array function to cached machine code that releases the interpreter lock."""
     compile_ = numba.njit(nogil=True, fastmath=_REORDER, error_model="numpy")
     return cast(Callable[P, R], cached(compile_(function)))
+
+
+def called(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function within the kernels that call it; Python runs it as it is written.
+
+    An entry from Python, with all its arrays taken apart, takes as long to compile as the function.
+    What is called with a literal stays a kernel: here the literal would be one argument among
+    others, and sums that may be reordered would round differently.
+    """
+    within = register_jitable(nogil=True, fastmath=_REORDER, error_model="numpy")
+    return cast(Callable[P, R], within(function))
 
 
 def is_compiled() -> bool:

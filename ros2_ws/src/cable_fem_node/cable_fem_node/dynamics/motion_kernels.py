@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.contact_kernels import touch_cylinder
 from cable_fem_node.dynamics.points import LOSS_DAMPING, WORK_SPAN, WORK_TIE, FloatArray, Points
 from cable_fem_node.dynamics.surroundings import Surroundings, Touch
 
 
-@kernel
+@called
 def amplitude_at(t: float, times: FloatArray, values: FloatArray) -> float:
     """Return the piecewise linear amplitude of the loads; constant beyond its ends."""
     last = times.shape[0] - 1

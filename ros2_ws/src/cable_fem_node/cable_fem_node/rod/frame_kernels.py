@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.points import FloatArray
 
 
@@ -32,7 +32,7 @@ def transport(
     v[0], v[1], v[2] = x, y, z
 
 
-@kernel
+@called
 def carry_frames(
     elements: int, tangent: FloatArray, carried: FloatArray, director: FloatArray
 ) -> None:
@@ -53,7 +53,7 @@ def carry_frames(
             carried[c, i] = tangent[c, i]
 
 
-@kernel
+@called
 def reference_twist(
     elements: int, tangent: FloatArray, director: FloatArray, twist: FloatArray
 ) -> None:
@@ -74,7 +74,7 @@ def reference_twist(
         twist[i] = angle + 2.0 * math.pi * round((twist[i] - angle) / (2.0 * math.pi))
 
 
-@kernel
+@called
 def frame_forces(
     begin: int,
     end: int,

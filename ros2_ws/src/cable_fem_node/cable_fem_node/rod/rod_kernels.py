@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.rod.rod_arrays import AxialResponse, Work
 
@@ -21,7 +21,7 @@ from cable_fem_node.rod.rod_arrays import AxialResponse, Work
 SERIES_LIMIT = 0.12
 
 
-@kernel
+@called
 def turning_series(u: float) -> float:
     """Return phi / sin(phi) for small u = 1 - cos(phi): the arcsine series n! / (2n + 1)!! u^n."""
     high = 0.0024864024864024864 + u * (0.0011700717524915897 + u * 0.00055424452486443733)
@@ -32,7 +32,7 @@ def turning_series(u: float) -> float:
     return 1.0 + u * (0.33333333333333333 + u * low)
 
 
-@kernel
+@called
 def turning_factor(u: float) -> float:
     """Return phi / sin(phi) for u = 1 - cos(phi); beyond a right angle it stays at pi / 2.
 
@@ -58,7 +58,7 @@ def turning_angle_squared(u: float) -> float:
     return phi * phi
 
 
-@kernel
+@called
 def law_value(stretch: float, response: AxialResponse) -> float:
     """Return the tabulated nominal stress [Pa]; beyond the table its end values stay."""
     table = response.table
@@ -69,7 +69,7 @@ def law_value(stretch: float, response: AxialResponse) -> float:
     return value
 
 
-@kernel
+@called
 def law_energy(stretch: float, response: AxialResponse) -> float:
     """Return the tabulated energy density [J/m^3], the integral of `law_value`."""
     table = response.table
@@ -81,7 +81,7 @@ def law_energy(stretch: float, response: AxialResponse) -> float:
     return energy
 
 
-@kernel
+@called
 def stretch_elements(
     elements: int,
     position: FloatArray,
@@ -106,7 +106,7 @@ def stretch_elements(
         tension[i] = response.area * law_value(tension[i], response)
 
 
-@kernel
+@called
 def bend_nodes(elements: int, reference: FloatArray, bending: float, work: Work) -> None:
     """Fill cos(phi) and dE/dcos(phi) [J] of the inner nodes 1..elements-1."""
     tangent, cosine, slope = work.tangent, work.cosine, work.slope
@@ -160,7 +160,7 @@ def bend_end(
     work.slope[node] = -2.0 * bending * turning_factor(1.0 - c) / reference
 
 
-@kernel
+@called
 def element_force(elements: int, first: FloatArray, last: FloatArray, work: Work) -> None:
     """Fill the force that each element passes on (3, elements), dE/d(edge vector) [N].
 

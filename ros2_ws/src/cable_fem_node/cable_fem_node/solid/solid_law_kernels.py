@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.points import FloatArray
 
 LINEAR, HENCKY, HENCKY_CAUCHY, HYPERELASTIC = range(4)
@@ -24,7 +24,7 @@ KINDS = {
 }
 
 
-@kernel
+@called
 def cofactor(f: FloatArray, out: FloatArray) -> float:
     """Fill the cofactor matrix of f, both of shape (3, 3); return its determinant."""
     for i in range(3):
@@ -36,7 +36,7 @@ def cofactor(f: FloatArray, out: FloatArray) -> float:
     return determinant
 
 
-@kernel
+@called
 def hyperelastic(
     f: FloatArray, cof: FloatArray, j: float, c10: float, c01: float, bulk: float, p: FloatArray
 ) -> float:
@@ -125,7 +125,7 @@ def biot(
     return shear * strain + 0.5 * lame * (trace - 3.0) ** 2
 
 
-@kernel
+@called
 def logarithmic(
     f: FloatArray,
     j: float,

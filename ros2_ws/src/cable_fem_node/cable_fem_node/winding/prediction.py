@@ -141,6 +141,7 @@ class PlannedRun:
         progress: Progress | None = None,
         *,
         rate: float = 50.0,
+        whole: bool = True,
         cpu_clock: Clock = time.process_time,
     ) -> Prediction:
         """Take the model along the machine's plan from start to finish.
@@ -148,6 +149,7 @@ class PlannedRun:
         Args:
             progress: Called with the share done, 0..1.
             rate: Marker records per second [1/s].
+            whole: Keep the records of all times; else of the end alone, after the same steps.
             cpu_clock: Processor time [s], for the speed that is reported.
 
         Raises:
@@ -159,13 +161,12 @@ class PlannedRun:
         model = self.model()
         frames = max(1, math.ceil(self.duration * rate - 1.0e-9))
         times = self.duration * np.arange(frames + 1) / frames
-        start = model.markers()
-        history = np.empty((frames + 1, start.size), dtype=start.dtype)
-        history[0] = start
+        records = [model.markers()] if whole else []
         started = cpu_clock()
         for i, t in enumerate(times[1:].tolist(), start=1):
             model.advance_to(t, self.drive.reading_at(t))
-            history[i] = model.markers()
+            if whole or i == frames:
+                records.append(model.markers())
             if progress is not None:
                 progress(i / frames)
         cpu_seconds = cpu_clock() - started
@@ -176,8 +177,8 @@ class PlannedRun:
         return Prediction(
             config=self.config,
             drive=self.drive,
-            times=times,
-            history=history,
+            times=times[-len(records) :],
+            history=np.stack(records),
             arc=arc,
             theta=theta,
             z=z,

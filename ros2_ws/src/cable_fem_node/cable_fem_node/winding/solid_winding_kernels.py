@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.contact_kernels import touch_cylinder
 from cable_fem_node.dynamics.points import (
     LOSS_DAMPING,
@@ -40,7 +40,7 @@ class Machine(NamedTuple):
     first: FloatArray  # (3, per_section) nodes of section 0 at cylinder angle zero
 
 
-@kernel
+@called
 def middle_of(section: int, per: int, position: FloatArray, out: FloatArray) -> None:
     """Fill the mean position (3,) of a section's nodes."""
     begin = section * per
@@ -51,7 +51,7 @@ def middle_of(section: int, per: int, position: FloatArray, out: FloatArray) -> 
         out[c] = total / per
 
 
-@kernel
+@called
 def hold_sections(
     dt: float,
     turned: float,

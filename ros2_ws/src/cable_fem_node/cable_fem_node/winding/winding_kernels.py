@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.contact_kernels import touch_cylinder
 from cable_fem_node.dynamics.points import (
     LOSS_DAMPING,
@@ -49,14 +49,14 @@ from cable_fem_node.winding.winding_state import (
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 
 
-@kernel
+@called
 def hermite(a: float, b: float, da: float, db: float, u: float) -> float:
     """Return the cubic through two values with slopes per unit of u."""
     step = b - a
     return a + u * (da + u * (3.0 * step - 2.0 * da - db + u * (da + db - 2.0 * step)))
 
 
-@kernel
+@called
 def move_nodes(
     elements: int,
     dt: float,
@@ -100,7 +100,7 @@ def move_nodes(
     return k.mass * k.damping_rate * dt * loss
 
 
-@kernel
+@called
 def roll_nodes(elements: int, dt: float, cable: Points, work: Work, k: Constants) -> None:
     """Take one step of the cable's rotation about its own axis.
 
@@ -282,7 +282,7 @@ def advance_winding(
     return nodes, steps, surface_step, RUNNING, 0
 
 
-@kernel
+@called
 def inflow(
     x: FloatArray, v: FloatArray, a: int, b: int, k: Constants, response: AxialResponse
 ) -> float:

@@ -49,7 +49,7 @@ def _wind(run: PlannedRun) -> Prediction:
     if not is_compiled():
         console.print("compiling the solver's kernels: once after installation, a minute at most")
     if not console.is_terminal:
-        return run.wind()
+        return run.wind(whole=False)
     from rich.progress import TaskProgressColumn, TimeElapsedColumn
 
     with progress_bar(TaskProgressColumn(), TimeElapsedColumn()) as bar:
@@ -58,7 +58,7 @@ def _wind(run: PlannedRun) -> Prediction:
         def show(share: float) -> None:
             bar.update(task, completed=share)
 
-        return run.wind(show)
+        return run.wind(show, whole=False)
 
 
 def _print(result: Prediction, element: str) -> None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.compiling import compiled
+from winding_core.compiling import called, compiled
 from winding_rig_node.camera.cable_path import PathTable, path_crosses
 from winding_rig_node.camera.cable_section import (
     FACETS,
@@ -107,7 +107,7 @@ def draw_cable(
                 _draw_stretch(view, gloss, path, stretch, start, end, room_for, samples)
 
 
-@compiled
+@called
 def _shown(
     cable: Cable, sight: Sight, free: bool, turn: int
 ) -> tuple[float, float]:  # pragma: no cover
@@ -119,7 +119,7 @@ def _shown(
     return front - sight.last_azimuth, front - sight.first_azimuth
 
 
-@compiled
+@called
 def _crosses(
     cable: Cable, path: PathTable, sight: Sight, start: float, end: float
 ) -> bool:  # pragma: no cover
@@ -132,7 +132,7 @@ def _crosses(
     return min(one, other) <= sight.z_high and max(one, other) >= sight.z_low
 
 
-@compiled
+@called
 def _draw_stretch(
     view: View,
     gloss: FloatArray,
@@ -171,7 +171,7 @@ def _draw_stretch(
         draw_ribbon(crossings, rims, 2 - to_k % 2, stretch.value, samples)
 
 
-@compiled
+@called
 def _half_bands(
     cable: Cable, path: PathTable, markers: FloatArray
 ) -> FloatArray:  # pragma: no cover
@@ -185,7 +185,7 @@ def _half_bands(
     return half
 
 
-@compiled
+@called
 def _breaks(
     cable: Cable, markers: FloatArray, half_bands: FloatArray
 ) -> FloatArray:  # pragma: no cover

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.compiling import compiled
+from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -93,7 +93,7 @@ def _table(theta: FloatArray, z: FloatArray) -> PathTable:
     return PathTable(theta, z, first.astype(np.int64), lowest, highest)
 
 
-@compiled
+@called
 def path_height(
     theta: FloatArray, z: FloatArray, first: IndexArray, at: float
 ) -> tuple[float, float]:  # pragma: no cover
@@ -115,7 +115,7 @@ def path_height(
     return z[low] + slope * (at - theta[low]), slope
 
 
-@compiled
+@called
 def path_crosses(
     path: PathTable, start: float, end: float, low: float, high: float
 ) -> bool:  # pragma: no cover

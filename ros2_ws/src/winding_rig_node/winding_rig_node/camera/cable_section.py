@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.compiling import compiled
+from winding_core.compiling import called
 from winding_rig_node.camera.cable_path import path_height
 from winding_rig_node.camera.optics import Lens, project
 from winding_rig_node.camera.raster import COLUMN, GLOSS, NEAR, ROW, SHADE
@@ -92,13 +92,13 @@ class Place(NamedTuple):
     rise: float
 
 
-@compiled
+@called
 def span_rise(cable: Cable) -> float:  # pragma: no cover
     """Return dz per way towards the guide of the free span."""
     return (cable.guide_z - cable.landing_z) / cable.free_length
 
 
-@compiled
+@called
 def centre_line(
     cable: Cable, grid: FloatArray, heights: FloatArray, first: IndexArray, theta: float
 ) -> Place:  # pragma: no cover
@@ -113,7 +113,7 @@ def centre_line(
     return Place(rho * c, rho * s, z, c, s, slope / rho)
 
 
-@compiled
+@called
 def section(
     view: View, gloss: FloatArray, place: Place, rims: FloatArray, which: int
 ) -> bool:  # pragma: no cover
@@ -176,7 +176,7 @@ def section(
     return True
 
 
-@compiled
+@called
 def _highlight(gloss: FloatArray, cosine: float) -> float:  # pragma: no cover
     """Return the highlight at a cosine of the half-angle, linear between those of the table."""
     place = min(max(cosine, 0.0), 1.0) * (gloss.size - 1)

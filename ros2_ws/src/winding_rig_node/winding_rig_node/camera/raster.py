@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.compiling import compiled
+from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -49,7 +49,7 @@ class Samples(NamedTuple):
     per_pixel: int
 
 
-@compiled
+@called
 def between(one: Point, other: Point, share: float) -> Point:  # pragma: no cover
     """Return the point at a share of the way from one to another."""
     return Point(
@@ -61,7 +61,7 @@ def between(one: Point, other: Point, share: float) -> Point:  # pragma: no cove
     )
 
 
-@compiled
+@called
 def touch(
     touched: ByteArray, row: int, first: int, last: int, per_pixel: int
 ) -> None:  # pragma: no cover
@@ -70,7 +70,7 @@ def touch(
         touched[row // per_pixel, block] = 1
 
 
-@compiled
+@called
 def fill_triangle(
     a: Point, b: Point, c: Point, value: int, seen: SingleArray
 ) -> None:  # pragma: no cover

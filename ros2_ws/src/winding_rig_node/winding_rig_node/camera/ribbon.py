@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.compiling import compiled
+from winding_core.compiling import called
 from winding_rig_node.camera.raster import (
     COLUMN,
     GLOSS,
@@ -33,13 +33,13 @@ FloatArray = NDArray[np.float64]
 BEGIN = 0
 
 
-@compiled
+@called
 def point(rims: FloatArray, which: int, m: int) -> Point:  # pragma: no cover
     """Return corner m of one of some sections."""
     return _point_of(rims, which, m, rims[which, m, ROW])
 
 
-@compiled
+@called
 def _point_of(table: FloatArray, which: int, m: int, row: float) -> Point:  # pragma: no cover
     """Return what is kept of corner m of a section, or of its line at a crossing, with its row."""
     return Point(
@@ -51,7 +51,7 @@ def _point_of(table: FloatArray, which: int, m: int, row: float) -> Point:  # pr
     )
 
 
-@compiled
+@called
 def begin(rims: FloatArray, which: int) -> None:  # pragma: no cover
     """Keep a section as the one that a ribbon begins with."""
     for m in range(rims.shape[1]):
@@ -59,7 +59,7 @@ def begin(rims: FloatArray, which: int) -> None:  # pragma: no cover
             rims[BEGIN, m, j] = rims[which, m, j]
 
 
-@compiled
+@called
 def direction(rims: FloatArray, one: int, other: int) -> int:  # pragma: no cover
     """Return 1 if a section lies below another at every corner, -1 if above, 0 if neither."""
     down, up = True, True
@@ -69,7 +69,7 @@ def direction(rims: FloatArray, one: int, other: int) -> int:  # pragma: no cove
     return int(down) - int(up)
 
 
-@compiled
+@called
 def extend(
     crossings: FloatArray, rims: FloatArray, one: int, other: int
 ) -> None:  # pragma: no cover
@@ -95,7 +95,7 @@ def extend(
             crossings[row, m, GLOSS] = place.gloss
 
 
-@compiled
+@called
 def draw_ribbon(
     crossings: FloatArray, rims: FloatArray, end: int, value: int, samples: Samples
 ) -> None:  # pragma: no cover
@@ -161,14 +161,14 @@ def draw_ribbon(
             touch(touched, row, left, right, per_pixel)
 
 
-@compiled
+@called
 def _cut(rims: FloatArray, end: int, m: int, row: int) -> Point:  # pragma: no cover
     """Return where a row cuts the side of facet m at an end of the ribbon."""
     one, other = point(rims, end, m), point(rims, end, m + 1)
     return between(one, other, (row - one.row) / (other.row - one.row))
 
 
-@compiled
+@called
 def draw_triangles(
     rims: FloatArray, one: int, other: int, value: int, samples: Samples
 ) -> None:  # pragma: no cover

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from winding_core.compiling import compiled
+from winding_core.compiling import called
 from winding_rig_node.camera.optics import Lens
 
 # A section whose azimuth has a smaller cosine stands behind the cylinder.
@@ -41,7 +41,7 @@ class Sight(NamedTuple):
     z_high: float
 
 
-@compiled
+@called
 def sight_of(lens: Lens, rays: RayRange, rho: float, room: float) -> Sight:  # pragma: no cover
     """Return where a centre line at the radius rho [m] can show.
 
