@@ -47,7 +47,9 @@ def test_a_node_may_do_what_the_graph_says_and_no_more() -> None:
 def test_only_the_orchestrator_and_the_page_command_the_machine() -> None:
     policy = sros2_policy("cell")
     for spec in GRAPH:
-        assert not allowed(policy, spec.name, "services", "request")
+        # Anybody may ask for a stop (winding_ros.stop_request).
+        asked = allowed(policy, spec.name, "services", "request")
+        assert asked == {"rig/quick_stop", "rig/stop"}
     for node in ("orchestrator", PAGE.name):
         assert set(served_by(topics.RIG)) <= allowed(policy, node, "services", "request")
     recording = set(served_by(topics.RECORDER))

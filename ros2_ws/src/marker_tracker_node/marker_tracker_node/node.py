@@ -124,12 +124,15 @@ class ComposedTrackerNode(MarkerTrackerNode):
             CameraError: It does not open.
         """
         super().activate()
+        port = CameraPort(self)
         try:
-            self._open.enter_context(self._camera(CameraPort(self)))
+            self._open.enter_context(self._camera(port))
         except Exception as error:
             # Whoever wrote the camera needs to know where.
             self.get_logger().error(traceback.format_exc())
             raise CameraError(f"the camera does not open: {_told(error)}") from error
+        # Closed first: what the device still delivers while it closes is not tracked.
+        self._open.callback(port.close)
 
     def deactivate(self) -> None:
         """Close the camera; one that fails to is left alone."""

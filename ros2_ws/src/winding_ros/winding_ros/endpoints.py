@@ -150,6 +150,29 @@ class Endpoints:
         for answer in answers:
             self.publish(answer.topic, answer.message)
 
+    def admit(self, topic: Topic, t: float, work: Callable[[], None]) -> bool:
+        """Deal with a message that was handed over within the process, from any one thread.
+
+        It is judged as if it had come on its topic.
+
+        Args:
+            topic: Whose message it is.
+            t: Its stamp [s].
+            work: Deals with it, and may refuse it with MessageError.
+
+        Returns:
+            Whether it was let in.
+        """
+        guard = self._guard(topic)
+        try:
+            guard.check(t, self._now, time.monotonic())
+            work()
+        except (MessageError, StampError) as error:
+            self._refuse(guard, error)
+            return False
+        guard.accept()
+        return True
+
     def begin_run(self) -> None:
         """Take the next stamp of every topic as it comes."""
         for guard in self._guards.values():
@@ -223,14 +246,17 @@ class Endpoints:
                 guard.check(_stamp(message, raw=raw), self._now, time.monotonic())
                 callback(message)
             except (MessageError, StampError) as error:
-                guard.refuse(str(error), time.monotonic())
-                if guard.persistent:
-                    self._stop_request.ask(f"{topic.name}: {error}")
+                self._refuse(guard, error)
             else:
                 guard.accept()
             self._heartbeat.beat()
 
         return guarded
+
+    def _refuse(self, guard: MessageGuard, error: Exception) -> None:
+        guard.refuse(str(error), time.monotonic())
+        if guard.persistent:
+            self._stop_request.ask(f"{guard.topic}: {error}")
 
     def _traced(self, topic: Topic, take: Callable[[bytes], None]) -> Callable[[Delivered], None]:
         trace = self.trace

@@ -13,7 +13,7 @@ from winding_ros import topics
 from winding_ros.environment import enclave
 from winding_ros.graph import GRAPH, PAGE, NodeSpec
 from winding_ros.heartbeat import heartbeat_topic
-from winding_ros.services import SERVICES, served_by
+from winding_ros.services import QUICK_STOP, SERVICES, STOP, served_by
 from winding_ros.topics import ORCHESTRATOR
 
 # What rclpy serves for every lifecycle node, in its own namespace.
@@ -51,9 +51,9 @@ class SecurityError(ValueError):
 def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
     """Return the graph's access policy as SROS2 policy XML (version 0.2.0).
 
-    Every node may publish, hear and serve what the graph says and nothing else. Only the
-    orchestrator and the operator's page may ask for transitions, parameters and services of the
-    machine, only a commander may publish commands for its axes.
+    Every node may publish, hear and serve what the graph says, and ask the machine to stop. Only
+    the orchestrator and the operator's page may ask for transitions, parameters and the other
+    services of the machine, only a commander may publish commands for its axes.
     """
     root = ET.Element("policy", version="0.2.0")
     enclaves = ET.SubElement(root, "enclaves")
@@ -67,6 +67,8 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
         _allow(profile, "topics", "subscribe", [*heard, heartbeat_topic(ORCHESTRATOR)])
         own = (f"{spec.name}/{name}" for name in _OWN_SERVICES)
         _allow(profile, "services", "reply", [*own, *served_by(spec.name)])
+        # Whoever is given nothing it can use asks the machine to stop, and nothing else.
+        _allow(profile, "services", "request", [QUICK_STOP.name, STOP.name])
     # Orchestrator and recorder share a process, so they share keys.
     process = _enclave(enclaves, namespace, ORCHESTRATOR)
     profile = _profile(process, namespace, ORCHESTRATOR)

@@ -74,8 +74,13 @@ class CameraPort:
         self._node = node
         self._info = b""
         self._next = -np.inf
+        self._closed = False
         self.context = node.context
         self.fail = node.fail
+
+    def close(self) -> None:
+        """Take nothing any more: a device may deliver a frame that was on its way."""
+        self._closed = True
 
     def calibrate(self, info: CameraInfo | bytes) -> None:
         """Take the calibration of the frames that follow: full resolution, window, binning.
@@ -94,13 +99,23 @@ class CameraPort:
             t: Instant of its exposure, on the clock of the joint states [s].
             frame: Blue-green-red, shape (rows, columns, 3); left unchanged until this returns.
 
+        A frame whose time runs backwards is refused, counted and named in /diagnostics.
+
         Raises:
             RuntimeError: No calibration has come before it.
+            ValueError: The frame is no such array, or its time is no number.
         """
         if not self._info:
             raise RuntimeError("a frame has come before any calibration")
-        if not self._node.active:
+        if frame.dtype != np.uint8 or frame.ndim != 3 or frame.shape[2] != 3:
+            raise ValueError(f"frame must be uint8 (h, w, 3), got {frame.dtype} {frame.shape}")
+        if not np.isfinite(t):
+            raise ValueError(f"the time of a frame must be finite, got {t} s")
+        if self._closed or not self._node.active:
             return
+        self._node.endpoints.admit(topics.IMAGE, t, lambda: self._track(t, frame))
+
+    def _track(self, t: float, frame: NDArray[np.uint8]) -> None:
         info = with_stamp(self._info, STAMP.pack(*stamp_parts(t)))
         self._node.endpoints.publish(topics.CAMERA_INFO, info)
         self._node.take_frame(t, frame)

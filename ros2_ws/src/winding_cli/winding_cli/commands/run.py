@@ -165,6 +165,8 @@ def run(
     )
     if frame_rate not in (None, 200, 1000):
         refuse(f"--frame-rate must be 200 or 1000, got {frame_rate}")
+    if tracker and not camera:
+        refuse("--camera-clock-correction and --camera-clock-limit-ms need a camera")
     camera_source = composed_camera(compose, external, attach=attach, secure=secure)
     if secure:
         refuse_open(namespace, dashboard=dashboard)

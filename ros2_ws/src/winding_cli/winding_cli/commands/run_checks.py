@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winding_cli.commands.output_path import check_output_folder
@@ -58,6 +60,13 @@ def composed_camera(
         return SIMULATED_CAMERA
     if not machine.camera:
         refuse("--compose and --no-camera exclude each other")
+    if wanted == "camera":
+        refuse(
+            "--compose camera is for the simulated machine; say what opens yours, "
+            "MODULE:FUNCTION or FILE.py:FUNCTION"
+        )
+    # The tracker's process finds modules in the present folder, as `python -m` does.
+    sys.path.append(str(Path.cwd()))
     try:
         CameraSource.parsed(wanted)
     except CameraSourceError as error:
