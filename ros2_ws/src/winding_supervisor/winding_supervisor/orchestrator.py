@@ -212,11 +212,7 @@ class Orchestrator:
                 )
             return AttachedNode(spec, self._transitions, values)
         return node_process(
-            spec,
-            namespace,
-            self.config.log_directory,
-            values,
-            self.config.parameters_file,
+            spec, namespace, self.config.log_directory, values, self.config.parameters_file
         )
 
     async def _reason(self, name: str) -> str:

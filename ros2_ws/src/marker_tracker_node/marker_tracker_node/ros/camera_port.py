@@ -1,19 +1,8 @@
 """Where a camera in the tracker's process hands its frames over, instead of publishing them.
 
-A camera is a function that opens it for as long as the tracker is active:
-
-    @contextmanager
-    def open_camera(port: CameraPort) -> Iterator[None]:
-        device = my_sdk.open()
-        port.calibrate(info)                      # sensor_msgs/CameraInfo
-        device.on_frame(lambda frame: port.take(frame.time, frame.pixels))
-
-Yield:
-        device.close()
-
-    python -m marker_tracker_node --camera my_camera:open_camera --ros-args ...
-
-or, in a run, `winding run --machine external --compose my_camera:open_camera`.
+A camera is a context manager that has the device open while the tracker is active; docs/vision.md
+shows one. `python -m marker_tracker_node --camera my_camera:open_camera --ros-args ...` runs it, or
+`winding run --machine external --compose my_camera:open_camera`.
 """
 
 from __future__ import annotations
@@ -95,11 +84,11 @@ class CameraPort:
     def take(self, t: float, frame: NDArray[np.uint8]) -> None:
         """Track a frame, and publish what the graph is to know of it.
 
+        A frame whose time runs backwards is refused, counted and named in /diagnostics.
+
         Args:
             t: Instant of its exposure, on the clock of the joint states [s].
             frame: Blue-green-red, shape (rows, columns, 3); left unchanged until this returns.
-
-        A frame whose time runs backwards is refused, counted and named in /diagnostics.
 
         Raises:
             RuntimeError: No calibration has come before it.
