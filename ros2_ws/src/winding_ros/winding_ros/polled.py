@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -12,8 +12,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from winding_ros.topic import Topic
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Taken:
+class Taken(NamedTuple):
     """A message as DDS delivered it.
 
     Attributes:
@@ -53,18 +52,19 @@ class PolledTopic:
         """Yield at most `depth` messages that wait."""
         # DDS stamps by the system's clock, which may be set; only the age of a stamp is used.
         offset = time.monotonic_ns() - time.time_ns()
-        for _ in range(self.topic.depth):
-            with self._subscription.handle:
-                taken = self._subscription.handle.take_message(self.topic.type, True)
-            if taken is None:
-                return
-            data, information = taken
-            yield Taken(
-                data=data,
-                number=information["publication_sequence_number"],
-                sent_ns=information["source_timestamp"] + offset,
-                received_ns=information["received_timestamp"] + offset,
-            )
+        kind, handle = self.topic.type, self._subscription.handle
+        with handle:
+            for _ in range(self.topic.depth):
+                taken = handle.take_message(kind, True)
+                if taken is None:
+                    return
+                data, information = taken
+                yield Taken(
+                    data,
+                    information["publication_sequence_number"],
+                    information["source_timestamp"] + offset,
+                    information["received_timestamp"] + offset,
+                )
 
     def close(self) -> None:
         """Take nothing any more."""

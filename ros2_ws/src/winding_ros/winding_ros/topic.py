@@ -31,9 +31,10 @@ class Delivered(NamedTuple):
     arrived_ns: int
 
 
-@dataclass(frozen=True, kw_only=True)
+# Each is declared once: to compare all their fields would cost as much as to deal with a message.
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Topic:
-    """One topic of the graph contract.
+    """One topic of the graph contract; equal to itself alone.
 
     Attributes:
         name: Relative to the graph's namespace, or absolute.

@@ -62,19 +62,16 @@ class McapFile:
         self, path: Path, channels: Sequence[Channel], config: BagConfig, notes: Mapping[str, str]
     ) -> None:
         # A run without a bag needs no MCAP.
-        from mcap.writer import CompressionType, Writer  # noqa: PLC0415
+        from winding_recorder.bags.mcap_stream import McapStream  # noqa: PLC0415
 
         self._chunk_bytes = config.chunk_bytes
         self._sink = Sink(path)
-        # Chunks are ended here: the library ends one only after it has grown too long.
-        self._writer = Writer(
+        self._writer = McapStream(
             self._sink,
-            chunk_size=2**62,
-            compression=CompressionType[config.compression.upper()],
-            enable_crcs=True,
-            enable_data_crcs=True,
+            profile="ros2",
+            library=_LIBRARY,
+            compression="" if config.compression == "none" else config.compression,
         )
-        self._writer.start(profile="ros2", library=_LIBRARY)
         self._writer.add_metadata(NOTES_BEFORE, dict(notes))
         self._schemas: dict[str, int] = {}
         self._open_bytes = self._described_bytes = 0
@@ -93,22 +90,25 @@ class McapFile:
         index = (self._chunks + 1) * (2 * _RECORD_OVERHEAD + 10 * len(self._channels))
         return 2 * self._described_bytes + index + self._sink.pending + self._open_bytes
 
-    def write(self, channel: int, stamp_ns: int, data: bytes, sequence: int) -> None:
+    def write(self, channel: int, stamp_ns: int, data: bytes, sequence: int) -> bool:
         """Take a message; its stamp [ns] is both log and publish time.
+
+        Returns:
+            Whether the chunk before it was stored.
 
         Raises:
             OSError: The chunk before it could not be stored.
         """
         size = len(data) + _MESSAGE_OVERHEAD
+        full = self._messages > 0 and self._open_bytes + size > self._chunk_bytes
         try:
-            if self._messages and self._open_bytes + size > self._chunk_bytes:
+            if full:
                 self.flush()
         finally:
             self._open_bytes += size
             self._messages += 1
-            self._writer.add_message(
-                self._channels[channel], stamp_ns, data, stamp_ns, sequence & 0xFFFFFFFF
-            )
+            self._writer.add_message(self._channels[channel], stamp_ns, data, sequence & 0xFFFFFFFF)
+        return full
 
     def flush(self) -> None:
         """End the open chunk and store it.
@@ -151,13 +151,11 @@ class McapFile:
             self._describe(len(definition) + len(channel.type_name))
         qos = channel.profiles_text
         self._describe(len(channel.name) + len(qos) + len(channel.type_hash))
-        return int(
-            self._writer.register_channel(
-                channel.name,
-                _MESSAGE_ENCODING,
-                self._schemas[channel.type_name],
-                {"offered_qos_profiles": qos, "topic_type_hash": channel.type_hash},
-            )
+        return self._writer.register_channel(
+            channel.name,
+            _MESSAGE_ENCODING,
+            self._schemas[channel.type_name],
+            {"offered_qos_profiles": qos, "topic_type_hash": channel.type_hash},
         )
 
     def _describe(self, size: int) -> None:

@@ -33,8 +33,12 @@ class Extent:
     def add(self, channel: int, stamp_ns: int) -> None:
         """Count a message."""
         self.counts[channel] += 1
-        self.first_ns = stamp_ns if self.first_ns is None else min(self.first_ns, stamp_ns)
-        self.last_ns = stamp_ns if sum(self.counts) == 1 else max(self.last_ns, stamp_ns)
+        if self.first_ns is None:
+            self.first_ns = self.last_ns = stamp_ns
+        elif stamp_ns > self.last_ns:
+            self.last_ns = stamp_ns
+        elif stamp_ns < self.first_ns:
+            self.first_ns = stamp_ns
 
     @property
     def start(self) -> dict[str, int]:

@@ -28,7 +28,7 @@ class Sink:
         """Bytes that wait for the next flush."""
         return len(self._pending)
 
-    def write(self, data: bytes | memoryview) -> int:
+    def write(self, data: bytes | bytearray | memoryview) -> int:
         """Take bytes; nothing is stored yet."""
         self._pending += data
         return len(data)

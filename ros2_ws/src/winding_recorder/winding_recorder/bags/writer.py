@@ -76,10 +76,8 @@ class BagWriter:
         Raises:
             OSError: The disk is full or broken. The message is taken all the same; `close` now.
         """
-        before = self._file.stored
         self._extents[-1].add(channel, stamp_ns)
-        self._file.write(channel, stamp_ns, data, sequence)
-        if self._file.stored != before:
+        if self._file.write(channel, stamp_ns, data, sequence):
             self._hold(self._file.tail_bytes)
             if 0 < self._config.split_bytes <= self._file.stored:
                 self._split()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from rclpy.node import Node
@@ -96,7 +96,8 @@ class Recorder:
             config or BagConfig(),
             notes or {},
         )
-        self._queue: queue.SimpleQueue[tuple[Topic, int, Taken] | RecordRequest | None] = (
+        # A look's messages at a time: the storing thread wakes up once for all of them.
+        self._queue: queue.SimpleQueue[list[tuple[Topic, int, Taken]] | RecordRequest | None] = (
             queue.SimpleQueue()
         )
         self._requests = RecordService(self._node) if further is not None else None
@@ -107,7 +108,7 @@ class Recorder:
         self._answered_ns = -_ANSWER_PERIOD_NS
         self._newest_ns = 0
         self._told_ns = time.monotonic_ns()
-        self._unstamped = 0
+        self._unstamped = self._found = self._dealt_with = 0
         self._fast = tuple(
             topic.name
             for topic in self._recorded
@@ -159,30 +160,29 @@ class Recorder:
         last = False
         while not last:
             last = self._closing.wait(_LOOK_PERIOD)
-            for polled in self._polled:
-                topic = polled.topic
-                for taken in polled.take():
-                    try:
-                        stamp = serialised_stamp_ns(taken.data)
-                    except StampError:
-                        # A stranger may publish any bytes; without a stamp they have no place.
-                        self._unstamped += 1
-                        continue
-                    # Supervision looks at the buffer, which must not wait for a disk.
-                    self.buffer.add(
-                        topic,
-                        BufferedMessage(
-                            stamp_ns=stamp,
-                            sent_ns=taken.sent_ns,
-                            received_ns=taken.received_ns,
-                            data=taken.data,
-                        ),
-                    )
-                    self._queue.put((topic, stamp, taken))
+            found = [item for polled in self._polled for item in self._taken(polled)]
+            if found:
+                self._found += len(found)
+                self._queue.put(found)
             for request in self._requests.take() if self._requests is not None else ():
                 self._take_on_demand(request.on)
                 self._queue.put(request)
         self._queue.put(None)
+
+    def _taken(self, polled: PolledTopic) -> Iterator[tuple[Topic, int, Taken]]:
+        """Yield what waits on a topic, with its stamps [ns]; the buffer has it by then."""
+        topic = polled.topic
+        for taken in polled.take():
+            data, _, sent, received = taken
+            try:
+                stamp = serialised_stamp_ns(data)
+            except StampError:
+                # A stranger may publish any bytes; without a stamp they have no place.
+                self._unstamped += 1
+                continue
+            # Supervision looks at the buffer, which must not wait for a disk.
+            self.buffer.add(topic, BufferedMessage(stamp, sent, received, data))
+            yield topic, stamp, taken
 
     def _take_on_demand(self, on: bool) -> None:
         """Take what is only recorded, or take it no longer."""
@@ -206,25 +206,29 @@ class Recorder:
             if isinstance(item, RecordRequest):
                 self._turn(item)
                 continue
-            topic, stamp, taken = item
-            if self._further is not None:
-                self._follow_time(topic, stamp, taken.received_ns)
-            if topic.publisher == topics.COMMANDER:
-                # A command's stamp says when it holds: now, or in a while.
-                stamp = self._newest_ns
-            elif topic.publisher == topics.EVERY_NODE:
-                # Strangers publish there too, and their clocks are their own.
-                stamp = min(stamp, self._newest_ns)
-            self._newest_ns = max(self._newest_ns, stamp)
-            try:
-                self.bags.take(topic, stamp, taken)
-            except OSError as error:
-                self._fail(error)
-            if topic.name in self._fast:
-                self._answer(topic, stamp)
+            for topic, stamp, taken in item:
+                self._store_one(topic, stamp, taken)
+                self._dealt_with += 1
             now = time.monotonic_ns()
             if now - self._told_ns >= _TELL_PERIOD_NS:
                 self._tell(now)
+
+    def _store_one(self, topic: Topic, stamp: int, taken: Taken) -> None:
+        if self._further is not None:
+            self._follow_time(topic, stamp, taken.received_ns)
+        if topic.publisher == topics.COMMANDER:
+            # A command's stamp says when it holds: now, or in a while.
+            stamp = self._newest_ns
+        elif topic.publisher == topics.EVERY_NODE:
+            # Strangers publish there too, and their clocks are their own.
+            stamp = min(stamp, self._newest_ns)
+        self._newest_ns = max(self._newest_ns, stamp)
+        try:
+            self.bags.take(topic, stamp, taken)
+        except OSError as error:
+            self._fail(error)
+        if topic.name in self._fast:
+            self._answer(topic, stamp)
 
     def _turn(self, request: RecordRequest) -> None:
         """Begin a bag or end it; the answer comes when that is done."""
@@ -293,7 +297,7 @@ class Recorder:
             level, message = Level.WARN, f"{self._unstamped} messages had no stamp"
         if self.error is not None and writer is None:
             level, message = Level.ERROR, f"the recording has ended: {self.error}"
-        values = {"lost": str(lost), "waiting": str(self._queue.qsize())}
+        values = {"lost": str(lost), "waiting": str(self._found - self._dealt_with)}
         if writer is not None:
             values |= {"messages": str(writer.taken), "bytes": str(writer.stored)}
             values["bag"] = writer.folder.name

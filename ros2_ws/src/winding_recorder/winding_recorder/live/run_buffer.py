@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +28,7 @@ _FEWEST = 200
 _SLOPE_SAMPLES = 50
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class BufferedMessage:
+class BufferedMessage(NamedTuple):
     """One serialised message.
 
     Attributes:
@@ -78,10 +76,11 @@ class RunBuffer:
         """Take a message; those of pictures are left out."""
         if topic in _PICTURES:
             return
+        name = topic.name
         with self._lock:
-            self.messages[topic.name].append(message)
-            if topic.name in self._stamps:
-                self._stamps[topic.name].add(message.stamp_ns)
+            self.messages[name].append(message)
+            if name in self._stamps:
+                self._stamps[name].add(message.stamp_ns)
 
     def begin_anew(self, cut_ns: int, origin: float) -> None:
         """Forget the runs before the present one; the last of a latched topic stays.
