@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from cable_fem_node.identification import (
+    FitConfig,
     IdentificationError,
     Readings,
     TrackedRun,
@@ -129,6 +130,19 @@ def test_start_does_not_decide() -> None:
     # Both end within a fifth of a standard error of the optimum.
     assert abs(found[0].young - found[1].young) < 0.4 * found[0].standard_error
     assert max(estimate.fit.calls for estimate in found) <= 4
+
+
+@pytest.mark.parametrize(("case", "young"), [(4, 0.5e6), (1, 2.6e6), (4, 8.0e6)])
+def test_a_further_marker_needs_one_call_of_the_rod(case: int, young: float) -> None:
+    theta, z = truth(case, young)
+    first = identify_modulus([measured(case, theta[:1], z[:1], seed=3)])
+    run = measured(case, theta, z, seed=3)
+    anew = identify_modulus([run])
+    warm = dataclasses.replace(run, config=with_young(run.config, first.young))
+    further = identify_modulus([warm], FitConfig(tolerance=1.0), before=first.fit.excess)
+    assert further.fit.calls == 1
+    # Within a fifth of a step of at most one standard error.
+    assert abs(further.young - anew.young) < 0.2 * anew.standard_error
 
 
 @pytest.mark.slow

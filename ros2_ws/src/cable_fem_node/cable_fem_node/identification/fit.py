@@ -10,6 +10,7 @@ import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.deviations import angle_covariance, chi_square, scatter_of
+from cable_fem_node.identification.rod_excess import RodExcess
 from cable_fem_node.identification.search import Family, FitConfig, Search
 from cable_fem_node.identification.tracked_run import TrackedRun
 
@@ -52,6 +53,7 @@ class Fit:
         scatter: Relative standard deviation of each angle beyond the stated ones; zero without
             a misfit.
         calls: Calls of the rod per run.
+        excess: What the rod said last, for the next search of the same run; None of several runs.
     """
 
     parameters: FloatArray
@@ -63,6 +65,7 @@ class Fit:
     misfit: bool
     scatter: float
     calls: int
+    excess: RodExcess | None = None
 
     @property
     def worst_share(self) -> float:
@@ -77,6 +80,7 @@ def fit(
     bounds: tuple[FloatArray, FloatArray],
     config: FitConfig | None = None,
     going: Callable[[], bool] = lambda: True,
+    before: RodExcess | None = None,
 ) -> Fit:
     """Return the parameters whose rod lays the markers of all runs where they were measured.
 
@@ -90,6 +94,7 @@ def fit(
         bounds: Least and greatest parameters, shape (p,) each.
         config: Beliefs and limits.
         going: Asked again and again whether the result is still wanted.
+        before: See `Search`.
 
     Raises:
         IdentificationError: The search does not come to rest, or the rod fails.
@@ -98,7 +103,7 @@ def fit(
     from scipy.special import chdtrc, stdtrit  # noqa: PLC0415 - in the thread that fits
 
     config = FitConfig() if config is None else config
-    search = Search(runs, family, bounds, config, going)
+    search = Search(runs, family, bounds, config, going, before)
     low, high = bounds
     search.run(np.clip(start, low + 1.0e-9, high - 1.0e-9), scatter=0.0)
     angles = search.measured.size // 2
@@ -121,6 +126,7 @@ def fit(
         misfit=misfit,
         scatter=scatter,
         calls=search.calls,
+        excess=search.excess,
     )
 
 

@@ -13,6 +13,8 @@ from cable_fem_node.identification.modulus import (
     identify_modulus,
     with_young,
 )
+from cable_fem_node.identification.rod_excess import RodExcess
+from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
 from cable_fem_node.identification.tracked_run import Readings, TrackedRun
 from cable_fem_node.winding.replay import replay
@@ -22,6 +24,10 @@ from winding_core.drive import DriveProfile
 from winding_core.markers import Markers
 from winding_core.planned_inputs import planned_rest
 from winding_core.run_history import Inputs, RunHistory
+
+# Beside a machine that winds, a call of the rod is dear. After a step within the standard error it
+# would move the estimate by less than a fifth of that, and the next marker brings it anyway.
+_LIVE = FitConfig(tolerance=1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +41,7 @@ class MaterialTask:
         drive: The plan of the run.
         duration: Planned time of the run [s].
         wanted_ahead: Whether the rest of the run is to be wound with the estimate.
+        before: What the search before this one heard from the rod.
     """
 
     config: WindingConfig
@@ -43,6 +50,7 @@ class MaterialTask:
     drive: DriveProfile
     duration: float
     wanted_ahead: bool
+    before: RodExcess | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +101,7 @@ class LiveMaterial:
         self._take_up = take_up
         self._markers = SteadyMarkers(steady)
         self._used: tuple[int, ...] = ()
+        self._excess: RodExcess | None = None
 
     def see(self, markers: Markers) -> None:
         """Take one frame's tracked markers."""
@@ -114,12 +123,14 @@ class LiveMaterial:
             drive=self._drive,
             duration=self._duration,
             wanted_ahead=self._take_up,
+            before=self._excess,
         )
 
     def learn(self, update: MaterialUpdate) -> None:
         """Begin the next search where the last one ended."""
-        if update.config is not None:
+        if update.config is not None and update.estimate is not None:
             self._config = update.config
+            self._excess = update.estimate.fit.excess
 
 
 def work_out(task: MaterialTask, going: Callable[[], bool] = lambda: True) -> MaterialUpdate:
@@ -132,7 +143,7 @@ def work_out(task: MaterialTask, going: Callable[[], bool] = lambda: True) -> Ma
     """
     try:
         run = TrackedRun(config=task.config, inputs=task.inputs, readings=task.readings)
-        estimate = identify_modulus([run], going=going)
+        estimate = identify_modulus([run], _LIVE, going=going, before=task.before)
     except IdentificationError as error:
         return MaterialUpdate(estimate=None, refusal=str(error))
     refusal = estimate.refusal()

@@ -13,6 +13,7 @@ from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.fit import Fit, fit, half_width
 from cable_fem_node.identification.quasi_static import softest_young
+from cable_fem_node.identification.rod_excess import RodExcess
 from cable_fem_node.identification.rod_run import with_law
 from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import TrackedRun
@@ -86,6 +87,7 @@ def identify_modulus(
     config: FitConfig | None = None,
     *,
     going: Callable[[], bool] = lambda: True,
+    before: RodExcess | None = None,
 ) -> ModulusEstimate:
     """Return the Young's modulus whose rod lays the markers where they were measured.
 
@@ -93,6 +95,7 @@ def identify_modulus(
         runs: Of one cable, at least one; law and start are those of the configurations.
         config: Beliefs and limits.
         going: Asked again and again whether the result is still wanted.
+        before: What an earlier search of the same run heard from the rod, see `Search`.
 
     Raises:
         IdentificationError: There is no modulus, or the runs contradict each other.
@@ -116,7 +119,7 @@ def identify_modulus(
             f"{max(run.highest_tension for run in runs):.4g} N"
         )
     start = np.array([math.log(first.case.material.young)])
-    found = fit(runs, family, start, (np.array([low]), np.array([high])), config, going)
+    found = fit(runs, family, start, (np.array([low]), np.array([high])), config, going, before)
     young = math.exp(float(found.parameters[0]))
     error = math.sqrt(float(found.covariance[0, 0]))
     return ModulusEstimate(

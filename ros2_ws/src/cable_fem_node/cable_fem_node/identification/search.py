@@ -18,6 +18,7 @@ from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.deviations import angle_covariance, axial_covariance
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.quasi_static import lay
+from cable_fem_node.identification.rod_excess import RodExcess
 from cable_fem_node.identification.rod_run import wind
 from cable_fem_node.identification.tracked_run import TrackedRun
 from winding_core.material_law import MaterialLaw
@@ -57,7 +58,17 @@ class FitConfig:
 
 
 class Search:
-    """Alternates between the corrected closed form and the rod; angles come first, then z."""
+    """Alternates between the corrected closed form and the rod; angles come first, then z.
+
+    Args:
+        runs: At least one.
+        family: Material with parameters, shape (p,).
+        bounds: Least and greatest parameters, shape (p,) each.
+        config: Beliefs and limits.
+        going: Asked again and again whether the result is still wanted.
+        before: What an earlier search of the same run, when it had fewer markers, heard from the
+            rod; the search begins there, and one call of the rod confirms it.
+    """
 
     def __init__(
         self,
@@ -66,6 +77,7 @@ class Search:
         bounds: tuple[FloatArray, FloatArray],
         config: FitConfig,
         going: Callable[[], bool],
+        before: RodExcess | None = None,
     ) -> None:
         self._runs = runs
         self._family = family
@@ -78,10 +90,26 @@ class Search:
         self._asked_at: FloatArray | None = None
         self._excess = np.zeros(self.measured.size)
         self._slope = np.zeros((self.measured.size, 0))
+        if before is not None:
+            expected = before.expected_for(runs[0].readings.ids)
+            self._asked_at, self._excess = expected.parameters, expected.excess
+            self._slope = expected.slope
         self.parameters = np.empty(0)
         self.covariance = np.empty((0, 0))
         self.fitted = np.empty(0)
         self.calls = 0
+
+    @property
+    def excess(self) -> RodExcess | None:
+        """What the rod said last, of one run; None before it was asked, and of several runs."""
+        if self.calls == 0 or self._asked_at is None or len(self._runs) > 1:
+            return None
+        return RodExcess(
+            parameters=self._asked_at,
+            ids=self._runs[0].readings.ids,
+            excess=self._excess,
+            slope=self._slope,
+        )
 
     def run(self, start: FloatArray, scatter: float) -> None:
         """Search from parameters until a step is small against the standard error.
