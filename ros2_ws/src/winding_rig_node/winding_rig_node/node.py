@@ -61,14 +61,14 @@ class RigNode(ManagedNode[RigParameters]):
         watch_heartbeat(self, topics.ORCHESTRATOR, self._note_supervisor)
 
     def configure(self) -> None:
-        """Build machine, lay and camera; advertise everything."""
+        """Build machine, lay and camera, unless that runs elsewhere; advertise everything."""
         wanted = self.configuration
         what = wanted.resolved()
         case, drive = what.case, what.drive
         rng = np.random.default_rng(wanted.seed)
         lay = wanted.laid(rng)
         self._outputs = Outputs(self)
-        self._camera = Camera(wanted, lay, self._outputs)
+        self._camera = None if wanted.camera_elsewhere else Camera(wanted, lay, self._outputs)
         self._loop = MachineLoop(
             wanted,
             Machine(
@@ -87,7 +87,12 @@ class RigNode(ManagedNode[RigParameters]):
             fail=self.fail,
         )
         self._put_in(
-            stated_faults(wanted.inject_fault, enabled=wanted.inject_faults, seed=wanted.seed)
+            stated_faults(
+                wanted.inject_fault,
+                enabled=wanted.inject_faults,
+                seed=wanted.seed,
+                camera_elsewhere=wanted.camera_elsewhere,
+            )
         )
         take_commands(self, self._loop)
         for topic in topics.TOPICS:
@@ -96,9 +101,9 @@ class RigNode(ManagedNode[RigParameters]):
 
     def activate(self) -> None:
         """Start the machine's and the camera's threads; time waits for rig/start."""
-        assert self._camera is not None
         assert self._loop is not None
-        self._camera.listener = self.frame_listener
+        if self._camera is not None:
+            self._camera.listener = self.frame_listener
         self._loop.begin()
 
     def deactivate(self) -> None:
@@ -142,9 +147,11 @@ class RigNode(ManagedNode[RigParameters]):
             self._loop.hear_supervisor()
 
     def _put_in(self, faults: Faults) -> None:
-        if self._loop is None or self._camera is None:
+        if self._loop is None:
             return
-        self._loop.machine.faults = self._outputs.faults = self._camera.faults = faults
+        self._loop.machine.faults = self._outputs.faults = faults
+        if self._camera is not None:
+            self._camera.faults = faults
 
     def _command(self, act: Callable[[MachineLoop], None]) -> Callable[[Any, Any], Any]:
         def serve(_request: Any, response: Any) -> Any:
@@ -163,8 +170,8 @@ class RigNode(ManagedNode[RigParameters]):
         return serve
 
     def _set_camera_info(self, request: Any, response: Any) -> Any:
-        if self._camera is None or self.configuration.camera_elsewhere:
-            why = "is not configured" if self._camera is None else "has its camera elsewhere"
+        if self._camera is None:
+            why = "is not configured" if self._loop is None else "has its camera elsewhere"
             response.status_message = f"{topics.RIG} {why}"
             return response
         try:

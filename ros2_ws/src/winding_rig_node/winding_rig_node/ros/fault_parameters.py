@@ -15,15 +15,19 @@ from winding_rig_node.ros.camera import CAMERA_SIGNAL
 from winding_ros import graph
 
 TARGETS = (*SENSORS, CAMERA_SIGNAL, *(topic.name for topic in graph.RIG.publishes))
+_OF_CAMERA = frozenset({CAMERA_SIGNAL, *(topic.name for topic in graph.CAMERA_TOPICS)})
 
 
-def stated_faults(text: str, *, enabled: bool, seed: int) -> Faults:
+def stated_faults(text: str, *, enabled: bool, seed: int, camera_elsewhere: bool = False) -> Faults:
     """Return the faults that a text states.
 
     Raises:
-        FaultError: The text states none, or faults are not enabled.
+        FaultError: The text states none, faults are not enabled, or the camera runs elsewhere.
     """
     faults = parse_faults(text, TARGETS)
+    beyond = sorted(_OF_CAMERA & {fault.target for fault in faults}) if camera_elsewhere else []
+    if beyond:
+        raise FaultError(f"the camera runs in another process: no fault of {beyond[0]} here")
     if faults and not enabled:
         raise FaultError("faults are not enabled: start the rig with inject_faults true")
     return Faults(faults, seed=seed)
@@ -39,7 +43,13 @@ def follow_fault_parameters(node: Node, put_in: Callable[[Faults], None]) -> Non
         # Parameters are given one by one while the node declares them.
         enabled = given.get("inject_faults", _present(node, "inject_faults", default=True))
         seed = given.get("seed", _present(node, "seed", default=0))
-        return stated_faults(str(given["inject_fault"]), enabled=bool(enabled), seed=int(seed))
+        elsewhere = given.get("camera_elsewhere", _present(node, "camera_elsewhere", default=False))
+        return stated_faults(
+            str(given["inject_fault"]),
+            enabled=bool(enabled),
+            seed=int(seed),
+            camera_elsewhere=bool(elsewhere),
+        )
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
         try:

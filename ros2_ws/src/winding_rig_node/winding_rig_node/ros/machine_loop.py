@@ -43,7 +43,7 @@ class MachineLoop:
         machine: Machine,
         pace: Pace,
         outputs: Outputs,
-        camera: Camera,
+        camera: Camera | None,
         *,
         warn: Callable[[str], None],
         fail: Callable[[Exception], None],
@@ -55,7 +55,7 @@ class MachineLoop:
             machine: What is advanced.
             pace: What the readers have answered.
             outputs: Publishers.
-            camera: Takes its pictures in the second thread.
+            camera: Takes its pictures in a second thread; None for a camera elsewhere.
             warn: Receives the sentence of a stop that nobody asked for.
             fail: Receives what ended a thread.
         """
@@ -66,7 +66,6 @@ class MachineLoop:
         self._camera = camera
         self._warn = warn
         self._fail = fail
-        self._exposing = not wanted.camera_elsewhere
         self._frame_period = wanted.frame_period
         self._changed = threading.Condition()
         self._threads: list[threading.Thread] = []
@@ -80,19 +79,18 @@ class MachineLoop:
         return bool(self._threads)
 
     def begin(self) -> None:
-        """Start both threads; time waits for the machine to be started."""
+        """Start the threads; time waits for the machine to be started."""
         self._quit = False
-        self._threads = [
-            threading.Thread(target=self._guard(self._run), name="machine"),
-            threading.Thread(
-                target=self._guard(lambda: self._camera.run(self._going)), name="camera"
-            ),
-        ]
+        self._threads = [threading.Thread(target=self._guard(self._run), name="machine")]
+        camera = self._camera
+        if camera is not None:
+            take = self._guard(lambda: camera.run(self._going))
+            self._threads.append(threading.Thread(target=take, name="camera"))
         for thread in self._threads:
             thread.start()
 
     def end(self) -> None:
-        """Bring the axes to rest and stop both threads."""
+        """Bring the axes to rest and stop the threads."""
         self.come_to_rest()
         with self._changed:
             self._quit = True
@@ -219,6 +217,6 @@ class MachineLoop:
 
     def _emit(self) -> None:
         self._outputs.sample(self.machine)
-        if not self._exposing or self.machine.state.drive_sample % self._frame_period:
+        if self._camera is None or self.machine.state.drive_sample % self._frame_period:
             return
         self._camera.expose(exposure_of(self.machine), self._going)
