@@ -20,6 +20,11 @@ _LOOK_PERIOD = 0.01
 _PROGRESS = re.compile(r"([0-9.]+) of [0-9.]+ s simulated")
 
 
+def warm_up(checkout: Path, folder: Path) -> None:
+    """Wind for a moment, so that all machine code of a checkout has been made."""
+    _wound(checkout, folder, 1.0)
+
+
 def wind(checkout: Path, folder: Path, duration: float) -> Cost:
     """Wind case 4 with a bag, by the command of a checkout.
 
@@ -30,7 +35,23 @@ def wind(checkout: Path, folder: Path, duration: float) -> Cost:
         checkout: Folder with `ros2_ws`.
         folder: New; receives the bag in `bag`.
         duration: Simulated [s].
+
+    Raises:
+        RuntimeError: The run failed, or did not say how far it was.
     """
+    instants, names = _wound(checkout, folder, duration)
+    low, high = (share * duration for share in STEADY)
+    steady = [instant for instant in instants if low <= instant[0] <= high]
+    if not steady or steady[-1][0] - steady[0][0] < 0.4 * duration:
+        raise RuntimeError(f"the run told its progress too rarely: {[t for t, _ in instants]}")
+    (begin, before), (end, after) = steady[0], steady[-1]
+    return cost_between(before, after, end - begin, names)
+
+
+def _wound(
+    checkout: Path, folder: Path, duration: float
+) -> tuple[list[tuple[float, dict[int, float]]], dict[int, str]]:
+    """Return (simulated time [s], `spent` then) at each progress, and the processes' names."""
     folder.mkdir()
     sources = sorted((checkout / "ros2_ws" / "src").iterdir())
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, sources))}
@@ -61,12 +82,7 @@ def wind(checkout: Path, folder: Path, duration: float) -> Cost:
         run.wait()
     if run.returncode != 0:
         raise RuntimeError(f"the run of {checkout} failed:\n{said.read_text()}")
-    low, high = (share * duration for share in STEADY)
-    steady = [instant for instant in instants if low <= instant[0] <= high]
-    (begin, before), (end, after) = steady[0], steady[-1]
-    if end - begin < 0.4 * duration:
-        raise RuntimeError(f"the run told its progress too rarely: {[t for t, _ in instants]}")
-    return cost_between(before, after, end - begin, names)
+    return instants, names
 
 
 def _names(root: psutil.Process) -> dict[int, str]:
