@@ -109,7 +109,7 @@ class Bench:
         table = Table(title="Benchmark: processor time of one thread unless it says wall")
         for column in ("row", "value", "unit", "bar", "met", "CPU s", "load"):
             left = column in ("row", "unit", "met")
-            table.add_column(column, justify="left" if left else "right")
+            table.add_column(column, justify="left" if left else "right", no_wrap=column == "row")
         for row in self.rows.values():
             sign = ">=" if row.at_least else "<="
             table.add_row(

@@ -16,7 +16,7 @@ from floors.whole_graph import wind
 
 CHECKOUT = Path(__file__).parents[2]
 PAIRS, DURATION = 2, 14.0
-# Measured 2.2 to 2.4 on two cores that others shared; a quarter more is for other machines.
+# Measured 2.2 to 2.6 on two cores that others shared; the rest is for other machines.
 GRAPH_OVER_TRAFFIC = 3.0
 
 

@@ -89,9 +89,7 @@ static void stretch_elements(int64_t elements, const double *restrict x, const d
     for (int64_t i = 0; i < elements; i++) {
         double ex = x[i + 1] - x[i], ey = y[i + 1] - y[i], ez = z[i + 1] - z[i];
         double length = sqrt(ex * ex + ey * ey + ez * ez), inv = 1.0 / length;
-        tx[i] = ex * inv;
-        ty[i] = ey * inv;
-        tz[i] = ez * inv;
+        tx[i] = ex * inv, ty[i] = ey * inv, tz[i] = ez * inv;
         inverse[i] = inv;
         tension[i] = length / reference[i];
     }
@@ -191,10 +189,8 @@ static void touch_cylinder(int64_t end, double dt, double turned, double turning
         if (size > most * most) {
             sliding += 0.5 * ((size - most * most) * per_stick - stick * way);
             double scale = most / sqrt(size);
-            ft *= scale;
-            fz *= scale;
-            slip_t *= scale;
-            slip_z *= scale;
+            ft *= scale, fz *= scale;
+            slip_t *= scale, slip_z *= scale;
         } else {
             sliding += dashpot * way;
             ft -= dashpot * moved;
@@ -294,12 +290,8 @@ void advance(State *s, int64_t steps, double dt, const double *drive, const Arra
         double tie_x = k->start_radius * cos(angle), tie_y = k->start_radius * sin(angle);
         double moment = a->slope[0] * (first[0] * t[n] - first[1] * t[0]);
         ledger[TIE] += -force[0] * (tie_x - x[0]) - force[n] * (tie_y - x[n]) + moment * rotation;
-        x[0] = tie_x;
-        x[n] = tie_y;
-        x[2 * n] = 0.0;
-        v[0] = -rate * tie_y;
-        v[n] = rate * tie_x;
-        v[2 * n] = 0.0;
+        x[0] = tie_x, x[n] = tie_y, x[2 * n] = 0.0;
+        v[0] = -rate * tie_y, v[n] = rate * tie_x, v[2 * n] = 0.0;
         x[2 * n + elements] = next_guide;
         v[2 * n + elements] = guide_speed;
         s->surface_step = rotation;
