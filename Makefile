@@ -64,7 +64,7 @@ coverage: $(STAMP)
 	$(BIN)/coverage report
 
 bench: $(STAMP)
-	$(BIN)/python -m pytest tests/benchmarks --run-benchmarks -q -s
+	$(BIN)/python -m pytest tests/benchmarks --run-benchmarks -m "not campaign" -q -s
 
 # Foreign solvers stay out of .venv until somebody asks for them.
 bench-peers: $(STAMP)

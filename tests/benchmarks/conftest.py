@@ -27,6 +27,6 @@ def bench() -> Iterator[Bench]:
     rows = Bench()
     yield rows
     keep(rows.rows.values())
-    console = Console(width=None if sys.stdout.isatty() else 100)
+    console = Console(width=None if sys.stdout.isatty() else 140)
     console.print()
     console.print(rows.table())

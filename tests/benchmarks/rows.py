@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.table import Table
 
@@ -26,6 +27,9 @@ class Row:
         unit: As printed.
         bar: What it must not exceed, if anything.
         at_least: The bar is a floor, not a ceiling.
+        cpu_s: Of a ratio, the processor time above and below the line [s], in whatever unit both
+            are measured: a call, a frame, a simulated second.
+        load: Of a ratio, the machine's load average when it was measured.
     """
 
     name: str
@@ -33,6 +37,8 @@ class Row:
     unit: str
     bar: float | None = None
     at_least: bool = False
+    cpu_s: tuple[float, float] | None = None
+    load: float | None = None
 
     @property
     def met(self) -> bool:
@@ -40,6 +46,13 @@ class Row:
         if self.bar is None:
             return True
         return self.value >= self.bar if self.at_least else self.value <= self.bar
+
+    def entry(self) -> dict[str, Any]:
+        """Return what bench.json keeps of it."""
+        kept: dict[str, Any] = {"name": self.name, "value": self.value, "unit": self.unit}
+        if self.cpu_s is not None:
+            kept |= {"cpu_s": list(self.cpu_s), "load": self.load}
+        return kept
 
 
 class Bench:
@@ -62,11 +75,41 @@ class Bench:
         self.rows[name] = added
         return added
 
+    def ratio(
+        self,
+        name: str,
+        above: float,
+        below: float,
+        bar: float | None = None,
+        *,
+        value: float | None = None,
+    ) -> Row:
+        """Add the ratio of two processor times [s], with both and the load beside it.
+
+        Args:
+            name: See `Row`.
+            above: The line.
+            below: The line.
+            bar: See `Row`.
+            value: The ratio, where it is not that of the two, as the median of several pairs.
+        """
+        added = Row(
+            name=name,
+            value=above / below if value is None else value,
+            unit="",
+            bar=bar,
+            cpu_s=(above, below),
+            load=os.getloadavg()[0],
+        )
+        self.rows[name] = added
+        return added
+
     def table(self) -> Table:
         """Return the rows as a table for a terminal."""
         table = Table(title="Benchmark: processor time of one thread unless it says wall")
-        for column in ("row", "value", "unit", "bar", "met"):
-            table.add_column(column, justify="right" if column in ("value", "bar") else "left")
+        for column in ("row", "value", "unit", "bar", "met", "CPU s", "load"):
+            left = column in ("row", "unit", "met")
+            table.add_column(column, justify="left" if left else "right", no_wrap=column == "row")
         for row in self.rows.values():
             sign = ">=" if row.at_least else "<="
             table.add_row(
@@ -75,19 +118,21 @@ class Bench:
                 row.unit,
                 "" if row.bar is None else f"{sign} {row.bar:g}",
                 "" if row.bar is None else ("yes" if row.met else "NO"),
+                "" if row.cpu_s is None else "{:.3g} / {:.3g}".format(*row.cpu_s),
+                "" if row.load is None else f"{row.load:.1f}",
             )
         return table
 
 
 def keep(rows: Iterable[Row], path: Path = RESULTS) -> None:
-    """Write rows as `{name, value, unit}`; rows of earlier sessions with other names stay.
+    """Write rows by name; rows of earlier sessions with other names stay.
 
     The file is replaced at once, so that a reader never sees half of it.
     """
     stored = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else []
     merged = {entry["name"]: entry for entry in stored}
     for row in rows:
-        merged[row.name] = {"name": row.name, "value": row.value, "unit": row.unit}
+        merged[row.name] = row.entry()
     draft = path.with_suffix(".json.part")
     draft.write_text(
         json.dumps(list(merged.values()), indent=1, allow_nan=False) + "\n", encoding="utf-8"

@@ -69,6 +69,8 @@ def wound(prediction: Prediction) -> Markers:
     return landed
 
 
+# Accuracy, not speed, and longer than all other benchmarks: run by its file alone.
+@pytest.mark.campaign
 @pytest.mark.timeout(3600)
 def test_hidden_moduli_of_the_twelve_cables(bench) -> None:
     rng = np.random.default_rng(20)

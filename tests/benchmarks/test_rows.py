@@ -39,3 +39,12 @@ def test_bar_is_a_ceiling_unless_it_is_a_floor():
     assert bench.row("over the floor", 2.1, "Hz", bar=2.0, at_least=True).met
     assert not bench.row("under the floor", 1.9, "Hz", bar=2.0, at_least=True).met
     assert not bench.row("not a number", float("nan"), "s", bar=2.0).met
+
+
+def test_ratio_keeps_both_processor_times_and_the_load(tmp_path):
+    path = tmp_path / "bench.json"
+    keep([Bench().ratio("a", 3.0, 2.0, bar=2.0)], path)
+    (entry,) = json.loads(path.read_text(encoding="utf-8"))
+    assert entry["value"] == 1.5
+    assert entry["cpu_s"] == [3.0, 2.0]
+    assert entry["load"] >= 0.0

@@ -119,7 +119,7 @@ def test_solid_kernel_beside_the_rod(bench):
     model = SolidWinding(config, 3.0)
     # 1.3 rad: four sections lie on the cylinder, with friction.
     drive_to(model, 1.25)
-    assert model.path()[0].size >= 4
+    assert model.wound_path()[0].size >= 4
     solid, rod = best_of(model_of(model, 0.1, 1), model_of(wound_rod(), 1.0, 20))
     bench.row("solid_ns_per_element_step", solid, "ns")
     row = bench.row("solid_over_rod", solid / rod, "", bar=SOLID_OVER_ROD)

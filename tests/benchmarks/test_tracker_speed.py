@@ -6,36 +6,20 @@ A bar is a ratio of both on the same frames in the same session, so it holds on 
 from __future__ import annotations
 
 import copy
-import importlib.util
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from floors.films import films
 
 from winding_core.cases import paper_case
 from winding_rig_node.camera import CameraConfig
 from winding_rig_node.machine.lay import published_lay
 
 UNSEEN = 48
-
-
-def films() -> ModuleType:
-    """Return the films that the tracker's own tests are made of."""
-    path = Path(__file__).parents[1] / "marker_tracker_node" / "conftest.py"
-    spec = importlib.util.spec_from_file_location("tracker_films", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    # Dataclasses look their module up while they are made.
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def classic(frame: np.ndarray) -> int:

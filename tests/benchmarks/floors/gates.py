@@ -1,0 +1,73 @@
+"""Where the tracker looks in a frame, so that others may look there and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node import Tracker
+from marker_tracker_node.detection.gate import Picture, empty_gates
+from marker_tracker_node.tracking.frame_update import _empty_expected, _predict
+from marker_tracker_node.tracking.gate_prediction import OUT_OF_SIGHT
+from marker_tracker_node.tracking.laid_path import LaidCable
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """The upright rectangle around the gate of one marker in one frame.
+
+    Attributes:
+        marker: n of Pn.
+        azimuth: At which the tracker expects the band, unwrapped [rad].
+        left: First column.
+        top: First row.
+        right: One past the last column.
+        bottom: One past the last row.
+    """
+
+    marker: int
+    azimuth: float
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+
+def boxes_of(tracker: Tracker, frame: NDArray[np.uint8], angle: float) -> list[Box]:
+    """Return where a tracker looks for the markers that it knows.
+
+    Args:
+        tracker: As it stands before the frame.
+        frame: Shape (rows, columns, 3).
+        angle: Of the encoder [rad].
+    """
+    run, marks = tracker.state.run, tracker.state.tracks.marks
+    gates, expected = empty_gates(marks.known.size + 1), _empty_expected(marks.known.size)
+    assert tracker.colour is not None
+    picture = Picture(frame, tracker.colour.table)
+    cable = LaidCable(marks, tracker.state.tracks.path, run.path_filled)
+    _predict(picture, tracker._setup, cable, angle + run.shift, 0.0, gates, expected)
+    rows, columns = frame.shape[:2]
+    boxes = []
+    for n in np.flatnonzero(expected.outcome != OUT_OF_SIGHT):
+        along = np.array([gates.along_u[n], gates.along_v[n]])
+        across = np.array([-along[1], along[0]])
+        corners = np.array([gates.column[n], gates.row[n]]) + [
+            a * along + b * across
+            for a in (-gates.behind[n], gates.ahead[n])
+            for b in (gates.left[n], gates.right[n])
+        ]
+        (left, top), (right, bottom) = corners.min(axis=0), corners.max(axis=0)
+        box = Box(
+            marker=int(n),
+            azimuth=float(expected.azimuth[n]),
+            left=max(int(np.ceil(left)), 0),
+            top=max(int(np.ceil(top)), 0),
+            right=min(int(right) + 1, columns),
+            bottom=min(int(bottom) + 1, rows),
+        )
+        if box.left < box.right and box.top < box.bottom:
+            boxes.append(box)
+    return boxes
