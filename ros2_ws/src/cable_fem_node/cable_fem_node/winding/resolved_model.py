@@ -30,6 +30,14 @@ RESPONSE_POINTS = 4001
 # by more than this share of the radius.
 SINK_SHARE = 0.005
 
+# Shares of what a segment of the span is lengthened by. Cable that moves over the surface by the
+# greater one wakes the resting cable next to it: what rests would have been stretched by that much
+# more or less, half of the 0.1 % that its tension shall be known to. Between two looks, a tenth.
+STIRRED_SHARE = 5.0e-4
+STILL_SHARE = 0.1 * STIRRED_SHARE
+# The shares' strain is at least this, so that an unloaded cable has a tolerance.
+LEAST_STRAIN = 1.0e-3
+
 
 def chord_radius(radius: float, length: float) -> float:
     """Return the radius of nodes whose chords are as long as the arcs of the circle [m]."""
@@ -51,6 +59,7 @@ class ResolvedModel:
         wound_radius: Centreline radius of cable wound at that stretch [m].
         constants: Of the rod's kernel.
         step: Of the rod [s]: a share of 2 / omega of the stiffest axial and transverse motion.
+        still: Motion over the surface of a node of the rod that counts as lying still [m].
     """
 
     case: Case
@@ -62,6 +71,7 @@ class ResolvedModel:
     wound_radius: float
     constants: Constants
     step: float
+    still: float
 
     @classmethod
     def of(cls, config: WindingConfig) -> ResolvedModel:
@@ -94,6 +104,7 @@ class ResolvedModel:
             wound_radius=radius,
             constants=constants,
             step=_stable_step(case.axial_area, law, tension, stretch, constants),
+            still=STILL_SHARE / STIRRED_SHARE * constants.stirred,
         )
 
     @cached_property
@@ -174,6 +185,7 @@ def _constants(
         free_length=config.free_length,
         roll_inertia=0.5 * mass * case.cable_radius**2,
         torsion=law.shear_modulus * polar,
+        stirred=STIRRED_SHARE * max(abs(stretch - 1.0), LEAST_STRAIN) * h,
     )
 
 

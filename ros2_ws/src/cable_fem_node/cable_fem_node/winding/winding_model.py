@@ -42,7 +42,6 @@ class WindingModel(ABC):
         self.config = config
         self.time = 0.0
         self.element_steps = 0
-        self._surface_step = 0.0
         self._initial_energy = 0.0
         self._ledger = np.zeros(LEDGER_SIZE)
         self._drive = np.zeros(7)

@@ -12,6 +12,7 @@ RUNNING = 0
 FULL = 1
 DIVERGED = 2
 EMPTY = 3
+STIRRED = 4
 
 # An element is cut from the span's last one at this many segment lengths, given back below that.
 CUT_AT = 1.6
@@ -31,10 +32,15 @@ class Constants(NamedTuple):
     free_length: float
     roll_inertia: float
     torsion: float
+    stirred: float  # motion over the surface that resting cable must follow [m]
 
 
 # Rows of the drive: value at the beginning, value at the end of the advance.
 ANGLE, SPEED, GUIDE, FEED, TENSION, STRETCH, LANDING = range(7)
+
+# Rows of the tie, in the frame of the cylinder: place of node 0, direction of the cable there,
+# place of the node that is watched.
+TIE_PLACE, TIE_ALONG, TIE_WATCHED = range(3)
 
 
 def part_way(drive: FloatArray, u: float, span: float) -> FloatArray:
