@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.dynamics.surroundings import penalty
 from cable_fem_node.rod.rod_arrays import AxialResponse, axial_response
 from cable_fem_node.winding.winding_state import MERGE_AT, Constants
@@ -113,10 +112,10 @@ class ResolvedModel:
         return axial_response(self.law, self.case.axial_area)
 
     @cached_property
-    def responses(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def responses(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
         """Tensions [N] up to the law's limit, their stretches and landing radii [m].
 
-        Tabulated, because a measured tension changes a thousand times a second.
+        Tabulated, and no arrays, because a measured tension changes a thousand times a second.
         """
         law, k, case = self.law, self.constants, self.case
         highest = min(law.limit()[1], TABLE_HIGH)
@@ -128,7 +127,7 @@ class ResolvedModel:
         wound = np.maximum(tension - 0.5 * k.bending * stretch / radius**2, 0.0)
         half = np.minimum(0.5 * length / radius, 1.5)
         landing = radius * half / np.sin(half) + wound * length / radius / k.touch.normal_stiffness
-        return tension, stretch, landing
+        return tuple(tension.tolist()), tuple(stretch.tolist()), tuple(landing.tolist())
 
     def stretch_at(self, tension: float) -> float:
         """Return the stretch of straight cable under a tension [N]."""

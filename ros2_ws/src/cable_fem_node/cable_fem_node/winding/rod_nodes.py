@@ -5,9 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray, Points, empty_points
-from cable_fem_node.rod.rod_arrays import empty_work
-from cable_fem_node.winding.resting_cable import REFERENCE, RestingCable, turned
-from cable_fem_node.winding.winding_state import TIE_ALONG, TIE_PLACE, TIE_WATCHED
+from cable_fem_node.winding import resting_cable
+from cable_fem_node.winding.resting_cable import RestingCable, turned
+from cable_fem_node.winding.winding_state import (
+    REFERENCE,
+    STATE_ROWS,
+    TIE_ALONG,
+    TIE_PLACE,
+    TIE_WATCHED,
+    points_of,
+)
 
 # The integrated node whose motion over the surface tells that the cable before it must wake: far
 # enough from the tie that the tie does not hold it, and that what comes is seen before it arrives.
@@ -23,9 +30,8 @@ class RodNodes:
 
     Attributes:
         live: Number of integrated nodes; the first one is the last of those that rest.
-        points: State of the integrated nodes.
-        reference: Reference lengths of their elements [m].
-        work: Scratch of the kernel.
+        state: Of the integrated nodes and elements, as the kernel takes it.
+        touching: Which integrated nodes are in contact, as the kernel takes it.
         resting: The nodes that turn with the cylinder.
         tie: How the cylinder holds the first integrated node, rows TIE_PLACE .. TIE_WATCHED.
         tie_length: Reference length that bends about that node, twice the mean of both sides [m].
@@ -33,14 +39,23 @@ class RodNodes:
 
     def __init__(self, position: FloatArray, reference: FloatArray) -> None:
         self.live = int(position.shape[1])
-        self.points = empty_points(2 * self.live + 64)
+        self.state = np.zeros((STATE_ROWS, 2 * self.live + 64))
+        self.touching = np.zeros(2 * self.live + 64, dtype=np.int64)
         self.points.position[:, : self.live] = position
-        self.reference = np.zeros(2 * self.live + 64)
         self.reference[: reference.size] = reference
-        self.work = empty_work(2 * self.live + 64)
         self.resting = RestingCable(float(position[0, 0]))
         self.tie = np.zeros((3, 3))
         self._hold(0.0)
+
+    @property
+    def points(self) -> Points:
+        """State of the integrated nodes, as views."""
+        return points_of(self.state, self.touching)
+
+    @property
+    def reference(self) -> FloatArray:
+        """Reference lengths of the integrated elements [m], as a view."""
+        return np.asarray(self.state[REFERENCE])
 
     @property
     def total(self) -> int:
@@ -55,7 +70,7 @@ class RodNodes:
     @property
     def position(self) -> FloatArray:
         """Where the integrated nodes are [m], shape (3, live)."""
-        return self.points.position[:, : self.live]
+        return self.state[0:3, : self.live]
 
     def live_stretch(self) -> FloatArray:
         """Return the stretch of the integrated elements, shape (live - 1,)."""
@@ -64,12 +79,12 @@ class RodNodes:
 
     def laid(self) -> int:
         """Return how many integrated nodes are laid on the cylinder; the first always is."""
-        touching = np.flatnonzero(self.points.touching[: self.live])
+        touching = np.flatnonzero(self.touching[: self.live])
         return int(touching[-1]) + 1 if touching.size else 1
 
     def place(self, nodes: int, angle: float) -> FloatArray:
         """Return x, y, z [m] of the first integrated nodes in the frame of the cylinder."""
-        x, y, z = self.points.position[:, :nodes]
+        x, y, z = self.state[0:3, :nodes]
         return np.stack([*turned(-angle, x, y), z])
 
     def path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -87,7 +102,7 @@ class RodNodes:
         """
         self.resting.add(nodes, angle, self.points, self.reference, stretch, tension)
         left = self.live - nodes
-        for values in (*self.points, self.reference):
+        for values in (self.state, self.touching):
             values[..., :left] = values[..., nodes : self.live]
         self.live = left
         self._hold(angle)
@@ -102,9 +117,9 @@ class RodNodes:
             dt: Length of that step [s].
         """
         longer = self.live + nodes
-        if longer > self.reference.size:
+        if longer > self.touching.size:
             self.grow(2 * longer)
-        for values in (*self.points, self.reference):
+        for values in (self.state, self.touching):
             values[..., nodes:longer] = values[..., : self.live].copy()
         self.resting.put(nodes, angle, back, dt, self.points, self.reference)
         self.resting.let_go(nodes)
@@ -113,12 +128,10 @@ class RodNodes:
 
     def grow(self, capacity: int) -> None:
         """Make room for so many integrated nodes."""
-        points, reference = empty_points(capacity), np.zeros(capacity)
-        used = self.reference.size
-        reference[:used] = self.reference
-        for new, kept in zip(points, self.points, strict=True):
-            new[..., :used] = kept
-        self.points, self.reference, self.work = points, reference, empty_work(capacity)
+        state, touching = np.zeros((STATE_ROWS, capacity)), np.zeros(capacity, dtype=np.int64)
+        used = self.touching.size
+        state[:, :used], touching[:used] = self.state, self.touching
+        self.state, self.touching = state, touching
 
     def whole(self, angle: float, back: float, dt: float) -> tuple[Points, FloatArray]:
         """Return the state of all nodes and the reference lengths of all elements.
@@ -141,6 +154,4 @@ class RodNodes:
         self.tie[TIE_PLACE] = self.resting.place()[:, -1]
         self.tie[TIE_ALONG] = self.resting.along()
         self.tie[TIE_WATCHED] = self.place(WATCHED + 1, angle)[:, -1]
-        self.tie_length = float(self.reference[0] + self.resting.row(REFERENCE)[-1])
-        # Touching nodes write their torque in every step, of the others it must be none.
-        self.work.couple[:] = 0.0
+        self.tie_length = float(self.reference[0] + self.resting.row(resting_cable.REFERENCE)[-1])

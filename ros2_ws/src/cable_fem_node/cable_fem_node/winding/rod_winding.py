@@ -7,6 +7,7 @@ plane x = R + r; P0 stands at azimuth Theta, z = 0.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,10 +153,10 @@ class RodWinding(WindingModel):
         cable, reference = self._whole()
         entries = self._ledger.copy()
         # What rests is driven by the surface alone: its energy of motion is the work of the tie.
-        entries[WORK_TIE] += self._motion(cable, self._nodes.resting.count)
+        entries[WORK_TIE] += self._kinetic(cable, self._nodes.resting.count)
         return EnergyLedger.of(
             entries,
-            kinetic=self._motion(cable, self.nodes - 1),
+            kinetic=self._kinetic(cable, self.nodes - 1),
             internal=self._stored_energy(cable, reference),
             contact=contact_energy(cable, k.touch),
             initial=self._initial_energy,
@@ -178,9 +179,8 @@ class RodWinding(WindingModel):
                 nodes.tie,
                 nodes.tie_length,
                 nodes.watched,
-                nodes.points,
-                nodes.reference,
-                nodes.work,
+                nodes.state,
+                nodes.touching,
                 self._constants,
                 self.config.resolved.axial,
                 self._ledger,
@@ -213,13 +213,13 @@ class RodWinding(WindingModel):
         """Lay to rest what has not moved over the cylinder since the look before."""
         nodes = self._nodes
         candidates = max(1, nodes.laid() - AWAKE)
-        off = np.flatnonzero(nodes.points.touching[1:candidates] == 0)
+        off = np.flatnonzero(nodes.touching[1:candidates] == 0)
         held = 1 + int(off[0]) if off.size else candidates
         still = self._stillness.look(t, nodes.place(held, angle))
         resting = still - 1 - WATCHED
         if resting >= FEWEST_TO_REST:
             stretch = nodes.live_stretch()[:resting]
-            before = self._motion(nodes.points, resting + 1)
+            before = self._kinetic(nodes.points, resting + 1)
             nodes.rest(resting, angle, stretch, self._tension_at(stretch))
             self._ledger[WORK_TIE] -= before
             self._stillness.forget()
@@ -230,7 +230,7 @@ class RodWinding(WindingModel):
         woken = min(WOKEN, nodes.resting.count - 1)
         back = self._surface_rate * self._last_step
         nodes.wake(woken, angle, back, self._last_step)
-        self._ledger[WORK_TIE] += self._motion(nodes.points, woken + 1)
+        self._ledger[WORK_TIE] += self._kinetic(nodes.points, woken + 1)
         self._stillness.forget()
 
     def _tension_at(self, stretch: FloatArray) -> FloatArray:
@@ -249,16 +249,18 @@ class RodWinding(WindingModel):
         if not pulls[0] <= tension <= pulls[-1]:
             resolved.stretch_at(tension)
             raise ValueError(f"tension {tension:.4g} N stretches the cable beyond the tables")
+        i = max(bisect_left(pulls, tension), 1)
+        u = (tension - pulls[i - 1]) / (pulls[i] - pulls[i - 1])
         return (
-            float(np.interp(tension, pulls, stretches)),
-            float(np.interp(tension, pulls, radii)),
+            stretches[i - 1] + u * (stretches[i] - stretches[i - 1]),
+            radii[i - 1] + u * (radii[i] - radii[i - 1]),
         )
 
     def _whole(self) -> tuple[Points, FloatArray]:
         back = self._surface_rate * self._last_step
         return self._nodes.whole(self.cylinder_angle, back, self._last_step)
 
-    def _motion(self, cable: Points, end: int) -> float:
+    def _kinetic(self, cable: Points, end: int) -> float:
         """Return the kinetic energy [J] of nodes 1 to `end` - 1."""
         k, moving = self._constants, slice(1, end)
         return 0.5 * k.mass * float((cable.velocity[:, moving] ** 2).sum()) + (

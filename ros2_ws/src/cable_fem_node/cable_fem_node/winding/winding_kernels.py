@@ -21,9 +21,10 @@ from cable_fem_node.dynamics.points import (
     WORK_SPAN,
     WORK_TIE,
     FloatArray,
+    IntArray,
     Points,
 )
-from cable_fem_node.rod.rod_arrays import AxialResponse, Work
+from cable_fem_node.rod.rod_arrays import AxialResponse, Work, empty_work
 from cable_fem_node.rod.rod_kernels import (
     bend_end,
     bend_nodes,
@@ -41,6 +42,7 @@ from cable_fem_node.winding.winding_state import (
     GUIDE,
     LANDING,
     MERGE_AT,
+    REFERENCE,
     RUNNING,
     SPEED,
     STIRRED,
@@ -50,6 +52,7 @@ from cable_fem_node.winding.winding_state import (
     TIE_PLACE,
     TIE_WATCHED,
     Constants,
+    points_of,
 )
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 
@@ -141,9 +144,8 @@ def advance_winding(
     tie: FloatArray,
     tie_length: float,
     watched: int,
-    cable: Points,
-    reference: FloatArray,
-    work: Work,
+    state: FloatArray,
+    touching: IntArray,
     k: Constants,
     response: AxialResponse,
     ledger: FloatArray,
@@ -160,9 +162,8 @@ def advance_winding(
         tie: Shape (3, 3), rows TIE_PLACE .. TIE_WATCHED in the frame of the cylinder.
         tie_length: Reference length that bends about node 0, twice the mean of both sides [m].
         watched: Node whose motion over the surface ends the advance; 0 for none.
-        cable: State, changed in place.
-        reference: Reference length of the elements (capacity,) [m], changed in place.
-        work: Scratch.
+        state: Nodes and elements, rows as in `points_of`, shape (STATE_ROWS, capacity), changed.
+        touching: 1 where a node is in contact, shape (capacity,), changed.
         k: Constants.
         response: Axial response of the cable.
         ledger: Energies [J], added to in place.
@@ -171,10 +172,12 @@ def advance_winding(
     Returns:
         nodes, steps taken, the last step's angular speed, status, element at fault.
     """
+    cable, reference = points_of(state, touching), state[REFERENCE]
     x, v = cable.position, cable.velocity
+    capacity = touching.shape[0]
+    work = empty_work(capacity)
     tangent, inverse, slope = work.tangent, work.inverse, work.slope
     force, net = work.force, work.net
-    capacity = reference.shape[0]
     span = steps * dt
     first = np.zeros(3)
     free = np.zeros(3)
