@@ -26,6 +26,7 @@ from cable_fem_node.winding.winding_model import wound_angles
     THETA,
 ) = range(13)
 _ROWS = 13
+PATH = (ARC, THETA, Z)
 # How a node is held where it rests: the rows that go into the arrays that are integrated.
 _PLACE = slice(X, Z + 1)
 _SLIPS = slice(SLIP, SLIP_Z + 1)
@@ -166,7 +167,7 @@ class RestingCable:
         """Fill arc and angle from a column on; position (2, n) begins with the node before it."""
         columns = slice(begin, begin + reference.size)
         for row, values in (
-            (ARC, np.cumsum(reference)),
+            (ARC, reference.cumsum()),
             (THETA, wound_angles(*position)[1:]),
         ):
             np.add(values, self._rows[row, begin - 1], out=self._rows[row, columns])

@@ -93,15 +93,19 @@ class RodWinding(WindingModel):
 
     def markers(self) -> Markers:
         """Return the records of P0..Pn; those not yet on the cylinder carry NOT_WOUND."""
+        resting = self._nodes.resting
+        case = self.config.case
+        if resting.row(resting_cable.ARC)[-1] >= case.marker_count * case.marker_spacing:
+            s, theta, z = (resting.row(row) for row in resting_cable.PATH)
+            return self._marker_records(s, theta, z, math.inf)
         s, theta, z = self._nodes.path()
-        first = self._nodes.resting.count - 1
-        wound_to = float(s[first + self._nodes.laid() - 1])
+        first = resting.count - 1
+        wound_to = float(s[self._laid_nodes() - 1])
         records = self._marker_records(s, theta, z, wound_to)
-        loose = (records["flags"] & MarkerFlag.NOT_WOUND) > 0
-        if loose.any():
-            arc = records["id"][loose] * self.config.case.marker_spacing
-            for name, values in zip("xyz", self._nodes.position, strict=True):
-                records[name][loose] = np.interp(arc, s[first:], values)
+        loose = (records["flags"] & int(MarkerFlag.NOT_WOUND)) > 0
+        arc = records["id"][loose] * case.marker_spacing
+        for name, values in zip("xyz", self._nodes.position, strict=True):
+            records[name][loose] = np.interp(arc, s[first:], values)
         return records
 
     def cable(self) -> NDArray[np.void]:
@@ -205,7 +209,7 @@ class RodWinding(WindingModel):
                 if status == FULL:
                     nodes.grow(2 * nodes.live)
                 else:
-                    self._wake(float(part[ANGLE, 0]))
+                    self._wake(t, float(part[ANGLE, 0]))
         if nodes.live >= self._enough and self.config.rests and self._stillness.due(t):
             self._look(t, float(drive[ANGLE, 1]))
 
@@ -222,16 +226,16 @@ class RodWinding(WindingModel):
             before = self._kinetic(nodes.points, resting + 1)
             nodes.rest(resting, angle, stretch, self._tension_at(stretch))
             self._ledger[WORK_TIE] -= before
-            self._stillness.forget()
+            self._stillness.begin_anew()
 
-    def _wake(self, angle: float) -> None:
+    def _wake(self, t: float, angle: float) -> None:
         """Integrate the last nodes again that were laid to rest."""
         nodes = self._nodes
         woken = min(WOKEN, nodes.resting.count - 1)
         back = self._surface_rate * self._last_step
         nodes.wake(woken, angle, back, self._last_step)
         self._ledger[WORK_TIE] += self._kinetic(nodes.points, woken + 1)
-        self._stillness.forget()
+        self._stillness.woken(t)
 
     def _tension_at(self, stretch: FloatArray) -> FloatArray:
         return np.asarray(

@@ -6,8 +6,10 @@ import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
 
-# Time between two looks [s]: some fifty periods of a segment's slowest oscillation on the surface.
+# Time between two looks [s]. Oscillations of the span decay within it.
 LOOK_PERIOD = 0.1
+# Time for which nodes that had to be woken are left alone [s].
+AWAKE_FOR = 0.5
 
 
 class Stillness:
@@ -28,9 +30,14 @@ class Stillness:
         """Return whether a look is due at a time [s]."""
         return t >= self._next
 
-    def forget(self) -> None:
-        """Begin anew: the nodes have other numbers from now on."""
+    def begin_anew(self) -> None:
+        """Forget the look before: the nodes have other numbers from now on."""
         self._seen = np.zeros((3, 0))
+
+    def woken(self, t: float) -> None:
+        """Begin anew a while after a time [s] at which resting nodes had to be woken."""
+        self.begin_anew()
+        self._next = t + AWAKE_FOR
 
     def look(self, t: float, place: FloatArray) -> int:
         """Return how many nodes, from the first on, are where they were at the look before.
