@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.winding.rod_nodes import RodNodes
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
@@ -22,11 +21,12 @@ CONFIG = WindingConfig(case=paper_case(4))
 WEIGHT = CONFIG.case.weight
 DRIVE = DriveProfile()
 SPEED = DRIVE.angular_speed
-# What is measured at 20 mm/s, reversed, loaded and unloaded is 1e-8 m and 1e-4 N. The bars leave room
-# for another processor's rounding and are what is promised: 0.02 mm, 1e-4 rad, 0.1 % of the tension.
+# What docs/solver.md promises: 0.02 mm, 1e-4 rad, 0.1 % of the span tension, 10 um of length.
+# Measured are 1e-8 m and 1e-4 N; the rest is for rounding, which landing cable amplifies.
 Z_BAR = 2.0e-5
 THETA_BAR = 1.0e-4
-TENSION_BAR = 1.0e-3
+TENSION_BAR = 1.0e-3 * WEIGHT
+S_BAR = 1.0e-5
 # The free span, what stays awake of the wound cable, and a block that waits for its second look.
 MOST_LIVE = 36 + 20 + 4 + 16
 
@@ -66,14 +66,14 @@ class Machine:
         """Assert that nobody can tell the two apart."""
         one, other = self.models
         (s, theta, z), (s2, theta2, z2) = one.wound_path(), other.wound_path()
-        np.testing.assert_allclose(s, s2, rtol=0.0, atol=1.0e-12)
+        # A marker that lies on a node has landed or not: that must not depend on rounding.
+        np.testing.assert_array_equal(s, s2)
         np.testing.assert_allclose(theta, theta2, rtol=0.0, atol=THETA_BAR)
         np.testing.assert_allclose(z, z2, rtol=0.0, atol=Z_BAR)
         wound = slice(1, s.size)
         tension, tension2 = (model.cable()["tension"][wound] for model in self.models)
-        np.testing.assert_allclose(tension, tension2, rtol=TENSION_BAR)
-        for name in ("theta", "z", "s", "flags"):
-            bar = {"theta": THETA_BAR, "z": Z_BAR, "s": 1.0e-5, "flags": 0}[name]
+        np.testing.assert_allclose(tension, tension2, rtol=0.0, atol=TENSION_BAR)
+        for name, bar in (("theta", THETA_BAR), ("z", Z_BAR), ("s", S_BAR), ("flags", 0)):
             values, values2 = (model.markers()[name] for model in self.models)
             np.testing.assert_allclose(values, values2, rtol=0.0, atol=bar)
 
@@ -81,7 +81,7 @@ class Machine:
 @pytest.fixture(scope="module")
 def long_run() -> Machine:
     machine = Machine()
-    machine.wind(40.0)
+    machine.wind(30.0)
     return machine
 
 
@@ -94,14 +94,9 @@ def test_resting_turns_change_nothing_over_a_long_run(long_run: Machine) -> None
 def test_integrated_cable_does_not_grow_with_the_wound(long_run: Machine) -> None:
     model, other = long_run.models
     assert model.nodes == other.nodes == other.live_nodes
-    assert model.nodes > 3 * MOST_LIVE
+    assert model.nodes > 2 * MOST_LIVE
     assert model.live_nodes <= MOST_LIVE
-    before = model.element_steps
-    copy_of = copy.deepcopy(model)
-    t = copy_of.time + 1.0e-3
-    copy_of.advance_to(t, long_run._reading())
-    steps = math.ceil(1.0e-3 / model.step_limit - 1.0e-9)
-    assert copy_of.element_steps - before <= steps * MOST_LIVE
+    assert model.element_steps < 0.7 * other.element_steps
 
 
 def test_energies_of_resting_turns_are_counted(long_run: Machine) -> None:
@@ -109,7 +104,8 @@ def test_energies_of_resting_turns_are_counted(long_run: Machine) -> None:
     # The integrator's own error; with every turn integrated it is the same.
     assert one.balance_pct < 0.1
     for name in ("kinetic", "internal", "contact", "external", "friction"):
-        assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1.0e-5)
+        # The springs of what is integrated creep by rounding, of what rests they do not.
+        assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1.0e-3)
 
 
 def test_resting_markers_turn_with_the_cylinder(long_run: Machine) -> None:
@@ -119,12 +115,11 @@ def test_resting_markers_turn_with_the_cylinder(long_run: Machine) -> None:
     start = CONFIG.resolved.constants.start_radius
     assert cable["x"][0] == pytest.approx(start * math.cos(angle), abs=1.0e-12)
     assert cable["y"][0] == pytest.approx(start * math.sin(angle), abs=1.0e-12)
-    for n in range(1, 5):
-        x = np.interp(markers["s"][n] / model.wound_stretch(), cable["s"], cable["x"])
-        y = np.interp(markers["s"][n] / model.wound_stretch(), cable["s"], cable["y"])
-        apart = math.atan2(y, x) - (angle - markers["theta"][n])
-        # Chords between nodes of 0.33 rad, and the mean stretch for the marker's own.
-        assert abs(math.remainder(apart, math.tau)) < 0.02
+    place = 0.1 * markers["id"]
+    x, y = (np.interp(place, cable["s"], cable[name]) for name in "xy")
+    apart = np.arctan2(y, x) - (angle - markers["theta"])
+    # A marker lies on the chord between two nodes, 0.33 rad apart.
+    assert np.abs(np.remainder(apart + math.pi, math.tau) - math.pi).max() < 3.0e-3
 
 
 def test_copy_winds_on_by_itself(long_run: Machine) -> None:
@@ -133,7 +128,7 @@ def test_copy_winds_on_by_itself(long_run: Machine) -> None:
     kept = long_run.resting.cable()
     for model in (one, other):
         for i in range(1, 11):
-            model.advance_to(40.0 + 0.1 * i, DRIVE.reading_at(40.0 + 0.1 * i))
+            model.advance_to(30.0 + 0.1 * i, DRIVE.reading_at(30.0 + 0.1 * i))
     np.testing.assert_array_equal(one.cable(), other.cable())
     np.testing.assert_array_equal(long_run.resting.cable(), kept)
 
@@ -180,13 +175,14 @@ def test_unwinding_wakes_what_rested_and_winds_again() -> None:
     machine.agree()
 
 
-def test_rod_that_is_unwound_beyond_its_start_says_so() -> None:
+def test_nothing_rests_once_everything_is_unwound() -> None:
     machine = Machine()
-    machine.models = (machine.resting,)
-    machine.wind(10.0)
-    with pytest.raises(DivergenceError, match="pulled back|diverged"):
-        machine.wind(20.0, speed=-SPEED)
+    machine.wind(12.0)
+    assert machine.resting.live_nodes < machine.resting.nodes
+    machine.wind(1.0, speed=-SPEED)
+    machine.wind(machine._angle / SPEED, speed=-SPEED)
     assert machine.resting.nodes == machine.resting.live_nodes
+    machine.agree()
 
 
 def test_noise_of_the_load_wakes_nothing() -> None:
@@ -199,8 +195,9 @@ def test_noise_of_the_load_wakes_nothing() -> None:
 
 
 def test_cable_that_is_laid_to_rest_and_woken_is_as_it_was() -> None:
-    turned = np.linspace(0.0, 3.0, 12)
-    place = np.array([0.017 * np.cos(turned), -0.017 * np.sin(turned), 1.0e-3 * turned])
+    angle, turned = 0.4, np.linspace(0.0, 3.0, 12)
+    azimuth = angle - turned
+    place = np.array([0.017 * np.cos(azimuth), 0.017 * np.sin(azimuth), 1.0e-3 * turned])
     nodes = RodNodes(place, np.full(11, 5.0e-3))
     rate, step = 1.7, 6.0e-5
     nodes.points.velocity[:2, :12] = rate * np.array([-place[1], place[0]])
@@ -208,12 +205,13 @@ def test_cable_that_is_laid_to_rest_and_woken_is_as_it_was() -> None:
     nodes.points.contact_radius[1:12] = 0.0171
     nodes.points.roll[0, :12] = 0.1 * turned
     nodes.touching[1:12] = 1
+    nodes.wake(0, angle, rate * step, step)
     before, tie, touching = nodes.state.copy(), nodes.tie.copy(), nodes.touching.copy()
-    nodes.rest(7, 0.4, np.ones(11), np.ones(11))
+    nodes.rest(7, angle, np.ones(11), np.ones(11))
     assert nodes.live == 5
     assert nodes.total == 12
     assert nodes.tie_length == pytest.approx(10.0e-3)
-    nodes.wake(7, 0.4, rate * step, step)
+    nodes.wake(7, angle, rate * step, step)
     # The chord of the last step is the velocity there within the step's square.
     np.testing.assert_allclose(nodes.state[:, :12], before[:, :12], atol=1.0e-5)
     still = [row for row in range(12) if row not in (3, 4)]

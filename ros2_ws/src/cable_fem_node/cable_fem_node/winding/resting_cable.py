@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray, Points
-from cable_fem_node.winding.winding_model import wound_angles
+from cable_fem_node.winding.winding_model import angle_steps
 
 # Rows of the store; reference length, stretch and tension are those of the element towards P0.
 (
@@ -88,9 +88,9 @@ class RestingCable:
             nodes: How many.
             angle: Of the cylinder [rad].
             cable: Integrated nodes; node 0 rests already.
-            reference: Reference lengths of its elements [m].
-            stretch: Of its elements.
-            tension: Of its elements [N].
+            reference: Reference lengths of its elements [m], shape (at least nodes,).
+            stretch: Of its elements, shape (at least nodes,).
+            tension: Of its elements [N], shape (at least nodes,).
         """
         old, new = self.count, self.count + nodes
         self._reserve(new)
@@ -166,11 +166,12 @@ class RestingCable:
     def _continue(self, begin: int, reference: FloatArray, position: FloatArray) -> None:
         """Fill arc and angle from a column on; position (2, n) begins with the node before it."""
         columns = slice(begin, begin + reference.size)
-        for row, values in (
-            (ARC, reference.cumsum()),
-            (THETA, wound_angles(*position)[1:]),
-        ):
-            np.add(values, self._rows[row, begin - 1], out=self._rows[row, columns])
+        for row, steps in ((ARC, reference), (THETA, angle_steps(*position))):
+            filled = self._rows[row, columns]
+            filled[:] = steps
+            # One sum from P0 on, so that an arc is the same to the last bit wherever the border is.
+            filled[0] += self._rows[row, begin - 1]
+            filled.cumsum(out=filled)
 
     def _reserve(self, capacity: int) -> None:
         if capacity > self._rows.shape[1]:

@@ -97,8 +97,8 @@ class RodNodes:
         Args:
             nodes: How many; the last of them becomes the first that is integrated.
             angle: Of the cylinder [rad].
-            stretch: Of the integrated elements.
-            tension: Of the integrated elements [N].
+            stretch: Of the integrated elements, shape (at least nodes,).
+            tension: Of the integrated elements [N], shape (at least nodes,).
         """
         self.resting.add(nodes, angle, self.points, self.reference, stretch, tension)
         left = self.live - nodes

@@ -148,9 +148,14 @@ class WindingModel(ABC):
         )
 
 
+def angle_steps(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the angles between neighbours of a path (n,), backwards about the origin [rad]."""
+    before_x, before_y, x, y = x[:-1], y[:-1], x[1:], y[1:]
+    return np.arctan2(x * before_y - before_x * y, before_x * x + before_y * y)
+
+
 def wound_angles(x: FloatArray, y: FloatArray) -> FloatArray:
     """Return the angle wound backwards about the origin along a path (n,) [rad], from zero on."""
-    turn = np.arctan2(x[:-1] * y[1:] - y[:-1] * x[1:], x[:-1] * x[1:] + y[:-1] * y[1:])
     theta = np.zeros(x.size)
-    np.cumsum(-turn, out=theta[1:])
+    np.cumsum(angle_steps(x, y), out=theta[1:])
     return theta
