@@ -120,7 +120,7 @@ class RodWinding(WindingModel):
             records[name][first:] = values
         records["s"] = self._nodes.path()[0]
         stretch = self.stretch()
-        tension = self.tension()
+        tension = self._tension_of(stretch)
         records["strain"][1:] = stretch - 1.0
         records["tension"][1:] = tension
         records["strain"][0], records["tension"][0] = stretch[0] - 1.0, tension[0]
@@ -133,10 +133,7 @@ class RodWinding(WindingModel):
 
     def tension(self) -> FloatArray:
         """Return the tension [N] of every element, shape (nodes - 1,)."""
-        resting = self._nodes.resting.row(resting_cable.TENSION)[1:]
-        tension = np.concatenate([resting, self._tension_at(self._nodes.live_stretch())])
-        tension[-1] = self._drive[TENSION]
-        return tension
+        return self._tension_of(self.stretch())
 
     def wound_path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (s reference arc length [m], theta [rad], z [m]) of the laid nodes from P0 on."""
@@ -236,6 +233,13 @@ class RodWinding(WindingModel):
         nodes.wake(woken, angle, back, self._last_step)
         self._ledger[WORK_TIE] += self._kinetic(nodes.points, woken + 1)
         self._stillness.woken(t)
+
+    def _tension_of(self, stretch: FloatArray) -> FloatArray:
+        """Return the tension [N] of every element at its stretch, shape (nodes - 1,)."""
+        resting = self._nodes.resting.row(resting_cable.TENSION)[1:]
+        tension = np.concatenate([resting, self._tension_at(stretch[resting.size :])])
+        tension[-1] = self._drive[TENSION]
+        return tension
 
     def _tension_at(self, stretch: FloatArray) -> FloatArray:
         return np.asarray(
