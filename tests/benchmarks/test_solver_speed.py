@@ -96,7 +96,7 @@ def best_of(*measurements: Callable[[], float]) -> list[float]:
 
 def wound_rod() -> RodWinding:
     """Return case 4 when two thirds of the elements lie on the cylinder."""
-    model = RodWinding(WindingConfig(case=paper_case(4), segment_length=SEGMENT))
+    model = RodWinding(WindingConfig(case=paper_case(4), segment_length=SEGMENT, rests=False))
     drive_to(model, 14.0)
     assert model.wound_path()[0].size > 0.6 * model.nodes
     return model

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_fem_node.dynamics.compile import called
 from cable_fem_node.dynamics.points import FloatArray
 from winding_core.material_law import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, MaterialLaw
 
@@ -38,15 +39,17 @@ def axial_response(law: MaterialLaw, area: float) -> AxialResponse:
     return AxialResponse(law.table(), TABLE_LOW, spacing, area)
 
 
+@called
 def empty_work(capacity: int) -> Work:
     """Return scratch arrays for so many nodes."""
+    rows = np.zeros((14, capacity))
     return Work(
-        tangent=np.zeros((3, capacity)),
-        inverse=np.zeros(capacity),
-        tension=np.zeros(capacity),
-        cosine=np.zeros(capacity),
-        slope=np.zeros(capacity),
-        force=np.zeros((3, capacity)),
-        net=np.zeros((3, capacity)),
-        couple=np.zeros(capacity),
+        rows[0:3],
+        rows[3],
+        rows[4],
+        rows[5],
+        rows[6],
+        rows[7:10],
+        rows[10:13],
+        rows[13],
     )

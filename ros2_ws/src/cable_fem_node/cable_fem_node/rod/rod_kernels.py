@@ -110,7 +110,8 @@ def stretch_elements(
 def bend_nodes(elements: int, reference: FloatArray, bending: float, work: Work) -> None:
     """Fill cos(phi) and dE/dcos(phi) [J] of the inner nodes 1..elements-1."""
     tangent, cosine, slope = work.tangent, work.cosine, work.slope
-    sharpest = 0.0
+    # A count, unlike a maximum, lets the loop take several nodes at once.
+    sharp = 0
     for i in range(1, elements):
         c = (
             tangent[0, i - 1] * tangent[0, i]
@@ -118,10 +119,10 @@ def bend_nodes(elements: int, reference: FloatArray, bending: float, work: Work)
             + tangent[2, i - 1] * tangent[2, i]
         )
         u = 1.0 - c
-        sharpest = max(sharpest, u)
+        sharp += u >= SERIES_LIMIT
         cosine[i] = c
         slope[i] = -2.0 * bending * turning_series(u) / (reference[i - 1] + reference[i])
-    if sharpest >= SERIES_LIMIT:
+    if sharp > 0:
         for i in range(1, elements):
             u = 1.0 - cosine[i]
             if u >= SERIES_LIMIT:

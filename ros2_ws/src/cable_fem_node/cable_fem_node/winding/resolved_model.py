@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.dynamics.surroundings import penalty
 from cable_fem_node.rod.rod_arrays import AxialResponse, axial_response
 from cable_fem_node.winding.winding_state import MERGE_AT, Constants
@@ -29,6 +28,14 @@ RESPONSE_POINTS = 4001
 # The contact spring is six times as stiff as a segment, or stiffer where the cable would sink in
 # by more than this share of the radius.
 SINK_SHARE = 0.005
+
+# Shares of what a segment of the span is lengthened by. Cable that moves over the surface by the
+# greater one wakes the resting cable next to it: what rests would have been stretched by that much
+# more or less, half of the 0.1 % that its tension shall be known to. Between two looks, a tenth.
+STIRRED_SHARE = 5.0e-4
+STILL_SHARE = 0.1 * STIRRED_SHARE
+# The shares' strain is at least this, so that an unloaded cable has a tolerance.
+LEAST_STRAIN = 1.0e-3
 
 
 def chord_radius(radius: float, length: float) -> float:
@@ -51,6 +58,7 @@ class ResolvedModel:
         wound_radius: Centreline radius of cable wound at that stretch [m].
         constants: Of the rod's kernel.
         step: Of the rod [s]: a share of 2 / omega of the stiffest axial and transverse motion.
+        still: Motion over the surface of a node of the rod that counts as lying still [m].
     """
 
     case: Case
@@ -62,6 +70,7 @@ class ResolvedModel:
     wound_radius: float
     constants: Constants
     step: float
+    still: float
 
     @classmethod
     def of(cls, config: WindingConfig) -> ResolvedModel:
@@ -94,6 +103,7 @@ class ResolvedModel:
             wound_radius=radius,
             constants=constants,
             step=_stable_step(case.axial_area, law, tension, stretch, constants),
+            still=STILL_SHARE / STIRRED_SHARE * constants.stirred,
         )
 
     @cached_property
@@ -102,10 +112,10 @@ class ResolvedModel:
         return axial_response(self.law, self.case.axial_area)
 
     @cached_property
-    def responses(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def responses(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
         """Tensions [N] up to the law's limit, their stretches and landing radii [m].
 
-        Tabulated, because a measured tension changes a thousand times a second.
+        Tabulated, and no arrays, because a measured tension changes a thousand times a second.
         """
         law, k, case = self.law, self.constants, self.case
         highest = min(law.limit()[1], TABLE_HIGH)
@@ -117,7 +127,7 @@ class ResolvedModel:
         wound = np.maximum(tension - 0.5 * k.bending * stretch / radius**2, 0.0)
         half = np.minimum(0.5 * length / radius, 1.5)
         landing = radius * half / np.sin(half) + wound * length / radius / k.touch.normal_stiffness
-        return tension, stretch, landing
+        return tuple(tension.tolist()), tuple(stretch.tolist()), tuple(landing.tolist())
 
     def stretch_at(self, tension: float) -> float:
         """Return the stretch of straight cable under a tension [N]."""
@@ -174,6 +184,7 @@ def _constants(
         free_length=config.free_length,
         roll_inertia=0.5 * mass * case.cable_radius**2,
         torsion=law.shear_modulus * polar,
+        stirred=STIRRED_SHARE * max(abs(stretch - 1.0), LEAST_STRAIN) * h,
     )
 
 

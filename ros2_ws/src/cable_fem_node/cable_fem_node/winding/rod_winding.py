@@ -7,22 +7,28 @@ plane x = R + r; P0 stands at azimuth Theta, z = 0.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import FloatArray, empty_points
-from cable_fem_node.rod.rod_arrays import empty_work
+from cable_fem_node.dynamics.points import WORK_TIE, FloatArray, Points
 from cable_fem_node.rod.rod_kernels import bending_energy, stored_energy
+from cable_fem_node.winding import resting_cable
+from cable_fem_node.winding.resting_cable import turned
+from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes
+from cable_fem_node.winding.stillness import Stillness
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_kernels import advance_winding
-from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel, wound_angles
+from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
 from cable_fem_node.winding.winding_state import (
+    ANGLE,
     DIVERGED,
     EMPTY,
     FULL,
+    STIRRED,
     TENSION,
     part_way,
 )
@@ -30,9 +36,20 @@ from winding_core.markers import MarkerFlag, Markers
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 from winding_core.readings import AxisReading
 
+# Nodes that are laid and nevertheless integrated, counted from the landing point: waves of a noisy
+# load have decayed over them to a ten-thousandth.
+AWAKE = 20
+# By at least so many nodes the border moves when cable comes to rest, and by so many when it wakes.
+FEWEST_TO_REST = 8
+WOKEN = 16
+
 
 class RodWinding(WindingModel):
-    """The live rod: advanced along the machine's measured or planned motion."""
+    """The live rod: advanced along the machine's measured or planned motion.
+
+    Turns that lie still on the cylinder rest: they turn with it and are not integrated until
+    something moves the cable next to them.
+    """
 
     def __init__(self, config: WindingConfig) -> None:
         super().__init__(config)
@@ -41,19 +58,29 @@ class RodWinding(WindingModel):
         self.step_limit = resolved.step
         stretch = resolved.stretch
         count = max(3, round(config.free_length / (stretch * config.segment_length)))
-        self.nodes = count + 1
-        capacity = 2 * count + 64
-        self._cable = empty_points(capacity)
-        self._reference = np.zeros(capacity)
-        self._work = empty_work(capacity)
-        cable = self._cable
-        along = np.arange(self.nodes) * config.segment_length * stretch
+        along = np.arange(count + 1) * config.segment_length * stretch
         along[-1] = config.free_length
-        cable.position[0, : self.nodes] = self._constants.contact_line
-        cable.position[0, 0] = self._constants.start_radius
-        cable.position[1, : self.nodes] = -along
-        self._reference[: self.nodes - 1] = np.diff(along) / stretch
-        self._initial_energy = self._internal_energy()
+        position = np.zeros((3, count + 1))
+        position[0] = self._constants.contact_line
+        position[0, 0] = self._constants.start_radius
+        position[1] = -along
+        self._nodes = RodNodes(position, np.diff(along) / stretch)
+        self._surface_rate = 0.0
+        self._last_step = self.step_limit
+        self._stillness = Stillness(resolved.still)
+        # The free span's nodes, those that stay awake, and as many as are worth being moved.
+        self._enough = count + AWAKE + WATCHED + FEWEST_TO_REST
+        self._initial_energy = self._stored_energy(*self._whole())
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return self._nodes.total
+
+    @property
+    def live_nodes(self) -> int:
+        """Number of nodes that are integrated; the others rest on the cylinder."""
+        return self._nodes.live
 
     def compile(self) -> None:
         """Load or build the machine code of the kernels, so that the first advance is not late."""
@@ -66,25 +93,34 @@ class RodWinding(WindingModel):
 
     def markers(self) -> Markers:
         """Return the records of P0..Pn; those not yet on the cylinder carry NOT_WOUND."""
-        position = self._cable.position[:, : self.nodes]
-        s = self._arc()
+        resting = self._nodes.resting
+        case = self.config.case
+        if resting.row(resting_cable.ARC)[-1] >= case.marker_count * case.marker_spacing:
+            s, theta, z = (resting.row(row) for row in resting_cable.PATH)
+            return self._marker_records(s, theta, z, math.inf)
+        s, theta, z = self._nodes.path()
+        first = resting.count - 1
         wound_to = float(s[self._laid_nodes() - 1])
-        records = self._marker_records(s, self._theta(), position[2], wound_to)
-        loose = (records["flags"] & MarkerFlag.NOT_WOUND) > 0
-        arc = records["id"][loose] * self.config.case.marker_spacing
-        for row, name in enumerate("xyz"):
-            records[name][loose] = np.interp(arc, s, position[row])
+        records = self._marker_records(s, theta, z, wound_to)
+        loose = (records["flags"] & int(MarkerFlag.NOT_WOUND)) > 0
+        arc = records["id"][loose] * case.marker_spacing
+        for name, values in zip("xyz", self._nodes.position, strict=True):
+            records[name][loose] = np.interp(arc, s[first:], values)
         return records
 
     def cable(self) -> NDArray[np.void]:
         """Return the nodes as records of NODE_DTYPE, see `WindingModel.cable`."""
-        nodes = self.nodes
-        records = np.zeros(nodes, dtype=NODE_DTYPE)
-        for row, name in enumerate("xyz"):
-            records[name] = self._cable.position[row, :nodes]
-        records["s"] = self._arc()
+        records = np.zeros(self.nodes, dtype=NODE_DTYPE)
+        resting = self._nodes.resting
+        first = resting.count - 1
+        x, y, z = resting.place()
+        records["x"][: first + 1], records["y"][: first + 1] = turned(self.cylinder_angle, x, y)
+        records["z"][: first + 1] = z
+        for name, values in zip("xyz", self._nodes.position, strict=True):
+            records[name][first:] = values
+        records["s"] = self._nodes.path()[0]
         stretch = self.stretch()
-        tension = self.tension()
+        tension = self._tension_of(stretch)
         records["strain"][1:] = stretch - 1.0
         records["tension"][1:] = tension
         records["strain"][0], records["tension"][0] = stretch[0] - 1.0, tension[0]
@@ -92,22 +128,18 @@ class RodWinding(WindingModel):
 
     def stretch(self) -> FloatArray:
         """Return the stretch of every element, shape (nodes - 1,)."""
-        edges = np.diff(self._cable.position[:, : self.nodes], axis=1)
-        length = np.sqrt((edges**2).sum(axis=0))
-        return np.asarray(length / self._reference[: self.nodes - 1])
+        resting = self._nodes.resting.row(resting_cable.STRETCH)[1:]
+        return np.concatenate([resting, self._nodes.live_stretch()])
 
     def tension(self) -> FloatArray:
         """Return the tension [N] of every element, shape (nodes - 1,)."""
-        tension = self.config.case.axial_area * self.config.resolved.law.nominal_stress(
-            self.stretch()
-        )
-        tension[-1] = self._drive[TENSION]
-        return tension
+        return self._tension_of(self.stretch())
 
     def wound_path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (s reference arc length [m], theta [rad], z [m]) of the laid nodes from P0 on."""
         laid = self._laid_nodes()
-        return self._arc()[:laid], self._theta()[:laid], self._cable.position[2, :laid].copy()
+        s, theta, z = self._nodes.path()
+        return s[:laid].copy(), theta[:laid].copy(), z[:laid].copy()
 
     def wound_stretch(self) -> float:
         """Return the mean stretch of the laid elements; of the first before any is laid."""
@@ -118,63 +150,101 @@ class RodWinding(WindingModel):
     @property
     def energy(self) -> EnergyLedger:
         """The energy ledger since the start."""
-        cable, k = self._cable, self._constants
-        moving = slice(1, self.nodes - 1)
+        k = self._constants
+        cable, reference = self._whole()
+        entries = self._ledger.copy()
+        # What rests is driven by the surface alone: its energy of motion is the work of the tie.
+        entries[WORK_TIE] += self._kinetic(cable, self._nodes.resting.count)
         return EnergyLedger.of(
-            self._ledger,
-            kinetic=0.5 * k.mass * float((cable.velocity[:, moving] ** 2).sum())
-            + 0.5 * k.roll_inertia * float((cable.roll[1, moving] ** 2).sum()),
-            internal=self._internal_energy() + self._torsion_energy(),
-            contact=contact_energy(cable, k.touch, self.nodes),
+            entries,
+            kinetic=self._kinetic(cable, self.nodes - 1),
+            internal=self._stored_energy(cable, reference),
+            contact=contact_energy(cable, k.touch),
             initial=self._initial_energy,
         )
 
     def _run(self, t: float, span: float, drive: FloatArray) -> None:
         total = max(1, math.ceil(span / self.step_limit))
         dt = span / total
+        self._last_step = dt
+        nodes = self._nodes
         done = 0
         part = drive
         while done < total:
-            self.nodes, taken, self._surface_step, status, element = advance_winding(
-                self.nodes,
+            nodes.live, taken, self._surface_rate, status, element = advance_winding(
+                nodes.live,
                 total - done,
                 dt,
-                self._surface_step,
+                self._surface_rate,
                 part,
-                self._cable,
-                self._reference,
-                self._work,
+                nodes.tie,
+                nodes.tie_length,
+                nodes.watched,
+                nodes.state,
+                nodes.touching,
                 self._constants,
                 self.config.resolved.axial,
                 self._ledger,
                 self.config.rolling,
             )
             done += taken
-            self.element_steps += taken * (self.nodes - 1)
+            self.element_steps += taken * (nodes.live - 1)
             if status == DIVERGED:
                 raise DivergenceError(
-                    f"the winding diverged before t = {t:.6g} s at element {element} of "
-                    f"{self.nodes - 1}: its stretch left {TABLE_LOW:g} to {TABLE_HIGH:g} "
+                    f"the winding diverged before t = {t:.6g} s at element "
+                    f"{nodes.resting.count - 1 + element} of {self.nodes - 1}: "
+                    f"its stretch left {TABLE_LOW:g} to {TABLE_HIGH:g} "
                     f"(step {dt:.3g} s, tension {drive[TENSION, 1]:.4g} N)"
                 )
-            if status == EMPTY:
+            if status == EMPTY and nodes.resting.count == 1:
                 raise DivergenceError(
                     f"the span was pulled back to the cylinder before t = {t:.6g} s: "
                     "no element left"
                 )
-            if status == FULL:
-                self._grow(2 * self.nodes)
+            if status in (FULL, STIRRED, EMPTY):
                 part = part_way(drive, done / total, span)
+                if status == FULL:
+                    nodes.grow(2 * nodes.live)
+                else:
+                    self._wake(t, float(part[ANGLE, 0]))
+        if nodes.live >= self._enough and self.config.rests and self._stillness.due(t):
+            self._look(t, float(drive[ANGLE, 1]))
 
-    def _grow(self, capacity: int) -> None:
-        old, reference = self._cable, self._reference
-        self._cable = empty_points(capacity)
-        self._reference = np.zeros(capacity)
-        self._work = empty_work(capacity)
-        used = reference.shape[0]
-        self._reference[:used] = reference[:capacity]
-        for new, kept in zip(self._cable, old, strict=True):
-            new[..., :used] = kept[..., :capacity]
+    def _look(self, t: float, angle: float) -> None:
+        """Lay to rest what has not moved over the cylinder since the look before."""
+        nodes = self._nodes
+        candidates = max(1, nodes.laid() - AWAKE)
+        off = np.flatnonzero(nodes.touching[1:candidates] == 0)
+        held = 1 + int(off[0]) if off.size else candidates
+        still = self._stillness.look(t, nodes.place(held, angle))
+        resting = still - 1 - WATCHED
+        if resting >= FEWEST_TO_REST:
+            stretch = nodes.live_stretch()[:resting]
+            before = self._kinetic(nodes.points, resting + 1)
+            nodes.rest(resting, angle, stretch, self._tension_at(stretch))
+            self._ledger[WORK_TIE] -= before
+            self._stillness.begin_anew()
+
+    def _wake(self, t: float, angle: float) -> None:
+        """Integrate the last nodes again that were laid to rest."""
+        nodes = self._nodes
+        woken = min(WOKEN, nodes.resting.count - 1)
+        back = self._surface_rate * self._last_step
+        nodes.wake(woken, angle, back, self._last_step)
+        self._ledger[WORK_TIE] += self._kinetic(nodes.points, woken + 1)
+        self._stillness.woken(t)
+
+    def _tension_of(self, stretch: FloatArray) -> FloatArray:
+        """Return the tension [N] of every element at its stretch, shape (nodes - 1,)."""
+        resting = self._nodes.resting.row(resting_cable.TENSION)[1:]
+        tension = np.concatenate([resting, self._tension_at(stretch[resting.size :])])
+        tension[-1] = self._drive[TENSION]
+        return tension
+
+    def _tension_at(self, stretch: FloatArray) -> FloatArray:
+        return np.asarray(
+            self.config.case.axial_area * self.config.resolved.law.nominal_stress(stretch)
+        )
 
     def _response(self, tension: float) -> tuple[float, float]:
         """Return (stretch of the span, radius at which its nodes land [m]) at a tension [N].
@@ -187,48 +257,48 @@ class RodWinding(WindingModel):
         if not pulls[0] <= tension <= pulls[-1]:
             resolved.stretch_at(tension)
             raise ValueError(f"tension {tension:.4g} N stretches the cable beyond the tables")
+        i = max(bisect_left(pulls, tension), 1)
+        u = (tension - pulls[i - 1]) / (pulls[i] - pulls[i - 1])
         return (
-            float(np.interp(tension, pulls, stretches)),
-            float(np.interp(tension, pulls, radii)),
+            stretches[i - 1] + u * (stretches[i] - stretches[i - 1]),
+            radii[i - 1] + u * (radii[i] - radii[i - 1]),
         )
 
-    def _internal_energy(self) -> float:
-        cable, k = self._cable, self._constants
-        elements = self.nodes - 2
-        axial = self.config.resolved.axial
-        stretching = stored_energy(elements, cable.position, self._reference, axial)
-        edges = np.diff(cable.position[:, : self.nodes], axis=1)
+    def _whole(self) -> tuple[Points, FloatArray]:
+        back = self._surface_rate * self._last_step
+        return self._nodes.whole(self.cylinder_angle, back, self._last_step)
+
+    def _kinetic(self, cable: Points, end: int) -> float:
+        """Return the kinetic energy [J] of nodes 1 to `end` - 1."""
+        k, moving = self._constants, slice(1, end)
+        return 0.5 * k.mass * float((cable.velocity[:, moving] ** 2).sum()) + (
+            0.5 * k.roll_inertia * float((cable.roll[1, moving] ** 2).sum())
+        )
+
+    def _stored_energy(self, cable: Points, reference: FloatArray) -> float:
+        """Return what stretching, bending and torsion store in the whole cable [J]."""
+        k, axial = self._constants, self.config.resolved.axial
+        elements = cable.touching.size - 2
+        stretching = stored_energy(elements, cable.position, reference, axial)
+        edges = np.diff(cable.position, axis=1)
         tangents = edges / np.sqrt((edges**2).sum(axis=0))
-        cosine = np.ones(self.nodes)
+        cosine = np.ones(elements + 2)
         cosine[1:-1] = (tangents[:, 1:] * tangents[:, :-1]).sum(axis=0)
         angle = self.cylinder_angle
         clamp = math.sin(angle) * tangents[0, 0] - math.cos(angle) * tangents[1, 0]
-        turned = math.acos(min(1.0, clamp)) ** 2
-        clamped = k.bending * turned / float(self._reference[0])
-        return (
-            stretching + bending_energy(elements + 1, self._reference, k.bending, cosine) + clamped
-        )
+        turned_by = math.acos(min(1.0, clamp)) ** 2
+        clamped = k.bending * turned_by / float(reference[0])
+        bending = bending_energy(elements + 1, reference, k.bending, cosine) + clamped
+        return stretching + bending + self._torsion_energy(cable, tangents)
 
-    def _torsion_energy(self) -> float:
+    def _torsion_energy(self, cable: Points, tangent: FloatArray) -> float:
         if not self.config.rolling:
             return 0.0
-        cable, k, nodes = self._cable, self._constants, self.nodes
-        edges = np.diff(cable.position[:, :nodes], axis=1)
-        tangent = edges / np.sqrt((edges**2).sum(axis=0))
+        k = self._constants
         geodesic = tangent[2] * np.hypot(tangent[0], tangent[1]) / k.contact_line
-        wound = (cable.touching[: nodes - 1] == 1) & (cable.touching[1:nodes] == 1)
-        twist = np.diff(cable.roll[0, :nodes]) / k.segment - np.where(wound, geodesic, 0.0)
-        return 0.5 * k.torsion * k.segment * float((twist[: nodes - 2] ** 2).sum())
-
-    def _arc(self) -> FloatArray:
-        s = np.zeros(self.nodes)
-        np.cumsum(self._reference[: self.nodes - 1], out=s[1:])
-        return s
-
-    def _theta(self) -> FloatArray:
-        x, y = self._cable.position[:2, : self.nodes]
-        return wound_angles(x, y)
+        wound = (cable.touching[:-1] == 1) & (cable.touching[1:] == 1)
+        twist = np.diff(cable.roll[0]) / k.segment - np.where(wound, geodesic, 0.0)
+        return 0.5 * k.torsion * k.segment * float((twist[:-1] ** 2).sum())
 
     def _laid_nodes(self) -> int:
-        touching = np.flatnonzero(self._cable.touching[: self.nodes])
-        return int(touching[-1]) + 1 if touching.size else 1
+        return self._nodes.resting.count - 1 + self._nodes.laid()

@@ -49,6 +49,7 @@ class SolidWinding(WindingModel):
     def __init__(self, config: WindingConfig, wind: float) -> None:
         config.refuse_stiffness_factors()
         super().__init__(config)
+        self._surface_step = 0.0
         resolved, case = config.resolved, config.case
         law, stretch, lateral = resolved.law, resolved.stretch, resolved.lateral
         radius = resolved.wound_radius

@@ -33,6 +33,8 @@ class WindingConfig:
         damping_ratio: Mass-proportional damping of the span's first axial mode.
         mass_scaling: Factor on the density.
         rolling: Let the cable roll on the surface about its own axis.
+        rests: Whether turns of the rod that lie still are laid to rest, which costs nothing but
+            their memory, or are integrated for ever.
     """
 
     case: Case
@@ -46,6 +48,7 @@ class WindingConfig:
     mass_scaling: float = 1.0
     rolling: bool = False
     mooney_ratio: float = MOONEY_RATIO
+    rests: bool = True
 
     def __post_init__(self) -> None:
         for name in ("segment_length", "free_length", "mass_scaling"):

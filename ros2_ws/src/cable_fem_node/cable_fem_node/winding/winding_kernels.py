@@ -1,9 +1,10 @@
 """The winding machine's own kernel: a rod between a turning cylinder and a guide that feeds it.
 
-One call advances many central-difference steps. Node 0 is P0, tied to the surface and clamped
-along its tangent; the last node is the guide's eye. The last element stands for the cable that
-slides through the eye: it pulls with the span tension whatever its length, and elements are cut
-from it (or given back to it) as the cable is drawn in.
+One call advances many central-difference steps. Node 0 turns with the cylinder and holds the
+direction of the cable there: it is P0, or the last node of the cable that rests on the surface. The
+last node is the guide's eye. The last element stands for the cable that slides through the eye: it
+pulls with the span tension whatever its length, and elements are cut from it (or given back to it)
+as the cable is drawn in.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ from cable_fem_node.dynamics.points import (
     WORK_SPAN,
     WORK_TIE,
     FloatArray,
+    IntArray,
     Points,
 )
-from cable_fem_node.rod.rod_arrays import AxialResponse, Work
+from cable_fem_node.rod.rod_arrays import AxialResponse, Work, empty_work
 from cable_fem_node.rod.rod_kernels import (
     bend_end,
     bend_nodes,
@@ -40,11 +42,17 @@ from cable_fem_node.winding.winding_state import (
     GUIDE,
     LANDING,
     MERGE_AT,
+    REFERENCE,
     RUNNING,
     SPEED,
+    STIRRED,
     STRETCH,
     TENSION,
+    TIE_ALONG,
+    TIE_PLACE,
+    TIE_WATCHED,
     Constants,
+    points_of,
 )
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 
@@ -105,16 +113,12 @@ def roll_nodes(elements: int, dt: float, cable: Points, work: Work, k: Constants
     """Take one step of the cable's rotation about its own axis.
 
     The roll angle counts from the surface normal, so a wound helix twists by its geodesic
-    torsion even where the cable does not roll. P0 is held, the guide lets the cable spin.
+    torsion even where the cable does not roll. Node 0 is held, the guide lets the cable spin.
     """
     roll, touching, tangent = cable.roll, cable.touching, work.tangent
     decay = 1.0 - k.damping_rate * dt
     before = 0.0
-    for i in range(1, elements):
-        torque = work.couple[i]
-        before_here = before
-        if i == 1:
-            before_here = k.torsion * (roll[0, 1] - roll[0, 0]) / k.segment
+    for i in range(elements):
         after = 0.0
         if i < elements - 1:
             twist = (roll[0, i + 1] - roll[0, i]) / k.segment
@@ -122,9 +126,10 @@ def roll_nodes(elements: int, dt: float, cable: Points, work: Work, k: Constants
                 level = math.sqrt(tangent[0, i] ** 2 + tangent[1, i] ** 2)
                 twist -= tangent[2, i] * level / k.contact_line
             after = k.torsion * twist
+        if i > 0:
+            torque = work.couple[i] + after - before
+            roll[1, i] = decay * roll[1, i] + dt * torque / k.roll_inertia
         before = after
-        torque += after - before_here
-        roll[1, i] = decay * roll[1, i] + dt * torque / k.roll_inertia
     for i in range(1, elements):
         roll[0, i] += dt * roll[1, i]
 
@@ -134,11 +139,13 @@ def advance_winding(
     nodes: int,
     steps: int,
     dt: float,
-    surface_step: float,
+    surface_rate: float,
     drive: FloatArray,
-    cable: Points,
-    reference: FloatArray,
-    work: Work,
+    tie: FloatArray,
+    tie_length: float,
+    watched: int,
+    state: FloatArray,
+    touching: IntArray,
     k: Constants,
     response: AxialResponse,
     ledger: FloatArray,
@@ -150,27 +157,33 @@ def advance_winding(
         nodes: Number of nodes in use.
         steps: Number of steps to take.
         dt: Step [s].
-        surface_step: Rotation of the cylinder during the step before the first [rad].
+        surface_rate: Angular speed of the cylinder in the step before the first [rad/s].
         drive: Shape (7, 2), rows ANGLE .. LANDING.
-        cable: State, changed in place.
-        reference: Reference length of the elements (capacity,) [m], changed in place.
-        work: Scratch.
+        tie: Shape (3, 3), rows TIE_PLACE .. TIE_WATCHED in the frame of the cylinder.
+        tie_length: Reference length that bends about node 0, twice the mean of both sides [m].
+        watched: Node whose motion over the surface ends the advance; 0 for none.
+        state: Nodes and elements, rows as in `points_of`, shape (STATE_ROWS, capacity), changed.
+        touching: 1 where a node is in contact, shape (capacity,), changed.
         k: Constants.
         response: Axial response of the cable.
         ledger: Energies [J], added to in place.
         rolling: Let the cable roll on the surface about its own axis.
 
     Returns:
-        nodes, steps taken, the last step's rotation, status, element at fault.
+        nodes, steps taken, the last step's angular speed, status, element at fault.
     """
+    cable, reference = points_of(state, touching), state[REFERENCE]
     x, v = cable.position, cable.velocity
+    capacity = touching.shape[0]
+    work = empty_work(capacity)
     tangent, inverse, slope = work.tangent, work.inverse, work.slope
     force, net = work.force, work.net
-    capacity = reference.shape[0]
     span = steps * dt
     first = np.zeros(3)
     free = np.zeros(3)
     angle = drive[ANGLE, 0]
+    cosine, sine = math.cos(angle), math.sin(angle)
+    first[2] = tie[TIE_ALONG, 2]
 
     for step in range(steps):
         u = step / steps
@@ -192,8 +205,9 @@ def advance_winding(
         stretch_elements(elements, x, reference, response, work)
         work.tension[end] = pull
         bend_nodes(elements, reference, k.bending, work)
-        first[0], first[1] = math.sin(angle), -math.cos(angle)
-        bend_end(0, 0, first, reference[0], k.bending, work)
+        first[0] = cosine * tie[TIE_ALONG, 0] - sine * tie[TIE_ALONG, 1]
+        first[1] = sine * tie[TIE_ALONG, 0] + cosine * tie[TIE_ALONG, 1]
+        bend_end(0, 0, first, tie_length, k.bending, work)
         work.cosine[elements] = 0.0
         slope[elements] = 0.0
         element_force(elements, first, free, work)
@@ -205,7 +219,7 @@ def advance_winding(
             1,
             elements,
             dt,
-            surface_step,
+            surface_rate * dt,
             rotation,
             landing,
             cable,
@@ -223,17 +237,19 @@ def advance_winding(
             force[0, end] * v[0, end] + force[1, end] * v[1, end] + force[2, end] * v[2, end]
         )
 
-        # Prescribed ends: P0 turns with the surface (its clamp too), the guide follows the feed.
+        # Prescribed ends: node 0 and its clamp turn with the surface, the guide follows the feed.
         angle = next_angle
-        tie_x, tie_y = k.start_radius * math.cos(angle), k.start_radius * math.sin(angle)
+        cosine, sine = math.cos(angle), math.sin(angle)
+        tie_x = cosine * tie[TIE_PLACE, 0] - sine * tie[TIE_PLACE, 1]
+        tie_y = sine * tie[TIE_PLACE, 0] + cosine * tie[TIE_PLACE, 1]
         moment = slope[0] * (first[0] * tangent[1, 0] - first[1] * tangent[0, 0])
         ledger[WORK_TIE] += -force[0, 0] * (tie_x - x[0, 0]) - force[1, 0] * (tie_y - x[1, 0])
         ledger[WORK_TIE] += moment * rotation
-        x[0, 0], x[1, 0], x[2, 0] = tie_x, tie_y, 0.0
+        x[0, 0], x[1, 0], x[2, 0] = tie_x, tie_y, tie[TIE_PLACE, 2]
         v[0, 0], v[1, 0], v[2, 0] = -rate * tie_y, rate * tie_x, 0.0
         x[2, elements] = next_guide
         v[2, elements] = guide_speed
-        surface_step = rotation
+        surface_rate = rate
 
         ex = x[0, elements] - x[0, end]
         ey = x[1, elements] - x[1, end]
@@ -241,10 +257,10 @@ def advance_winding(
         length = math.sqrt(ex * ex + ey * ey + ez * ez)
         last = length / pulled
         if not 0.0 < last < 1.0e3 * k.segment:
-            return nodes, step + 1, surface_step, DIVERGED, end
+            return nodes, step + 1, surface_rate, DIVERGED, end
         if last > CUT_AT * k.segment:
             if nodes == capacity:
-                return nodes, step + 1, surface_step, FULL, end
+                return nodes, step + 1, surface_rate, FULL, end
             part = k.segment / last
             for c in range(3):
                 x[c, nodes] = x[c, elements]
@@ -265,7 +281,7 @@ def advance_winding(
             nodes += 1
         elif last < MERGE_AT * k.segment:
             if nodes < 4:
-                return nodes, step + 1, surface_step, EMPTY, end
+                return nodes, step + 1, surface_rate, EMPTY, end
             ledger[WORK_INFLOW] -= inflow(x, v, end - 1, end, k, response)
             for c in range(3):
                 x[c, end] = x[c, elements]
@@ -275,11 +291,17 @@ def advance_winding(
             nodes -= 1
         else:
             reference[end] = last
+        if watched > 0:
+            rx = x[0, watched] - cosine * tie[TIE_WATCHED, 0] + sine * tie[TIE_WATCHED, 1]
+            ry = x[1, watched] - sine * tie[TIE_WATCHED, 0] - cosine * tie[TIE_WATCHED, 1]
+            rz = x[2, watched] - tie[TIE_WATCHED, 2]
+            if not rx * rx + ry * ry + rz * rz <= k.stirred * k.stirred:
+                return nodes, step + 1, surface_rate, STIRRED, 0
     for i in range(nodes - 2):
         stretch = 1.0 / (inverse[i] * reference[i])
         if not TABLE_LOW < stretch < TABLE_HIGH:
-            return nodes, steps, surface_step, DIVERGED, i
-    return nodes, steps, surface_step, RUNNING, 0
+            return nodes, steps, surface_rate, DIVERGED, i
+    return nodes, steps, surface_rate, RUNNING, 0
 
 
 @called

@@ -13,10 +13,6 @@ from cable_fem_node.dynamics.points import LEDGER_SIZE, FloatArray
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_state import (
     ANGLE,
-    FEED,
-    GUIDE,
-    LANDING,
-    SPEED,
     STRETCH,
     TENSION,
 )
@@ -42,12 +38,12 @@ class WindingModel(ABC):
         self.config = config
         self.time = 0.0
         self.element_steps = 0
-        self._surface_step = 0.0
         self._initial_energy = 0.0
         self._ledger = np.zeros(LEDGER_SIZE)
-        self._drive = np.zeros(7)
+        # Both ends of an advance; the model stands at the second one.
+        self._motion = np.zeros((7, 2))
         self._drive[TENSION] = config.resolved.tension
-        self._drive[STRETCH], self._drive[LANDING] = self._response(config.resolved.tension)
+        self._drive[STRETCH:] = self._response(config.resolved.tension)
 
     def advance_to(self, t: float, reading: AxisReading, tension: float | None = None) -> None:
         """Advance to a time at which the machine stands and moves as read.
@@ -79,15 +75,19 @@ class WindingModel(ABC):
             tension = self.config.tension_law(case.weight, case.cylinder_diameter, wound)
         elif not (math.isfinite(tension) and tension >= 0.0):
             raise ValueError(f"tension must not be negative, got {tension} N")
-        drive = np.stack([self._drive, self._drive], axis=1)
-        drive[ANGLE, 1], drive[SPEED, 1] = angle, reading.angular_speed
-        drive[GUIDE, 1], drive[FEED, 1] = reading.carriage_position, reading.feed_speed
-        drive[TENSION, 1] = tension
-        if tension != self._drive[TENSION]:
-            drive[STRETCH, 1], drive[LANDING, 1] = self._response(tension)
-        self._run(t, span, drive)
-        self._drive = drive[:, 1].copy()
+        motion = self._motion
+        responses: FloatArray | tuple[float, float] = motion[STRETCH:, 1]
+        if tension != motion[TENSION, 1]:
+            responses = self._response(tension)
+        motion[:, 0] = motion[:, 1]
+        motion[:, 1] = (*inputs[1:], tension, *responses)
+        self._run(t, span, motion)
         self.time = t
+
+    @property
+    def _drive(self) -> FloatArray:
+        """The end of the last advance, shape (7,), rows ANGLE .. LANDING, as a view."""
+        return self._motion[:, 1]
 
     @property
     def cylinder_angle(self) -> float:
@@ -148,9 +148,14 @@ class WindingModel(ABC):
         )
 
 
+def angle_steps(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the angles between neighbours of a path (n,), backwards about the origin [rad]."""
+    before_x, before_y, x, y = x[:-1], y[:-1], x[1:], y[1:]
+    return np.arctan2(x * before_y - before_x * y, before_x * x + before_y * y)
+
+
 def wound_angles(x: FloatArray, y: FloatArray) -> FloatArray:
     """Return the angle wound backwards about the origin along a path (n,) [rad], from zero on."""
-    turn = np.arctan2(x[:-1] * y[1:] - y[:-1] * x[1:], x[:-1] * x[1:] + y[:-1] * y[1:])
     theta = np.zeros(x.size)
-    np.cumsum(-turn, out=theta[1:])
+    np.cumsum(angle_steps(x, y), out=theta[1:])
     return theta

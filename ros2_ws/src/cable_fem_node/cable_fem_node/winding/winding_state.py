@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.compile import called
+from cable_fem_node.dynamics.points import FloatArray, IntArray, Points
 from cable_fem_node.dynamics.surroundings import Touch
 
 # Why an advance stopped.
@@ -12,6 +13,7 @@ RUNNING = 0
 FULL = 1
 DIVERGED = 2
 EMPTY = 3
+STIRRED = 4
 
 # An element is cut from the span's last one at this many segment lengths, given back below that.
 CUT_AT = 1.6
@@ -31,10 +33,33 @@ class Constants(NamedTuple):
     free_length: float
     roll_inertia: float
     torsion: float
+    stirred: float  # motion over the surface that resting cable must follow [m]
+
+
+# Rows of the state: what `points_of` takes, and the reference lengths of the elements.
+STATE_ROWS = 12
+REFERENCE = 11
+
+
+@called
+def points_of(state: FloatArray, touching: IntArray) -> Points:
+    """Return the rows of a state (STATE_ROWS, capacity) as views; few arrays are quickly passed."""
+    return Points(
+        state[0:3],
+        state[3:6],
+        state[6:8],
+        state[8],
+        touching,
+        state[9:11],
+    )
 
 
 # Rows of the drive: value at the beginning, value at the end of the advance.
 ANGLE, SPEED, GUIDE, FEED, TENSION, STRETCH, LANDING = range(7)
+
+# Rows of the tie, in the frame of the cylinder: place of node 0, direction of the cable there,
+# place of the node that is watched.
+TIE_PLACE, TIE_ALONG, TIE_WATCHED = range(3)
 
 
 def part_way(drive: FloatArray, u: float, span: float) -> FloatArray:

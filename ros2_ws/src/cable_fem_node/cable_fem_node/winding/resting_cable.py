@@ -1,0 +1,180 @@
+"""Cable that lies still on the cylinder: its nodes in the cylinder's frame, not integrated."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cable_fem_node.dynamics.points import FloatArray, Points
+from cable_fem_node.winding.winding_model import angle_steps
+
+# Rows of the store; reference length, stretch and tension are those of the element towards P0.
+(
+    X,
+    Y,
+    Z,
+    SLIP,
+    SLIP_Z,
+    CONTACT_RADIUS,
+    TOUCHING,
+    ROLL,
+    REFERENCE,
+    STRETCH,
+    TENSION,
+    ARC,
+    THETA,
+) = range(13)
+_ROWS = 13
+PATH = (ARC, THETA, Z)
+# How a node is held where it rests: the rows that go into the arrays that are integrated.
+_PLACE = slice(X, Z + 1)
+_SLIPS = slice(SLIP, SLIP_Z + 1)
+
+
+def turned(angle: float, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return x and y turned about the cylinder's axis by an angle [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return c * x - s * y, s * x + c * y
+
+
+class RestingCable:
+    """Nodes from P0 on that turn with the cylinder as if they were part of it.
+
+    P0 always is among them. The last one is the node that the integrated cable begins with.
+
+    Args:
+        radius: Of P0 [m].
+
+    Attributes:
+        count: Number of nodes.
+    """
+
+    def __init__(self, radius: float) -> None:
+        self.count = 1
+        self._rows = np.zeros((_ROWS, 256))
+        self._rows[X, 0] = radius
+
+    def row(self, name: int) -> FloatArray:
+        """Return a row, one value per resting node, shape (count,)."""
+        return self._rows[name, : self.count]
+
+    def place(self) -> FloatArray:
+        """Return x, y, z [m] in the frame of the cylinder, shape (3, count)."""
+        return self._rows[_PLACE, : self.count]
+
+    def along(self) -> FloatArray:
+        """Return the direction of the cable at the last node (3,), in the frame of the cylinder.
+
+        P0 holds the cable along the circumference, every other node along the element before it.
+        """
+        if self.count == 1:
+            return np.array([0.0, -1.0, 0.0])
+        edge = self._rows[_PLACE, self.count - 1] - self._rows[_PLACE, self.count - 2]
+        return np.asarray(edge / math.sqrt(float(edge @ edge)))
+
+    def add(
+        self,
+        nodes: int,
+        angle: float,
+        cable: Points,
+        reference: FloatArray,
+        stretch: FloatArray,
+        tension: FloatArray,
+    ) -> None:
+        """Lay nodes 1 to `nodes` of the integrated cable to rest.
+
+        Args:
+            nodes: How many.
+            angle: Of the cylinder [rad].
+            cable: Integrated nodes; node 0 rests already.
+            reference: Reference lengths of its elements [m], shape (at least nodes,).
+            stretch: Of its elements, shape (at least nodes,).
+            tension: Of its elements [N], shape (at least nodes,).
+        """
+        old, new = self.count, self.count + nodes
+        self._reserve(new)
+        moved, elements = slice(1, nodes + 1), slice(0, nodes)
+        rows = self._rows[:, old:new]
+        rows[X], rows[Y] = turned(-angle, cable.position[0, moved], cable.position[1, moved])
+        rows[Z] = cable.position[2, moved]
+        rows[_SLIPS] = cable.slip[:, moved]
+        rows[CONTACT_RADIUS] = cable.contact_radius[moved]
+        rows[TOUCHING] = cable.touching[moved]
+        rows[ROLL] = cable.roll[0, moved]
+        rows[REFERENCE] = reference[elements]
+        rows[STRETCH] = stretch[elements]
+        rows[TENSION] = tension[elements]
+        self.count = new
+        self._continue(old, reference[elements], cable.position[:2, : nodes + 1])
+
+    def put(
+        self,
+        nodes: int,
+        angle: float,
+        back: float,
+        dt: float,
+        cable: Points,
+        reference: FloatArray,
+    ) -> None:
+        """Write the last nodes as they are now, moving as the surface does.
+
+        Args:
+            nodes: How many elements; columns 0 to `nodes` are filled.
+            angle: Of the cylinder [rad].
+            back: By how much it turned in the last step [rad].
+            dt: Length of that step [s].
+            cable: Filled.
+            reference: Filled with the lengths of the elements [m].
+        """
+        rows = self._rows[:, self.count - nodes - 1 : self.count]
+        to = slice(0, nodes + 1)
+        x, y = turned(angle, rows[X], rows[Y])
+        before_x, before_y = turned(-back, x, y)
+        cable.position[0, to], cable.position[1, to] = x, y
+        cable.position[2, to] = rows[Z]
+        cable.velocity[0, to], cable.velocity[1, to] = (x - before_x) / dt, (y - before_y) / dt
+        cable.velocity[2, to] = 0.0
+        cable.slip[:, to] = rows[_SLIPS]
+        cable.contact_radius[to] = rows[CONTACT_RADIUS]
+        cable.touching[to] = rows[TOUCHING]
+        cable.roll[0, to] = rows[ROLL]
+        cable.roll[1, to] = 0.0
+        reference[:nodes] = rows[REFERENCE, 1:]
+
+    def let_go(self, nodes: int) -> None:
+        """Count the last nodes no longer as resting."""
+        self.count -= nodes
+
+    def path(
+        self, reference: FloatArray, position: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return (s [m], theta [rad], z [m]) of the resting and the integrated nodes.
+
+        The cost does not grow with what rests. The arrays are views that the next call changes.
+
+        Args:
+            reference: Reference lengths of the integrated elements [m], shape (n - 1,).
+            position: Of the integrated nodes, shape (3, n); node 0 is the last that rests.
+        """
+        end = self.count - 1 + position.shape[1]
+        self._reserve(end)
+        self._continue(self.count, reference, position[:2])
+        self._rows[Z, self.count : end] = position[2, 1:]
+        return self._rows[ARC, :end], self._rows[THETA, :end], self._rows[Z, :end]
+
+    def _continue(self, begin: int, reference: FloatArray, position: FloatArray) -> None:
+        """Fill arc and angle from a column on; position (2, n) begins with the node before it."""
+        columns = slice(begin, begin + reference.size)
+        for row, steps in ((ARC, reference), (THETA, angle_steps(*position))):
+            filled = self._rows[row, columns]
+            filled[:] = steps
+            # One sum from P0 on, so that an arc is the same to the last bit wherever the border is.
+            filled[0] += self._rows[row, begin - 1]
+            filled.cumsum(out=filled)
+
+    def _reserve(self, capacity: int) -> None:
+        if capacity > self._rows.shape[1]:
+            grown = np.zeros((_ROWS, 2 * capacity))
+            grown[:, : self.count] = self._rows[:, : self.count]
+            self._rows = grown

@@ -1,0 +1,157 @@
+"""The rod's nodes in two parts: those that rest on the cylinder, and those that are integrated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cable_fem_node.dynamics.points import FloatArray, Points, empty_points
+from cable_fem_node.winding import resting_cable
+from cable_fem_node.winding.resting_cable import RestingCable, turned
+from cable_fem_node.winding.winding_state import (
+    REFERENCE,
+    STATE_ROWS,
+    TIE_ALONG,
+    TIE_PLACE,
+    TIE_WATCHED,
+    points_of,
+)
+
+# The integrated node whose motion over the surface tells that the cable before it must wake: far
+# enough from the tie that the tie does not hold it, and that what comes is seen before it arrives.
+WATCHED = 4
+
+
+class RodNodes:
+    """Nodes from P0 to the guide; the border between both parts moves.
+
+    Args:
+        position: Of all nodes [m], shape (3, n); only P0 rests.
+        reference: Reference lengths of the elements [m], shape (n - 1,).
+
+    Attributes:
+        live: Number of integrated nodes; the first one is the last of those that rest.
+        state: Of the integrated nodes and elements, as the kernel takes it.
+        touching: Which integrated nodes are in contact, as the kernel takes it.
+        resting: The nodes that turn with the cylinder.
+        tie: How the cylinder holds the first integrated node, rows TIE_PLACE .. TIE_WATCHED.
+        tie_length: Reference length that bends about that node, twice the mean of both sides [m].
+    """
+
+    def __init__(self, position: FloatArray, reference: FloatArray) -> None:
+        self.live = int(position.shape[1])
+        self.state = np.zeros((STATE_ROWS, 2 * self.live + 64))
+        self.touching = np.zeros(2 * self.live + 64, dtype=np.int64)
+        self.points.position[:, : self.live] = position
+        self.reference[: reference.size] = reference
+        self.resting = RestingCable(float(position[0, 0]))
+        self.tie = np.zeros((3, 3))
+        self._hold(0.0)
+
+    @property
+    def points(self) -> Points:
+        """State of the integrated nodes, as views."""
+        return points_of(self.state, self.touching)
+
+    @property
+    def reference(self) -> FloatArray:
+        """Reference lengths of the integrated elements [m], as a view."""
+        return np.asarray(self.state[REFERENCE])
+
+    @property
+    def total(self) -> int:
+        """Number of nodes."""
+        return self.resting.count - 1 + self.live
+
+    @property
+    def watched(self) -> int:
+        """Integrated node that must not move over the surface; 0 where P0 alone rests."""
+        return WATCHED if self.resting.count > 1 else 0
+
+    @property
+    def position(self) -> FloatArray:
+        """Where the integrated nodes are [m], shape (3, live)."""
+        return self.state[0:3, : self.live]
+
+    def live_stretch(self) -> FloatArray:
+        """Return the stretch of the integrated elements, shape (live - 1,)."""
+        edges = np.diff(self.position, axis=1)
+        return np.asarray(np.sqrt((edges**2).sum(axis=0)) / self.reference[: self.live - 1])
+
+    def laid(self) -> int:
+        """Return how many integrated nodes are laid on the cylinder; the first always is."""
+        touching = np.flatnonzero(self.touching[: self.live])
+        return int(touching[-1]) + 1 if touching.size else 1
+
+    def place(self, nodes: int, angle: float) -> FloatArray:
+        """Return x, y, z [m] of the first integrated nodes in the frame of the cylinder."""
+        x, y, z = self.state[0:3, :nodes]
+        return np.stack([*turned(-angle, x, y), z])
+
+    def path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return (s [m], theta [rad], z [m]) of all nodes, as views that the next call changes."""
+        return self.resting.path(self.reference[: self.live - 1], self.position)
+
+    def rest(self, nodes: int, angle: float, stretch: FloatArray, tension: FloatArray) -> None:
+        """Lay the first integrated nodes to rest.
+
+        Args:
+            nodes: How many; the last of them becomes the first that is integrated.
+            angle: Of the cylinder [rad].
+            stretch: Of the integrated elements, shape (at least nodes,).
+            tension: Of the integrated elements [N], shape (at least nodes,).
+        """
+        self.resting.add(nodes, angle, self.points, self.reference, stretch, tension)
+        left = self.live - nodes
+        for values in (self.state, self.touching):
+            values[..., :left] = values[..., nodes : self.live]
+        self.live = left
+        self._hold(angle)
+
+    def wake(self, nodes: int, angle: float, back: float, dt: float) -> None:
+        """Integrate the last resting nodes again, in the state that they were laid to rest with.
+
+        Args:
+            nodes: How many.
+            angle: Of the cylinder [rad].
+            back: By how much it turned in the last step [rad].
+            dt: Length of that step [s].
+        """
+        longer = self.live + nodes
+        if longer > self.touching.size:
+            self.grow(2 * longer)
+        for values in (self.state, self.touching):
+            values[..., nodes:longer] = values[..., : self.live].copy()
+        self.resting.put(nodes, angle, back, dt, self.points, self.reference)
+        self.resting.let_go(nodes)
+        self.live = longer
+        self._hold(angle)
+
+    def grow(self, capacity: int) -> None:
+        """Make room for so many integrated nodes."""
+        state, touching = np.zeros((STATE_ROWS, capacity)), np.zeros(capacity, dtype=np.int64)
+        used = self.touching.size
+        state[:, :used], touching[:used] = self.state, self.touching
+        self.state, self.touching = state, touching
+
+    def whole(self, angle: float, back: float, dt: float) -> tuple[Points, FloatArray]:
+        """Return the state of all nodes and the reference lengths of all elements.
+
+        Args:
+            angle: Of the cylinder [rad].
+            back: By how much it turned in the last step [rad].
+            dt: Length of that step [s].
+        """
+        points, reference = empty_points(self.total), np.zeros(self.total)
+        first = self.resting.count - 1
+        self.resting.put(first, angle, back, dt, points, reference)
+        for all_nodes, integrated in zip(points, self.points, strict=True):
+            all_nodes[..., first:] = integrated[..., : self.live]
+        reference[first:] = self.reference[: self.live]
+        return points, reference
+
+    def _hold(self, angle: float) -> None:
+        """Tie the first integrated node to the cylinder as it is, at an angle [rad]."""
+        self.tie[TIE_PLACE] = self.resting.place()[:, -1]
+        self.tie[TIE_ALONG] = self.resting.along()
+        self.tie[TIE_WATCHED] = self.place(WATCHED + 1, angle)[:, -1]
+        self.tie_length = float(self.reference[0] + self.resting.row(resting_cable.REFERENCE)[-1])
