@@ -40,7 +40,7 @@ def test_rod_kernel_beside_c(bench: Any, tmp_path: Path) -> None:
     command = compiler()
     if command is None:
         pytest.skip("no C compiler (cc, gcc, clang) on this machine: the rod has no floor in C")
-    model = RodWinding(WindingConfig(case=paper_case(4)))
+    model = RodWinding(WindingConfig(case=paper_case(4), rests=False))
     model.advance_to(BEGIN, DRIVE.reading_at(BEGIN))
     start, drive = RodState.of(model, CAPACITY), drive_between(model, DRIVE, SPAN)
     steps = math.ceil(SPAN / model.step_limit)

@@ -5,17 +5,18 @@ Whoever changes the kernel's arguments changes this file; the floor in C takes t
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.points import LEDGER_SIZE, Points
-from cable_fem_node.rod.rod_arrays import AxialResponse, empty_work
+from cable_fem_node.rod.rod_arrays import AxialResponse
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_kernels import advance_winding
 from cable_fem_node.winding.winding_model import wound_angles
-from cable_fem_node.winding.winding_state import RUNNING, Constants
+from cable_fem_node.winding.winding_state import REFERENCE, RUNNING, Constants, points_of
 from winding_core.drive import DriveProfile
 
 FloatArray = NDArray[np.float64]
@@ -23,13 +24,15 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(kw_only=True)
 class RodState:
-    """A rod that can be advanced more than once from the same state.
+    """A rod of which P0 alone rests, to be advanced more than once from the same state.
 
     Attributes:
         nodes: In use.
         surface_step: The cylinder's rotation in the step before [rad].
-        cable: Arrays of the nodes.
-        reference: Reference lengths [m], shape (capacity,).
+        state: Of nodes and elements, rows as in `points_of`, shape (rows, capacity).
+        touching: 1 where a node is in contact, shape (capacity,).
+        tie: How the cylinder holds P0.
+        tie_length: Reference length that bends about P0 [m].
         ledger: Energies [J].
         constants: Of the run.
         response: Axial response of the cable.
@@ -37,8 +40,10 @@ class RodState:
 
     nodes: int
     surface_step: float
-    cable: Points
-    reference: FloatArray
+    state: FloatArray
+    touching: NDArray[np.int64]
+    tie: FloatArray
+    tie_length: float
     ledger: FloatArray
     constants: Constants
     response: AxialResponse
@@ -46,33 +51,41 @@ class RodState:
     @classmethod
     def of(cls, model: RodWinding, capacity: int) -> RodState:
         """Copy the state of a model into arrays of a capacity."""
-        nodes = model.nodes
-
-        def room(array: NDArray[np.generic]) -> NDArray[np.generic]:
-            new = np.zeros((*array.shape[:-1], capacity), array.dtype)
-            new[..., :nodes] = array[..., :nodes]
-            return new
-
+        nodes = model._nodes
+        assert nodes.live == nodes.total, "turns rest already: wind with rests=False"
+        state = np.zeros((nodes.state.shape[0], capacity))
+        touching = np.zeros(capacity, dtype=np.int64)
+        state[:, : nodes.live] = nodes.state[:, : nodes.live]
+        touching[: nodes.live] = nodes.touching[: nodes.live]
         return cls(
-            nodes=nodes,
-            surface_step=model._surface_step,
-            cable=Points(*map(room, model._cable)),
-            reference=room(model._reference),
+            nodes=nodes.live,
+            surface_step=model._surface_rate * model._last_step,
+            state=state,
+            touching=touching,
+            tie=nodes.tie.copy(),
+            tie_length=nodes.tie_length,
             ledger=np.zeros(LEDGER_SIZE),
             constants=model._constants,
             response=model.config.resolved.axial,
         )
 
+    @property
+    def cable(self) -> Points:
+        """The nodes, as views."""
+        return points_of(self.state, self.touching)
+
+    @property
+    def reference(self) -> FloatArray:
+        """Reference lengths [m], as a view."""
+        return np.asarray(self.state[REFERENCE])
+
     def copy(self) -> RodState:
         """Return a state of its own."""
-        return RodState(
-            nodes=self.nodes,
-            surface_step=self.surface_step,
-            cable=Points(*(array.copy() for array in self.cable)),
-            reference=self.reference.copy(),
+        return dataclasses.replace(
+            self,
+            state=self.state.copy(),
+            touching=self.touching.copy(),
             ledger=self.ledger.copy(),
-            constants=self.constants,
-            response=self.response,
         )
 
     def theta(self) -> FloatArray:
@@ -95,19 +108,21 @@ def drive_between(model: RodWinding, profile: DriveProfile, span: float) -> Floa
 
 def kernel_advance(state: RodState, drive: FloatArray, steps: int, dt: float) -> None:
     """Advance a state in place by steps of dt [s] with the kernel of the solver."""
-    nodes, taken, surface_step, status, _ = advance_winding(
+    state.nodes, taken, rate, status, _ = advance_winding(
         state.nodes,
         steps,
         dt,
-        state.surface_step,
+        state.surface_step / dt,
         drive,
-        state.cable,
-        state.reference,
-        empty_work(state.reference.size),
+        state.tie,
+        state.tie_length,
+        0,
+        state.state,
+        state.touching,
         state.constants,
         state.response,
         state.ledger,
         False,
     )
     assert (taken, status) == (steps, RUNNING)
-    state.nodes, state.surface_step = nodes, surface_step
+    state.surface_step = rate * dt
