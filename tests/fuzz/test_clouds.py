@@ -7,14 +7,11 @@ from hypothesis import strategies as st
 from made_up import any_float, fuzzed, small, stamps, taken, uint32, wired
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
+from visualization_msgs.msg import Marker
 
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
-from winding_ros.cloud_messages import (
-    decode_cloud,
-    decode_line_width,
-    encode_cloud,
-    encode_line_strip,
-)
+from winding_ros.cloud_messages import decode_cloud, encode_cloud
+from winding_ros.line_messages import decode_line_width, encode_line_strip
 
 pytestmark = pytest.mark.slow
 
@@ -92,6 +89,6 @@ def test_clouds_come_back_bit_by_bit(
 @fuzzed
 @given(t=stamps, width=any_float)
 def test_width_of_a_line_comes_back_when_it_is_one(t: float, width: float) -> None:
-    read = taken(decode_line_width, wired(encode_line_strip(t, np.zeros((2, 3)), width)))
+    read = taken(decode_line_width, wired(encode_line_strip(t, np.zeros((2, 3)), width), Marker))
     assert (read is None) != (0.0 < width < np.inf)
     assert read is None or read == (t, width)

@@ -7,6 +7,7 @@ import pytest
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo, Image, JointState, PointCloud2
+from visualization_msgs.msg import Marker
 
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
 from winding_core.readings import AxisReading, ImageWindow
@@ -20,18 +21,14 @@ from winding_ros.camera_messages import (
     encode_image,
     encode_preview,
 )
-from winding_ros.cloud_messages import (
-    decode_cloud,
-    decode_line_width,
-    encode_cloud,
-    encode_line_strip,
-)
+from winding_ros.cloud_messages import decode_cloud, encode_cloud
 from winding_ros.diagnostic_messages import (
     decode_case_votes,
     decode_diagnostics,
     encode_case_votes,
     encode_diagnostics,
 )
+from winding_ros.line_messages import decode_line_width, encode_line_strip
 from winding_ros.message_error import MessageError
 from winding_ros.rig_messages import (
     decode_joint_state,
@@ -40,6 +37,7 @@ from winding_ros.rig_messages import (
     encode_tension,
 )
 from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp_ns
+from winding_ros.wire.cdr import serialised
 
 READING = AxisReading(
     cylinder_angle=12.25, angular_speed=1.74, carriage_position=0.035, feed_speed=0.005
@@ -204,14 +202,29 @@ def test_cloud_without_a_field_is_refused() -> None:
 
 def test_line_strip_brings_its_points_and_width() -> None:
     points = np.array([[0.017, 0.0, 0.0], [0.0, 0.017, 0.001]])
-    message = through_the_wire(encode_line_strip(1.0, points, 0.004))
+    message = through_the_wire(encode_line_strip(1.0, points, 0.004), Marker)
     assert decode_line_width(message) == (1.0, 0.004)
     assert [(point.x, point.y, point.z) for point in message.points] == [*map(tuple, points)]
 
 
+def test_line_of_any_length_is_that_of_the_middleware() -> None:
+    rng = np.random.default_rng(5)
+    for count in (1, 2, 3, 148):
+        points = rng.normal(size=(count, 3))
+        data = encode_line_strip(12.5, points, 0.0025)
+        message = deserialize_message(data, Marker)
+        assert [[p.x, p.y, p.z] for p in message.points] == points.tolist()
+        assert serialised(message) == data
+
+
+def test_a_line_needs_points() -> None:
+    with pytest.raises(ValueError, match="needs points, got none"):
+        encode_line_strip(0.0, np.zeros((0, 3)), 0.004)
+
+
 def test_line_without_width_is_refused() -> None:
     with pytest.raises(MessageError, match=r"positive and finite, got 0\.0 m"):
-        decode_line_width(encode_line_strip(1.0, np.zeros((2, 3)), 0.0))
+        decode_line_width(through_the_wire(encode_line_strip(1.0, np.zeros((2, 3)), 0.0), Marker))
 
 
 def test_diagnostics_round_trip() -> None:

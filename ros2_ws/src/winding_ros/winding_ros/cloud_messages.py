@@ -7,16 +7,13 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from geometry_msgs.msg import Point
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
-from std_msgs.msg import ColorRGBA
-from visualization_msgs.msg import Marker
 
 from winding_ros.message_error import MessageError
 from winding_ros.rig_messages import BASE_FRAME
 from winding_ros.serialised import deserialised
-from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp
+from winding_ros.stamps import decode_stamp, serialised_stamp
 from winding_ros.wire.cdr import COUNT, CdrReader, serialised
 from winding_ros.wire.template import Template
 
@@ -145,27 +142,3 @@ def _records(data: bytes, dtype: np.dtype[np.void]) -> NDArray[np.void] | None:
     if not row == size == count * dtype.itemsize < len(data) - begin:
         return None
     return np.frombuffer(data, dtype, count, begin).copy()
-
-
-def encode_line_strip(t: float, points: NDArray[np.float64], width: float) -> Marker:
-    """Return a centreline, shape (n, 3) [m], as an RViz line strip of a width [m]."""
-    message = Marker(ns="cable", id=0, type=Marker.LINE_STRIP, action=Marker.ADD)
-    message.header.stamp = encode_stamp(t)
-    message.header.frame_id = BASE_FRAME
-    message.pose.orientation.w = 1.0
-    message.scale.x = float(width)
-    message.color = ColorRGBA(r=0.85, g=0.35, b=0.1, a=1.0)
-    message.points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in points]
-    return message
-
-
-def decode_line_width(message: Marker) -> tuple[float, float]:
-    """Return (t [s], width [m]) of a centreline.
-
-    Raises:
-        MessageError: The width is not positive and finite.
-    """
-    width = float(message.scale.x)
-    if not 0.0 < width < np.inf:
-        raise MessageError(f"width of a line strip must be positive and finite, got {width} m")
-    return decode_stamp(message.header.stamp), width

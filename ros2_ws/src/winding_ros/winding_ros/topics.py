@@ -20,13 +20,14 @@ from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
 from winding_core.readings import CABLE_TENSION, Quantity
 from winding_core.trace import TRACE_DTYPE
 from winding_ros.camera_messages import decode_camera_info, decode_image, decode_preview
-from winding_ros.cloud_messages import decode_cloud, decode_line_width
+from winding_ros.cloud_messages import decode_cloud
 from winding_ros.command_messages import (
     decode_targets,
     decode_tension_command,
     decode_trajectory,
 )
 from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostics
+from winding_ros.line_messages import decode_line_width
 from winding_ros.material_messages import decode_material
 from winding_ros.rig_messages import decode_clock, decode_joint_state, decode_quantity
 from winding_ros.stamps import decode_stamp

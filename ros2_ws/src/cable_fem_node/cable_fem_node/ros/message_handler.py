@@ -20,7 +20,8 @@ from winding_core.run_history import RunHistory
 from winding_core.run_inputs import RunInputs
 from winding_core.tension_pairing import LoadedReading, TensionPairing
 from winding_ros import topics
-from winding_ros.cloud_messages import encode_cloud, encode_line_strip
+from winding_ros.cloud_messages import encode_cloud
+from winding_ros.line_messages import encode_line_strip
 from winding_ros.message_error import MessageError
 from winding_ros.message_handler import Answer
 from winding_ros.rig_messages import JointStateReader, decode_tension
