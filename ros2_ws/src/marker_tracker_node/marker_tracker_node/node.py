@@ -60,6 +60,7 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
             *([clock.warning] if clock.warning else []),
             *([report.colour_refusal] if report.colour_refusal else []),
             *(["the encoder is silent"] if report.encoder_lost else []),
+            *(item.sentence for item in report.contradictions),
             *(f"P{marker} has slipped" for marker in report.slipped),
             *(f"{count} x {fault.value}" for fault, count in report.rejected.items() if count),
         ]

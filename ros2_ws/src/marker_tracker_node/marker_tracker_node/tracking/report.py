@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from marker_tracker_node.tracking.consistency import Contradiction
+
 
 class FrameFault(Enum):
     """Why a frame was not used."""
@@ -34,6 +36,7 @@ class TrackerReport:
         colour_refusal: Why no colour could be learnt yet; empty when there is one.
         colour_separation: Share of background pixels that the colour model rejects; nan if
             unknown.
+        contradictions: Told numbers that the pictures speak against.
     """
 
     frames: int
@@ -46,8 +49,10 @@ class TrackerReport:
     encoder_wraps: int
     colour_refusal: str
     colour_separation: float
+    contradictions: tuple[Contradiction, ...]
 
     @property
     def healthy(self) -> bool:
         """Whether nothing is wrong at the moment."""
-        return not (self.encoder_lost or self.colour_refusal or self.slipped) and self.known > 0
+        against = (self.encoder_lost, self.colour_refusal, self.slipped, self.contradictions)
+        return not any(against) and self.known > 0

@@ -16,6 +16,7 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame_update import update_burst
 from marker_tracker_node.tracking.refinement import Sightings
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
+from marker_tracker_node.tracking.run_evidence import RunEvidence
 from marker_tracker_node.tracking.state import Output, TrackerState
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
@@ -65,6 +66,7 @@ class Tracker:
         self._zeroed = False
         self._memory: list[Output] | None = [] if remember else None
         self._ids = np.arange(config.marker_count + 1)
+        self._evidence = RunEvidence()
         self._frames = 0
         self._rejected = dict.fromkeys(FrameFault, 0)
         self._losses = 0
@@ -224,6 +226,7 @@ class Tracker:
             encoder_wraps=round(cylinder.wraps / (2.0 * math.pi)),
             colour_refusal=self._refusal,
             colour_separation=separation,
+            contradictions=self._evidence.judged(self._setup, self.state),
         )
 
     def _fault(self, frame: ByteArray, t: float) -> FrameFault | None:
@@ -302,6 +305,7 @@ class Tracker:
         )
         if self._memory is not None:
             self._memory.append(out)
+        self._evidence.take(still, table, self._setup, state, times, angles, out)
         self._frames += len(frames)
         blind = np.isnan(angles).astype(float)
         self._losses += int((np.diff(blind, prepend=before) > 0.0).sum())

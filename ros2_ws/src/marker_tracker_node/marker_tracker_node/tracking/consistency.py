@@ -1,0 +1,324 @@
+"""Which told number contradicts the pictures: a run has more measurements than unknowns.
+
+P0 comes back once a turn, which tests the encoder's scale and the frames' times; how fast bands
+move over the picture and how large they are tests cylinder, cable and camera; where bands lie
+tests their spacing. One number at a time is thought to be wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.tracking.geometry_signature import Signature
+from marker_tracker_node.tracking.passings import (
+    TURN,
+    Passing,
+    motion_of,
+    passings_of,
+    stretched,
+    turns_left,
+)
+from marker_tracker_node.tracking.sighting_log import SightingLog
+
+FloatArray = NDArray[np.float64]
+
+# Innocent runs (twelve of the paper, by 4 to 10 px/mm): bands seem to move 0.1 to 0.5 % faster and
+# to be 1 to 5 % smaller than they are, for their edges are mixed pixels; turns are right to 0.05 %.
+_USUAL = Signature(0.003, -0.03)
+_SIGMA = Signature(0.003, 0.03)
+_LEASTTURN_SHARE, _LEAST_MOTION = 0.0015, 0.009
+# Blur, highlights and exposure change the area of bands that move as they should by up to this.
+_LEAST_AREA = 0.2
+# Farther than this many deviations from every number alone, none of them explains the bands.
+_EXPLAINED = 3.0
+# What chance alone may do, in deviations of the fit.
+_CHANCE = 4.0
+# So many frames must have had a marker in sight that should have come back.
+_LEAST_AWAITED = 4
+# A marker that comes back in fewer frames than this share has not come back.
+_RETURNED = 0.5
+# Markers are found in more frames than this share while nothing is wrong.
+_USUALLY_FOUND = 0.8
+# A hypothesis whose residuals are so many times smaller is the better one.
+_BETTER = 1.25
+# What is left of two hypotheses is the same within a fifth of a frame's deviation [rad].
+_SAME = 2.0e-4
+# Grey levels of a picture that fell to less than this share of the beginning's.
+_DARKER = 0.75
+# Gaps between markers relative to expected ones: no modulus is told so wrongly.
+_GAPS = (0.72, 1.5)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contradiction:
+    """A told number that the pictures speak against.
+
+    Attributes:
+        number: Its name: encoder_scale, frame_times, encoder_or_times, cylinder_diameter,
+            cable_diameter, focal_length, band_width, geometry, marker_spacing, marker_colour or
+            light.
+        share: By how much it is told too large, relative; nan where that is not known.
+        sigma: Standard error of the share; nan where it is not known.
+        sentence: In words.
+    """
+
+    number: str
+    share: float
+    sigma: float
+    sentence: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """What is judged.
+
+    Attributes:
+        log: Sightings of the run.
+        area: Measured over expected area of the known bands.
+        effects: See `signatures`.
+        gaps: Wound angle between known neighbours over the expected one, by the first's number.
+        known: Numbers of the known markers after P0.
+        between: Numbers of the markers after which a band lies that has no number.
+    """
+
+    log: SightingLog
+    area: FloatArray
+    effects: Mapping[str, Signature]
+    gaps: Mapping[int, float]
+    known: tuple[int, ...]
+    between: tuple[int, ...]
+
+
+def contradictions(evidence: Evidence) -> tuple[Contradiction, ...]:
+    """Return what speaks against the told numbers; empty for an innocent run."""
+    passings = passings_of(evidence.log)
+    turning = _of_light(evidence) or _of_turns(evidence.log, passings)
+    if turning is not None:
+        # Where bands lie tells nothing while their turns, or the picture, are in doubt.
+        return (turning,)
+    found = (_of_geometry(evidence, passings) or _of_colour(evidence.log), _of_spacing(evidence))
+    return tuple(item for item in found if item is not None)
+
+
+def _of_turns(log: SightingLog, passings: list[Passing]) -> Contradiction | None:
+    """Judge scale and times by when markers come back, or by how bands move that do not."""
+    ahead = {(item.marker, item.lap): item.ahead for item in passings}
+    pairs = np.array(
+        [
+            (place, ahead[marker, lap + 1])
+            for (marker, lap), place in ahead.items()
+            # A band that was taken for another lap's tells nothing.
+            if abs(ahead.get((marker, lap + 1), place) - place - TURN) < 0.5 * TURN
+        ]
+    ).reshape(-1, 2)
+    turns = np.diff(pairs, axis=1)[:, 0] / TURN - 1.0
+    motion = motion_of(passings)
+    if turns.size and _returned(log) >= _RETURNED:
+        share = float(np.median(turns))
+        sigma = float(np.std(turns) / math.sqrt(turns.size)) if turns.size > 1 else 5.0e-4
+        if abs(share) <= max(_LEASTTURN_SHARE, 4.0 * sigma):
+            return None
+        how = f"P0 comes back after {1.0 + share:.4f} turns of the encoder"
+    else:
+        if motion is None or _returned(log) >= _RETURNED or not _awaited(log):
+            return None
+        share = math.exp(_USUAL.motion) / motion.value - 1.0
+        sigma = math.hypot(_SIGMA.motion, motion.sigma)
+        # Colour that is lost is lost for markers that land, too.
+        if abs(share) <= max(_LEAST_MOTION, _CHANCE * motion.sigma) and not _landed_since(log):
+            return None
+        how = (
+            f"the bands move {1.0 / (1.0 + share):.3f} times as far as the encoder says and do not "
+            "come back where it says"
+        )
+    if turns.size:
+        by_angle, by_time = turns_left(pairs, log.motion, share)
+        by_times = share
+    else:
+        assert motion is not None
+        drift = stretched(passings, log.motion)
+        by_angle, by_time, by_times = motion.rest, drift.rest, drift.value
+    number, what = "encoder_or_times", "the encoder's angles or the times of the frames are told"
+    least = _SAME if turns.size else 0.0
+    if by_angle > _BETTER * by_time + least:
+        number, what, share = "frame_times", "the times of the frames are told", by_times
+    elif by_time > _BETTER * by_angle + least:
+        number, what = "encoder_scale", "the encoder's angles are told"
+    return Contradiction(
+        number=number,
+        share=share,
+        sigma=sigma,
+        sentence=f"{what} {_size(share)}: {how}",
+    )
+
+
+def _of_geometry(evidence: Evidence, passings: list[Passing]) -> Contradiction | None:
+    """Judge cylinder, cable and camera by how far bands move, and how large they are."""
+    motion = motion_of(passings)
+    areas = evidence.area[evidence.area > 0.0]
+    if motion is None or not areas.size:
+        return None
+    off = Signature(
+        math.log(motion.value) - _USUAL.motion, float(np.median(np.log(areas))) - _USUAL.area
+    )
+    deviations = np.array([math.hypot(_SIGMA.motion, motion.sigma), _SIGMA.area])
+    scaled = np.array(off) / deviations
+    moved = abs(off.motion) > max(_LEAST_MOTION, _CHANCE * motion.sigma)
+    if not moved and abs(off.area) <= _LEAST_AREA:
+        return None
+    best, share, rest = "", 0.0, math.inf
+    for name, effect in evidence.effects.items():
+        direction = np.array(effect) / deviations
+        amount = float(direction @ scaled / (direction @ direction))
+        left = float(np.linalg.norm(scaled - amount * direction))
+        if left < rest:
+            best, share, rest = name, 0.01 * amount, left
+    seen = (
+        f"bands move {math.exp(off.motion) - 1.0:+.1%} over the picture against the turning and "
+        f"their area is {math.exp(off.area) - 1.0:+.0%}"
+    )
+    if rest > _EXPLAINED:
+        return Contradiction(
+            number="geometry",
+            share=math.nan,
+            sigma=math.nan,
+            sentence=f"no single number of cylinder, cable and camera explains it: {seen}",
+        )
+    size = _size(share)
+    if best == "focal_length":
+        size += f" (or the camera's distance as much too {'small' if share > 0.0 else 'large'})"
+    return Contradiction(
+        number=best,
+        share=share,
+        sigma=0.01 / float(np.linalg.norm(np.array(evidence.effects[best]) / deviations)),
+        sentence=f"the {best.replace('_', ' ')} is told {size}: {seen}",
+    )
+
+
+def _of_light(evidence: Evidence) -> Contradiction | None:
+    """Judge light that fades, before its effect on the bands is taken for something else."""
+    laps = _whole_laps(evidence.log)
+    if not laps:
+        return None
+    first, last = (evidence.log.laps[0, lap] for lap in (laps[0], laps[-1]))
+    before, now = first.light / first.frames, last.light / last.frames
+    found, areas = _found(evidence.log, laps[-1]), evidence.area[evidence.area > 0.0]
+    smaller = areas.size > 0 and float(np.median(np.log(areas))) < _USUAL.area - _SIGMA.area
+    if now >= _DARKER * before or (found >= _USUALLY_FOUND and not smaller):
+        return None
+    return Contradiction(
+        number="light",
+        share=now / before - 1.0,
+        sigma=math.nan,
+        sentence=(
+            f"the picture has become darker, from {before:.0f} to {now:.0f} grey levels: markers "
+            f"are found in {found:.0%} of the frames that have them in sight"
+        ),
+    )
+
+
+def _of_colour(log: SightingLog) -> Contradiction | None:
+    """Judge the markers' colour by those that are in sight and no longer found."""
+    laps = _whole_laps(log)
+    if not laps:
+        return None
+    first, found = log.laps[0, laps[0]], _found(log, laps[-1])
+    if found >= _RETURNED or first.measured < _RETURNED * first.frames:
+        return None
+    return Contradiction(
+        number="marker_colour",
+        share=math.nan,
+        sigma=math.nan,
+        sentence=(
+            f"markers are found in {found:.0%} of the frames that have them in sight, and the "
+            "light is as it was: their colour has changed, or something covers them"
+        ),
+    )
+
+
+def _whole_laps(log: SightingLog) -> list[int]:
+    """Return the laps of P0 but the newest, which may be on its way; none unless two are left."""
+    laps = sorted({lap for marker, lap in log.laps if marker == 0})[:-1]
+    return laps if len(laps) > 1 else []
+
+
+def _found(log: SightingLog, lap: int) -> float:
+    """Return the share of frames that found a marker in a lap of P0."""
+    late = [one for (_, number), one in log.laps.items() if number == lap]
+    return sum(one.measured for one in late) / max(sum(one.frames for one in late), 1)
+
+
+def _of_spacing(evidence: Evidence) -> Contradiction | None:
+    """Judge the spacing by bands that have no number, numbers without a band, and gaps."""
+    if evidence.between:
+        pairs = ", ".join(f"P{n}" for n in evidence.between)
+        return Contradiction(
+            number="marker_spacing",
+            share=math.nan,
+            sigma=math.nan,
+            sentence=f"the marker spacing is told too large: another band lies after {pairs}",
+        )
+    skipped = math.gcd(*evidence.known) if len(evidence.known) > 1 else 1
+    if skipped > 1:
+        seen = ", ".join(f"P{n}" for n in evidence.known)
+        return Contradiction(
+            number="marker_spacing",
+            share=1.0 / skipped - 1.0,
+            sigma=math.nan,
+            sentence=(
+                f"the marker spacing is told {skipped} times too small: bands are where {seen} are "
+                "expected and none between them"
+            ),
+        )
+    gaps = list(evidence.gaps.values())
+    if not gaps or _GAPS[0] <= float(np.median(gaps)) <= _GAPS[1]:
+        return None
+    ratio = float(np.median(gaps))
+    return Contradiction(
+        number="marker_spacing",
+        share=1.0 / ratio - 1.0,
+        sigma=math.nan,
+        sentence=(
+            f"the marker spacing is told too {'small' if ratio > 1.0 else 'large'}: bands lie "
+            f"{ratio:.2f} times as far apart as it and the cable's stretch say"
+        ),
+    )
+
+
+def _size(share: float) -> str:
+    return f"{abs(share):.1%} too {'large' if share > 0.0 else 'small'}"
+
+
+def _later(log: SightingLog) -> list[tuple[int, int]]:
+    """Return the laps of markers after the first that each was seen in."""
+    first: dict[int, int] = {}
+    for marker, lap in sorted(log.laps):
+        first.setdefault(marker, lap)
+    return [(marker, lap) for marker, lap in log.laps if lap > first[marker]]
+
+
+def _returned(log: SightingLog) -> float:
+    """Return the share of frames that found a marker when it came back."""
+    later = [log.laps[key] for key in _later(log)]
+    return sum(one.measured for one in later) / max(sum(one.frames for one in later), 1)
+
+
+def _landed_since(log: SightingLog) -> bool:
+    """Return whether a marker was found for the first time after P0 was seen last."""
+    rows = log.sightings
+    last = rows[rows[:, 0] == 0, 2].max(initial=-math.inf)
+    later = rows[rows[:, 0] > 0]
+    return any(
+        own.shape[0] >= _LEAST_AWAITED and own[:, 2].min() > last
+        for own in (later[later[:, 0] == marker] for marker in np.unique(later[:, 0]))
+    )
+
+
+def _awaited(log: SightingLog) -> bool:
+    """Return whether any marker should have come back by now."""
+    return sum(log.laps[key].frames for key in _later(log)) >= _LEAST_AWAITED
