@@ -59,6 +59,7 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
             *([clock.refusal] if clock.refusal else []),
             *([clock.warning] if clock.warning else []),
             *([handler.pixels.remark] if handler.pixels.remark else []),
+            *report.remarks,
             *([report.colour_refusal] if report.colour_refusal else []),
             *(["the encoder is silent"] if report.encoder_lost else []),
             *(f"P{marker} has slipped" for marker in report.slipped),

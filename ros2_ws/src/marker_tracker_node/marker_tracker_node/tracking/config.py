@@ -150,6 +150,7 @@ class TrackerConfig:
             expected_gap=float(self.expected_gap),
             lag=self.free_length / self.centreline_radius,
             advance_per_radian=float(self.advance_per_radian),
+            row_time=float(self.row_time),
         )
 
 

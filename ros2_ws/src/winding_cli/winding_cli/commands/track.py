@@ -101,8 +101,8 @@ def track(
         rows = list(_measure(live, frames, drive, settings.limit))
     with staged(out) as place:
         write_measurements(place, rows)
-    for sentence in frames.remarks():
-        result_console().print(sentence)
+    for sentence in (*frames.remarks(), *tracker.report().remarks):
+        result_console().print(sentence, soft_wrap=True)
     _print(tracker, lens, refined)
     _print_clock(live)
     report = tracker.report()
