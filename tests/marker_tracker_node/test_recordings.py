@@ -209,3 +209,22 @@ def test_motion_outside_its_readings_is_unknown():
     )
     assert motion.at(0.5) == (pytest.approx(1.0), pytest.approx(0.005))
     assert motion.at(1.5) == (None, None)
+
+
+def test_what_a_marker_looks_like_and_where_the_camera_looks_are_options(sequence, tmp_path):
+    out = tmp_path / "markers.csv"
+    words = (
+        *(sequence, "--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv"),
+        *("--out", out, "--case", 4, "--no-refine"),
+    )
+    result = command(track)(*words, "--marker-hue-deg", 300)
+    assert result.exit_code == 1
+    assert "has the hue of a marker, 300 +- 22 deg" in " ".join(result.output.split())
+    result = command(track)(*words, "--camera-tilt-mrad", "1,-2")
+    assert result.exit_code == 2
+    assert "must be a list of 3 numbers" in result.output
+    result = command(track)(*words, "--camera-tilt-mrad", "0.2,0,0", "--fps", 30)
+    assert result.exit_code == 0, result.output
+    assert "frames.csv has 25 pictures a second, 30 were given: its own are used" in " ".join(
+        result.output.split()
+    )

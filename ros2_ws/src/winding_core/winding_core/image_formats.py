@@ -141,6 +141,14 @@ class PixelReader:
             )
 
 
+def warm_up() -> None:
+    """Compile what reads pixels, ahead of the first picture."""
+    for encoding in ("rgb8", "rgb16", "bayer_rggb8", "bayer_rggb16"):
+        numbers, size = _layout(encoding)
+        step = 2 * numbers * size
+        PixelReader().frame(RawImage(2, 2, encoding, step, False, bytes(2 * step)))
+
+
 def _words(rows: ByteArray) -> NDArray[np.uint16]:
     if rows.shape[1] % 2:
         raise ImageFormatError(f"step must be even in words of 16 bits, got {rows.shape[1]}")

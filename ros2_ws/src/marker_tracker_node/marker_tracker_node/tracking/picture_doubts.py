@@ -23,7 +23,7 @@ STRONG = 0.5
 
 _SWAPPED = (
     "the colours are swapped: P0 is found after exchanging red and blue; is it rgb8 labelled "
-    "bgr8, or the other way round? Set encoding"
+    "bgr8, or the other way round? Set encoding, or marker_hue if the markers are of that colour"
 )
 _CHANGES: dict[str, Callable[[ByteArray], ByteArray]] = {
     "the picture is mirrored: P0 is found where it would be after exchanging left and right": (
