@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from cable_fem_node.identification.failure import IdentificationError
 from correction_node.models.dataset import parse_lengths
 from marker_tracker_node.camera.calibration import CalibrationError, read_camera
-from marker_tracker_node.camera.recordings import RecordingError, folder_frames, read_motion
+from marker_tracker_node.camera.frame_sources import FrameSource
+from marker_tracker_node.camera.recordings import RecordingError, read_motion
 from winding_core.parameters import ParameterError, build
 from winding_core.run_inputs import RunInputs, RunInputsError
 from winding_core.yaml_text import YamlTextError, load_yaml
@@ -324,7 +325,7 @@ def test_any_table(reader: str, rows: list[list[str]], tmp_path: Path) -> None:
 )
 def test_any_list_of_frames(rows: list[list[str]], head: str, tmp_path: Path) -> None:
     (tmp_path / "frames.csv").write_text("\n".join([head, *map(",".join, rows)]), "utf-8")
-    said(lambda: list(folder_frames(tmp_path, None)), RecordingError)
+    said(lambda: list(FrameSource(tmp_path)), RecordingError)
 
 
 @fuzzed

@@ -10,7 +10,8 @@ from sensor_msgs.msg import CameraInfo
 
 from correction_node.models.dataset import parse_lengths
 from marker_tracker_node.camera.calibration import CalibrationError, read_camera
-from marker_tracker_node.camera.recordings import RecordingError, folder_frames, read_motion
+from marker_tracker_node.camera.frame_sources import FrameSource
+from marker_tracker_node.camera.recordings import RecordingError, read_motion
 from winding_core.parameters import ParameterError, build
 from winding_core.run_inputs import RunInputs, RunInputsError
 from winding_core.yaml_text import YamlTextError, load_yaml
@@ -116,8 +117,8 @@ def test_a_motion_was_not_finite_or_no_csv(tmp_path: Path, row: str) -> None:
 @pytest.mark.parametrize("text", ["x\n1", "file,t\na.png", "file,t\na.png,nan", "file,t\na.png,x"])
 def test_a_list_of_frames_was_believed(tmp_path: Path, text: str) -> None:
     (tmp_path / "frames.csv").write_text(text, encoding="utf-8")
-    with pytest.raises(RecordingError, match=r"frames\.csv must have"):
-        list(folder_frames(tmp_path, None))
+    with pytest.raises(RecordingError, match=r"frames\.csv"):
+        list(FrameSource(tmp_path))
 
 
 def test_cells_without_a_heading_were_joined(tmp_path: Path) -> None:

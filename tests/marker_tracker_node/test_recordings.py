@@ -8,15 +8,9 @@ import pytest
 from typer import Typer
 from typer.testing import CliRunner
 
-from marker_tracker_node.camera.recordings import (
-    Motion,
-    RecordingError,
-    bag_frames,
-    folder_frames,
-    read_bag,
-    read_motion,
-    video_frames,
-)
+from marker_tracker_node.camera.bags import read_bag
+from marker_tracker_node.camera.frame_sources import FrameSource
+from marker_tracker_node.camera.recordings import Motion, RecordingError, read_motion
 from winding_cli.commands.render import render
 from winding_cli.commands.track import track
 
@@ -98,7 +92,7 @@ def test_track_measures_a_folder(sequence, tmp_path):
 def test_track_measures_a_video(sequence, tmp_path):
     path, out = tmp_path / "run.avi", tmp_path / "markers.csv"
     video = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, (640, 96))
-    for _, frame in folder_frames(sequence, None):
+    for _, frame in FrameSource(sequence):
         video.write(frame)
     video.release()
     result = command(track)(
@@ -143,7 +137,7 @@ def test_track_measures_a_bag_of_any_topics(sequence, tmp_path):
             writer.write(links[kind], round(t * 1e9), store.serialize_cdr(message, kind))
 
         motion = read_motion(sequence / "motion.csv")
-        for k, (t, frame) in enumerate(folder_frames(sequence, None)):
+        for k, (t, frame) in enumerate(FrameSource(sequence)):
             put(
                 "sensor_msgs/msg/JointState", t, name=["carriage_joint", "cylinder_joint"],
                 position=np.array([motion.guide_z[k], motion.cylinder_angle[k]]),
@@ -164,8 +158,8 @@ def test_track_measures_a_bag_of_any_topics(sequence, tmp_path):
     assert result.exit_code == 0, result.output
     check(out)
     assert read_bag(path).camera.binning == 3
-    first = next(iter(bag_frames(path)))[1]
-    assert (first == next(iter(folder_frames(sequence, None)))[1]).all()
+    first = next(iter(FrameSource(path)))[1]
+    assert (first == next(iter(FrameSource(sequence)))[1]).all()
 
 
 @pytest.mark.parametrize(
@@ -195,14 +189,14 @@ def test_track_refuses_with_one_sentence(sequence, words, reason):
 
 def test_recordings_that_cannot_be_read_are_refused(tmp_path):
     with pytest.raises(RecordingError, match="frame rate"):
-        next(folder_frames(tmp_path, None))
+        next(iter(FrameSource(tmp_path)))
     with pytest.raises(RecordingError, match="no picture"):
-        next(folder_frames(tmp_path, 10.0))
+        next(iter(FrameSource(tmp_path, fps=10.0)))
     (tmp_path / "a.png").write_text("no picture at all")
     with pytest.raises(RecordingError, match="not a picture"):
-        next(folder_frames(tmp_path, 10.0))
+        next(iter(FrameSource(tmp_path, fps=10.0)))
     with pytest.raises(RecordingError, match=r"not a video|holds no frame"):
-        next(video_frames(tmp_path / "a.png", None))
+        next(iter(FrameSource(tmp_path / "a.png")))
     with pytest.raises(RecordingError, match="cannot read"):
         read_bag(tmp_path / "a.mcap")
     with pytest.raises(RecordingError, match="ascend"):
@@ -215,3 +209,22 @@ def test_motion_outside_its_readings_is_unknown():
     )
     assert motion.at(0.5) == (pytest.approx(1.0), pytest.approx(0.005))
     assert motion.at(1.5) == (None, None)
+
+
+def test_what_a_marker_looks_like_and_where_the_camera_looks_are_options(sequence, tmp_path):
+    out = tmp_path / "markers.csv"
+    words = (
+        *(sequence, "--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv"),
+        *("--out", out, "--case", 4, "--no-refine"),
+    )
+    result = command(track)(*words, "--marker-hue-deg", 300)
+    assert result.exit_code == 1
+    assert "has the hue of a marker, 300 +- 22 deg" in " ".join(result.output.split())
+    result = command(track)(*words, "--camera-tilt-mrad", "1,-2")
+    assert result.exit_code == 2
+    assert "must be a list of 3 numbers" in result.output
+    result = command(track)(*words, "--camera-tilt-mrad", "0.2,0,0", "--fps", 30)
+    assert result.exit_code == 0, result.output
+    assert "frames.csv has 25 pictures a second, 30 were given: its own are used" in " ".join(
+        result.output.split()
+    )

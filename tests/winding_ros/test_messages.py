@@ -121,7 +121,8 @@ def test_rgb_image_is_turned_to_bgr() -> None:
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"encoding": "mono8"}, "encoding must be bgr8 or rgb8, got 'mono8'"),
+        ({"encoding": "mono8"}, "encoding 'mono8' holds no colour"),
+        ({"encoding": "yuv422"}, "encoding must be one of bgr8, rgb8, .*, got 'yuv422'"),
         ({"height": 3}, "needs 18 bytes, got 12"),
     ],
 )

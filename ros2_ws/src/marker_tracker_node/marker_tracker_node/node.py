@@ -58,6 +58,8 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
         against = [
             *([clock.refusal] if clock.refusal else []),
             *([clock.warning] if clock.warning else []),
+            *([handler.pixels.remark] if handler.pixels.remark else []),
+            *report.remarks,
             *([report.colour_refusal] if report.colour_refusal else []),
             *(["the encoder is silent"] if report.encoder_lost else []),
             *(item.sentence for item in report.contradictions),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from winding_core.parameters import parameter
+from winding_core.units import LENGTH, SMALL_ANGLE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -12,11 +13,12 @@ class CameraPlacement:
     """Extrinsics of the camera: nominally it faces -x, image right +z, image down +y."""
 
     camera_position: list[float] = parameter(
-        [0.4175, 0.0, 0.05], "camera position in winder_axis [m]", low=-10.0, high=10.0
+        [0.4175, 0.0, 0.05], "camera position in winder_axis", LENGTH, -10.0, 10.0
     )
     camera_tilt: list[float] = parameter(
         [0.0, 0.0, 0.0],
-        "rotation of the camera from facing -x, image right +z, image down +y [rad]",
-        low=-0.5,
-        high=0.5,
+        "rotation of the camera from facing -x, image right +z, image down +y",
+        SMALL_ANGLE,
+        -0.5,
+        0.5,
     )

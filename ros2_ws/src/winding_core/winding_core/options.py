@@ -5,7 +5,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 
-from winding_core.parameters import Declaration, Value, declarations, refuse_unknown
+from winding_core.parameters import (
+    Declaration,
+    ParameterError,
+    Value,
+    declarations,
+    refuse_unknown,
+)
 
 # How a refusal writes the name of an option.
 Spelling = Callable[[str], str]
@@ -17,8 +23,13 @@ def options(configuration: type) -> dict[str, Declaration]:
 
 
 def option_kinds(configuration: type) -> dict[str, type]:
-    """Return the type of every option by its name: bool, int, float or str."""
-    return {key: type(item.default) for key, item in options(configuration).items()}
+    """Return the type of every option by its name: bool, int, float or str; str for a list."""
+    return {key: option_kind(item) for key, item in options(configuration).items()}
+
+
+def option_kind(item: Declaration) -> type:
+    """Return the type of an option: numbers of a list are typed as one text, with commas."""
+    return str if isinstance(item.default, list) else type(item.default)
 
 
 def typed_declaration(key: str, item: Declaration, spelling: Spelling = str) -> Declaration:
@@ -53,11 +64,26 @@ def typed_values(
         if value is None:
             continue
         item = known[key]
-        taken = typed_declaration(key, item, spelling).convert(value)
-        if isinstance(taken, float) and item.unit is not None:
+        stated = typed_declaration(key, item, spelling)
+        taken = stated.convert(_listed(stated, value))
+        if item.unit is not None and isinstance(taken, float):
             taken = item.unit.to_si(taken)
+        elif item.unit is not None and isinstance(taken, list):
+            taken = [item.unit.to_si(number) for number in taken]
         values[item.name] = taken
     return values
+
+
+def _listed(item: Declaration, value: object) -> object:
+    """Return the numbers of a list that was typed as text."""
+    if not (isinstance(item.default, list) and isinstance(value, str)):
+        return value
+    try:
+        return [float(word) for word in value.split(",")]
+    except ValueError:
+        raise ParameterError(
+            f"{item.title} needs {len(item.default)} numbers with commas, got {value!r}"
+        ) from None
 
 
 def explained(item: Declaration) -> str:
@@ -66,13 +92,15 @@ def explained(item: Declaration) -> str:
     if item.unit is not None and item.unit.symbol:
         text += f", in {item.unit.symbol}"
     if item.choices is not None:
-        text += f": {', '.join(item.choices)}"
+        text += f": {', '.join(filter(None, item.choices))}"
     default = _shown(item, item.default)
     if item.otherwise:
         text += f"; otherwise {item.otherwise}"
     elif isinstance(default, float):
         text += f"; {default:g} by default"
-    elif not isinstance(default, bool):
+    elif isinstance(default, list):
+        text += f"; {','.join(f'{number:g}' for number in default)} by default"
+    elif not isinstance(default, bool) and default != "":
         text += f"; {default} by default"
     return f"{text}."
 
@@ -92,6 +120,8 @@ def _key(item: Declaration) -> str:
 
 
 def _shown(item: Declaration, value: Value) -> Value:
+    if isinstance(value, list):
+        return [_number(item, number) for number in value]
     return _number(item, value) if isinstance(value, float) else value
 
 

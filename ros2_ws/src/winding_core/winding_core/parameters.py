@@ -86,7 +86,7 @@ class Declaration:
         if isinstance(converted, str):
             if self.choices is not None and converted not in self.choices:
                 raise ParameterError(
-                    f"{self.title} must be one of {', '.join(self.choices)}, "
+                    f"{self.title} must be one of {', '.join(filter(None, self.choices))}, "
                     f"got {_shown(converted)}"
                 )
             return converted

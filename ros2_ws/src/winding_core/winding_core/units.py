@@ -7,6 +7,7 @@ from dataclasses import dataclass
 # One such unit in SI.
 MILLIMETRE = 1.0e-3
 MILLISECOND = 1.0e-3
+MICROSECOND = 1.0e-6
 MILLIRADIAN = 1.0e-3
 MILLINEWTON = 1.0e-3
 KILOPASCAL = 1.0e3
@@ -51,3 +52,7 @@ SPEED = Unit(symbol="mm/s", si="m/s", scale=MILLIMETRE, suffix="mm_s")
 ANGULAR_SPEED = Unit(symbol="rad/s", si="rad/s", suffix="rad_s")
 TIME = Unit(symbol="s", si="s", suffix="s")
 SHORT_TIME = Unit(symbol="ms", si="s", scale=MILLISECOND, suffix="ms")
+ROW_TIME = Unit(symbol="µs", si="s", scale=MICROSECOND, suffix="us")
+ANGLE = Unit(symbol="rad", si="rad", suffix="rad")
+SMALL_ANGLE = Unit(symbol="mrad", si="rad", scale=MILLIRADIAN, suffix="mrad")
+HUE = Unit(symbol="deg", si="deg", suffix="deg")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
 
+from winding_core.image_formats import BGR8, ImageFormatError, PixelReader, RawImage
 from winding_core.readings import ImageWindow
 from winding_ros.message_error import MessageError
 from winding_ros.serialised import deserialised
@@ -18,7 +18,6 @@ from winding_ros.wire.cdr import COUNT, CdrError, CdrReader, serialised
 from winding_ros.wire.template import Template
 
 CAMERA_FRAME = "camera_optical_frame"
-ENCODING = "bgr8"
 DISTORTION_MODEL = "plumb_bob"
 
 
@@ -57,61 +56,58 @@ def encode_image(t: float, frame: NDArray[np.uint8]) -> bytes:
 @cache
 def _image_template(height: int, width: int) -> Template:
     """Return everything of an Image before its pixels, their number included."""
-    message = Image(height=height, width=width, encoding=ENCODING, step=3 * width)
+    message = Image(height=height, width=width, encoding=BGR8, step=3 * width)
     message.header.frame_id = CAMERA_FRAME
     # An empty picture ends with the number of its bytes.
     return Template(serialised(message)[: -COUNT.size] + COUNT.pack(3 * width * height))
 
 
-def decode_image(message: bytes | Image) -> tuple[float, NDArray[np.uint8]]:
+def decode_image(
+    message: bytes | Image, reader: PixelReader | None = None
+) -> tuple[float, NDArray[np.uint8]]:
     """Return (t [s], BGR frame of shape (height, width, 3)) of an Image or of its CDR bytes.
 
+    The frame may not be written to: it shows the message's own bytes where those are BGR.
+
+    Args:
+        message: The picture.
+        reader: Knows how the camera's pixels are to be read; None to believe the message.
+
     Raises:
-        MessageError: No Image, another encoding, or a size that does not fit the data.
+        MessageError: No Image, an encoding without colours, or a size that does not fit the data.
     """
     if isinstance(message, bytes):
         try:
             picture = _picture(CdrReader(message))
         except CdrError:
-            return decode_image(deserialised(message, Image))
-        return serialised_stamp(message), _frame(picture)
-    picture = _Picture(
-        message.height, message.width, message.encoding, message.step, memoryview(message.data)
+            return decode_image(deserialised(message, Image), reader)
+        return serialised_stamp(message), _frame(picture, reader)
+    picture = RawImage(
+        height=message.height,
+        width=message.width,
+        encoding=message.encoding,
+        step=message.step,
+        big_endian=bool(message.is_bigendian),
+        data=memoryview(message.data),
     )
-    return decode_stamp(message.header.stamp), _frame(picture)
+    return decode_stamp(message.header.stamp), _frame(picture, reader)
 
 
-class _Picture(NamedTuple):
-    height: int
-    width: int
-    encoding: str
-    step: int
-    data: memoryview
-
-
-def _picture(reader: CdrReader) -> _Picture:
+def _picture(reader: CdrReader) -> RawImage:
     # Stamp and frame.
     reader.skip(4, 2)
     reader.string()
     height, width = reader.u32(), reader.u32()
     encoding = reader.string()
-    reader.skip(1)
-    return _Picture(height, width, encoding, reader.u32(), reader.octets())
+    big_endian = bool(reader.data[reader.skip(1)])
+    return RawImage(height, width, encoding, reader.u32(), big_endian, reader.octets())
 
 
-def _frame(picture: _Picture) -> NDArray[np.uint8]:
-    height, width, encoding, step, data = picture
-    if encoding not in (ENCODING, "rgb8"):
-        raise MessageError(f"image encoding must be bgr8 or rgb8, got {encoding!r}")
-    if step < width * 3 or len(data) != step * height:
-        raise MessageError(
-            f"image of {width} x {height} with step {step} needs {step * height} bytes, "
-            f"got {len(data)}"
-        )
-    # Kernels are compiled for arrays that may be written to.
-    rows = np.array(np.frombuffer(data, dtype=np.uint8).reshape(height, step)[:, : width * 3])
-    frame = rows.reshape(height, width, 3)
-    return frame if encoding == ENCODING else np.ascontiguousarray(frame[:, :, ::-1])
+def _frame(picture: RawImage, reader: PixelReader | None) -> NDArray[np.uint8]:
+    try:
+        return (reader or PixelReader()).frame(picture)
+    except ImageFormatError as error:
+        raise MessageError(str(error)) from error
 
 
 def camera_info_template(reading: CameraReading) -> Template:
@@ -185,7 +181,7 @@ def decode_camera_info(message: CameraInfo) -> tuple[float, CameraReading]:
 
 def encode_preview(t: float, jpeg: bytes) -> CompressedImage:
     """Return a JPEG picture as a CompressedImage stamped t [s]."""
-    message = CompressedImage(format=f"{ENCODING}; jpeg compressed {ENCODING}")
+    message = CompressedImage(format=f"{BGR8}; jpeg compressed {BGR8}")
     message.header.stamp = encode_stamp(t)
     message.header.frame_id = CAMERA_FRAME
     message._data = np.frombuffer(jpeg, dtype=np.uint8)

@@ -94,7 +94,9 @@ def _descriptor(item: Declaration) -> ParameterDescriptor:
     # that too, so `refuse_invalid` guards it.
     descriptor = ParameterDescriptor(name=item.name, description=item.description)
     if item.choices is not None:
-        descriptor.additional_constraints = f"one of {', '.join(item.choices)}"
+        descriptor.additional_constraints = (
+            f"one of {', '.join(choice or 'empty' for choice in item.choices)}"
+        )
     bounded = item.low is not None and item.high is not None
     if bounded and isinstance(item.default, float):
         descriptor.floating_point_range = [
@@ -104,6 +106,6 @@ def _descriptor(item: Declaration) -> ParameterDescriptor:
         ]
     elif bounded and isinstance(item.default, int) and not isinstance(item.default, bool):
         descriptor.integer_range = [
-            IntegerRange(from_value=int(item.low or 0), to_value=int(item.high or 0), step=1)
+            IntegerRange(from_value=int(item.lowest or 0), to_value=int(item.high or 0), step=1)
         ]
     return descriptor

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo
 
-from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
+from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.ros.parameters import TrackerParameters
 from marker_tracker_node.tracking.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 from marker_tracker_node.tracking.tracker import Tracker
+from winding_core.image_formats import PixelReader
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading, decode_camera_info, decode_image
 from winding_ros.cloud_messages import encode_cloud
@@ -33,25 +34,12 @@ class TrackerHandler:
 
     Attributes:
         config: Machine, cable and camera pose.
+        pixels: Reads the frames.
     """
 
     def __init__(self, wanted: TrackerParameters) -> None:
-        what = wanted.resolved()
-        case, drive = what.case, what.drive
-        self.config = TrackerConfig(
-            cylinder_radius=case.cylinder_radius,
-            cable_radius=case.cable_radius,
-            marker_spacing=case.marker_spacing,
-            marker_count=case.marker_count,
-            expected_stretch=case.expected_stretch,
-            band_width=wanted.band_width,
-            pose=CameraPose(
-                position=_triple(wanted.camera_position), tilt=_triple(wanted.camera_tilt)
-            ),
-            advance_per_radian=drive.advance_per_radian,
-            free_length=what.free_length,
-        )
-        self._axes = wanted
+        self.config = TrackerConfig.of(wanted.resolved(), wanted, wanted, row_time=wanted.row_time)
+        self._wanted = wanted
         self._read = JointStateReader(wanted)
         self._clock = ClockSettings(
             correct=wanted.camera_clock_correction, limit=wanted.camera_clock_limit
@@ -60,6 +48,7 @@ class TrackerHandler:
         self._calibration = b""
         self._live = SynchronisedTracker(self._clock)
         self._uncalibrated = 0
+        self.pixels = PixelReader(wanted.encoding, wanted.significant_bits)
         # A float of seconds since 1970 holds no nanoseconds: answers bear the frame's own stamp.
         self._stamps: dict[float, bytes] = {}
 
@@ -80,11 +69,12 @@ class TrackerHandler:
 
     def begin(self, t: float) -> Iterator[Answer]:
         """Begin a new run; nothing is said before the first frame."""
-        self._read = JointStateReader(self._axes)
+        self._read = JointStateReader(self._wanted)
         self._camera = None
         self._calibration = b""
         self._live = SynchronisedTracker(self._clock)
         self._uncalibrated = 0
+        self.pixels = PixelReader(self._wanted.encoding, self._wanted.significant_bits)
         self._stamps.clear()
         yield from ()
 
@@ -102,7 +92,7 @@ class TrackerHandler:
             self._live.add_reading(t, reading)
             yield from self._measure()
         else:
-            t, frame = decode_image(data)
+            t, frame = decode_image(data, self.pixels)
             if self.tracker is None:
                 self._uncalibrated += 1
                 if self._uncalibrated > _FRAMES_BEFORE_CALIBRATION:
@@ -160,8 +150,3 @@ def _same(one: CameraReading, other: CameraReading) -> bool:
         and bool((one.matrix == other.matrix).all())
         and bool((one.distortion == other.distortion).all())
     )
-
-
-def _triple(values: list[float]) -> tuple[float, float, float]:
-    x, y, z = values
-    return x, y, z

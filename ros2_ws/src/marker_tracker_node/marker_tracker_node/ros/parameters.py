@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from winding_core.camera_clock import CameraClockParameters
+from winding_core.camera_pixels import CameraPixels
 from winding_core.camera_placement import CameraPlacement
 from winding_core.condition import Condition
 from winding_core.machine_axes import MachineAxes
-from winding_core.parameters import parameter
+from winding_core.marker_parameters import MarkerParameters
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrackerParameters(CameraClockParameters, CameraPlacement, MachineAxes, Condition):
-    """What is wound, where the camera stands, and what is done about its clock."""
-
-    band_width: float = parameter(
-        0.006, "width of a marker band along the cable [m]", low=0.0005, high=0.05
-    )
+class TrackerParameters(
+    MarkerParameters, CameraPixels, CameraClockParameters, CameraPlacement, MachineAxes, Condition
+):
+    """What is wound, what of it the camera sees from where, and what is done about its clock."""

@@ -6,14 +6,16 @@ import math
 from typing import NamedTuple
 
 from marker_tracker_node.detection.gate import Gates, Picture
-from marker_tracker_node.tracking.band_measurement import NEW_AREA, measure_band
+from marker_tracker_node.tracking.band_measurement import NEW_AREA, WHOLE_AREA, measure_band
 from marker_tracker_node.tracking.gate_prediction import (
     HIDDEN,
     MEASURED,
     OUT_OF_SIGHT,
+    Shutter,
     gate_visibility,
     predict_gate,
     separate_gates,
+    turned_since,
 )
 from marker_tracker_node.tracking.laid_path import (
     LaidCable,
@@ -47,6 +49,7 @@ class Scan(NamedTuple):
         gates: Of the markers; one more place is free for work.
         outcome: What came of looking for each marker, shape (markers,).
         turned: Cylinder angle as the camera sees it [rad].
+        shutter: Of the frame.
     """
 
     picture: Picture
@@ -56,6 +59,7 @@ class Scan(NamedTuple):
     gates: Gates
     outcome: IndexArray
     turned: float
+    shutter: Shutter
 
 
 @called
@@ -101,7 +105,8 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
     z = height + shift
     share = 0.0
     for step in range(3):
-        band = band_beside_turns(setup, scan.cable, turned - theta, theta, z, slope)
+        late = turned_since(setup, scan.shutter, turned - theta, z)
+        band = band_beside_turns(setup, scan.cable, turned + late - theta, theta, z, slope)
         expected = predict_gate(setup, band, gates, work)
         if step == 0:
             # The first look may be half a band off.
@@ -117,7 +122,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
         )
         if outcome != MEASURED:
             return
-        theta = turned - azimuth
+        theta = turned + turned_since(setup, scan.shutter, azimuth, z) - azimuth
     expected_z = corrected_height(scan.cable, theta)[0]
     if abs(turned - theta) > 40.0 * math.pi or abs(z - expected_z) > setup.search_width:
         return
@@ -176,7 +181,8 @@ def confirm_candidates(
         marks.known[number] = True
         marks.theta[number] = candidates.theta[c]
         marks.height[number] = candidates.height[c]
-        marks.area[number] = candidates.area[c]
+        # One that was covered in part is whole later on.
+        marks.area[number] = max(candidates.area[c], WHOLE_AREA[0])
         marks.recent[number] = candidates.theta[c]
         marks.reference[number] = candidates.theta[c]
         marks.weight[number] = 1.0

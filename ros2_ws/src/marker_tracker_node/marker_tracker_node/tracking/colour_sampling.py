@@ -115,9 +115,20 @@ def sample_colour(
 
 
 def locate_marker(
-    frame: ByteArray, colour: ColourModel, setup: Setup, angle: float
+    frame: ByteArray,
+    colour: ColourModel,
+    setup: Setup,
+    angle: float,
+    area: tuple[float, float],
 ) -> tuple[float, float]:
     """Return where P0's band appears near its place at azimuth `angle`, z = 0 [px].
+
+    Args:
+        frame: Shape (rows, columns, 3).
+        colour: Of the markers.
+        setup: Machine and camera for the kernels.
+        angle: Azimuth of P0 [rad].
+        area: Least and most accepted share of the pixels that its band should fill.
 
     Raises:
         ColourRefusedError: Nothing of its size is there.
@@ -125,7 +136,7 @@ def locate_marker(
     place = _Place.predicted(setup, angle)
     inner, expected = place.window(frame, place.reach), place.pixels
     blob = _largest_blob(colour.mask(frame[inner]).astype(np.uint8))
-    if not 0.7 * expected <= blob.sum() <= 1.4 * expected:
+    if not area[0] * expected <= blob.sum() <= area[1] * expected:
         raise ColourRefusedError(
             f"P0 is not where it should be: {int(blob.sum())} pixels of its colour instead of "
             f"{expected:.0f}"

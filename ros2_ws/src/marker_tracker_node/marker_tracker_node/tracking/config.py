@@ -8,8 +8,11 @@ from dataclasses import dataclass, field
 from marker_tracker_node.camera.pinhole import CameraPose, CameraView
 from marker_tracker_node.detection.band import Body
 from marker_tracker_node.tracking.state import Setup
+from winding_core.camera_placement import CameraPlacement
+from winding_core.condition import ResolvedCondition
 from winding_core.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
 from winding_core.fleet_angle import PAPER_FREE_LENGTH
+from winding_core.marker_parameters import MarkerParameters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +37,9 @@ class TrackerConfig:
         slip_limit: Wandering of a wound angle that counts as slip [rad].
         marker_hue: Hue around which a marker is sought to sample its colour [deg].
         marker_hue_tolerance: Half width of that range [deg].
+        start_angle: Azimuth of P0 at the first frame with an encoder reading, whole turns
+            included [rad]; None to find out.
+        row_time: From an image row to the next [s]; negative where the lowest is read first.
     """
 
     cylinder_radius: float
@@ -52,6 +58,44 @@ class TrackerConfig:
     slip_limit: float = 0.03
     marker_hue: float = 50.0
     marker_hue_tolerance: float = 22.0
+    start_angle: float | None = None
+    row_time: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        what: ResolvedCondition,
+        where: CameraPlacement,
+        markers: MarkerParameters,
+        *,
+        row_time: float = 0.0,
+    ) -> TrackerConfig:
+        """Return the configuration that parameters mean.
+
+        Args:
+            what: Is wound.
+            where: The camera stands.
+            markers: What they look like.
+            row_time: See `TrackerConfig` [s].
+        """
+        case, drive = what.case, what.drive
+        return cls(
+            cylinder_radius=case.cylinder_radius,
+            cable_radius=case.cable_radius,
+            marker_spacing=case.marker_spacing,
+            marker_count=case.marker_count,
+            expected_stretch=case.expected_stretch,
+            band_width=markers.band_width,
+            pose=CameraPose(
+                position=_triple(where.camera_position), tilt=_triple(where.camera_tilt)
+            ),
+            advance_per_radian=drive.advance_per_radian,
+            free_length=what.free_length,
+            marker_hue=markers.marker_hue,
+            marker_hue_tolerance=markers.marker_hue_tolerance,
+            start_angle=markers.start_angle or None,
+            row_time=row_time,
+        )
 
     def __post_init__(self) -> None:
         for name in (
@@ -106,4 +150,10 @@ class TrackerConfig:
             expected_gap=float(self.expected_gap),
             lag=self.free_length / self.centreline_radius,
             advance_per_radian=float(self.advance_per_radian),
+            row_time=float(self.row_time),
         )
+
+
+def _triple(values: list[float]) -> tuple[float, float, float]:
+    x, y, z = values
+    return x, y, z

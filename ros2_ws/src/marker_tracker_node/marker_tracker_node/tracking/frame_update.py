@@ -17,9 +17,12 @@ from marker_tracker_node.tracking.gate_prediction import (
     HIDDEN,
     MEASURED,
     OUT_OF_SIGHT,
+    Shutter,
     gate_visibility,
     predict_gate,
     separate_gates,
+    shutter_of,
+    turned_since,
 )
 from marker_tracker_node.tracking.laid_path import (
     LaidCable,
@@ -145,11 +148,14 @@ def _update_frame(
     turned = cylinder.angle + run.shift
     gates = empty_gates(count + 1)
     expected = _empty_expected(count)
-    _predict(picture, setup, cable, turned, lead, gates, expected)
+    shutter = shutter_of(setup, cylinder.rate, picture.pixels.shape[0])
+    _predict(picture, setup, shutter, cable, turned, lead, gates, expected)
     for n in range(count):
         # Neither out of sight nor clipped.
         if expected.outcome[n] == HIDDEN:
-            expected.outcome[n] = _measure(picture, setup, marks, gates, n, expected, out, k)
+            expected.outcome[n] = _measure(
+                picture, setup, shutter, marks, gates, n, expected, out, k
+            )
     if cylinder.blind:
         nudge = phase_lock(marks, out.azimuth[k], turned)
         turned += nudge
@@ -168,6 +174,7 @@ def _update_frame(
             gates,
             expected.outcome,
             cylinder.angle + shift,
+            shutter,
         )
         shift = acquire_markers(scan, shift)
     write_results(setup, marks, expected.outcome, expected.touching, turned, out, k)
@@ -194,6 +201,7 @@ def _empty_expected(count: int) -> Expected:  # pragma: no cover
 def _predict(
     picture: Picture,
     setup: Setup,
+    shutter: Shutter,
     cable: LaidCable,
     turned: float,
     lead: float,
@@ -216,6 +224,7 @@ def _predict(
         if abs(away) > setup.usable_azimuth:
             continue
         slope = corrected_height(cable, theta)[1]
+        azimuth += turned_since(setup, shutter, azimuth, z)
         band = band_beside_turns(setup, cable, azimuth, theta, z, slope)
         expected.pixels[n] = predict_gate(setup, band, gates, n)
         expected.outcome[n] = gate_visibility(setup, gates, n, picture)
@@ -233,6 +242,7 @@ def _predict(
 def _measure(
     picture: Picture,
     setup: Setup,
+    shutter: Shutter,
     marks: Marks,
     gates: Gates,
     n: int,
@@ -265,6 +275,7 @@ def _measure(
     if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > JUMP_HEIGHT:
         return HIDDEN
     marks.area[n] *= 1.0 + AREA_SHARE * (share - 1.0)
-    out.azimuth[k, n], out.seen_height[k, n], out.slope[k, n] = azimuth, z, band.slope
+    out.azimuth[k, n] = azimuth - turned_since(setup, shutter, azimuth, z)
+    out.seen_height[k, n], out.slope[k, n] = z, band.slope
     out.low[k, n], out.high[k, n] = band.low, band.high
     return MEASURED

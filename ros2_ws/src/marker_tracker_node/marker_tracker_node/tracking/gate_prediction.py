@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from marker_tracker_node.camera.pinhole import (
     CameraView,
@@ -77,6 +78,37 @@ def _territory_edge(
     u, v = pixel_of_plane(setup.camera, a, b)
     du, dv = u - gates.column[n], v - gates.row[n]
     return float(gates.along_u[n] * dv - gates.along_v[n] * du)
+
+
+class Shutter(NamedTuple):
+    """How the cylinder turns while a frame is read, row by row.
+
+    Attributes:
+        skew: Angle from a row to the next, by the picture's rows [rad].
+        first: Row that is read at the stamp.
+    """
+
+    skew: float
+    first: float
+
+
+@called
+def shutter_of(setup: Setup, rate: float, rows: int) -> Shutter:  # pragma: no cover
+    """Return the shutter of a frame with a number of rows, at a cylinder's speed [rad/s]."""
+    return Shutter(setup.row_time * rate, 0.0 if setup.row_time >= 0.0 else rows - 1.0)
+
+
+@called
+def turned_since(
+    setup: Setup, shutter: Shutter, azimuth: float, z: float
+) -> float:  # pragma: no cover
+    """Return by how much the cylinder turned from the stamp to the row of a band [rad]."""
+    if shutter.skew == 0.0:
+        return 0.0
+    x, y, height = centre_point(setup.body.rho, azimuth, z)
+    a, b, _depth = plane_of_point(setup.camera, x, y, height)
+    _column, row = pixel_of_plane(setup.camera, a, b)
+    return shutter.skew * (row - shutter.first)
 
 
 @compiled

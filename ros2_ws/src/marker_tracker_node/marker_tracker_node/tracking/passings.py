@@ -92,7 +92,7 @@ def turns_left(pairs: FloatArray, motion: FloatArray, share: float) -> tuple[flo
     Args:
         pairs: Told angles at which markers stood ahead, and one turn later, shape (n, 2).
         motion: Shape (n, 2): t [s], angle [rad].
-        share: By how much either is too large.
+        share: By how much either is too large, relative (dimensionless).
     """
     when = np.interp(pairs, np.maximum.accumulate(motion[:, 1]), motion[:, 0])
     true = np.interp(when / (1.0 + share), motion[:, 0], motion[:, 1])

@@ -34,6 +34,7 @@ class TrackerReport:
         encoder_losses: Times that the encoder went missing.
         encoder_wraps: Turns that the encoder lost by wrapping.
         colour_refusal: Why no colour could be learnt yet; empty when there is one.
+        remarks: What was found at the start against expectation.
         colour_separation: Share of background pixels that the colour model rejects; nan if
             unknown.
         contradictions: Told numbers that the pictures speak against.
@@ -48,6 +49,7 @@ class TrackerReport:
     encoder_losses: int
     encoder_wraps: int
     colour_refusal: str
+    remarks: tuple[str, ...]
     colour_separation: float
     contradictions: tuple[Contradiction, ...]
 

@@ -35,6 +35,7 @@ class Setup(NamedTuple):
         expected_gap: [rad]
         lag: Wound angle in which the cable follows the guide, free length / (R + r) [rad].
         advance_per_radian: [m/rad]
+        row_time: From an image row to the next, negative where the lowest is read first [s].
     """
 
     camera: CameraView
@@ -47,6 +48,7 @@ class Setup(NamedTuple):
     expected_gap: float
     lag: float
     advance_per_radian: float
+    row_time: float
 
 
 class Cylinder(NamedTuple):

@@ -72,13 +72,16 @@ class SynchronisedTracker:
         angle = pair.cylinder_angle
         if angle is None:
             return tracker.track(pair.frame, pair.t, None, pair.guide_z)
-        lead = clock.lead(pair.t, angle, tracker.state.run.shift)
+        lead = clock.lead(pair.t, angle, tracker.state.run.shift - tracker.origin)
+        begun = tracker.beginnings
         markers = tracker.track(pair.frame, pair.t, angle, pair.guide_z, lead=lead)
+        if tracker.beginnings != begun:
+            self.clock = clock = CameraClock(self._settings, tracker.config, self.history)
         if not len(markers):
             return markers
         clock.take(pair.t, tracker.seen)
         if clock.applied:
-            tracker.rebase(clock.estimate.shift, forget=not self._pairs.correction)
+            tracker.rebase(clock.estimate.shift + tracker.origin, forget=not self._pairs.correction)
             self._pairs.correction = clock.estimate.offset
         return _withheld(clock, pair.t, markers)
 

@@ -8,15 +8,14 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.camera.pinhole import PinholeCamera
-from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
-from marker_tracker_node.detection.zeroing import zeroed_pose
-from marker_tracker_node.tracking.colour_sampling import NEAR_START, locate_marker, sample_colour
+from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
+from marker_tracker_node.detection.colour import ColourModel
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame_update import update_burst
 from marker_tracker_node.tracking.refinement import Sightings
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.run_evidence import RunEvidence
+from marker_tracker_node.tracking.run_start import RunStart
 from marker_tracker_node.tracking.state import Output, TrackerState
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
@@ -34,9 +33,8 @@ class Tracker:
     Attributes:
         config: Machine, cable and nominal camera pose.
         camera: What CameraInfo says.
-        colour: Of the markers; None until it is learnt.
         state: Of the run.
-        pose: Of the camera, turned until P0 stands where it must at the start.
+        beginnings: How often it began anew, azimuths before which are worth nothing.
         seen: Azimuths of the bands in the last frame of `track` [rad], nan where not measured.
     """
 
@@ -53,17 +51,15 @@ class Tracker:
         Args:
             config: Machine, cable and camera pose.
             camera: What CameraInfo says.
-            colour: Of the markers; None to sample P0 in the first frames, where the cylinder
-                angle is still near zero.
+            colour: Of the markers; None to learn it from P0.
             remember: Whether to keep every sighting for `sightings`; 80 bytes a marker and frame.
         """
         self.config = config
         self.camera = camera
-        self.colour = colour
         self.state = TrackerState.fresh(config.marker_count)
-        self.pose = config.pose
         self._setup = config.setup(camera.view(config.pose))
-        self._zeroed = False
+        self._start = RunStart(config, camera, colour)
+        self.beginnings = 0
         self._memory: list[Output] | None = [] if remember else None
         self._ids = np.arange(config.marker_count + 1)
         self._evidence = RunEvidence()
@@ -73,7 +69,21 @@ class Tracker:
         self._measured = 0
         self._slipped: tuple[int, ...] = ()
         self.seen = np.full(len(self._ids), np.nan)
-        self._refusal = "" if colour is not None else "no frame with P0 yet"
+
+    @property
+    def colour(self) -> ColourModel | None:
+        """Colour of the markers; None until it is learnt."""
+        return self._start.colour
+
+    @property
+    def pose(self) -> CameraPose:
+        """The camera's pose, turned until P0 stands where it must."""
+        return self._start.zero.pose
+
+    @property
+    def origin(self) -> float:
+        """What the encoder reads where the wound angle is zero [rad]."""
+        return self._start.origin
 
     def track(
         self,
@@ -105,18 +115,19 @@ class Tracker:
         if fault is not None:
             return self.refuse(fault)
         angle = _believed(cylinder_angle, _MOST_ANGLE)
-        if self.colour is None:
-            self._learn(frame, angle)
-        if not self._zeroed:
-            self._zero(frame, angle)
+        guide = _believed(guide_z, _MOST_GUIDE)
+        if not self._start.done and self._start.take(frame, self._setup, angle, guide):
+            self._begin_anew()
         out = self._advance(
             np.asarray(frame)[None],
             np.array([t]),
-            np.array([angle]),
-            np.array([_believed(guide_z, _MOST_GUIDE)]),
+            np.array([angle - self.origin]),
+            np.array([guide]),
             np.array([lead]),
         )
         self.seen = out.azimuth[0]
+        if not self._start.done and self._start.saw(t, out):
+            self._begin_anew()
         records: Markers = self._records(out)[0]
         return records
 
@@ -162,13 +173,13 @@ class Tracker:
         """
         self._require_burst(frames, times, cylinder_angles)
         if self.colour is None:
-            raise ValueError(f"a burst needs a colour model: {self._refusal}")
+            raise ValueError(f"a burst needs a colour model: {self._start.refusal}")
         guide = np.full(len(frames), math.nan) if guide_z is None else guide_z
         return self._records(
             self._advance(
                 frames,
                 times,
-                cylinder_angles,
+                cylinder_angles - self.origin,
                 np.asarray(guide, dtype=float),
                 np.zeros(len(frames)),
             )
@@ -224,7 +235,8 @@ class Tracker:
             encoder_lost=cylinder.blind,
             encoder_losses=self._losses,
             encoder_wraps=round(cylinder.wraps / (2.0 * math.pi)),
-            colour_refusal=self._refusal,
+            colour_refusal=self._start.refusal,
+            remarks=self._start.sentences,
             colour_separation=separation,
             contradictions=self._evidence.judged(self._setup, self.state),
         )
@@ -262,28 +274,14 @@ class Tracker:
         if len(times) and not (np.diff(times, prepend=first) > 0.0).all():
             raise ValueError(f"times must ascend from the last frame's {first} s")
 
-    def _learn(self, frame: ByteArray, angle: float) -> None:
-        try:
-            self.colour = sample_colour(
-                frame, self.config, self._setup, 0.0 if math.isnan(angle) else angle
-            )
-        except ColourRefusedError as refusal:
-            self._refusal = str(refusal)
-        else:
-            self._refusal = ""
-
-    def _zero(self, frame: ByteArray, angle: float) -> None:
-        """Turn the nominal pose until P0 stands where it is known to stand at the start."""
-        if self.colour is None or not abs(angle) < NEAR_START:
-            return
-        try:
-            pixel = locate_marker(frame, self.colour, self._setup, angle)
-        except ColourRefusedError:
-            # Hidden now; until a frame shows P0 the nominal pose stands.
-            return
-        self.pose = zeroed_pose(self.camera, self.pose, self._setup.body, pixel, angle)
+    def _begin_anew(self) -> None:
+        """Forget what was measured with another pose or from another zero of the encoder."""
+        self.beginnings += 1
+        self._evidence = RunEvidence()
+        self.state = TrackerState.fresh(self.config.marker_count)
         self._setup = self.config.setup(self.camera.view(self.pose))
-        self._zeroed = True
+        if self._memory is not None:
+            self._memory.clear()
 
     def _advance(
         self,

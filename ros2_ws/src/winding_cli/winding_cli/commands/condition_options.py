@@ -9,7 +9,7 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from winding_core.options import explained, options
+from winding_core.options import explained, option_kind, options
 from winding_core.parameters import Declaration
 
 # What was typed, by option without dashes, in the unit that its name says.
@@ -69,7 +69,7 @@ def with_options(*records: type) -> Callable[[Callable[..., None]], Callable[...
 
 
 def _annotation(key: str, item: Declaration) -> Any:
-    kind = type(item.default)
+    kind = option_kind(item)
     name = spelled(key)
     names = (f"{name}/--no-{name[2:]}",) if kind is bool else (name,)
     return Annotated[kind | None, typer.Option(*names, help=explained(item))]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 from rich.table import Table
@@ -16,7 +16,11 @@ from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, staged
 from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_core.camera_clock import CameraClockParameters
-from winding_core.condition import Condition, ResolvedCondition
+from winding_core.camera_pixels import CameraPixels
+from winding_core.camera_placement import CameraPlacement
+from winding_core.condition import Condition
+from winding_core.image_formats import PixelReader
+from winding_core.marker_parameters import MarkerParameters
 from winding_core.options import typed_values
 from winding_core.parameters import build
 from winding_core.readings import AxisReading
@@ -26,20 +30,21 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from marker_tracker_node import PinholeCamera, Tracker, TrackerConfig
+    from marker_tracker_node import PinholeCamera, Tracker
     from marker_tracker_node.camera.recordings import Motion
     from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
     from winding_core.markers import Markers
 
-    Frames = Iterator[tuple[float, NDArray[np.uint8]]]
-
-BAGS = (".mcap", ".db3", ".bag")
+Record = TypeVar("Record")
 
 
-@with_options(Condition, CameraClockParameters)
+@with_options(Condition, CameraClockParameters, CameraPlacement, MarkerParameters, CameraPixels)
 def track(
     typed: Typed,
     clock: Typed,
+    placement: Typed,
+    markers: Typed,
+    pixels: Typed,
     *,
     source: Annotated[Path, typer.Argument(help="Video file, folder of pictures, or bag.")],
     out: Annotated[Path, typer.Option(help="CSV of every frame's markers.")],
@@ -50,26 +55,22 @@ def track(
         Path | None,
         typer.Option(help="CSV t, cylinder_angle, guide_z; a bag may bring joint_states."),
     ] = None,
-    band_mm: Annotated[float, typer.Option(help="Width of a marker along the cable.")] = 6.0,
-    camera_position_mm: Annotated[
-        str,
-        typer.Option(help="Camera: across, up, along the axis. A run refines it."),
-    ] = "417.5,0,50",
-    fps: Annotated[float | None, typer.Option(help="Of pictures without times.")] = None,
+    fps: Annotated[
+        float | None,
+        typer.Option(help="Of pictures without times; of a video in place of its own times."),
+    ] = None,
     refined: Annotated[
         bool, typer.Option("--refine/--no-refine", help="Fit the camera's pose over the run.")
     ] = True,
 ) -> None:
     """Track a recording and print where every marker lies."""
     from marker_tracker_node import Tracker
+    from marker_tracker_node.camera.bags import Recording, is_bag, read_bag
     from marker_tracker_node.camera.calibration import read_camera
-    from marker_tracker_node.camera.recordings import (
-        Recording,
-        read_bag,
-        read_motion,
-        write_measurements,
-    )
+    from marker_tracker_node.camera.frame_sources import FrameSource
+    from marker_tracker_node.camera.recordings import read_motion, write_measurements
     from marker_tracker_node.tracking.camera_clock import ClockSettings
+    from marker_tracker_node.tracking.config import TrackerConfig
     from marker_tracker_node.tracking.encoder_history import EncoderHistory
     from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 
@@ -78,29 +79,30 @@ def track(
     check_output_file(out)
     with refused(OSError, ValueError):
         wound = Condition.from_typed(typed, spelling=spelled, case=Condition.case)
-        config = _config(wound.resolved(), band_mm, camera_position_mm)
-        bag = _is_bag(source)
-        brought = read_bag(source) if bag else Recording(camera=None, motion=None)
+        where = _built(CameraPlacement, placement)
+        sought, read = _built(MarkerParameters, markers), _built(CameraPixels, pixels)
+        config = TrackerConfig.of(wound.resolved(), where, sought, row_time=read.row_time)
+        brought = read_bag(source) if is_bag(source) else Recording(camera=None, motion=None)
         lens = read_camera(camera) if camera else brought.camera
         drive = read_motion(motion) if motion else brought.motion
         if lens is None:
             refuse("there is no camera: give --camera")
         if drive is None:
             refuse("there is no motion: give --motion")
-        wanted = build(
-            CameraClockParameters,
-            typed_values(CameraClockParameters, clock, spelled),
-            owner="the camera's clock",
-        )
+        wanted = _built(CameraClockParameters, clock)
         settings = ClockSettings(
             correct=wanted.camera_clock_correction, limit=wanted.camera_clock_limit
         )
         live = SynchronisedTracker(settings, EncoderHistory(longest_gap=math.inf, complete=True))
         tracker = Tracker(config, lens, remember=refined)
         live.start(tracker)
-        rows = list(_measure(live, _frames(source, bag, fps), drive, settings.limit))
+        reader = PixelReader(encoding=read.encoding, significant_bits=read.significant_bits)
+        frames = FrameSource(source, fps=fps, reader=reader)
+        rows = list(_measure(live, frames, drive, settings.limit))
     with staged(out) as place:
         write_measurements(place, rows)
+    for sentence in (*frames.remarks(), *tracker.report().remarks):
+        result_console().print(sentence, soft_wrap=True)
     _print(tracker, lens, refined)
     _print_clock(live)
     report = tracker.report()
@@ -108,45 +110,15 @@ def track(
         refuse(f"no marker was found: {report.colour_refusal or 'nothing moved with P0'}", FAILED)
 
 
-def _config(what: ResolvedCondition, band_mm: float, camera_position_mm: str) -> TrackerConfig:
-    from marker_tracker_node import CameraPose, TrackerConfig
-
-    case = what.case
-    return TrackerConfig(
-        cylinder_radius=case.cylinder_radius,
-        cable_radius=case.cable_radius,
-        marker_spacing=case.marker_spacing,
-        marker_count=case.marker_count,
-        expected_stretch=case.expected_stretch,
-        band_width=band_mm * MILLIMETRE,
-        pose=CameraPose(position=_position(camera_position_mm)),
-    )
-
-
-def _position(text: str) -> tuple[float, float, float]:
-    try:
-        x, y, z = (float(word) * MILLIMETRE for word in text.split(","))
-    except ValueError:
-        raise ValueError(f"--camera-position-mm needs three numbers, got {text!r}") from None
-    return x, y, z
-
-
-def _is_bag(source: Path) -> bool:
-    return source.suffix in BAGS or (source / "metadata.yaml").exists()
-
-
-def _frames(source: Path, bag: bool, fps: float | None) -> Frames:
-    from marker_tracker_node.camera.recordings import bag_frames, folder_frames, video_frames
-
-    if bag:
-        return bag_frames(source)
-    if source.is_dir():
-        return folder_frames(source, fps)
-    return video_frames(source, fps)
+def _built(record: type[Record], typed: Typed) -> Record:
+    return build(record, typed_values(record, typed, spelled), owner="winding track")
 
 
 def _measure(
-    live: SynchronisedTracker, frames: Frames, motion: Motion, ahead: float
+    live: SynchronisedTracker,
+    frames: Iterable[tuple[float, NDArray[np.uint8]]],
+    motion: Motion,
+    ahead: float,
 ) -> Iterator[tuple[float, Markers]]:
     """Yield the markers of every frame; readings come as far ahead of it as clocks may differ."""
     readings = deque(zip(motion.t, motion.cylinder_angle, motion.guide_z, strict=True))
@@ -192,6 +164,8 @@ def _print(tracker: Tracker, lens: PinholeCamera, refined: bool) -> None:
     for fault, count in report.rejected.items():
         if count:
             console.print(f"  {count} x {fault.value}")
+    for item in report.contradictions:
+        console.print(f"the pictures contradict: {item.sentence}")
     estimates = tracker.estimates()
     theta, z = estimates["theta"], estimates["z"]
     if refined:

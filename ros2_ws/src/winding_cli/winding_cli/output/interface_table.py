@@ -67,7 +67,7 @@ def _parameter_row(item: Declaration) -> str:
 
 def _range(item: Declaration) -> str:
     if item.choices is not None:
-        return ", ".join(f"`{choice}`" for choice in item.choices)
+        return ", ".join(f"`{choice}`" if choice else "empty" for choice in item.choices)
     if item.low is None and item.high is None:
         return ""
     if item.high is None:

@@ -1,0 +1,166 @@
+"""The beginning of a run: markers' colour, P0's place, encoder's zero, camera's turn."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.camera.pinhole import PinholeCamera
+from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
+from marker_tracker_node.tracking.band_search import TURN, BandSearch, Passing
+from marker_tracker_node.tracking.camera_zero import CameraZero
+from marker_tracker_node.tracking.colour_sampling import NEAR_START, sample_colour
+from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.picture_doubts import PictureDoubts, colourless
+from marker_tracker_node.tracking.state import Output, Setup
+
+ByteArray = NDArray[np.uint8]
+
+# Frames in between tell nothing of what moves with the cylinder [rad].
+LOOK_STEP = 0.01
+# The acquisition of markers finds P0 itself so far from where the encoder says that it is [rad].
+BELIEVED = 0.45
+# The doubts about a P0 that was sampled end after so much of the way [rad].
+DOUBTED = 2.0 * TURN
+
+
+class RunStart:
+    """What has to be found out before markers can be followed.
+
+    Attributes:
+        colour: Of the markers; None until it is learnt.
+        origin: What the encoder reads where the wound angle is zero [rad].
+        refusal: Why nothing can be followed; empty when something can.
+        zero: The camera's turn.
+        done: Whether there is nothing left to find out.
+    """
+
+    def __init__(
+        self, config: TrackerConfig, camera: PinholeCamera, colour: ColourModel | None
+    ) -> None:
+        """Start with what is given.
+
+        Args:
+            config: Machine, cable and nominal camera pose.
+            camera: What CameraInfo says.
+            colour: Of the markers; None to learn it from P0.
+        """
+        self.colour = colour
+        self.origin = 0.0
+        self.refusal = "" if colour is not None else "no frame with P0 yet"
+        self._remarks: list[str] = []
+        self.zero = CameraZero(config, camera)
+        self.done = False
+        self._config = config
+        self._given = colour is not None
+        self._search = BandSearch(config)
+        self._doubts = PictureDoubts(config)
+        self._begun = self._looked = math.nan
+        self._proven = self._given
+        self._settled = False
+
+    def take(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
+        """Take a frame; return whether what was known of the markers before is void.
+
+        Args:
+            frame: Shape (rows, columns, 3).
+            setup: Machine and camera.
+            angle: What the encoder says [rad]; nan where it is missing.
+            guide: Its position [m]; nan where it is missing.
+        """
+        void = False
+        if math.isnan(self._begun) and math.isfinite(angle):
+            self._begun = angle
+            if self._config.start_angle is not None:
+                self.origin = angle - self._config.start_angle
+        at = angle - self.origin
+        if self.colour is None:
+            self._sample(frame, setup, 0.0 if math.isnan(at) else at)
+        if not self._proven and math.isfinite(angle) and not abs(angle - self._looked) < LOOK_STEP:
+            self._looked = angle
+            void = self._look(frame, setup, angle, guide)
+        if self.colour is not None:
+            void |= self.zero.take(frame, self.colour, setup, angle - self.origin)
+        return void
+
+    def saw(self, t: float, out: Output) -> bool:
+        """Take what was measured of a frame; return whether what was known before is void.
+
+        Args:
+            t: Its time [s].
+            out: Of one frame.
+        """
+        void = self.zero.saw(t, out)
+        self.done = self._proven and self.zero.done
+        return void
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What was found out against expectation."""
+        return tuple(filter(None, (*self._remarks, self.zero.remark)))
+
+    def _sample(self, frame: ByteArray, setup: Setup, angle: float) -> None:
+        """Learn the colour from P0 where the encoder says that it stands."""
+        if self._settled:
+            return
+        if abs(angle) > NEAR_START:
+            self._refuse(
+                f"the run begins at {angle:.2f} rad, more than {NEAR_START} rad behind P0's start: "
+                "P0 is sought as it passes"
+            )
+            return
+        try:
+            self.colour = sample_colour(frame, self._config, setup, angle)
+        except ColourRefusedError as refusal:
+            why = colourless(frame, self._config)
+            self._refuse(why or str(refusal))
+            self._settled |= why.startswith("the picture has no colour")
+        else:
+            self.refusal = ""
+
+    def _refuse(self, sentence: str) -> None:
+        """Keep the first reason, of which later ones are but consequences."""
+        if not self.refusal or self.refusal == "no frame with P0 yet":
+            self.refusal = sentence
+
+    def _look(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
+        found = self._search.add(frame, setup, angle)
+        if found is not None:
+            self._proven = True
+            return self._found(found, frame, angle, guide)
+        if self.colour is None or not self._search.moving:
+            doubt = self._doubts.add(frame, setup, angle)
+            if doubt:
+                self._settled = True
+                self.colour, self.refusal = None, doubt
+                return True
+        self._proven = self.colour is not None and abs(angle - self._begun) > DOUBTED
+        return False
+
+    def _found(self, band: Passing, frame: ByteArray, angle: float, guide: float) -> bool:
+        """Take P0 for what it is; return whether markers were counted from elsewhere."""
+        off = math.remainder(band.offset + self.origin, TURN)
+        known = self.colour is not None
+        if not known:
+            samples = np.concatenate(band.samples)
+            try:
+                self.colour = ColourModel.from_samples(samples, frame.reshape(-1, 3)[::7])
+            except ColourRefusedError as refusal:
+                self.refusal, self._proven = str(refusal), False
+                return False
+            self.refusal = ""
+        if abs(off) < BELIEVED:
+            return False
+        place = angle + band.offset
+        # Whole turns are the guide's to tell: an encoder that is not zeroed says nothing of them.
+        advance = self._config.advance_per_radian
+        turns = 0
+        if math.isfinite(guide) and advance > 0.0:
+            turns = max(round((guide / advance - place) / TURN), math.ceil(-place / TURN))
+        self.origin = -band.offset - TURN * turns
+        self._remarks.append(
+            f"the encoder reads {self.origin:.3f} rad where P0 lands: that is taken off"
+        )
+        return True

@@ -1,0 +1,129 @@
+"""A run may begin anywhere; where P0 is not to be found, what is wrong with the picture is said."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from winding_core.drive import DriveProfile
+from winding_rig_node.camera import Paint
+
+# 0.2 % of S_1 of case 4 is 12 mrad of wound angle, and of case 9 13 mrad.
+TOLERANCE = 6.0e-3
+RATE = 25.0
+DRIVE = DriveProfile()
+
+
+def changed(film, change, stop=2.5, **config):
+    """Return the report of a tracker that saw the pictures of a run changed."""
+    tracker = film.tracker(**config)
+    for t, frame, angle, guide in film.frames(RATE, stop=stop):
+        tracker.track(np.ascontiguousarray(change(frame)), t, angle, guide)
+    return tracker.report()
+
+
+@pytest.mark.parametrize("number", [4, 9])
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda frame: frame[:, ::-1], "the picture is mirrored"),
+        (lambda frame: frame[::-1, ::-1], "the picture is upside down"),
+        (lambda frame: frame[::-1], "P0 moves against the cylinder"),
+        (lambda frame: frame[..., ::-1], "the colours are swapped"),
+        (lambda frame: np.repeat(frame[..., 1:2], 3, axis=2), "the picture has no colour"),
+    ],
+    ids=["mirrored", "turned", "flipped", "swapped", "grey"],
+)
+def test_the_true_fault_of_a_picture_is_said(paper_film, number, change, sentence):
+    report = changed(paper_film(number), change)
+    assert report.colour_refusal.startswith(sentence)
+    assert report.known == 0
+
+
+def test_an_encoder_that_counts_backwards_is_said(paper_film):
+    film = paper_film(9)
+    tracker = film.tracker()
+    for t, frame, angle, guide in film.frames(RATE, stop=2.0):
+        tracker.track(frame, t, -angle, guide)
+    assert "the encoder counts backwards" in tracker.report().colour_refusal
+
+
+# Blue, green, red of a paint, and its hue.
+GREEN, GREEN_HUE = (60.0, 190.0, 30.0), 131.0
+
+
+def test_markers_of_another_colour_are_found_by_their_hue(paper_film):
+    film = paper_film(4, paint=Paint(marker=GREEN))
+    assert changed(film, lambda frame: frame, marker_hue=GREEN_HUE, stop=1.0).known == 1
+    refusal = changed(film, lambda frame: frame, stop=1.0).colour_refusal
+    assert "nothing in the picture has the hue of a marker, 50 +- 22 deg" in refusal
+    assert "are about 135 deg, is that marker_hue?" in refusal
+
+
+@pytest.mark.parametrize(
+    ("number", "start", "offset"),
+    [(4, 1.0, 0.0), (9, 3.4, 0.0), (4, 0.0, 1.7), (9, 5.0, 2.2), (4, 9.3, -131.0)],
+)
+def test_a_run_may_begin_anywhere(paper_film, number, start, offset):
+    film = paper_film(number)
+    tracker = film.tracker()
+    for t, frame, angle, guide in film.frames(RATE, start=start, stop=start + 8.0):
+        tracker.track(frame, t, angle + offset, guide)
+    estimates = tracker.estimates()
+    known = np.isfinite(estimates["theta"])
+    assert known[:2].all()
+    assert np.abs(estimates["theta"] - film.theta)[known].max() < TOLERANCE
+    # P0's passes tell the zero as well as the pose of the camera is known.
+    assert tracker.origin == pytest.approx(offset, abs=0.02)
+    assert bool(tracker.report().remarks) == (offset != 0.0)
+
+
+def test_why_a_late_recording_waits_is_said(paper_film):
+    film = paper_film(4)
+    tracker = film.tracker()
+    for t, frame, angle, guide in film.frames(RATE, start=2.2, stop=2.5):
+        tracker.track(frame, t, angle, guide)
+    assert tracker.report().colour_refusal.startswith("the run begins at 3.03 rad")
+
+
+def test_an_angle_that_was_told_is_believed_at_once(paper_film):
+    film = paper_film(9)
+    told = 0.8
+    tracker = film.tracker(start_angle=told)
+    frames = film.frames(RATE, start=1.3, stop=2.0)
+    first = None
+    for t, frame, angle, guide in frames:
+        first = angle if first is None else first
+        tracker.track(frame, t, angle + 40.0, guide)
+    assert tracker.origin == pytest.approx(first + 40.0 - told)
+
+
+def test_a_rolling_shutter_is_allowed_for(paper_film):
+    film = paper_film(9)
+    rows, blocks = film.camera.window.shape[0], 8
+    for row_time in (2.0e-4, -2.0e-4):
+        tracker = film.tracker(row_time=row_time)
+        worst = 0.0
+        for k in range(int(8.0 * RATE)):
+            t = k / RATE
+            frame = rolling(film, t, row_time, rows, blocks)
+            records = tracker.track(frame, t, *DRIVE.positions(t))
+            measured = np.isfinite(tracker.seen[1:])
+            if t > 3.0 and measured.any():
+                off = (records["theta"] - film.theta)[1:][measured]
+                worst = max(worst, float(np.abs(off).max()))
+        # Without it 16 mrad; blocks of rows are wrong by a half of their time, 1 ms.
+        assert 0.0 < worst < 5.0e-3
+
+
+def rolling(film, t, row_time, rows, blocks):
+    """Return a frame whose blocks of rows were each drawn at their own instant."""
+    edges = np.linspace(0, rows, blocks + 1).astype(int)
+    whole = None
+    for first, last in itertools.pairwise(edges):
+        middle = 0.5 * (first + last - 1)
+        late = row_time * (middle if row_time > 0.0 else middle - (rows - 1.0))
+        frame = film.renderer.render(film.scene(*DRIVE.positions(t + late)), film.rng)
+        whole = frame.copy() if whole is None else whole
+        whole[first:last] = frame[first:last]
+    return whole
