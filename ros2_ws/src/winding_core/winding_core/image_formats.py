@@ -10,8 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.pixel_kernels import demosaic, largest, unpack
-
 ByteArray = NDArray[np.uint8]
 
 BGR8 = "bgr8"
@@ -102,6 +100,9 @@ class PixelReader:
         out = np.empty((height, width, 3), dtype=np.uint8)
         if not out.size:
             return out
+        # Options and parameters name the encodings, and need no compiler for that.
+        from winding_core.pixel_kernels import demosaic, largest, unpack  # noqa: PLC0415
+
         rows: NDArray[np.uint8] | NDArray[np.uint16] = data.reshape(height, step)
         swapped, shift = False, 0
         if size == 2:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from cable_fem_node.dynamics.compile import called
 from cable_fem_node.dynamics.points import FloatArray
 from winding_core.material_law import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, MaterialLaw
 
@@ -37,19 +34,3 @@ def axial_response(law: MaterialLaw, area: float) -> AxialResponse:
     """Tabulate a law for a section that carries tension on an area [m^2]."""
     spacing = TABLE_INTERVALS / (TABLE_HIGH - TABLE_LOW)
     return AxialResponse(law.table(), TABLE_LOW, spacing, area)
-
-
-@called
-def empty_work(capacity: int) -> Work:
-    """Return scratch arrays for so many nodes."""
-    rows = np.zeros((14, capacity))
-    return Work(
-        rows[0:3],
-        rows[3],
-        rows[4],
-        rows[5],
-        rows[6],
-        rows[7:10],
-        rows[10:13],
-        rows[13],
-    )

@@ -7,14 +7,8 @@ import numpy as np
 from cable_fem_node.dynamics.points import FloatArray, Points, empty_points
 from cable_fem_node.winding import resting_cable
 from cable_fem_node.winding.resting_cable import RestingCable, turned
-from cable_fem_node.winding.winding_state import (
-    REFERENCE,
-    STATE_ROWS,
-    TIE_ALONG,
-    TIE_PLACE,
-    TIE_WATCHED,
-    points_of,
-)
+from cable_fem_node.winding.rod_state import REFERENCE, STATE_ROWS, points_of
+from cable_fem_node.winding.winding_state import TIE_ALONG, TIE_PLACE, TIE_WATCHED
 
 # The integrated node whose motion over the surface tells that the cable before it must wake: far
 # enough from the tie that the tie does not hold it, and that what comes is seen before it arrives.

@@ -24,7 +24,7 @@ from cable_fem_node.dynamics.points import (
     IntArray,
     Points,
 )
-from cable_fem_node.rod.rod_arrays import AxialResponse, Work, empty_work
+from cable_fem_node.rod.rod_arrays import AxialResponse, Work
 from cable_fem_node.rod.rod_kernels import (
     bend_end,
     bend_nodes,
@@ -32,6 +32,8 @@ from cable_fem_node.rod.rod_kernels import (
     law_energy,
     stretch_elements,
 )
+from cable_fem_node.rod.rod_scratch import empty_work
+from cable_fem_node.winding.rod_state import REFERENCE, points_of
 from cable_fem_node.winding.winding_state import (
     ANGLE,
     CUT_AT,
@@ -42,7 +44,6 @@ from cable_fem_node.winding.winding_state import (
     GUIDE,
     LANDING,
     MERGE_AT,
-    REFERENCE,
     RUNNING,
     SPEED,
     STIRRED,
@@ -52,7 +53,6 @@ from cable_fem_node.winding.winding_state import (
     TIE_PLACE,
     TIE_WATCHED,
     Constants,
-    points_of,
 )
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 

@@ -1,11 +1,10 @@
-"""State, scratch arrays and constants of the winding kernel, and the meaning of their rows."""
+"""Constants of the winding kernel, why it stops, and the rows of what drives it."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from cable_fem_node.dynamics.compile import called
-from cable_fem_node.dynamics.points import FloatArray, IntArray, Points
+from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.dynamics.surroundings import Touch
 
 # Why an advance stopped.
@@ -34,24 +33,6 @@ class Constants(NamedTuple):
     roll_inertia: float
     torsion: float
     stirred: float  # motion over the surface that resting cable must follow [m]
-
-
-# Rows of the state: what `points_of` takes, and the reference lengths of the elements.
-STATE_ROWS = 12
-REFERENCE = 11
-
-
-@called
-def points_of(state: FloatArray, touching: IntArray) -> Points:
-    """Return the rows of a state (STATE_ROWS, capacity) as views; few arrays are quickly passed."""
-    return Points(
-        state[0:3],
-        state[3:6],
-        state[6:8],
-        state[8],
-        touching,
-        state[9:11],
-    )
 
 
 # Rows of the drive: value at the beginning, value at the end of the advance.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import threading
@@ -103,6 +104,8 @@ class Goals:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
+            # Both streams in their order, and news when there is news.
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
         )
         self.goal = goal
         self._reader = threading.Thread(target=self._read, args=(goal, self._process))
