@@ -63,6 +63,9 @@ def test_a_thousand_frames_a_second(
         with opened_run(config) as run:
             result = run.wind(lambda buffer, wall: None)
     except GraphError as error:
+        # A slow machine falls behind until supervision hears nothing; all else is a fault.
+        if "silent" not in str(error):
+            raise
         pytest.skip(f"this machine does not hold {RATE:g} frames/s beside all nodes: {error}")
     finally:
         cell.kill()

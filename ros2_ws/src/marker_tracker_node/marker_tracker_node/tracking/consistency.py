@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 # to be 1 to 5 % smaller than they are, for their edges are mixed pixels; turns are right to 0.05 %.
 _USUAL = Signature(0.003, -0.03)
 _SIGMA = Signature(0.003, 0.03)
-_LEASTTURN_SHARE, _LEAST_MOTION = 0.0015, 0.009
+_LEAST_TURN_SHARE, _LEAST_MOTION = 0.0015, 0.009
 # Blur, highlights and exposure change the area of bands that move as they should by up to this.
 _LEAST_AREA = 0.2
 # Farther than this many deviations from every number alone, none of them explains the bands.
@@ -121,7 +121,7 @@ def _of_turns(log: SightingLog, passings: list[Passing]) -> Contradiction | None
     if turns.size and _returned(log) >= _RETURNED:
         share = float(np.median(turns))
         sigma = float(np.std(turns) / math.sqrt(turns.size)) if turns.size > 1 else 5.0e-4
-        if abs(share) <= max(_LEASTTURN_SHARE, 4.0 * sigma):
+        if abs(share) <= max(_LEAST_TURN_SHARE, 4.0 * sigma):
             return None
         how = f"P0 comes back after {1.0 + share:.4f} turns of the encoder"
     else:

@@ -16,6 +16,8 @@ FloatArray = NDArray[np.float64]
 TURN = 2.0 * math.pi
 # Bands beyond this azimuth are seen from the side [rad]; a passing that is shorter tells little.
 _FACING, _LEAST_SPAN, _LEAST_ROWS = 1.0, 0.1, 4
+# Laps of a marker that are judged: what a long run costs does not grow with it.
+_FIRST_LAPS, _NEWEST_LAPS = 2, 6
 # Times that are told more wrongly than this are not looked for; so many steps on either side.
 _MOST_STRETCH, _STRETCHES = 0.25, 50
 
@@ -42,25 +44,28 @@ class Passing:
 
 
 def passings_of(log: SightingLog) -> list[Passing]:
-    """Return every passing that was seen long enough, marker by marker."""
-    rows = log.sightings
+    """Return the first and the newest passings that were seen long enough, marker by marker."""
+    rows = log.sightings[np.abs(log.sightings[:, 4]) < _FACING]
     found = []
-    for marker, lap in sorted(log.laps):
-        own = (rows[:, 0] == marker) & (rows[:, 1] == lap) & (np.abs(rows[:, 4]) < _FACING)
-        azimuth, angle = rows[own, 4], rows[own, 3]
-        if azimuth.size < _LEAST_ROWS or np.ptp(azimuth) < _LEAST_SPAN:
-            continue
-        slope = float(np.polyfit(azimuth, angle, 1)[0])
-        found.append(
-            Passing(
-                marker=marker,
-                lap=lap,
-                azimuth=azimuth - azimuth.mean(),
-                angle=angle - angle.mean(),
-                t=rows[own, 2],
-                ahead=float(angle.mean() - slope * azimuth.mean()),
+    for marker in np.unique(rows[:, 0]).astype(int).tolist():
+        seen = rows[rows[:, 0] == marker]
+        laps = np.unique(seen[:, 1]).astype(int).tolist()
+        for lap in sorted({*laps[:_FIRST_LAPS], *laps[-_NEWEST_LAPS:]}):
+            own = seen[seen[:, 1] == lap]
+            azimuth, angle = own[:, 4], own[:, 3]
+            if azimuth.size < _LEAST_ROWS or np.ptp(azimuth) < _LEAST_SPAN:
+                continue
+            slope = float(np.polyfit(azimuth, angle, 1)[0])
+            found.append(
+                Passing(
+                    marker=marker,
+                    lap=lap,
+                    azimuth=azimuth - azimuth.mean(),
+                    angle=angle - angle.mean(),
+                    t=own[:, 2],
+                    ahead=float(angle.mean() - slope * azimuth.mean()),
+                )
             )
-        )
     return found
 
 

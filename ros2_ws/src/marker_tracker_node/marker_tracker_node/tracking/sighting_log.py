@@ -16,8 +16,9 @@ ByteArray = NDArray[np.uint8]
 
 _TURN = 2.0 * math.pi
 _OCCLUDED = int(MarkerFlag.OCCLUDED)
-# Rows kept; a full log drops every second one and takes every second one from then on.
+# Rows kept; a full log drops what lies between the first and the newest quarter.
 _ROWS = 16384
+_QUARTER = _ROWS // 4
 _COLUMNS = ("marker", "lap", "t", "angle", "azimuth")
 # Every so many rows and columns of a picture tell how bright it is.
 _COARSE = 16
@@ -100,13 +101,11 @@ class SightingLog:
 
 
 class _Table:
-    """Rows of numbers, thinned evenly when there are too many."""
+    """Rows of numbers: the first of a run and the newest."""
 
     def __init__(self, columns: tuple[str, ...]) -> None:
         self._values = np.zeros((_ROWS, len(columns)))
         self._count = 0
-        self._stride = 1
-        self._offered = 0
 
     @property
     def values(self) -> FloatArray:
@@ -114,13 +113,9 @@ class _Table:
         return self._values[: self._count]
 
     def add(self, row: tuple[float, ...]) -> None:
-        """Take a row, or leave it out when rows are thinned."""
-        self._offered += 1
-        if self._offered % self._stride:
-            return
+        """Take a row."""
         if self._count == _ROWS:
-            self._values[: _ROWS // 2] = self._values[::2]
-            self._count = _ROWS // 2
-            self._stride *= 2
+            self._values[_QUARTER : 2 * _QUARTER] = self._values[-_QUARTER:]
+            self._count = 2 * _QUARTER
         self._values[self._count] = row
         self._count += 1

@@ -79,7 +79,11 @@ class UnnumberedBands:
             path: See `Tracks`.
             turned: Cylinder angle as the camera sees it [rad].
         """
-        for lap in range(1 + max(math.floor(turned / _TURN), -1)):
+        known = marks.theta[marks.known]
+        # A gap is known once its second marker has landed, and looked at in the laps after that.
+        widest = float(np.diff(known).max()) if known.size > 1 else 0.0
+        laps = math.floor(min(turned, widest + _TURN * (_LOOKS + 3)) / _TURN)
+        for lap in range(1 + max(laps, -1)):
             place = math.floor((turned - _TURN * lap - _AHEAD) / _GRID)
             looked = self._looked.setdefault(lap, set())
             if place < 0 or place in looked or self._looks.get(place, 0) == _LOOKS:
