@@ -176,10 +176,10 @@ def _series(
     buffer: RunBuffer, topic: Topic, dtype: np.dtype[np.void], unseen: int = 0
 ) -> MarkerSeries:
     stamps, rows = [], []
-    for t, markers in _in_run(buffer, topic, partial(decode_cloud, dtype=dtype)):
+    for t, markers in buffer.clouds(topic, dtype):
         seen = markers[((markers["flags"] & unseen) == 0) & np.isfinite(markers["s"])]
         rows.append(seen)
-        stamps.append(np.full(len(seen), t))
+        stamps.append(np.full(len(seen), t - buffer.origin))
     joined = np.concatenate(rows) if rows else np.zeros(0, dtype=dtype)
     return MarkerSeries(
         t=np.concatenate(stamps) if stamps else np.zeros(0),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from winding_core.machine_axes import MachineAxes
 from winding_core.readings import AxisReading
 from winding_recorder.live.thinned_history import StampRuns, ThinnedHistory
 from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud
 from winding_ros.message_error import MessageError
 from winding_ros.rig_messages import JointStateReader
 from winding_ros.serialised import deserialised
@@ -141,6 +143,12 @@ class RunBuffer:
             since: Leaves out what came before this monotonic wall time [s].
         """
         return self._decoded(topic, lambda data: decode(deserialised(data, topic.type)), since)
+
+    def clouds(
+        self, topic: Topic, dtype: np.dtype[np.void]
+    ) -> Iterator[tuple[float, NDArray[np.void]]]:
+        """Yield (t [s], records of the given dtype, shape (n,)) of a topic's usable clouds."""
+        return self._decoded(topic, partial(decode_cloud, dtype=dtype), 0.0)
 
     def axis_readings(self, since: float = 0.0) -> Iterator[tuple[float, AxisReading]]:
         """Yield (t [s], reading) of the usable joint states.
