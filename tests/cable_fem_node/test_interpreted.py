@@ -33,12 +33,12 @@ solid = Solid(nodes, hexes, SolidLaw(law="hencky"))
 solid.fix(range(4))
 solid.apply(range(8, 12), (0.2, 0.1, 0.0))
 solid.advance(5e-5)
-model = RodWinding(WindingConfig(case=paper_case(4), segment_length=20e-3))
+model = RodWinding(WindingConfig(case=paper_case(4), segment_length=9e-3))
 model.advance_to(0.03, AxisReading(
     cylinder_angle=0.02, angular_speed=0.7, carriage_position=1e-4, feed_speed=3e-3
 ))
 print(json.dumps([rod.nodes.tolist(), solid.nodes.tolist(), model.cable()["x"].tolist(),
-                  model.energy.balance_pct]))
+                  [model.energy.internal, model.energy.external, model.energy.damping]]))
 """
 
 

@@ -13,7 +13,7 @@ from winding_core.run_history import RunHistory
 
 DRIVE = DriveProfile()
 # Coarse, so that the tests are quick: both sides of a comparison wind the same rod.
-CONFIG = WindingConfig(case=paper_case(4), segment_length=0.01)
+CONFIG = WindingConfig(case=paper_case(4), segment_length=0.009)
 
 
 def recorded(duration: float, **how: float) -> RunHistory:

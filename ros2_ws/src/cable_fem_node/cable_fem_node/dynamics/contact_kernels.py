@@ -24,6 +24,7 @@ def touch_cylinder(
     turning: float,
     landing: float,
     points: Points,
+    mass: FloatArray,
     net: FloatArray,
     couple: FloatArray,
     k: Touch,
@@ -35,6 +36,9 @@ def touch_cylinder(
     Normal penalty with dashpot; a stick spring per node that remembers how far the node has
     moved over the turning surface, cut back to Coulomb's limit (return mapping).
 
+    A force acts in both steps that meet where it is taken, so that its work needs the velocities
+    before and after; the latter follows from the net force, of which contact is the last part.
+
     Args:
         begin: First node that may touch.
         end: One past the last.
@@ -43,6 +47,7 @@ def touch_cylinder(
         turning: Rotation in the step that follows [rad].
         landing: Radius at which a free node touches [m].
         points: State; stick springs and contact flags are changed.
+        mass: Of the nodes (nodes,) [kg].
         net: Net forces (3, nodes) [N], added to.
         couple: Friction's torque about the cable's axis (nodes,) [N m], set.
         k: Constants of the contact.
@@ -92,6 +97,7 @@ def touch_cylinder(
             aside = (v[2, i] - lever * roll[1, i]) * dt
         slip_t += moved
         slip_z += aside
+        grip = 0.0
         ft, fz = -stick * slip_t, -stick * slip_z
         size = ft * ft + fz * fz
         most = k.friction * normal
@@ -105,17 +111,22 @@ def touch_cylinder(
             slip_t *= scale
             slip_z *= scale
         else:
-            sliding += dashpot * way
+            grip = dashpot
             ft -= dashpot * moved
             fz -= dashpot * aside
         slip[0, i] = slip_t
         slip[1, i] = slip_z
-        bouncing += (normal - elastic) * inward
         work += ft * radius
         net[0, i] += normal * nx - ft * ny
         net[1, i] += normal * ny + ft * nx
         net[2, i] += fz
+        gained = 0.5 * dt / mass[i]
+        bouncing += (normal - elastic) * (inward - gained * (net[0, i] * nx + net[1, i] * ny))
+        if grip > 0.0:
+            along = gained * dt * (net[1, i] * nx - net[0, i] * ny)
+            along -= 0.5 * (turning - turned) * radius
+            sliding += grip * (way + moved * along + aside * gained * dt * net[2, i])
         couple[i] = -fz * lever
-    ledger[WORK_SURFACE] += work * turning
+    ledger[WORK_SURFACE] += 0.5 * work * (turned + turning)
     ledger[LOSS_FRICTION] += sliding
     ledger[LOSS_CONTACT] += bouncing * dt

@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 
-class DivergenceError(RuntimeError):
+class SolverError(RuntimeError):
+    """A run has no result that could be trusted."""
+
+
+class DivergenceError(SolverError):
     """The integration left the range of physics; says when, where and why."""
 
 
-class EnergyBalanceError(RuntimeError):
+class EnergyBalanceError(SolverError):
     """A run's energy balance is open: its numbers cannot be trusted."""
+
+
+class ImpossibleResultError(SolverError):
+    """A run ended with cable that cannot lie so."""

@@ -55,7 +55,19 @@ def move(
     nodes = around.mass.shape[0]
     if around.reach > 0.0:
         touch_cylinder(
-            0, nodes, dt, 0.0, 0.0, around.reach, points, net, couple, touch, ledger, False
+            0,
+            nodes,
+            dt,
+            0.0,
+            0.0,
+            around.reach,
+            points,
+            around.mass,
+            net,
+            couple,
+            touch,
+            ledger,
+            False,
         )
     position, velocity = points.position, points.velocity
     load, mass, free, driven = around.load, around.mass, around.free, around.driven
@@ -74,8 +86,8 @@ def move(
             held = 1.0 - free[c, i]
             after = free[c, i] * moved + held * driven[c, i]
             middle = 0.5 * (before + after)
-            loads += given * after
-            ties -= held * force * after
+            loads += given * middle
+            ties -= held * force * middle
             damping += free[c, i] * mass[i] * middle * middle
             kinetic += free[c, i] * mass[i] * after * after
             velocity[c, i] = after

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 
-from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
+from cable_fem_node.dynamics.failure import SolverError
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.quasi_static import strain
@@ -64,7 +64,7 @@ def wind(
     config = with_law(run.config, law)
     latest = _LATEST * float(expected[-1]) + _SETTLED + math.pi / 4.0
     inputs = continued_inputs(run.inputs, latest)
-    segment = config.segment_length * min(1.0, _LONGEST / (1.0 + strain(run, law)))
+    segment = config.resolved.segment * min(1.0, _LONGEST / (1.0 + strain(run, law)))
     model = RodWinding(dataclasses.replace(config, segment_length=segment))
     early = inputs["cylinder_angle"] < float(expected[-1])
     try:
@@ -77,7 +77,7 @@ def wind(
             if model.cylinder_angle >= wound_at + _SETTLED:
                 break
         refuse_open_balance(model.energy, model.time)
-    except (DivergenceError, EnergyBalanceError) as error:
+    except SolverError as error:
         raise IdentificationError(
             f"the rod fails with a modulus of {law.young:.4g} Pa: {error}"
         ) from error

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cable_fem_node.dynamics.energy import EnergyLedger
-from cable_fem_node.dynamics.failure import EnergyBalanceError
+from cable_fem_node.dynamics.failure import EnergyBalanceError, ImpossibleResultError
 from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.winding.validity import Check, checks_of, motion_check, refuse, rod_checks
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.drive import PAPER_DURATION, DriveProfile
@@ -23,6 +24,10 @@ Progress = Callable[[float], None]
 Clock = Callable[[], float]
 
 FULL_TURN = 2.0 * math.pi
+
+# Cable lies with the tension of the span that laid it, which may change by a rig's law.
+_TIGHTER_PCT = 2.0
+_SUSPECTS = "try shorter elements, less mass scaling, a steadier tension"
 
 # Energy that the ledger cannot explain, of what went in.
 BALANCE_LIMIT_PCT = 1.0
@@ -130,7 +135,39 @@ class PlannedRun:
         _refuse_unless_positive("duration", self.duration)
         if self.element == "solid":
             self.config.refuse_stiffness_factors()
+        refuse(self.checks())
         refuse_overlap(self.config, self.drive)
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return what decides whether the result can be right."""
+        config = self.config
+        own = rod_checks(config) if self.element == "rod" else checks_of(config, config.resolved)
+        return (*own, motion_check(config, self.drive.angular_speed))
+
+    def refuse_impossible(self, theta: FloatArray, tension: FloatArray) -> None:
+        """Refuse cable that cannot lie so at the end of the run.
+
+        Args:
+            theta: Wound angles of the cable on the cylinder [rad], shape (k,).
+            tension: Of its elements [N], shape (k - 1,).
+
+        Raises:
+            ImpossibleResultError: It did not follow the cylinder, or is tighter than the span.
+        """
+        turned, laid = self.drive.positions(self.duration)[0], float(theta[-1])
+        if turned > FULL_TURN and laid < 0.5 * turned:
+            raise ImpossibleResultError(
+                f"the cylinder turned by {turned:.4g} rad and the cable lies on {laid:.4g} rad of "
+                "it: it does not follow the cylinder; take shorter elements or more tension"
+            )
+        law, case = self.config.tension_law, self.config.case
+        arc = self.config.resolved.wound_radius * np.linspace(0.0, turned, 200)
+        highest = max(law(case.weight, case.cylinder_diameter, float(s)) for s in arc)
+        if tension.size and float(tension.mean()) > highest * (1.0 + 0.01 * _TIGHTER_PCT):
+            raise ImpossibleResultError(
+                f"the wound cable is tighter ({float(tension.mean()):.4g} N) than the span was at "
+                f"most ({highest:.4g} N); take shorter elements or less mass scaling"
+            )
 
     def model(self) -> WindingModel:
         """Return the model at the start of the run, its machine code loaded or built."""
@@ -155,6 +192,7 @@ class PlannedRun:
         Raises:
             DivergenceError: The integration failed.
             EnergyBalanceError: The energy balance does not close within 1 %.
+            ImpossibleResultError: The cable did not lie down, or is tighter than the span.
             ValueError: The rate is not positive.
         """
         _refuse_unless_positive("rate", rate)
@@ -171,9 +209,11 @@ class PlannedRun:
                 progress(i / frames)
         cpu_seconds = cpu_clock() - started
         energy = model.energy
-        refuse_open_balance(energy, self.duration)
+        refuse_open_balance(energy, self.duration, self.checks())
         arc, theta, z = model.wound_path()
         span = model.span_tension
+        cable = model.cable()
+        self.refuse_impossible(theta, cable["tension"][1 : arc.size])
         return Prediction(
             config=self.config,
             drive=self.drive,
@@ -182,7 +222,7 @@ class PlannedRun:
             arc=arc,
             theta=theta,
             z=z,
-            cable=model.cable(),
+            cable=cable,
             energy=energy,
             stretch=model.wound_stretch(),
             stretch_closed_form=self.config.resolved.wound_stretch(span),
@@ -215,7 +255,7 @@ def predict(
 
     Raises:
         OverlapError, ValueError: As `PlannedRun`.
-        DivergenceError, EnergyBalanceError, ValueError: As `PlannedRun.wind`.
+        SolverError, ValueError: As `PlannedRun.wind`.
     """
     run = PlannedRun(
         config=config,
@@ -250,8 +290,13 @@ def _refuse_unless_positive(name: str, value: float) -> None:
         raise ValueError(f"{name} must be positive and finite, got {value}")
 
 
-def refuse_open_balance(energy: EnergyLedger, t: float) -> None:
+def refuse_open_balance(energy: EnergyLedger, t: float, checks: tuple[Check, ...] = ()) -> None:
     """Refuse results whose energy balance does not close.
+
+    Args:
+        energy: Ledger of the run.
+        t: Time that it has reached [s].
+        checks: Of the run; those that warn are named as suspects.
 
     Raises:
         EnergyBalanceError: More than 1 % of the energy is not accounted for.
@@ -259,7 +304,9 @@ def refuse_open_balance(energy: EnergyLedger, t: float) -> None:
     if energy.balance_pct > BALANCE_LIMIT_PCT:
         raise EnergyBalanceError(
             f"energy balance open by {energy.balance_pct:.3g} % at t = {t:g} s "
-            f"(limit {BALANCE_LIMIT_PCT:g} %)"
+            f"(limit {BALANCE_LIMIT_PCT:g} %), kinetic over internal energy "
+            f"{energy.kinetic_over_internal:.2g}; "
+            + ("; ".join(check.sentence for check in checks if check.warned) or _SUSPECTS)
         )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from cable_fem_node.dynamics.surroundings import penalty
 from cable_fem_node.rod.rod_arrays import AxialResponse, axial_response
+from cable_fem_node.winding.segment_choice import chosen_segment
 from cable_fem_node.winding.winding_state import MERGE_AT, Constants
 from winding_core.material_law import TABLE_HIGH, MaterialLaw
 
@@ -56,6 +57,8 @@ class ResolvedModel:
         stretch: Of the span at the start.
         lateral: Lateral stretch of the span at the start.
         wound_radius: Centreline radius of cable wound at that stretch [m].
+        segment: Reference length of an element [m].
+        bending_share: EI l / (2 F rho^2), the share of the span's tension that bending takes.
         constants: Of the rod's kernel.
         step: Of the rod [s]: a share of 2 / omega of the stiffest axial and transverse motion.
         still: Motion over the surface of a node of the rod that counts as lying still [m].
@@ -68,6 +71,8 @@ class ResolvedModel:
     stretch: float
     lateral: float
     wound_radius: float
+    segment: float
+    bending_share: float
     constants: Constants
     step: float
     still: float
@@ -92,7 +97,11 @@ class ResolvedModel:
         lateral = float(law.lateral_stretch(stretch))
         thins = config.law != "linear" if config.thinning is None else config.thinning
         radius = case.cylinder_radius + case.cable_radius * (lateral if thins else 1.0)
-        constants = _constants(config, law, tension, stretch, radius)
+        bending_share = 0.5 * case.bending_stiffness * stretch / (max(tension, 1e-300) * radius**2)
+        segment = config.segment_length or chosen_segment(
+            law, stretch, bending_share, radius, config.free_length
+        )
+        constants = _constants(config, law, tension, stretch, radius, segment)
         return cls(
             case=case,
             law=law,
@@ -101,6 +110,8 @@ class ResolvedModel:
             stretch=stretch,
             lateral=lateral,
             wound_radius=radius,
+            segment=segment,
+            bending_share=bending_share,
             constants=constants,
             step=_stable_step(case.axial_area, law, tension, stretch, constants),
             still=STILL_SHARE / STIRRED_SHARE * constants.stirred,
@@ -154,9 +165,14 @@ class ResolvedModel:
 
 
 def _constants(
-    config: WindingConfig, law: MaterialLaw, tension: float, stretch: float, radius: float
+    config: WindingConfig,
+    law: MaterialLaw,
+    tension: float,
+    stretch: float,
+    radius: float,
+    h: float,
 ) -> Constants:
-    case, h = config.case, config.segment_length
+    case = config.case
     mass = config.mass_scaling * case.material.density * case.section_area * h
     axial = case.material.young * case.axial_area / h
     normal = max(6.0 * axial, tension * stretch * h / (SINK_SHARE * radius**2))

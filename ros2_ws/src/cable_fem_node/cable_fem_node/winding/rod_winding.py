@@ -20,6 +20,7 @@ from cable_fem_node.winding import resting_cable
 from cable_fem_node.winding.resting_cable import turned
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes
 from cable_fem_node.winding.stillness import Stillness
+from cable_fem_node.winding.validity import refuse, rod_checks
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_kernels import advance_winding
 from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
@@ -49,16 +50,23 @@ class RodWinding(WindingModel):
 
     Turns that lie still on the cylinder rest: they turn with it and are not integrated until
     something moves the cable next to them.
+
+    Args:
+        config: The model.
+
+    Raises:
+        ValueError: The rod cannot be right about it; says which number, and the way out.
     """
 
     def __init__(self, config: WindingConfig) -> None:
+        refuse(rod_checks(config))
         super().__init__(config)
         resolved = config.resolved
         self._constants = resolved.constants
         self.step_limit = resolved.step
         stretch = resolved.stretch
-        count = max(3, round(config.free_length / (stretch * config.segment_length)))
-        along = np.arange(count + 1) * config.segment_length * stretch
+        count = max(3, round(config.free_length / (stretch * config.resolved.segment)))
+        along = np.arange(count + 1) * config.resolved.segment * stretch
         along[-1] = config.free_length
         position = np.zeros((3, count + 1))
         position[0] = self._constants.contact_line

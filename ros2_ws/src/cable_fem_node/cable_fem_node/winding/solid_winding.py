@@ -53,7 +53,7 @@ class SolidWinding(WindingModel):
         resolved, case = config.resolved, config.case
         law, stretch, lateral = resolved.law, resolved.stretch, resolved.lateral
         radius = resolved.wound_radius
-        spacing = config.segment_length
+        spacing = config.resolved.segment
         length = (radius * wind + config.free_length) / stretch
         count = math.ceil(length / spacing) + 3
         bar = round_bar(case.cable_diameter, spacing * np.arange(count + 1), rim_nodes=RIM_NODES)

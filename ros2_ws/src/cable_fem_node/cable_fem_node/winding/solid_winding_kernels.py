@@ -184,8 +184,8 @@ def advance_solid_winding(
         if at >= 0:
             return INSIDE_OUT, at, surface_step
         touch_cylinder(
-            per, nodes, dt, surface_step, rotation, m.landing, points, net, couple, nodal, ledger,
-            False,
+            per, nodes, dt, surface_step, rotation, m.landing, points, mass, net, couple, nodal,
+            ledger, False,
         )  # fmt: skip
         if not rolling:
             hold_sections(dt, surface_step, rotation, points, mass, net, m, touch, grip, ledger)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from cable_fem_node.winding.resolved_model import ResolvedModel
+from cable_fem_node.winding.validity import checks_of, refuse
 from winding_core.cases import Case
 from winding_core.condition import Condition, ResolvedCondition
 from winding_core.fleet_angle import PAPER_FREE_LENGTH
@@ -25,7 +26,7 @@ class WindingConfig:
         friction: Coulomb friction between cable and cylinder, acting on the centreline.
         law: Material law, one of material_law.LAWS.
         mooney_ratio: C01 / C10 of law ``mooney_rivlin``.
-        segment_length: Reference length of an element [m].
+        segment_length: Reference length of an element [m]; None: what suits the winding.
         free_length: Tangent span between contact line and guide [m], L_xy.
         tension_law: Span tension from weight, cylinder diameter and wound length.
         thinning: Whether the wound radius is R + r t with the law's lateral stretch t, or
@@ -40,7 +41,7 @@ class WindingConfig:
     case: Case
     friction: float = Condition.friction
     law: str = Condition.law
-    segment_length: float = 5.0e-3
+    segment_length: float | None = None
     free_length: float = PAPER_FREE_LENGTH
     tension_law: TensionLaw = field(default_factory=DeadWeight)
     thinning: bool | None = None
@@ -53,19 +54,14 @@ class WindingConfig:
     def __post_init__(self) -> None:
         for name in ("segment_length", "free_length", "mass_scaling"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
+            if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} must be positive and finite, got {value}")
         for name in ("friction", "damping_ratio"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{name} must not be negative, got {value}")
-        if self.segment_length > 0.3 * self.free_length:
-            raise ValueError(
-                f"segment_length must be at most 0.3 of the free length "
-                f"{self.free_length:g} m, got {self.segment_length:g} m"
-            )
         # Refuses a material that cannot carry the weight.
-        _ = self.resolved
+        refuse(checks_of(self, self.resolved))
 
     @cached_property
     def resolved(self) -> ResolvedModel:
@@ -92,11 +88,12 @@ class SolverParameters:
     """How the solver winds a condition: mesh, mass scaling and rolling as parameters."""
 
     segment_length: float = parameter(
-        WindingConfig.segment_length,
+        0.0,
         "undeformed length of an element",
         LENGTH,
-        0.0005,
+        0.0001,
         0.05,
+        otherwise="what suits cable and cylinder, 5 mm at most",
         option="segment",
     )
     mass_scaling: float = parameter(
@@ -127,7 +124,7 @@ class SolverParameters:
             mooney_ratio=what.mooney_ratio,
             tension_law=what.tension_law,
             free_length=what.free_length,
-            segment_length=self.segment_length,
+            segment_length=self.segment_length or None,
             mass_scaling=self.mass_scaling or mass_scaling,
             rolling=self.rolling,
         )

@@ -178,6 +178,7 @@ def advance_winding(
     work = empty_work(capacity)
     tangent, inverse, slope = work.tangent, work.inverse, work.slope
     force, net = work.force, work.net
+    mass = np.full(capacity, k.mass)
     span = steps * dt
     first = np.zeros(3)
     free = np.zeros(3)
@@ -223,6 +224,7 @@ def advance_winding(
             rotation,
             landing,
             cable,
+            mass,
             net,
             work.couple,
             k.touch,
@@ -232,10 +234,9 @@ def advance_winding(
         if rolling:
             roll_nodes(elements, dt, cable, work, k)
         guide_speed = (next_guide - x[2, elements]) / dt
+        ledger[WORK_SPAN] += 0.5 * dt * power(force, v, end)
         ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, net, k)
-        ledger[WORK_SPAN] += dt * (
-            force[0, end] * v[0, end] + force[1, end] * v[1, end] + force[2, end] * v[2, end]
-        )
+        ledger[WORK_SPAN] += 0.5 * dt * power(force, v, end)
 
         # Prescribed ends: node 0 and its clamp turn with the surface, the guide follows the feed.
         angle = next_angle
@@ -243,8 +244,9 @@ def advance_winding(
         tie_x = cosine * tie[TIE_PLACE, 0] - sine * tie[TIE_PLACE, 1]
         tie_y = sine * tie[TIE_PLACE, 0] + cosine * tie[TIE_PLACE, 1]
         moment = slope[0] * (first[0] * tangent[1, 0] - first[1] * tangent[0, 0])
-        ledger[WORK_TIE] += -force[0, 0] * (tie_x - x[0, 0]) - force[1, 0] * (tie_y - x[1, 0])
-        ledger[WORK_TIE] += moment * rotation
+        ledger[WORK_TIE] -= 0.5 * force[0, 0] * (tie_x - x[0, 0] + dt * v[0, 0])
+        ledger[WORK_TIE] -= 0.5 * force[1, 0] * (tie_y - x[1, 0] + dt * v[1, 0])
+        ledger[WORK_TIE] += 0.5 * moment * (rotation + surface_rate * dt)
         x[0, 0], x[1, 0], x[2, 0] = tie_x, tie_y, tie[TIE_PLACE, 2]
         v[0, 0], v[1, 0], v[2, 0] = -rate * tie_y, rate * tie_x, 0.0
         x[2, elements] = next_guide
@@ -302,6 +304,15 @@ def advance_winding(
         if not TABLE_LOW < stretch < TABLE_HIGH:
             return nodes, steps, surface_rate, DIVERGED, i
     return nodes, steps, surface_rate, RUNNING, 0
+
+
+@called
+def power(force: FloatArray, velocity: FloatArray, i: int) -> float:
+    """Return the power [W] of force i at the velocity of node i."""
+    along: float = (
+        force[0, i] * velocity[0, i] + force[1, i] * velocity[1, i] + force[2, i] * velocity[2, i]
+    )
+    return along
 
 
 @called

@@ -31,8 +31,11 @@ class WindingModel(ABC):
     Attributes:
         config: The model.
         time: [s]
+        step_limit: Longest step of integration [s].
         element_steps: Elements times steps so far.
     """
+
+    step_limit: float
 
     def __init__(self, config: WindingConfig) -> None:
         self.config = config

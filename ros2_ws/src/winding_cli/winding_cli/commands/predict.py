@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,11 +14,17 @@ from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import progress_bar, result_console
 from winding_cli.commands.output_path import check_output_file, write_json
 from winding_cli.commands.refusal import refuse
+from winding_cli.output.solver_checks import checks_table, cost_sentences
 from winding_core.units import MILLIMETRE
 from winding_study.runs.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.winding.prediction import PlannedRun, Prediction
+
+# A run of so few steps takes seconds, and is not timed beforehand.
+_FEW_STEPS = 1.0e6
+# Processor time that is announced [s].
+_LONG_S = 5.0
 
 
 @with_options(RunParameters)
@@ -27,19 +34,61 @@ def predict(
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Also write the result to this file.")
     ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only check whether the solver can be right about it.")
+    ] = False,
 ) -> None:
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
-    from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
+    from cable_fem_node.dynamics.failure import SolverError
 
     check_output_file(json_file)
     try:
         run = RunParameters.from_typed(typed, spelling=spelled).plan()
+        if check:
+            _print_checks(run)
+            return
+        _announce(run)
         result = _wind(run)
-    except (ValueError, DivergenceError, EnergyBalanceError) as error:
+    except (ValueError, SolverError) as error:
         refuse(error)
     _print(result, run.element)
     if json_file is not None:
         write_json(json_file, _record(result, run.element))
+
+
+def _print_checks(run: PlannedRun) -> None:
+    from cable_fem_node.winding.expected_cost import expected_cost
+
+    console = result_console()
+    console.print(checks_table(run.checks()))
+    cost = expected_cost(run, time.process_time)
+    console.print(cost_sentences(run, cost), highlight=False)
+
+
+def _announce(run: PlannedRun) -> None:
+    """Say on stderr what is worth doubting, and how long it takes where it takes long."""
+    from cable_fem_node.winding.expected_cost import expected_cost
+
+    console = Console(stderr=True)
+    for check in run.checks():
+        if check.warned:
+            console.print(f"doubtful: {check.sentence}", highlight=False, soft_wrap=True)
+    if run.element == "rod" and run.duration / run.config.resolved.step < _FEW_STEPS:
+        return
+    cost = expected_cost(run, time.process_time)
+    if cost.cpu_seconds < _LONG_S:
+        return
+    faster = ""
+    if cost.scaled_cpu_seconds < 0.5 * cost.cpu_seconds:
+        faster = (
+            f"; with --mass-scaling {cost.mass_scaling:g}, which leaves the cable where it is, "
+            f"about {cost.scaled_cpu_seconds:.2g} s"
+        )
+    console.print(
+        f"this takes about {cost.cpu_seconds:.2g} s of processor time{faster}",
+        highlight=False,
+        soft_wrap=True,
+    )
 
 
 def _wind(run: PlannedRun) -> Prediction:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import joblib
 
-from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
+from cable_fem_node.dynamics.failure import SolverError
 from cable_fem_node.winding.prediction import ELEMENTS, predict
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Case, paper_case
@@ -117,7 +117,7 @@ def wind_case(
     Raises:
         ValueError: The case does not exist, or the law cannot carry its weight.
         DivergenceError: The integration failed.
-        EnergyBalanceError: The energy balance does not close.
+        SolverError: There is no result that could be trusted.
     """
     prediction = predict(
         config.winding(paper_case(number)),
@@ -182,7 +182,7 @@ def wind_cases(
 
         try:
             result = wind_case(number, config, heed)
-        except (ValueError, DivergenceError, EnergyBalanceError) as error:
+        except (ValueError, SolverError) as error:
             return number, error
         if store is not None:
             store.save(keys[number], to_arrays(result))

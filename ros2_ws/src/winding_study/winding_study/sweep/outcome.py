@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cable_fem_node.dynamics.failure import DivergenceError, EnergyBalanceError
+from cable_fem_node.dynamics.failure import SolverError
 from cable_fem_node.winding.prediction import PlannedRun
 from winding_core.markers import is_wound
 from winding_study.runs.run_store import Arrays, RunStore, canonical_text
@@ -42,7 +42,7 @@ def attempt(run: PlannedRun, cpu_clock: Callable[[], float] = time.process_time)
     started = cpu_clock()
     try:
         found = run.wind()
-    except (ValueError, ArithmeticError, DivergenceError, EnergyBalanceError) as error:
+    except (ValueError, ArithmeticError, SolverError) as error:
         results |= {"status": " ".join(str(error).split()), "cpu_seconds": cpu_clock() - started}
     else:
         markers = found.markers[1:]

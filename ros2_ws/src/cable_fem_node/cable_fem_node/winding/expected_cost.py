@@ -1,0 +1,103 @@
+"""Processor time that winding a run will take, told before it begins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cable_fem_node.winding.prediction import PlannedRun
+from cable_fem_node.winding.validity import kinetic_share
+
+# The first steps are wound until they have taken so much processor time [s].
+_TRIAL_S = 0.03
+_TRIAL_STEPS = 200
+# Nodes of the rod that lie on the cylinder and are integrated although they do not move.
+_AWAKE_NODES = 32
+# Cable comes to rest this long after it has landed [s].
+_REST_S = 0.2
+# What a call of the model costs beside its steps [s].
+_CALL_S = 2.0e-4
+# Motion then holds at most this share of the cable's energy: it lies as if it were wound slowly.
+_QUASI_STATIC = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExpectedCost:
+    """What a run will take.
+
+    Attributes:
+        cpu_seconds: Processor time [s] on this computer, as it is loaded now.
+        steps: Steps of integration.
+        elements: That are integrated, mean over the run.
+        mass_scaling: Largest factor on the density with which the cable still lies as if it were
+            wound slowly.
+        scaled_cpu_seconds: Processor time with that factor [s].
+    """
+
+    cpu_seconds: float
+    steps: int
+    elements: float
+    mass_scaling: float
+    scaled_cpu_seconds: float
+
+
+def expected_cost(
+    run: PlannedRun, cpu_clock: Callable[[], float], *, rate: float = 50.0
+) -> ExpectedCost:
+    """Return what a run will take, from winding its first steps.
+
+    Args:
+        run: The run.
+        cpu_clock: Processor time [s].
+        rate: Calls of the model per simulated second [1/s].
+
+    Raises:
+        DivergenceError: The integration fails within the first steps.
+    """
+    model = run.model()
+    began, taken, t = cpu_clock(), 0.0, 0.0
+    trial = _TRIAL_STEPS * model.step_limit
+    while taken < _TRIAL_S and t < run.duration:
+        t = min(t + trial, run.duration)
+        model.advance_to(t, run.drive.reading_at(t))
+        taken = cpu_clock() - began
+    steps = math.ceil(run.duration / min(model.step_limit, 1.0 / rate))
+    elements = model.element_steps * model.step_limit / t
+    if run.element == "rod":
+        elements = _rod_elements(run)
+    calls = _CALL_S * rate * run.duration
+    stepping = taken / model.element_steps * steps * elements
+    scaling = _largest_scaling(run)
+    return ExpectedCost(
+        cpu_seconds=stepping + calls,
+        steps=steps,
+        elements=elements,
+        mass_scaling=scaling,
+        scaled_cpu_seconds=stepping / math.sqrt(scaling / run.config.mass_scaling) + calls,
+    )
+
+
+def _rod_elements(run: PlannedRun) -> float:
+    """Return the mean number of the rod's elements that do not rest."""
+    resolved = run.config.resolved
+    length = resolved.segment * resolved.stretch
+    t = np.linspace(0.0, run.duration, 400)
+    angle, speed = run.drive.positions(t)[0], run.drive.speeds(t)[0]
+    laid = resolved.wound_radius * angle / length
+    if run.config.rests:
+        landing = resolved.wound_radius * speed / length
+        laid = np.minimum(laid, _AWAKE_NODES + _REST_S * landing)
+    return float(run.config.free_length / length + laid.mean())
+
+
+def _largest_scaling(run: PlannedRun) -> float:
+    """Return the factor on the density that `ExpectedCost` proposes, to one digit."""
+    share = kinetic_share(run.config, run.drive.angular_speed) / run.config.mass_scaling
+    largest = _QUASI_STATIC / share
+    if largest <= run.config.mass_scaling:
+        return run.config.mass_scaling
+    digit = 10.0 ** math.floor(math.log10(largest))
+    return max(run.config.mass_scaling, math.floor(largest / digit) * digit)

@@ -1,0 +1,151 @@
+"""Whether the model can be right about a winding: what is checked before anything is wound."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from cable_fem_node.winding.segment_choice import LARGEST_RATIO, stretch_error_pct
+from winding_core.units import MEGAPASCAL, MILLIMETRE
+
+if TYPE_CHECKING:
+    from cable_fem_node.winding.resolved_model import ResolvedModel
+    from cable_fem_node.winding.winding_config import WindingConfig
+
+# From this share of a limit on, a condition is worth a warning.
+_NEAR = 0.5
+# Relative error of the wound stretch that the choice of the element keeps below [%].
+_STRETCH_ERROR_PCT = 0.2
+# Motion's share of the energy up to which a run counts as quasi-static, and with which no
+# cable lies as it should.
+_QUASI_STATIC, _FLYING = 0.05, 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One number that decides whether a prediction can be right.
+
+    Attributes:
+        name: What it is, with its formula.
+        value: Of this winding.
+        warned_from: Above it the result is worth doubting.
+        refused_from: At it and above nothing is wound; infinite where only a warning is given.
+        advice: The numbers behind it and the way out, a part of a sentence.
+    """
+
+    name: str
+    value: float
+    warned_from: float
+    refused_from: float
+    advice: str
+
+    @property
+    def refused(self) -> bool:
+        """Whether nothing may be wound."""
+        return not self.value < self.refused_from
+
+    @property
+    def warned(self) -> bool:
+        """Whether a result is worth doubting."""
+        return self.refused or self.value > self.warned_from
+
+    @property
+    def sentence(self) -> str:
+        """The check as one sentence."""
+        limit = self.refused_from if math.isfinite(self.refused_from) else self.warned_from
+        return f"{self.name} is {self.value:.3g}, more than {limit:.3g}: {self.advice}"
+
+
+def checks_of(config: WindingConfig, resolved: ResolvedModel) -> tuple[Check, ...]:
+    """Return what can be checked of a configuration, whatever its element."""
+    return (_stiffness(config, resolved), _span(config, resolved))
+
+
+def rod_checks(config: WindingConfig) -> tuple[Check, ...]:
+    """Return what can be checked of a configuration that the rod winds."""
+    resolved = config.resolved
+    ratio = resolved.segment * resolved.stretch / resolved.wound_radius
+    error = stretch_error_pct(resolved.law, resolved.stretch, resolved.bending_share, ratio)
+    segment = f"elements of {resolved.segment / MILLIMETRE:.3g} mm, stretched by"
+    radius = f"a wound radius of {resolved.wound_radius / MILLIMETRE:.4g} mm"
+    way_out = "shorter elements (segment_length), or leave their length to the solver"
+    return (
+        *checks_of(config, resolved),
+        Check(
+            name="the length of an element over the wound radius",
+            value=ratio,
+            warned_from=math.inf,
+            refused_from=LARGEST_RATIO,
+            advice=f"{segment} {resolved.stretch:.4g}, on {radius}; take {way_out}",
+        ),
+        Check(
+            name="the estimated error of the wound stretch [%]",
+            value=error,
+            warned_from=_STRETCH_ERROR_PCT,
+            refused_from=math.inf,
+            advice=f"{segment} {resolved.stretch:.4g}, on {radius}; take {way_out}",
+        ),
+    )
+
+
+def kinetic_share(config: WindingConfig, angular_speed: float) -> float:
+    """Return the kinetic over the strain energy of cable that moves with the cylinder.
+
+    rho A v^2 / (F (l - 1)), with v the speed of the line at an angular speed [rad/s].
+    """
+    resolved, case = config.resolved, config.case
+    speed = angular_speed * resolved.wound_radius
+    mass = config.mass_scaling * case.material.density * case.section_area / resolved.stretch
+    return mass * speed**2 / max(resolved.tension * (resolved.stretch - 1.0), 1.0e-300)
+
+
+def motion_check(config: WindingConfig, angular_speed: float) -> Check:
+    """Return whether a configuration is wound slowly enough at an angular speed [rad/s]."""
+    return Check(
+        name="the kinetic over the strain energy, rho A v^2 / (F (l - 1)),",
+        value=kinetic_share(config, angular_speed),
+        warned_from=_QUASI_STATIC,
+        refused_from=_FLYING,
+        advice=f"{angular_speed:.4g} rad/s, tension {config.resolved.tension:.4g} N, stretch "
+        f"{config.resolved.stretch:.6g}, mass scaling {config.mass_scaling:g}; take less mass "
+        "scaling, a slower cylinder or more tension",
+    )
+
+
+def refuse(checks: tuple[Check, ...]) -> None:
+    """Refuse what cannot be right.
+
+    Raises:
+        ValueError: One of the checks says so.
+    """
+    for check in checks:
+        if check.refused:
+            raise ValueError(check.sentence)
+
+
+def _stiffness(config: WindingConfig, resolved: ResolvedModel) -> Check:
+    case = config.case
+    return Check(
+        name="the bending stiffness against the tension, EI l / (2 F rho^2),",
+        value=resolved.bending_share,
+        warned_from=_NEAR,
+        refused_from=1.0,
+        advice=f"EI {case.bending_stiffness:.3g} N m^2 (E {case.material.young / MEGAPASCAL:.4g} "
+        f"MPa, cable {case.cable_diameter / MILLIMETRE:.4g} mm), tension {resolved.tension:.4g} N, "
+        f"wound radius {resolved.wound_radius / MILLIMETRE:.4g} mm; such a cable does not lie on "
+        "the cylinder: take more tension, a thicker cylinder or a softer cable",
+    )
+
+
+def _span(config: WindingConfig, resolved: ResolvedModel) -> Check:
+    length, free = resolved.segment, config.free_length
+    return Check(
+        name="the segment_length over the free length",
+        value=length / free,
+        warned_from=0.3,
+        # As long as that is still wound.
+        refused_from=math.nextafter(0.3, 1.0),
+        advice=f"segment_length must be at most 0.3 of the free length {free:g} m, "
+        f"got {length:g} m",
+    )
