@@ -33,7 +33,7 @@ def stretch_error_pct(
         law: Of the cable.
         stretch: Of the span, a ratio of lengths.
         bending_share: EI l / (2 F rho^2), the share of the tension that bending takes.
-        ratio: Length of a stretched element over the centreline radius of the wound cable.
+        ratio: Length of a stretched element per centreline radius of the wound cable.
     """
     at = _STRAIGHT_PCT if law.law == "linear" else _CURVED_PCT
     tension_pct = at + _BENDING_PCT * min(1.0, bending_share / _BENT)
