@@ -20,6 +20,7 @@ from marker_tracker_node.tracking.laid_path import (
     band_beside_turns,
     corrected_height,
     known_around,
+    mean_gap,
 )
 from marker_tracker_node.tracking.state import CANDIDATES, Candidates, IndexArray, Marks, Setup
 from winding_core.compiling import called
@@ -32,8 +33,6 @@ PROOF_HITS = 3
 PROOF_ADVANCE = 0.1
 # A gap of this many expected ones or more hides a marker that was missed.
 SKIP = 0.4
-FIRST_SIGMA_THETA = 4.0e-3
-FIRST_SIGMA_HEIGHT = 1.0e-4
 
 
 class Scan(NamedTuple):
@@ -56,14 +55,6 @@ class Scan(NamedTuple):
     gates: Gates
     outcome: IndexArray
     turned: float
-
-
-@called
-def mean_gap(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cover
-    """Return the wound angle between markers [rad]: measured so far, or else expected."""
-    if last > 0:
-        return float((marks.theta[last] - marks.theta[0]) / last)
-    return setup.expected_gap
 
 
 @called
@@ -180,7 +171,7 @@ def confirm_candidates(
         marks.recent[number] = candidates.theta[c]
         marks.reference[number] = candidates.theta[c]
         marks.weight[number] = 1.0
-        marks.var_theta[number] = FIRST_SIGMA_THETA**2
-        marks.var_height[number] = FIRST_SIGMA_HEIGHT**2
+        marks.var_theta[number] = 0.0
+        marks.var_height[number] = 0.0
         candidates.hits[c] = 0
     return shift

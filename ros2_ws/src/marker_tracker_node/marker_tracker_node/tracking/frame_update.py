@@ -14,10 +14,15 @@ from marker_tracker_node.tracking.band_measurement import WHOLE_AREA, measure_ba
 from marker_tracker_node.tracking.candidates import Scan
 from marker_tracker_node.tracking.cylinder_angle import follow_encoder, phase_lock
 from marker_tracker_node.tracking.gate_prediction import (
+    COVERED,
     HIDDEN,
     MEASURED,
     OUT_OF_SIGHT,
+    TOUCH_REACH,
+    bands_touch,
     gate_visibility,
+    gates_meet,
+    guarded,
     predict_gate,
     separate_gates,
 )
@@ -25,7 +30,9 @@ from marker_tracker_node.tracking.laid_path import (
     LaidCable,
     band_beside_turns,
     corrected_height,
+    covered_by_span,
     extend_path,
+    stranger_beside,
 )
 from marker_tracker_node.tracking.marker_acquisition import acquire_markers
 from marker_tracker_node.tracking.run_means import update_means, update_shift, write_results
@@ -48,6 +55,8 @@ AREA_SHARE = 0.05
 JUMP_THETA = 0.12
 JUMP_HEIGHT = 1.5e-3
 REAIM = 0.4
+# A band so far out of sight [rad] may still show beside one that is in sight.
+NEAR_SIGHT = 0.4
 
 
 class Expected(NamedTuple):
@@ -55,6 +64,7 @@ class Expected(NamedTuple):
 
     Attributes:
         outcome: What came of looking for the marker.
+        near: Whether its band is in sight, or so little beyond that it may touch one that is.
         pixels: That its band should fill.
         touching: Whether its band touches another.
         azimuth: See `Band`, and so are the following.
@@ -66,6 +76,7 @@ class Expected(NamedTuple):
     """
 
     outcome: IndexArray
+    near: FlagArray
     pixels: FloatArray
     touching: FlagArray
     azimuth: FloatArray
@@ -179,6 +190,7 @@ def _empty_expected(count: int) -> Expected:  # pragma: no cover
     """Return room for what is expected of a number of markers, all of them out of sight."""
     return Expected(
         outcome=np.full(count, OUT_OF_SIGHT),
+        near=np.zeros(count, dtype=np.bool_),
         pixels=np.zeros(count),
         touching=np.zeros(count, dtype=np.bool_),
         azimuth=np.zeros(count),
@@ -213,20 +225,56 @@ def _predict(
         elif azimuth < 0.0:
             continue
         away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
-        if abs(away) > setup.usable_azimuth:
+        if abs(away) > setup.usable_azimuth + NEAR_SIGHT:
             continue
         slope = corrected_height(cable, theta)[1]
         band = band_beside_turns(setup, cable, azimuth, theta, z, slope)
+        band = guarded(setup, band, False, stranger_beside(setup, cable, theta))
+        expected.near[n] = True
         expected.pixels[n] = predict_gate(setup, band, gates, n)
-        expected.outcome[n] = gate_visibility(setup, gates, n, picture)
+        if abs(away) <= setup.usable_azimuth:
+            expected.outcome[n] = gate_visibility(setup, gates, n, picture)
+            if covered_by_span(setup, cable, band, theta):
+                expected.outcome[n] = COVERED
         expected.azimuth[n], expected.slope[n] = azimuth, slope
         expected.low[n], expected.high[n] = band.low, band.high
         expected.below[n], expected.above[n] = band.below, band.above
     for n in range(count):
         for m in range(n + 1, count):
-            seen = expected.outcome[n] != OUT_OF_SIGHT and expected.outcome[m] != OUT_OF_SIGHT
-            if seen and separate_gates(gates, n, m):
+            near = expected.near[n] and expected.near[m]
+            if not (near and gates_meet(gates, n, m, TOUCH_REACH)):
+                continue
+            if bands_touch(gates, n, m):
                 expected.touching[n] = expected.touching[m] = True
+            # The later one lies on the +z side of the earlier.
+            _guard(setup, marks, n, False, True, gates, expected)
+            _guard(setup, marks, m, True, False, gates, expected)
+            separate_gates(gates, n, m)
+
+
+@called
+def _guard(
+    setup: Setup,
+    marks: Marks,
+    n: int,
+    below: bool,
+    above: bool,
+    gates: Gates,
+    expected: Expected,
+) -> None:  # pragma: no cover
+    """Cut the band n and its gate off before the turn below or above; see `guarded`."""
+    band = Band(
+        expected.azimuth[n], marks.height[n], expected.slope[n],
+        expected.low[n], expected.high[n], expected.below[n], expected.above[n],
+    )  # fmt: skip
+    band = guarded(setup, band, below, above)
+    if band.low == expected.low[n] and band.high == expected.high[n]:
+        return
+    ahead, behind = gates.ahead[n], gates.behind[n]
+    expected.pixels[n] = predict_gate(setup, band, gates, n)
+    gates.ahead[n] = min(gates.ahead[n], ahead)
+    gates.behind[n] = min(gates.behind[n], behind)
+    expected.low[n], expected.high[n] = band.low, band.high
 
 
 @compiled

@@ -16,6 +16,7 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame_update import update_burst
 from marker_tracker_node.tracking.refinement import Sightings
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
+from marker_tracker_node.tracking.run_means import mean_variances
 from marker_tracker_node.tracking.state import Output, TrackerState
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
@@ -177,12 +178,11 @@ class Tracker:
         marks = self.state.tracks.marks
         known = marks.known
         out = Output.empty(1, len(known))
-        weight = np.sqrt(np.maximum(marks.weight, 1.0))
         out.angle[0] = self.state.run.cylinder.angle
         out.theta[0, known] = marks.theta[known]
         out.height[0, known] = (marks.height - marks.height[0])[known]
-        out.sigma_theta[0, known] = (np.sqrt(marks.var_theta) / weight)[known]
-        out.sigma_height[0, known] = (np.sqrt(marks.var_height) / weight)[known]
+        own = np.array([mean_variances(self._setup, marks, n) for n in range(len(known))])
+        out.sigma_theta[0, known], out.sigma_height[0, known] = np.sqrt(own + own[0])[known].T
         out.flags[0, ~known] = MarkerFlag.NOT_WOUND
         estimates: Markers = self._records(out)[0]
         return estimates
