@@ -61,6 +61,7 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
             *([report.colour_refusal] if report.colour_refusal else []),
             *(["the encoder is silent"] if report.encoder_lost else []),
             *(f"P{marker} has slipped" for marker in report.slipped),
+            *report.doubts,
             *(f"{count} x {fault.value}" for fault, count in report.rejected.items() if count),
         ]
         return Status(

@@ -112,9 +112,22 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
     expected_z = corrected_height(scan.cable, theta)[0]
     if abs(turned - theta) > 40.0 * math.pi or abs(z - expected_z) > setup.search_width:
         return
+    if _lies_on_another_turn(scan, theta, z):
+        return
     if theta > turned + APPROACH or marker_number(setup, scan.cable.marks, theta) < 0:
         return
     _remember(scan.candidates, theta, z, share, turned)
+
+
+@called
+def _lies_on_another_turn(scan: Scan, theta: float, z: float) -> bool:  # pragma: no cover
+    """Return whether the turn before or after fits a band's height [m] better than its own."""
+    off = abs(z - corrected_height(scan.cable, theta)[0])
+    for lap in (-1.0, 1.0):
+        other = theta + 2.0 * lap * math.pi
+        if 0.0 <= other <= scan.turned and abs(z - corrected_height(scan.cable, other)[0]) < off:
+            return True
+    return False
 
 
 @called

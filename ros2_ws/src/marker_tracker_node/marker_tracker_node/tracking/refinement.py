@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ MOST_SIGHTINGS = 4000
 POSE_SIZE = 6
 # What the mask has wrong in all frames [px]: of a marker, and as the band turns to the side. In
 # random scenes of the simulated camera the mean over a run is off by that much.
-MASK_BIAS = 0.1
+MASK_BIAS = 0.05
 # Prior of the encoder's zero [rad].
 SHIFT_SIGMA = 0.02
 # Least deviation of a single sighting [px], and how many of its deviations make an outlier.
@@ -47,6 +47,9 @@ class Sightings:
         low: Cut by the neighbouring turn at -z, see `Band` [rad], shape (k,).
         high: The same at +z, shape (k,).
         pose: Of the camera with which azimuth and z were computed.
+        mean_theta: Run mean of each marker's wound angle from P0 [rad], shape (markers,), nan for
+            one that is not known.
+        mean_z: Run mean of z from P0 [m], likewise.
     """
 
     marker: IndexArray
@@ -57,18 +60,13 @@ class Sightings:
     low: FloatArray
     high: FloatArray
     pose: CameraPose
+    mean_theta: FloatArray
+    mean_z: FloatArray
 
     def every(self, stride: int) -> Sightings:
         """Return one sighting in `stride`."""
-        rows = (
-            part[::stride]
-            for part in (
-                *(self.marker, self.angle, self.azimuth, self.z),
-                *(self.slope, self.low, self.high),
-            )
-        )
-        names = ("marker", "angle", "azimuth", "z", "slope", "low", "high")
-        return Sightings(pose=self.pose, **dict(zip(names, rows, strict=True)))  # type: ignore[arg-type]
+        rows = ("marker", "angle", "azimuth", "z", "slope", "low", "high")
+        return replace(self, **{name: getattr(self, name)[::stride] for name in rows})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +106,7 @@ def refine(
 
     P0 is the origin of wound angles and heights; its azimuth is the cylinder angle. The pose is
     moved only where the sightings say more of it than was believed, see `carried_correction`.
+    Where it stays, so do the run means; only their deviations are new.
 
     Args:
         config: Machine and cable, nominal pose of the camera.
@@ -135,7 +134,7 @@ def refine(
     data = information[pose, pose] - information[pose, rest] @ follow
     moved, covariance = carried_correction(data, best[pose], nominal, belief)
     held = np.concatenate([moved, best[rest] - follow @ (moved - best[pose])])
-    final = fit.solved(held, np.zeros(POSE_SIZE), moved)
+    final = fit.solved(held, np.zeros(POSE_SIZE), moved) if moved.any() else fit.means(held)
     spread = np.linalg.inv(information[rest, rest]) + follow @ covariance @ follow.T
     return fit.refinement(final, moved, covariance, np.sqrt(np.diag(spread)), total)
 
@@ -172,6 +171,17 @@ class _Fit:
             mine = s.marker == n
             x[self._first + i] = x[POSE_SIZE] - np.median((s.azimuth - s.angle)[mine])
             x[self._second + i] = np.median(s.z[mine])
+        return x
+
+    def means(self, x: FloatArray) -> FloatArray:
+        """Return the unknowns with the run means in place of the fitted markers."""
+        s = self._sightings
+        theta, z = s.mean_theta[self._seen], s.mean_z[self._seen]
+        x = x.copy()
+        x[self._first : self._second] = np.where(
+            np.isnan(theta), x[self._first : self._second], theta
+        )
+        x[self._second : self._third] = np.where(np.isnan(z), x[self._second : self._third], z)
         return x
 
     def solved(self, start: FloatArray, sigmas: FloatArray, centre: FloatArray) -> FloatArray:

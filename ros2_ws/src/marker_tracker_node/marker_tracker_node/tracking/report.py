@@ -34,6 +34,8 @@ class TrackerReport:
         colour_refusal: Why no colour could be learnt yet; empty when there is one.
         colour_separation: Share of background pixels that the colour model rejects; nan if
             unknown.
+        missing: Numbers of the markers that should have been found long ago.
+        guide_doubt: What is wrong with the guide's readings; empty if nothing.
     """
 
     frames: int
@@ -46,8 +48,17 @@ class TrackerReport:
     encoder_wraps: int
     colour_refusal: str
     colour_separation: float
+    missing: tuple[int, ...] = ()
+    guide_doubt: str = ""
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What contradicts the lay that is expected, in sentences."""
+        lost = (f"P{n} was not found where it should lie" for n in self.missing)
+        return (*((self.guide_doubt,) if self.guide_doubt else ()), *lost)
 
     @property
     def healthy(self) -> bool:
         """Whether nothing is wrong at the moment."""
-        return not (self.encoder_lost or self.colour_refusal or self.slipped) and self.known > 0
+        against = self.encoder_lost or self.colour_refusal or self.slipped or self.doubts
+        return not against and self.known > 0

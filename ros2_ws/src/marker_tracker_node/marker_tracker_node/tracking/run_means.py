@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from marker_tracker_node.tracking.gate_prediction import CLIPPED, COVERED, HIDDEN
 from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Output, Run, Setup
 from marker_tracker_node.tracking.uncertainty import (
-    MEAN_BIAS,
+    MEAN_BIAS_ACROSS,
+    MEAN_BIAS_ALONG,
     SCATTER,
     frame_variance,
     pixel_size,
@@ -169,8 +170,7 @@ def mean_variances(setup: Setup, marks: Marks, n: int) -> tuple[float, float]:  
     """Return the variances of a run mean's azimuth [rad^2] and z [m^2], as seen by the camera."""
     angle, height = pixel_size(setup, 0.0)
     weight = max(marks.weight[n], 1.0)
-    bias = MEAN_BIAS * MEAN_BIAS
     return (
-        angle * angle * bias + _scatter(setup, marks.var_theta[n], True) / weight,
-        height * height * bias + _scatter(setup, marks.var_height[n], False) / weight,
+        (MEAN_BIAS_ALONG * angle) ** 2 + _scatter(setup, marks.var_theta[n], True) / weight,
+        (MEAN_BIAS_ACROSS * height) ** 2 + _scatter(setup, marks.var_height[n], False) / weight,
     )

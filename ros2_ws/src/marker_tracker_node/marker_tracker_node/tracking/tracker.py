@@ -14,7 +14,9 @@ from marker_tracker_node.detection.zeroing import zeroed_pose
 from marker_tracker_node.tracking.colour_sampling import NEAR_START, locate_marker, sample_colour
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame_update import update_burst
+from marker_tracker_node.tracking.guide_readings import GuideReadings
 from marker_tracker_node.tracking.refinement import Sightings
+from marker_tracker_node.tracking.lay_check import height_ratio, missing_markers
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.run_means import mean_variances
 from marker_tracker_node.tracking.state import Output, TrackerState
@@ -64,6 +66,7 @@ class Tracker:
         self.pose = config.pose
         self._setup = config.setup(camera.view(config.pose))
         self._zeroed = False
+        self._guide = GuideReadings(config.advance_per_radian)
         self._memory: list[Output] | None = [] if remember else None
         self._ids = np.arange(config.marker_count + 1)
         self._frames = 0
@@ -198,6 +201,7 @@ class Tracker:
         nothing = Output.empty(0, len(self._ids))
         seen = Output(*map(np.concatenate, zip(nothing, *self._memory, strict=True)))
         frame, marker = np.nonzero(np.isfinite(seen.azimuth))
+        means = self.estimates()
         return Sightings(
             marker=marker,
             angle=seen.angle[frame],
@@ -207,6 +211,8 @@ class Tracker:
             low=seen.low[frame, marker],
             high=seen.high[frame, marker],
             pose=self.pose,
+            mean_theta=means["theta"],
+            mean_z=means["z"],
         )
 
     def report(self) -> TrackerReport:
@@ -224,6 +230,8 @@ class Tracker:
             encoder_wraps=round(cylinder.wraps / (2.0 * math.pi)),
             colour_refusal=self._refusal,
             colour_separation=separation,
+            missing=missing_markers(self._setup, self.state),
+            guide_doubt=self._guide.contradiction(height_ratio(self.state)),
         )
 
     def _fault(self, frame: ByteArray, t: float) -> FrameFault | None:
@@ -297,8 +305,9 @@ class Tracker:
         # Frames from messages are read-only; one kind of array means one compilation.
         still = np.ascontiguousarray(frames).view()
         still.flags.writeable = False
+        ways = np.array([self._guide.since_p0(*pair) for pair in zip(angles, guides, strict=True)])
         state.run = update_burst(
-            still, table, self._setup, state.run, state.tracks, times, angles, guides, leads, out
+            still, table, self._setup, state.run, state.tracks, times, angles, ways, leads, out
         )
         if self._memory is not None:
             self._memory.append(out)

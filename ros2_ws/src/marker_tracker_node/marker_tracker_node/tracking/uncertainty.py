@@ -10,12 +10,13 @@ from winding_core.compiling import called
 
 # One standard deviation of a band's middle in one frame [px]: the mask's bias, which depends on
 # light, colour and azimuth and is the same in the next frame, and what differs between frames.
-BIAS = 0.12
-SCATTER = 0.06
+BIAS = 0.09
+SCATTER = 0.05
 # Where a neighbouring turn cuts a band off [px], and of a turn's place that is only expected.
-CUT = 0.15
-# What of the bias is left over a run, in which a band is seen under every azimuth [px].
-MEAN_BIAS = 0.10
+CUT = 0.12
+# What of the bias is left over a run, in which a band is seen under every azimuth, along the cable
+# and across it [px].
+MEAN_BIAS_ALONG, MEAN_BIAS_ACROSS = 0.06, 0.07
 # A band is an ellipse from the side; nearer to the limb than this its scale changes no more.
 LEAST_FACING = 0.3
 
