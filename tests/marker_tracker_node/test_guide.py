@@ -1,4 +1,4 @@
-"""Guide readings with another zero, scale or sign: used where they can be, said where they cannot."""
+"""Guide readings with another zero, scale or sign: used where possible, said where not."""
 
 import math
 

@@ -142,9 +142,7 @@ def _apart(gates: Gates, first: int, second: int) -> tuple[float, float]:  # pra
 
 
 @called
-def gates_meet(
-    gates: Gates, first: int, second: int, room: float
-) -> bool:  # pragma: no cover
+def gates_meet(gates: Gates, first: int, second: int, room: float) -> bool:  # pragma: no cover
     """Return whether two gates overlap, or lie less than `room` [px] apart."""
     along, across = _apart(gates, first, second)
     to_right = gates.column[second] > gates.column[first]

@@ -8,8 +8,8 @@ import math
 JUDGED_AFTER = 0.3
 # Travel over commanded travel within which a machine may well have another feed than was said.
 LEAST_SCALE, MOST_SCALE = 0.2, 5.0
-# Of the height in the pictures over the height that the guide promises: a wrong free length does not
-# reach so far.
+# Of the height in the pictures over the height that the guide promises: a wrong free length does
+# not reach so far.
 LEAST_HEIGHT, MOST_HEIGHT = 0.7, 1.4
 # Readings in millimetres are a thousand times those in metres, with another feed beside that.
 LEAST_MILLIMETRES, MOST_MILLIMETRES = 300.0, 3000.0
@@ -79,6 +79,6 @@ class GuideReadings:
         else:
             why = "is their scale right?"
         return (
-            f"the guide's readings move {self._scale:.3g} times as far as the commanded feed, {why} "
-            "The commanded feed is used instead"
+            f"the guide's readings move {self._scale:.3g} times as far as the commanded feed, "
+            f"{why} The commanded feed is used instead"
         )

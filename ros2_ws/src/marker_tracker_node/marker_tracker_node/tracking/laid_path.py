@@ -15,8 +15,8 @@ from winding_core.compiling import called
 FloatArray = NDArray[np.float64]
 
 TAIL = 0.5
-# Before the contact line the free span stands off the cylinder: within these azimuths [rad] it hangs
-# before the turn beside it, nearer to the line it lies beside that.
+# Before the contact line the free span stands off the cylinder: within these azimuths [rad] it
+# hangs before the turn beside it, nearer to the line it lies beside that.
 SPAN_FIRST, SPAN_LAST = -1.3, -0.3
 # What the expected path may be wrong by before a turn has landed [m].
 SPAN_ROOM = 1.0e-3

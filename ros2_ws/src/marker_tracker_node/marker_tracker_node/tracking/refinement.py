@@ -279,14 +279,13 @@ class _Fit:
     def _slopes(self, x: FloatArray) -> FloatArray:
         """Return the derivatives of the pictures, shape (2 k, unknowns)."""
         here = self._model(x)
-        by = [
-            ((self._model(x, i) - here) / SMALL[i]).ravel() for i in range(POSE_SIZE + 2)
-        ]
+        by = [((self._model(x, i) - here) / SMALL[i]).ravel() for i in range(POSE_SIZE + 2)]
         mine = self._row[:, None] == np.arange(1, self._seen.size + 1)
         own = np.repeat(mine.astype(float), 2, axis=0)
+        by_pose = [column[:, None] for column in by[:POSE_SIZE]]
         by_azimuth, by_z = by[POSE_SIZE][:, None], by[POSE_SIZE + 1][:, None]
         return np.hstack(
-            [np.column_stack(by[:POSE_SIZE]), by_azimuth, -own * by_azimuth, own * by_z, self._biases]
+            [*by_pose, by_azimuth, -own * by_azimuth, own * by_z, self._biases], dtype=float
         )
 
     def _reweigh(self, x: FloatArray) -> None:

@@ -15,8 +15,8 @@ from marker_tracker_node.tracking.colour_sampling import NEAR_START, locate_mark
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame_update import update_burst
 from marker_tracker_node.tracking.guide_readings import GuideReadings
-from marker_tracker_node.tracking.refinement import Sightings
 from marker_tracker_node.tracking.lay_check import height_ratio, missing_markers
+from marker_tracker_node.tracking.refinement import Sightings
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.run_means import mean_variances
 from marker_tracker_node.tracking.state import Output, TrackerState
