@@ -102,16 +102,19 @@ def gate_moments(
     column, row, tu, tv = gates.column[n], gates.row[n], gates.along_u[n], gates.along_v[n]
     ahead, behind, low, high = gates.ahead[n], gates.behind[n], gates.left[n], gates.right[n]
     low_lean, high_lean = gates.left_lean[n], gates.right_lean[n]
+    # The sides are never level: a cable runs up the picture.
+    low_slope, low_way = tu - low_lean * tv, -1.0 / (tv + low_lean * tu)
+    high_slope, high_way = tu - high_lean * tv, -1.0 / (tv + high_lean * tu)
     height = max(ahead, behind) * abs(tv) + max(-low, high) * abs(tu)
     top, bottom = max(math.ceil(row - height), 0), min(math.floor(row + height), rows - 1)
     count, sum_column, sum_row = 0, 0, 0
     for v in range(top, bottom + 1):
         dv = v - row
-        left = strip(-tv - low_lean * tu, (tu - low_lean * tv) * dv, low, math.inf)
-        right = strip(-tv - high_lean * tu, (tu - high_lean * tv) * dv, -math.inf, high)
+        left = (low - low_slope * dv) * low_way
+        right = (high - high_slope * dv) * high_way
         near, far = strip(tu, tv * dv, -behind, ahead)
-        first = math.ceil(column + max(left[0], right[0], near, -column))
-        last = math.floor(column + min(left[1], right[1], far, columns - 1.0 - column))
+        first = math.ceil(column + max(min(left, right), near, -column))
+        last = math.floor(column + min(max(left, right), far, columns - 1.0 - column))
         line = picture.pixels[v]
         hits, place = 0, 0
         for u in range(first, last + 1):

@@ -225,14 +225,17 @@ def _predict(
         elif azimuth < 0.0:
             continue
         away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
-        if abs(away) > setup.usable_azimuth + NEAR_SIGHT:
+        beyond = abs(away) > setup.usable_azimuth
+        if beyond and (
+            abs(away) > setup.usable_azimuth + NEAR_SIGHT or not _beside(setup, marks, n)
+        ):
             continue
         slope = corrected_height(cable, theta)[1]
         band = band_beside_turns(setup, cable, azimuth, theta, z, slope)
         band = guarded(setup, band, False, stranger_beside(setup, cable, theta))
         expected.near[n] = True
         expected.pixels[n] = predict_gate(setup, band, gates, n)
-        if abs(away) <= setup.usable_azimuth:
+        if not beyond:
             expected.outcome[n] = gate_visibility(setup, gates, n, picture)
             if covered_by_span(setup, cable, band, theta):
                 expected.outcome[n] = COVERED
@@ -250,6 +253,16 @@ def _predict(
             _guard(setup, marks, n, False, True, gates, expected)
             _guard(setup, marks, m, True, False, gates, expected)
             separate_gates(gates, n, m)
+
+
+@called
+def _beside(setup: Setup, marks: Marks, n: int) -> bool:  # pragma: no cover
+    """Return whether another known marker lies so near along the cylinder that bands may meet."""
+    reach = 2.0 * (setup.body.cable_radius + setup.across_margin)
+    for m in range(marks.known.size):
+        if m != n and marks.known[m] and abs(marks.height[m] - marks.height[n]) < reach:
+            return True
+    return False
 
 
 @called

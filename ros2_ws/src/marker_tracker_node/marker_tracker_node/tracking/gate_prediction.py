@@ -22,6 +22,8 @@ OVERLAP = 1.0
 # How far from a turn of the same colour a band is cut off [m, px of the picture].
 GUARD = 0.15e-3
 GUARD_PIXELS = 1.5
+# Half way to a turn so much farther than the gate reaches there is nothing to keep off [m].
+FAR_TURN = 1.0e-3
 
 # What comes of looking for a band; HIDDEN until it has been measured, COVERED where the cable that
 # is about to land hangs before it.
@@ -75,9 +77,9 @@ def _territory_edge(
     That is where the band is cut off, or half way to a turn that does not reach it.
     """
     bounded = abs(psi) < math.pi
-    if not (bounded or math.isfinite(distance)):
-        return distance, 0.0
     rho, r = setup.body.rho, setup.body.cable_radius
+    if not bounded and abs(distance) > 2.0 * (r + setup.across_margin + FAR_TURN):
+        return math.copysign(math.inf, distance), 0.0
     reach = setup.body.half_band / math.hypot(rho, band.slope)
     along_0, across_0, along_1, across_1 = 0.0, 0.0, 0.0, 0.0
     for end in range(2):

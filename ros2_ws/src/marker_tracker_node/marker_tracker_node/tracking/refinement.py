@@ -306,7 +306,8 @@ def _moved(pose: CameraPose, change: FloatArray) -> CameraPose:
 
 def _difference(pose: CameraPose, base: CameraPose) -> FloatArray:
     """Return tilt and position of a pose less those of another, shape (6,)."""
-    return np.array([*pose.tilt, *pose.position]) - np.array([*base.tilt, *base.position])
+    change = np.array([*pose.tilt, *pose.position]) - np.array([*base.tilt, *base.position])
+    return np.asarray(change, dtype=float)
 
 
 def _pictures(

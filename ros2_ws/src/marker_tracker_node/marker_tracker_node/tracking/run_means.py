@@ -110,7 +110,8 @@ def write_results(
     """
     p0_seen = math.isfinite(out.seen_height[k, 0])
     base = out.seen_height[k, 0] if p0_seen else marks.height[0]
-    mean_theta, mean_height = mean_variances(setup, marks, 0)
+    facing = pixel_size(setup, 0.0)
+    mean_theta, mean_height = _mean_variances(facing, marks, 0)
     from_theta, from_height = mean_theta, mean_height
     if p0_seen:
         from_theta, from_height = _bias_variances(setup, out, k, 0)
@@ -124,13 +125,13 @@ def write_results(
         if math.isfinite(out.azimuth[k, n]):
             out.height[k, n] = out.seen_height[k, n] - base
             own_theta, own_height = _bias_variances(setup, out, k, n)
-            own_theta += from_theta + _scatter(setup, marks.var_theta[n], True)
-            own_height += from_height + _scatter(setup, marks.var_height[n], False)
+            own_theta += from_theta + _scatter(marks.var_theta[n], facing[0])
+            own_height += from_height + _scatter(marks.var_height[n], facing[1])
         else:
             flags |= FLAG_PREDICTED
             out.theta[k, n] = marks.theta[n]
             out.height[k, n] = marks.height[n] - marks.height[0]
-            own_theta, own_height = mean_variances(setup, marks, n)
+            own_theta, own_height = _mean_variances(facing, marks, n)
             own_theta += mean_theta
             own_height += mean_height
             if outcome[n] == CLIPPED:
@@ -158,19 +159,24 @@ def _bias_variances(
 
 
 @called
-def _scatter(setup: Setup, seen: float, angular: bool) -> float:  # pragma: no cover
+def _scatter(seen: float, pixel: float) -> float:  # pragma: no cover
     """Return the variance between frames: as seen, and no less than pixels allow."""
-    angle, height = pixel_size(setup, 0.0)
-    pixel = angle if angular else height
     return max(seen, (SCATTER * pixel) ** 2)
+
+
+@called
+def _mean_variances(
+    facing: tuple[float, float], marks: Marks, n: int
+) -> tuple[float, float]:  # pragma: no cover
+    """Return the variances of a run mean, see `mean_variances`; facing is a pixel's size there."""
+    weight = max(marks.weight[n], 1.0)
+    return (
+        (MEAN_BIAS_ALONG * facing[0]) ** 2 + _scatter(marks.var_theta[n], facing[0]) / weight,
+        (MEAN_BIAS_ACROSS * facing[1]) ** 2 + _scatter(marks.var_height[n], facing[1]) / weight,
+    )
 
 
 @compiled
 def mean_variances(setup: Setup, marks: Marks, n: int) -> tuple[float, float]:  # pragma: no cover
     """Return the variances of a run mean's azimuth [rad^2] and z [m^2], as seen by the camera."""
-    angle, height = pixel_size(setup, 0.0)
-    weight = max(marks.weight[n], 1.0)
-    return (
-        (MEAN_BIAS_ALONG * angle) ** 2 + _scatter(setup, marks.var_theta[n], True) / weight,
-        (MEAN_BIAS_ACROSS * height) ** 2 + _scatter(setup, marks.var_height[n], False) / weight,
-    )
+    return _mean_variances(pixel_size(setup, 0.0), marks, n)

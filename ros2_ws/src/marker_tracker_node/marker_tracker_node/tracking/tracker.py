@@ -305,7 +305,8 @@ class Tracker:
         # Frames from messages are read-only; one kind of array means one compilation.
         still = np.ascontiguousarray(frames).view()
         still.flags.writeable = False
-        ways = np.array([self._guide.since_p0(*pair) for pair in zip(angles, guides, strict=True)])
+        pairs = zip(angles.tolist(), guides.tolist(), strict=True)
+        ways = np.array([self._guide.since_p0(angle, guide) for angle, guide in pairs])
         state.run = update_burst(
             still, table, self._setup, state.run, state.tracks, times, angles, ways, leads, out
         )
