@@ -61,8 +61,8 @@ class GuideReadings:
         """Return what is wrong with the readings, empty if nothing.
 
         Args:
-            height_ratio: Of the markers' heights over those of the path, dimensionless; nan while none
-                is known.
+            height_ratio: Of the markers' heights over those of the path, dimensionless; nan
+                while none is known.
         """
         if math.isnan(self._scale):
             return ""
