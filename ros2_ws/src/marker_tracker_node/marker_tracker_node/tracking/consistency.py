@@ -45,7 +45,7 @@ _RETURNED = 0.5
 # Markers are found in more frames than this share while nothing is wrong.
 _USUALLY_FOUND = 0.8
 # A hypothesis whose residuals are so many times smaller is the better one.
-_BETTER = 1.25
+_BETTER = 1.15
 # What is left of two hypotheses is the same within a fifth of a frame's deviation [rad].
 _SAME = 2.0e-4
 # Grey levels of a picture that fell to less than this share of the beginning's.
@@ -141,7 +141,7 @@ def _of_turns(log: SightingLog, passings: list[Passing]) -> Contradiction | None
         by_times = share
     else:
         assert motion is not None
-        drift = stretched(passings, log.motion)
+        drift = stretched(passings, log.motion, math.exp(_USUAL.motion))
         by_angle, by_time, by_times = motion.rest, drift.rest, drift.value
     number, what = "encoder_or_times", "the encoder's angles or the times of the frames are told"
     least = _SAME if turns.size else 0.0

@@ -101,19 +101,20 @@ def turns_left(pairs: FloatArray, motion: FloatArray, share: float) -> tuple[flo
     return float(np.sqrt(np.mean(by_angle**2))), float(np.sqrt(np.mean(by_time**2)))
 
 
-def stretched(passings: list[Passing], motion: FloatArray) -> Slope:
+def stretched(passings: list[Passing], motion: FloatArray, usual: float) -> Slope:
     """Return how much too large the times would have to be, if that alone explains the motion.
 
     Args:
         passings: At least one.
         motion: Shape (n, 2): t [s], angle [rad].
+        usual: How far bands seem to move where nothing is wrong, per angle (dimensionless).
     """
 
     def left(share: float) -> FloatArray:
         rest = []
         for one in passings:
             angle = np.interp(one.t / (1.0 + share), motion[:, 0], motion[:, 1])
-            rest.append(one.azimuth - angle + angle.mean())
+            rest.append(one.azimuth / usual - angle + angle.mean())
         return np.concatenate(rest)
 
     shares = np.linspace(-_MOST_STRETCH, _MOST_STRETCH, 2 * _STRETCHES + 1)
