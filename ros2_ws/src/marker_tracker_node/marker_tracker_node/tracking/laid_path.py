@@ -15,6 +15,15 @@ from winding_core.compiling import called
 FloatArray = NDArray[np.float64]
 
 TAIL = 0.5
+# Before the contact line the free span stands off the cylinder: within these azimuths [rad] it
+# hangs before the turn beside it, nearer to the line it lies beside that.
+SPAN_FIRST, SPAN_LAST = -1.3, -0.3
+# What the expected path may be wrong by before a turn has landed [m].
+SPAN_ROOM = 1.0e-3
+# A marker that is not known yet shows this far beside the place where it may be [rad].
+STRANGER_REACH = 0.4
+# The next marker is no nearer than this share of the mean gap.
+LEAST_GAP = 0.6
 
 
 class LaidCable(NamedTuple):
@@ -73,6 +82,14 @@ def path_height(cable: LaidCable, theta: float) -> tuple[float, float]:  # pragm
 
 
 @called
+def mean_gap(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cover
+    """Return the wound angle between markers [rad]: measured so far, or else expected."""
+    if last > 0:
+        return float((marks.theta[last] - marks.theta[0]) / last)
+    return setup.expected_gap
+
+
+@called
 def known_around(marks: Marks, theta: float) -> tuple[int, int]:  # pragma: no cover
     """Return the numbers of the known markers below and above a wound angle, -1 for none."""
     below, above = -1, -1
@@ -127,6 +144,37 @@ def band_beside_turns(
             low = -math.asin(below / diameter)
     if azimuth > turn - TAIL:
         above = max((corrected_height(cable, theta + turn)[0] - z) * lean, 0.0)
+        if known_around(cable.marks, theta + turn)[1] < 0:
+            # Beyond the last marker the path is only expected: no turn lies in the one before.
+            above = max(above, diameter)
         if above < diameter:
             high = math.asin(above / diameter)
     return Band(azimuth, z, slope, low, high, below, above)
+
+
+@called
+def covered_by_span(
+    setup: Setup, cable: LaidCable, band: Band, theta: float
+) -> bool:  # pragma: no cover
+    """Return whether the cable that is about to land hangs before a band at a wound angle [rad]."""
+    before = band.azimuth - 2.0 * math.pi
+    if not SPAN_FIRST < before < SPAN_LAST:
+        return False
+    # The path goes on past the landing with the slope of the free span.
+    landing = theta + 2.0 * math.pi + before
+    way = landing + math.sin(-before)
+    distance = corrected_height(cable, way)[0] - band.z
+    return bool(distance < 2.0 * setup.body.cable_radius + SPAN_ROOM)
+
+
+@called
+def stranger_beside(setup: Setup, cable: LaidCable, theta: float) -> bool:  # pragma: no cover
+    """Return whether a marker that is not known yet may lie a turn behind a wound angle [rad]."""
+    marks = cable.marks
+    last = marks.known.size - 1
+    while last >= 0 and not marks.known[last]:
+        last -= 1
+    if last < 0 or last == marks.known.size - 1:
+        return False
+    least = marks.theta[last] + LEAST_GAP * mean_gap(setup, marks, last)
+    return bool(theta + 2.0 * math.pi + STRANGER_REACH > least)

@@ -12,9 +12,12 @@ from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame_update import update_burst
+from marker_tracker_node.tracking.guide_readings import GuideReadings
+from marker_tracker_node.tracking.lay_check import height_ratio, missing_markers
 from marker_tracker_node.tracking.refinement import Sightings
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.run_evidence import RunEvidence
+from marker_tracker_node.tracking.run_means import mean_variances
 from marker_tracker_node.tracking.run_start import RunStart
 from marker_tracker_node.tracking.state import Output, TrackerState
 from winding_core.markers import MarkerFlag, Markers, wound_markers
@@ -60,6 +63,7 @@ class Tracker:
         self._setup = config.setup(camera.view(config.pose))
         self._start = RunStart(config, camera, colour)
         self.beginnings = 0
+        self._guide = GuideReadings(config.advance_per_radian)
         self._memory: list[Output] | None = [] if remember else None
         self._ids = np.arange(config.marker_count + 1)
         self._evidence = RunEvidence()
@@ -190,12 +194,11 @@ class Tracker:
         marks = self.state.tracks.marks
         known = marks.known
         out = Output.empty(1, len(known))
-        weight = np.sqrt(np.maximum(marks.weight, 1.0))
         out.angle[0] = self.state.run.cylinder.angle
         out.theta[0, known] = marks.theta[known]
         out.height[0, known] = (marks.height - marks.height[0])[known]
-        out.sigma_theta[0, known] = (np.sqrt(marks.var_theta) / weight)[known]
-        out.sigma_height[0, known] = (np.sqrt(marks.var_height) / weight)[known]
+        own = np.array([mean_variances(self._setup, marks, n) for n in range(len(known))])
+        out.sigma_theta[0, known], out.sigma_height[0, known] = np.sqrt(own + own[0])[known].T
         out.flags[0, ~known] = MarkerFlag.NOT_WOUND
         estimates: Markers = self._records(out)[0]
         return estimates
@@ -211,6 +214,7 @@ class Tracker:
         nothing = Output.empty(0, len(self._ids))
         seen = Output(*map(np.concatenate, zip(nothing, *self._memory, strict=True)))
         frame, marker = np.nonzero(np.isfinite(seen.azimuth))
+        means = self.estimates()
         return Sightings(
             marker=marker,
             angle=seen.angle[frame],
@@ -220,6 +224,8 @@ class Tracker:
             low=seen.low[frame, marker],
             high=seen.high[frame, marker],
             pose=self.pose,
+            mean_theta=means["theta"],
+            mean_z=means["z"],
         )
 
     def report(self) -> TrackerReport:
@@ -239,6 +245,8 @@ class Tracker:
             remarks=self._start.sentences,
             colour_separation=separation,
             contradictions=self._evidence.judged(self._setup, self.state),
+            missing=missing_markers(self._setup, self.state),
+            guide_doubt=self._guide.contradiction(height_ratio(self.state)),
         )
 
     def _fault(self, frame: ByteArray, t: float) -> FrameFault | None:
@@ -278,6 +286,7 @@ class Tracker:
         """Forget what was measured with another pose or from another zero of the encoder."""
         self.beginnings += 1
         self._evidence = RunEvidence()
+        self._guide = GuideReadings(self.config.advance_per_radian)
         self.state = TrackerState.fresh(self.config.marker_count)
         self._setup = self.config.setup(self.camera.view(self.pose))
         if self._memory is not None:
@@ -298,8 +307,10 @@ class Tracker:
         # Frames from messages are read-only; one kind of array means one compilation.
         still = np.ascontiguousarray(frames).view()
         still.flags.writeable = False
+        pairs = zip(angles.tolist(), guides.tolist(), strict=True)
+        ways = np.array([self._guide.since_p0(angle, guide) for angle, guide in pairs])
         state.run = update_burst(
-            still, table, self._setup, state.run, state.tracks, times, angles, guides, leads, out
+            still, table, self._setup, state.run, state.tracks, times, angles, ways, leads, out
         )
         if self._memory is not None:
             self._memory.append(out)
