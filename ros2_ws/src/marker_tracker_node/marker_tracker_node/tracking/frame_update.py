@@ -29,12 +29,14 @@ from marker_tracker_node.tracking.gate_prediction import (
     shutter_of,
     turned_since,
 )
+from marker_tracker_node.tracking.guide_readings import fit_offset, follow_guide, judge_guide
 from marker_tracker_node.tracking.laid_path import (
     LaidCable,
     band_beside_turns,
     corrected_height,
     covered_by_span,
-    extend_path,
+    extend_paths,
+    laid_cable,
     stranger_beside,
 )
 from marker_tracker_node.tracking.marker_acquisition import acquire_markers
@@ -48,6 +50,13 @@ from marker_tracker_node.tracking.state import (
     Run,
     Setup,
     Tracks,
+)
+from marker_tracker_node.tracking.tracker_state import (
+    output_of,
+    run_of,
+    setup_of,
+    tracks_of,
+    write_run,
 )
 from winding_core.compiling import called, compiled
 
@@ -94,37 +103,50 @@ class Expected(NamedTuple):
 def update_burst(
     frames: ByteArray,
     table: ByteArray,
-    setup: Setup,
-    run: Run,
-    tracks: Tracks,
-    times: FloatArray,
-    encoders: FloatArray,
-    guides: FloatArray,
-    leads: FloatArray,
-    out: Output,
-) -> Run:  # pragma: no cover
-    """Advance the tracks by every frame of a burst and return the run after it.
+    fixed: FloatArray,
+    numbers: FloatArray,
+    known: FlagArray,
+    marks: FloatArray,
+    hits: IndexArray,
+    candidates: FloatArray,
+    paths: FloatArray,
+    readings: FloatArray,
+    angle: FloatArray,
+    flags: NDArray[np.uint32],
+    fields: FloatArray,
+) -> None:  # pragma: no cover
+    """Advance a tracker's state by every frame of a burst.
 
     Args:
         frames: Shape (k, rows, columns, 3).
         table: See `Picture`.
-        setup: Machine and camera.
-        run: Before the first frame.
-        tracks: Written in place.
-        times: Ascending [s], shape (k,).
-        encoders: Cylinder angles [rad], nan where missing, shape (k,).
-        guides: Guide positions [m], nan to expect the commanded feed, shape (k,).
-        leads: How much further P0 is expected than encoder and shift say [rad], shape (k,).
-        out: Receives what each frame yields.
+        fixed: See `setup_numbers`.
+        numbers: See `TrackerState`, and so are the following; they are written in place.
+        known: Likewise.
+        marks: Likewise.
+        hits: Likewise.
+        candidates: Likewise.
+        paths: Likewise.
+        readings: Ascending times [s], cylinder angles [rad], nan where missing, guide positions
+            [m], nan to expect the commanded feed, and how much further P0 is expected than encoder
+            and shift say [rad], shape (4, k).
+        angle: See `OutputRoom`, and so are the following; they receive what each frame yields.
+        flags: Likewise.
+        fields: Likewise.
     """
+    setup, run = setup_of(fixed), run_of(numbers)
+    tracks = tracks_of(known, marks, hits, candidates, paths)
+    out = output_of(angle, flags, fields)
     for k in range(frames.shape[0]):
         picture = Picture(frames[k], table)
-        cylinder = follow_encoder(run.cylinder, times[k], encoders[k])
-        filled, guide = extend_path(setup, tracks.path, run, cylinder.angle, guides[k])
-        cable = LaidCable(tracks.marks, tracks.path, filled)
-        run = _update_frame(picture, setup, run, cylinder, guide, leads[k], cable, tracks, out, k)
-        out.angle[k] = run.cylinder.angle
-    return run
+        cylinder = follow_encoder(run.cylinder, readings[0, k], readings[1, k])
+        guide = follow_guide(setup, run.guide, run.cylinder, cylinder, readings[2, k])
+        filled = extend_paths(setup, paths, run, cylinder.angle, guide)
+        guide = judge_guide(setup, guide, tracks.marks, paths, filled, cylinder.angle)
+        run = Run(cylinder, guide, run.shift, run.shift_weight, filled)
+        run = _update_frame(picture, setup, run, readings[3, k], tracks, out, k)
+        angle[k] = run.cylinder.angle
+    write_run(run, numbers)
 
 
 @called
@@ -132,10 +154,7 @@ def _update_frame(
     picture: Picture,
     setup: Setup,
     run: Run,
-    cylinder: Cylinder,
-    guide: float,
     lead: float,
-    cable: LaidCable,
     tracks: Tracks,
     out: Output,
     k: int,
@@ -145,16 +164,14 @@ def _update_frame(
     Args:
         picture: Frame and colours.
         setup: Machine and camera.
-        run: Before the frame.
-        cylinder: At the frame.
-        guide: Guide position at the frame [m].
-        lead: See `update_burst`.
-        cable: As laid at the frame.
+        run: At the frame, as far as it is known without looking.
+        lead: How much further P0 is expected [rad].
         tracks: Written in place.
         out: Receives what the frame yields.
         k: Number of the frame.
     """
-    marks = tracks.marks
+    marks, cylinder, guide = tracks.marks, run.cylinder, run.guide
+    cable = laid_cable(tracks, run)
     count = marks.known.size
     turned = cylinder.angle + run.shift
     gates = empty_gates(count + 1)
@@ -176,7 +193,8 @@ def _update_frame(
         )  # fmt: skip
     shift, weight = update_shift(run, cylinder.blind, out.azimuth[k, 0], turned)
     update_means(marks, out, k, turned)
-    if not marks.known.all():
+    found = marks.known.sum()
+    if found < count:
         scan = Scan(
             picture,
             setup,
@@ -188,8 +206,10 @@ def _update_frame(
             shutter,
         )
         shift = acquire_markers(scan, shift)
+        if marks.known.sum() > found:
+            guide = fit_offset(setup, guide, marks, tracks.paths, run.path_filled)
     write_results(setup, marks, expected.outcome, expected.touching, turned, out, k)
-    return Run(cylinder, shift, weight, cable.filled, guide)
+    return Run(cylinder, guide, shift, weight, run.path_filled)
 
 
 @called
@@ -258,9 +278,9 @@ def _predict(
                 continue
             if bands_touch(gates, n, m):
                 expected.touching[n] = expected.touching[m] = True
-            # The later one lies on the +z side of the earlier.
-            _guard(setup, marks, n, False, True, gates, expected)
-            _guard(setup, marks, m, True, False, gates, expected)
+            ahead = marks.height[m] >= marks.height[n]
+            _guard(setup, marks, n, not ahead, ahead, gates, expected)
+            _guard(setup, marks, m, ahead, not ahead, gates, expected)
             separate_gates(gates, n, m)
 
 
