@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 # A correction of so many of its own standard deviations is more than a bias of the mask.
-CARRIED = 5.0
+CARRIED = 7.0
 
 
 @dataclass(frozen=True, kw_only=True)

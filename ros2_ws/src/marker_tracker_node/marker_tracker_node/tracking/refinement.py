@@ -12,6 +12,7 @@ from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCa
 from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.pose_correction import PoseBelief, carried_correction
+from marker_tracker_node.tracking.uncertainty import BENT
 from winding_core.compiling import compiled
 
 FloatArray = NDArray[np.float64]
@@ -160,6 +161,11 @@ class _Fit:
         self._weight = np.ones(marker.size)
         self._variance = LEAST_SCATTER**2
         self._biases = self._bias_shapes()
+        across = BENT * self._body.cable_radius**2 / self._body.rho
+        pixels = across * self._focal / abs(sightings.pose.position[0])
+        # Columns of the picture lie along the cylinder.
+        both = (math.hypot(MASK_BIAS, pixels), MASK_BIAS)
+        self._bias_sigmas = np.resize(both, self._biases.shape[1])
 
     def start(self) -> FloatArray:
         """Return the unknowns with the pose of the sightings."""
@@ -211,7 +217,7 @@ class _Fit:
         matrix, vector = slopes.T @ weighted, weighted.T @ off
         prior = np.zeros(x.size)
         prior[POSE_SIZE] = SHIFT_SIGMA**-2
-        prior[self._third :] = MASK_BIAS**-2
+        prior[self._third :] = self._bias_sigmas**-2.0
         matrix[np.diag_indices(x.size)] += prior
         return matrix, vector - prior * x
 

@@ -13,6 +13,7 @@ from marker_tracker_node.tracking.uncertainty import (
     MEAN_BIAS_ACROSS,
     MEAN_BIAS_ALONG,
     SCATTER,
+    bent_height,
     frame_variance,
     pixel_size,
 )
@@ -155,7 +156,7 @@ def _bias_variances(
     angle, height = pixel_size(setup, out.azimuth[k, n])
     cut = out.low[k, n] > -math.pi or out.high[k, n] < math.pi
     pixels = frame_variance(cut)
-    return angle * angle * pixels, height * height * pixels
+    return angle * angle * pixels, height * height * pixels + bent_height(setup) ** 2
 
 
 @called

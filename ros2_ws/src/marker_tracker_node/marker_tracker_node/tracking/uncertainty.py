@@ -14,6 +14,9 @@ BIAS = 0.09
 SCATTER = 0.05
 # Where a neighbouring turn cuts a band off [px], and of a turn's place that is only expected.
 CUT = 0.12
+# Of z, where a thick cable is bent sharply: in so many r^2 / (R + r), r and R + r the radii of the
+# cable and of its bend.
+BENT = 0.045
 # What of the bias is left over a run, in which a band is seen under every azimuth, along the cable
 # and across it [px].
 MEAN_BIAS_ALONG, MEAN_BIAS_ACROSS = 0.06, 0.07
@@ -34,3 +37,10 @@ def pixel_size(setup: Setup, azimuth: float) -> tuple[float, float]:  # pragma: 
 def frame_variance(cut: bool) -> float:  # pragma: no cover
     """Return the variance of a band's middle in one frame that no frame tells [px^2]."""
     return BIAS**2 + (CUT**2 if cut else 0.0)
+
+
+@called
+def bent_height(setup: Setup) -> float:  # pragma: no cover
+    """Return one deviation of z that a thick cable's bend adds in one frame, at any scale [m]."""
+    r = setup.body.cable_radius
+    return BENT * r * r / setup.body.rho
