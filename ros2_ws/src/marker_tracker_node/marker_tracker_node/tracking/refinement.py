@@ -12,7 +12,7 @@ from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCa
 from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.pose_correction import PoseBelief, carried_correction
-from marker_tracker_node.tracking.uncertainty import BENT
+from marker_tracker_node.tracking.uncertainty import bent_height
 from winding_core.compiling import compiled
 
 FloatArray = NDArray[np.float64]
@@ -30,6 +30,8 @@ SHIFT_SIGMA = 0.02
 # Least deviation of a single sighting [px], and how many of its deviations make an outlier.
 LEAST_SCATTER = 0.03
 OUTLIER = 2.5
+# What a run leaves of `bent_height`, whose share of a band depends on its azimuth.
+BENT_OVER_RUN = 0.5
 STEPS = 12
 SETTLED = 1.0e-7
 SMALL = np.array([1.0e-6] * 3 + [1.0e-6] * 3 + [1.0e-6, 1.0e-7])
@@ -161,11 +163,6 @@ class _Fit:
         self._weight = np.ones(marker.size)
         self._variance = LEAST_SCATTER**2
         self._biases = self._bias_shapes()
-        across = BENT * self._body.cable_radius**2 / self._body.rho
-        pixels = across * self._focal / abs(sightings.pose.position[0])
-        # Columns of the picture lie along the cylinder.
-        both = (math.hypot(MASK_BIAS, pixels), MASK_BIAS)
-        self._bias_sigmas = np.resize(both, self._biases.shape[1])
 
     def start(self) -> FloatArray:
         """Return the unknowns with the pose of the sightings."""
@@ -217,7 +214,7 @@ class _Fit:
         matrix, vector = slopes.T @ weighted, weighted.T @ off
         prior = np.zeros(x.size)
         prior[POSE_SIZE] = SHIFT_SIGMA**-2
-        prior[self._third :] = self._bias_sigmas**-2.0
+        prior[self._third :] = MASK_BIAS**-2
         matrix[np.diag_indices(x.size)] += prior
         return matrix, vector - prior * x
 
@@ -235,7 +232,8 @@ class _Fit:
         seen = self._seen
         theta[seen], z[seen] = x[self._first : self._second], x[self._second : self._third]
         sigma_theta[seen] = spread[1 : 1 + seen.size]
-        sigma_z[seen] = spread[1 + seen.size : 1 + 2 * seen.size]
+        bent = BENT_OVER_RUN * bent_height(self._body)
+        sigma_z[seen] = np.hypot(spread[1 + seen.size : 1 + 2 * seen.size], bent)
         off = self._residuals(x)
         return Refinement(
             pose=_moved(self._sightings.pose, moved),

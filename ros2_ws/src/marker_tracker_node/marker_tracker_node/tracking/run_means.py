@@ -156,7 +156,7 @@ def _bias_variances(
     angle, height = pixel_size(setup, out.azimuth[k, n])
     cut = out.low[k, n] > -math.pi or out.high[k, n] < math.pi
     pixels = frame_variance(cut)
-    return angle * angle * pixels, height * height * pixels + bent_height(setup) ** 2
+    return angle * angle * pixels, height * height * pixels + bent_height(setup.body) ** 2
 
 
 @called

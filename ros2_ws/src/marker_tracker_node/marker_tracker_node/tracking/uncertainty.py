@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from marker_tracker_node.camera.pinhole import pixels_per_metre
+from marker_tracker_node.detection.band import Body
 from marker_tracker_node.tracking.state import Setup
 from winding_core.compiling import called
 
@@ -40,7 +41,6 @@ def frame_variance(cut: bool) -> float:  # pragma: no cover
 
 
 @called
-def bent_height(setup: Setup) -> float:  # pragma: no cover
+def bent_height(body: Body) -> float:  # pragma: no cover
     """Return one deviation of z that a thick cable's bend adds in one frame, at any scale [m]."""
-    r = setup.body.cable_radius
-    return BENT * r * r / setup.body.rho
+    return BENT * body.cable_radius * body.cable_radius / body.rho
