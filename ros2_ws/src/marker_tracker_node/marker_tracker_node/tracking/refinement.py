@@ -12,7 +12,7 @@ from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCa
 from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.pose_correction import PoseBelief, carried_correction
-from marker_tracker_node.tracking.uncertainty import bent_height
+from marker_tracker_node.tracking.uncertainty import BENT_OVER_RUN, bent_height
 from winding_core.compiling import compiled
 
 FloatArray = NDArray[np.float64]
@@ -30,8 +30,6 @@ SHIFT_SIGMA = 0.02
 # Least deviation of a single sighting [px], and how many of its deviations make an outlier.
 LEAST_SCATTER = 0.03
 OUTLIER = 2.5
-# What a run leaves of `bent_height`, whose share of a band depends on its azimuth.
-BENT_OVER_RUN = 0.5
 STEPS = 12
 SETTLED = 1.0e-7
 SMALL = np.array([1.0e-6] * 3 + [1.0e-6] * 3 + [1.0e-6, 1.0e-7])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from marker_tracker_node.tracking.gate_prediction import CLIPPED, COVERED, HIDDEN
 from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Output, Run, Setup
 from marker_tracker_node.tracking.uncertainty import (
+    BENT_OVER_RUN,
     MEAN_BIAS_ACROSS,
     MEAN_BIAS_ALONG,
     SCATTER,
@@ -112,7 +113,7 @@ def write_results(
     p0_seen = math.isfinite(out.seen_height[k, 0])
     base = out.seen_height[k, 0] if p0_seen else marks.height[0]
     facing = pixel_size(setup, 0.0)
-    mean_theta, mean_height = _mean_variances(facing, marks, 0)
+    mean_theta, mean_height = _mean_variances(setup, facing, marks, 0)
     from_theta, from_height = mean_theta, mean_height
     if p0_seen:
         from_theta, from_height = _bias_variances(setup, out, k, 0)
@@ -132,7 +133,7 @@ def write_results(
             flags |= FLAG_PREDICTED
             out.theta[k, n] = marks.theta[n]
             out.height[k, n] = marks.height[n] - marks.height[0]
-            own_theta, own_height = _mean_variances(facing, marks, n)
+            own_theta, own_height = _mean_variances(setup, facing, marks, n)
             own_theta += mean_theta
             own_height += mean_height
             if outcome[n] == CLIPPED:
@@ -167,17 +168,19 @@ def _scatter(seen: float, pixel: float) -> float:  # pragma: no cover
 
 @called
 def _mean_variances(
-    facing: tuple[float, float], marks: Marks, n: int
+    setup: Setup, facing: tuple[float, float], marks: Marks, n: int
 ) -> tuple[float, float]:  # pragma: no cover
     """Return the variances of a run mean, see `mean_variances`; facing is a pixel's size there."""
     weight = max(marks.weight[n], 1.0)
     return (
         (MEAN_BIAS_ALONG * facing[0]) ** 2 + _scatter(marks.var_theta[n], facing[0]) / weight,
-        (MEAN_BIAS_ACROSS * facing[1]) ** 2 + _scatter(marks.var_height[n], facing[1]) / weight,
+        (MEAN_BIAS_ACROSS * facing[1]) ** 2
+        + (BENT_OVER_RUN * bent_height(setup.body)) ** 2
+        + _scatter(marks.var_height[n], facing[1]) / weight,
     )
 
 
 @compiled
 def mean_variances(setup: Setup, marks: Marks, n: int) -> tuple[float, float]:  # pragma: no cover
     """Return the variances of a run mean's azimuth [rad^2] and z [m^2], as seen by the camera."""
-    return _mean_variances(pixel_size(setup, 0.0), marks, n)
+    return _mean_variances(setup, pixel_size(setup, 0.0), marks, n)

@@ -18,6 +18,8 @@ CUT = 0.12
 # Of z, where a thick cable is bent sharply: in so many r^2 / (R + r), r and R + r the radii of the
 # cable and of its bend.
 BENT = 0.045
+# What a run leaves of that, whose share of a band depends on its azimuth.
+BENT_OVER_RUN = 0.5
 # What of the bias is left over a run, in which a band is seen under every azimuth, along the cable
 # and across it [px].
 MEAN_BIAS_ALONG, MEAN_BIAS_ACROSS = 0.06, 0.07
