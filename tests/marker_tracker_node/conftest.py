@@ -147,3 +147,9 @@ def smooth_film():
         return Film(case=case, lay=smooth_lay(case, stretch), **changes)  # type: ignore[arg-type]
 
     return film
+
+
+@pytest.fixture(scope="session")
+def any_film():
+    """The class of films, for a cable and a camera of a test's own."""
+    return Film

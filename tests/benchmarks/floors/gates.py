@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from marker_tracker_node import Tracker
 from marker_tracker_node.detection.gate import Picture, empty_gates
-from marker_tracker_node.tracking.frame_update import _empty_expected, _predict
-from marker_tracker_node.tracking.gate_prediction import OUT_OF_SIGHT
-from marker_tracker_node.tracking.laid_path import LaidCable
+from marker_tracker_node.tracking.expected_bands import empty_expected, expect_bands
+from marker_tracker_node.tracking.gate_prediction import OUT_OF_SIGHT, shutter_of
+from marker_tracker_node.tracking.laid_path import laid_cable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,11 +44,12 @@ def boxes_of(tracker: Tracker, frame: NDArray[np.uint8], angle: float) -> list[B
         angle: Of the encoder [rad].
     """
     run, marks = tracker.state.run, tracker.state.tracks.marks
-    gates, expected = empty_gates(marks.known.size + 1), _empty_expected(marks.known.size)
+    gates, expected = empty_gates(marks.known.size + 1), empty_expected(marks.known.size)
     assert tracker.colour is not None
     picture = Picture(frame, tracker.colour.table)
-    cable = LaidCable(marks, tracker.state.tracks.path, run.path_filled)
-    _predict(picture, tracker._setup, cable, angle + run.shift, 0.0, gates, expected)
+    cable = laid_cable(tracker.state.tracks, run)
+    shutter = shutter_of(tracker._setup, run.cylinder.rate, frame.shape[0])
+    expect_bands(picture, tracker._setup, shutter, cable, angle + run.shift, 0.0, gates, expected)
     rows, columns = frame.shape[:2]
     boxes = []
     for n in np.flatnonzero(expected.outcome != OUT_OF_SIGHT):

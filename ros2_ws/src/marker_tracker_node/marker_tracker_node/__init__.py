@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
     from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
     from marker_tracker_node.tracking.config import TrackerConfig
+    from marker_tracker_node.tracking.pose_correction import PoseBelief
     from marker_tracker_node.tracking.refinement import Refinement, Sightings, refine
     from marker_tracker_node.tracking.report import FrameFault, TrackerReport
     from marker_tracker_node.tracking.tracker import Tracker
@@ -19,6 +20,7 @@ __all__ = [
     "ColourRefusedError",
     "FrameFault",
     "PinholeCamera",
+    "PoseBelief",
     "Refinement",
     "Sightings",
     "Tracker",
@@ -31,6 +33,7 @@ _PLACES = {
     "camera.pinhole": {"CameraPose", "PinholeCamera"},
     "detection.colour": {"ColourModel", "ColourRefusedError"},
     "tracking.config": {"TrackerConfig"},
+    "tracking.pose_correction": {"PoseBelief"},
     "tracking.refinement": {"Refinement", "Sightings", "refine"},
     "tracking.report": {"FrameFault", "TrackerReport"},
     "tracking.tracker": {"Tracker"},

@@ -64,6 +64,7 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
             *(["the encoder is silent"] if report.encoder_lost else []),
             *(item.sentence for item in report.contradictions),
             *(f"P{marker} has slipped" for marker in report.slipped),
+            *report.doubts,
             *(f"{count} x {fault.value}" for fault, count in report.rejected.items() if count),
         ]
         return Status(

@@ -41,6 +41,8 @@ class Gates(NamedTuple):
         left: Limit across the direction, negative [px].
         right: Limit across the direction, positive [px].
         half_band: Half length of the band alone [px].
+        left_lean: Change of the left limit along the cable [px/px].
+        right_lean: The same of the right limit.
     """
 
     column: FloatArray
@@ -52,6 +54,8 @@ class Gates(NamedTuple):
     left: FloatArray
     right: FloatArray
     half_band: FloatArray
+    left_lean: FloatArray
+    right_lean: FloatArray
 
 
 @compiled
@@ -67,6 +71,8 @@ def empty_gates(count: int) -> Gates:  # pragma: no cover
         left=np.zeros(count),
         right=np.zeros(count),
         half_band=np.zeros(count),
+        left_lean=np.zeros(count),
+        right_lean=np.zeros(count),
     )
 
 
@@ -95,15 +101,20 @@ def gate_moments(
     rows, columns = picture.pixels.shape[:2]
     column, row, tu, tv = gates.column[n], gates.row[n], gates.along_u[n], gates.along_v[n]
     ahead, behind, low, high = gates.ahead[n], gates.behind[n], gates.left[n], gates.right[n]
+    low_lean, high_lean = gates.left_lean[n], gates.right_lean[n]
+    # The sides are never level: a cable runs up the picture.
+    low_slope, low_way = tu - low_lean * tv, -1.0 / (tv + low_lean * tu)
+    high_slope, high_way = tu - high_lean * tv, -1.0 / (tv + high_lean * tu)
     height = max(ahead, behind) * abs(tv) + max(-low, high) * abs(tu)
     top, bottom = max(math.ceil(row - height), 0), min(math.floor(row + height), rows - 1)
     count, sum_column, sum_row = 0, 0, 0
     for v in range(top, bottom + 1):
         dv = v - row
-        left, right = strip(-tv, tu * dv, low, high)
+        left = (low - low_slope * dv) * low_way
+        right = (high - high_slope * dv) * high_way
         near, far = strip(tu, tv * dv, -behind, ahead)
-        first = math.ceil(column + max(left, near, -column))
-        last = math.floor(column + min(right, far, columns - 1.0 - column))
+        first = math.ceil(column + max(min(left, right), near, -column))
+        last = math.floor(column + min(max(left, right), far, columns - 1.0 - column))
         line = picture.pixels[v]
         hits, place = 0, 0
         for u in range(first, last + 1):
@@ -124,9 +135,9 @@ def in_gate(gates: Gates, n: int, u: float, v: float) -> bool:  # pragma: no cov
     du, dv = u - gates.column[n], v - gates.row[n]
     across = gates.along_u[n] * dv - gates.along_v[n] * du
     along = du * gates.along_u[n] + dv * gates.along_v[n]
-    return bool(
-        -gates.behind[n] <= along <= gates.ahead[n] and gates.left[n] <= across <= gates.right[n]
-    )
+    left = gates.left[n] + gates.left_lean[n] * along
+    right = gates.right[n] + gates.right_lean[n] * along
+    return bool(-gates.behind[n] <= along <= gates.ahead[n] and left <= across <= right)
 
 
 @called

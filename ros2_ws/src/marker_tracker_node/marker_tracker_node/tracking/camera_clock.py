@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.candidates import FIRST_SIGMA_THETA
 from marker_tracker_node.tracking.clock_offset import ClockEstimate, ClockOffset
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.encoder_history import EncoderHistory
@@ -22,6 +21,8 @@ LENGTH_SHARE = 0.002
 WITHHELD_PART = 0.5
 SIGMAS = 2.0
 SURE = 3.0
+# Of a marker's wound angle when it is found first [rad].
+_FIRST_ERROR = 4.0e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +68,7 @@ class CameraClock:
         self.withheld = False
         self._history = history
         self._offset = ClockOffset(history, config.marker_count + 1, settings.limit)
-        self._tolerance = max(LENGTH_SHARE * config.expected_gap, FIRST_SIGMA_THETA)
+        self._tolerance = max(LENGTH_SHARE * config.expected_gap, _FIRST_ERROR)
         self._allowed = WITHHELD_PART * self._tolerance
         self._gap = config.expected_gap
         self._fastest = 0.0

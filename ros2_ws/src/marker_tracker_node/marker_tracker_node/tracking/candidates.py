@@ -22,6 +22,7 @@ from marker_tracker_node.tracking.laid_path import (
     band_beside_turns,
     corrected_height,
     known_around,
+    mean_gap,
 )
 from marker_tracker_node.tracking.state import CANDIDATES, Candidates, IndexArray, Marks, Setup
 from winding_core.compiling import called
@@ -34,8 +35,6 @@ PROOF_HITS = 3
 PROOF_ADVANCE = 0.1
 # A gap of this many expected ones or more hides a marker that was missed.
 SKIP = 0.4
-FIRST_SIGMA_THETA = 4.0e-3
-FIRST_SIGMA_HEIGHT = 1.0e-4
 
 
 class Scan(NamedTuple):
@@ -60,14 +59,6 @@ class Scan(NamedTuple):
     outcome: IndexArray
     turned: float
     shutter: Shutter
-
-
-@called
-def mean_gap(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cover
-    """Return the wound angle between markers [rad]: measured so far, or else expected."""
-    if last > 0:
-        return float((marks.theta[last] - marks.theta[0]) / last)
-    return setup.expected_gap
 
 
 @called
@@ -126,9 +117,22 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
     expected_z = corrected_height(scan.cable, theta)[0]
     if abs(turned - theta) > 40.0 * math.pi or abs(z - expected_z) > setup.search_width:
         return
+    if _lies_on_another_turn(scan, theta, z):
+        return
     if theta > turned + APPROACH or marker_number(setup, scan.cable.marks, theta) < 0:
         return
     _remember(scan.candidates, theta, z, share, turned)
+
+
+@called
+def _lies_on_another_turn(scan: Scan, theta: float, z: float) -> bool:  # pragma: no cover
+    """Return whether the turn before or after fits a band's height [m] better than its own."""
+    off = abs(z - corrected_height(scan.cable, theta)[0])
+    for lap in (-1.0, 1.0):
+        other = theta + 2.0 * lap * math.pi
+        if 0.0 <= other <= scan.turned and abs(z - corrected_height(scan.cable, other)[0]) < off:
+            return True
+    return False
 
 
 @called
@@ -186,7 +190,7 @@ def confirm_candidates(
         marks.recent[number] = candidates.theta[c]
         marks.reference[number] = candidates.theta[c]
         marks.weight[number] = 1.0
-        marks.var_theta[number] = FIRST_SIGMA_THETA**2
-        marks.var_height[number] = FIRST_SIGMA_HEIGHT**2
+        marks.var_theta[number] = 0.0
+        marks.var_height[number] = 0.0
         candidates.hits[c] = 0
     return shift

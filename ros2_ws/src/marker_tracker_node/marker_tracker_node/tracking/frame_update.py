@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,22 +12,19 @@ from marker_tracker_node.detection.gate import Gates, Picture, empty_gates
 from marker_tracker_node.tracking.band_measurement import WHOLE_AREA, measure_band
 from marker_tracker_node.tracking.candidates import Scan
 from marker_tracker_node.tracking.cylinder_angle import follow_encoder, phase_lock
+from marker_tracker_node.tracking.expected_bands import Expected, empty_expected, expect_bands
 from marker_tracker_node.tracking.gate_prediction import (
     HIDDEN,
     MEASURED,
-    OUT_OF_SIGHT,
     Shutter,
-    gate_visibility,
     predict_gate,
-    separate_gates,
     shutter_of,
     turned_since,
 )
+from marker_tracker_node.tracking.guide_readings import fit_offset, follow_guide, judge_guide
 from marker_tracker_node.tracking.laid_path import (
-    LaidCable,
-    band_beside_turns,
-    corrected_height,
-    extend_path,
+    extend_paths,
+    laid_cable,
 )
 from marker_tracker_node.tracking.marker_acquisition import acquire_markers
 from marker_tracker_node.tracking.run_means import update_means, update_shift, write_results
@@ -42,6 +38,13 @@ from marker_tracker_node.tracking.state import (
     Setup,
     Tracks,
 )
+from marker_tracker_node.tracking.tracker_state import (
+    output_of,
+    run_of,
+    setup_of,
+    tracks_of,
+    write_run,
+)
 from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
@@ -53,67 +56,54 @@ JUMP_HEIGHT = 1.5e-3
 REAIM = 0.4
 
 
-class Expected(NamedTuple):
-    """Where the known markers are expected in a frame, arrays of shape (markers,).
-
-    Attributes:
-        outcome: What came of looking for the marker.
-        pixels: That its band should fill.
-        touching: Whether its band touches another.
-        azimuth: See `Band`, and so are the following.
-        slope: [m/rad]
-        low: [rad]
-        high: [rad]
-        below: [m]
-        above: [m]
-    """
-
-    outcome: IndexArray
-    pixels: FloatArray
-    touching: FlagArray
-    azimuth: FloatArray
-    slope: FloatArray
-    low: FloatArray
-    high: FloatArray
-    below: FloatArray
-    above: FloatArray
-
-
 @compiled
 def update_burst(
     frames: ByteArray,
     table: ByteArray,
-    setup: Setup,
-    run: Run,
-    tracks: Tracks,
-    times: FloatArray,
-    encoders: FloatArray,
-    guides: FloatArray,
-    leads: FloatArray,
-    out: Output,
-) -> Run:  # pragma: no cover
-    """Advance the tracks by every frame of a burst and return the run after it.
+    fixed: FloatArray,
+    numbers: FloatArray,
+    known: FlagArray,
+    marks: FloatArray,
+    hits: IndexArray,
+    candidates: FloatArray,
+    paths: FloatArray,
+    readings: FloatArray,
+    angle: FloatArray,
+    flags: NDArray[np.uint32],
+    fields: FloatArray,
+) -> None:  # pragma: no cover
+    """Advance a tracker's state by every frame of a burst.
 
     Args:
         frames: Shape (k, rows, columns, 3).
         table: See `Picture`.
-        setup: Machine and camera.
-        run: Before the first frame.
-        tracks: Written in place.
-        times: Ascending [s], shape (k,).
-        encoders: Cylinder angles [rad], nan where missing, shape (k,).
-        guides: Guide positions [m], nan to expect the commanded feed, shape (k,).
-        leads: How much further P0 is expected than encoder and shift say [rad], shape (k,).
-        out: Receives what each frame yields.
+        fixed: See `setup_numbers`.
+        numbers: See `TrackerState`, and so are the following; they are written in place.
+        known: Likewise.
+        marks: Likewise.
+        hits: Likewise.
+        candidates: Likewise.
+        paths: Likewise.
+        readings: Ascending times [s], cylinder angles [rad], nan where missing, guide positions
+            [m], nan to expect the commanded feed, and how much further P0 is expected than encoder
+            and shift say [rad], shape (4, k).
+        angle: See `OutputRoom`, and so are the following; they receive what each frame yields.
+        flags: Likewise.
+        fields: Likewise.
     """
+    setup, run = setup_of(fixed), run_of(numbers)
+    tracks = tracks_of(known, marks, hits, candidates, paths)
+    out = output_of(angle, flags, fields)
     for k in range(frames.shape[0]):
         picture = Picture(frames[k], table)
-        cylinder = follow_encoder(run.cylinder, times[k], encoders[k])
-        filled, guide = extend_path(setup, tracks.path, run, cylinder.angle, guides[k])
-        cable = LaidCable(tracks.marks, tracks.path, filled)
-        run = _update_frame(picture, setup, run, cylinder, guide, leads[k], cable, tracks, out, k)
-        out.angle[k] = run.cylinder.angle
-    return run
+        cylinder = follow_encoder(run.cylinder, readings[0, k], readings[1, k])
+        guide = follow_guide(setup, run.guide, run.cylinder, cylinder, readings[2, k])
+        filled = extend_paths(setup, paths, run, cylinder.angle, guide)
+        guide = judge_guide(setup, guide, tracks.marks, paths, filled, cylinder.angle)
+        run = Run(cylinder, guide, run.shift, run.shift_weight, filled)
+        run = _update_frame(picture, setup, run, readings[3, k], tracks, out, k)
+        angle[k] = run.cylinder.angle
+    write_run(run, numbers)
 
 
 @called
@@ -121,10 +111,7 @@ def _update_frame(
     picture: Picture,
     setup: Setup,
     run: Run,
-    cylinder: Cylinder,
-    guide: float,
     lead: float,
-    cable: LaidCable,
     tracks: Tracks,
     out: Output,
     k: int,
@@ -134,22 +121,20 @@ def _update_frame(
     Args:
         picture: Frame and colours.
         setup: Machine and camera.
-        run: Before the frame.
-        cylinder: At the frame.
-        guide: Guide position at the frame [m].
-        lead: See `update_burst`.
-        cable: As laid at the frame.
+        run: At the frame, as far as it is known without looking.
+        lead: How much further P0 is expected [rad].
         tracks: Written in place.
         out: Receives what the frame yields.
         k: Number of the frame.
     """
-    marks = tracks.marks
+    marks, cylinder, guide = tracks.marks, run.cylinder, run.guide
+    cable = laid_cable(tracks, run)
     count = marks.known.size
     turned = cylinder.angle + run.shift
     gates = empty_gates(count + 1)
-    expected = _empty_expected(count)
+    expected = empty_expected(count)
     shutter = shutter_of(setup, cylinder.rate, picture.pixels.shape[0])
-    _predict(picture, setup, shutter, cable, turned, lead, gates, expected)
+    expect_bands(picture, setup, shutter, cable, turned, lead, gates, expected)
     for n in range(count):
         # Neither out of sight nor clipped.
         if expected.outcome[n] == HIDDEN:
@@ -165,7 +150,8 @@ def _update_frame(
         )  # fmt: skip
     shift, weight = update_shift(run, cylinder.blind, out.azimuth[k, 0], turned)
     update_means(marks, out, k, turned)
-    if not marks.known.all():
+    found = marks.known.sum()
+    if found < count:
         scan = Scan(
             picture,
             setup,
@@ -177,65 +163,10 @@ def _update_frame(
             shutter,
         )
         shift = acquire_markers(scan, shift)
+        if marks.known.sum() > found:
+            guide = fit_offset(setup, guide, marks, tracks.paths, run.path_filled)
     write_results(setup, marks, expected.outcome, expected.touching, turned, out, k)
-    return Run(cylinder, shift, weight, cable.filled, guide)
-
-
-@called
-def _empty_expected(count: int) -> Expected:  # pragma: no cover
-    """Return room for what is expected of a number of markers, all of them out of sight."""
-    return Expected(
-        outcome=np.full(count, OUT_OF_SIGHT),
-        pixels=np.zeros(count),
-        touching=np.zeros(count, dtype=np.bool_),
-        azimuth=np.zeros(count),
-        slope=np.zeros(count),
-        low=np.zeros(count),
-        high=np.zeros(count),
-        below=np.zeros(count),
-        above=np.zeros(count),
-    )
-
-
-@called
-def _predict(
-    picture: Picture,
-    setup: Setup,
-    shutter: Shutter,
-    cable: LaidCable,
-    turned: float,
-    lead: float,
-    gates: Gates,
-    expected: Expected,
-) -> None:  # pragma: no cover
-    """Write where the known markers are expected, and the gates of those in sight."""
-    marks = cable.marks
-    count = marks.known.size
-    for n in range(count):
-        if not marks.known[n]:
-            continue
-        theta, z = marks.recent[n], marks.height[n]
-        azimuth = turned - theta
-        if n == 0:
-            azimuth += lead
-        elif azimuth < 0.0:
-            continue
-        away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
-        if abs(away) > setup.usable_azimuth:
-            continue
-        slope = corrected_height(cable, theta)[1]
-        azimuth += turned_since(setup, shutter, azimuth, z)
-        band = band_beside_turns(setup, cable, azimuth, theta, z, slope)
-        expected.pixels[n] = predict_gate(setup, band, gates, n)
-        expected.outcome[n] = gate_visibility(setup, gates, n, picture)
-        expected.azimuth[n], expected.slope[n] = azimuth, slope
-        expected.low[n], expected.high[n] = band.low, band.high
-        expected.below[n], expected.above[n] = band.below, band.above
-    for n in range(count):
-        for m in range(n + 1, count):
-            seen = expected.outcome[n] != OUT_OF_SIGHT and expected.outcome[m] != OUT_OF_SIGHT
-            if seen and separate_gates(gates, n, m):
-                expected.touching[n] = expected.touching[m] = True
+    return Run(cylinder, guide, shift, weight, run.path_filled)
 
 
 @compiled

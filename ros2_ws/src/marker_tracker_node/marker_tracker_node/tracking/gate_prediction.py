@@ -18,9 +18,17 @@ from winding_core.compiling import called, compiled
 
 RING_DEPTH = 0.65
 TOUCH_REACH = 1.5
+# Gates that overlap by less hold no pixels of each other's band [px].
+OVERLAP = 1.0
+# How far from a turn of the same colour a band is cut off [m, px of the picture].
+GUARD = 0.15e-3
+GUARD_PIXELS = 1.5
+# Half way to a turn so much farther than the gate reaches there is nothing to keep off [m].
+FAR_TURN = 1.0e-3
 
-# What comes of looking for a band; HIDDEN until it has been measured.
-OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED = range(4)
+# What comes of looking for a band; HIDDEN until it has been measured, COVERED where the cable that
+# is about to land hangs before it.
+OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED, COVERED = range(5)
 
 
 @compiled
@@ -42,8 +50,10 @@ def predict_gate(setup: Setup, band: Band, gates: Gates, n: int) -> float:  # pr
     gates.ahead[n] = half + (setup.along_margin + max(behind, 0.0)) * scale
     gates.behind[n] = half + (setup.along_margin + max(-behind, 0.0)) * scale
     span = (body.cable_radius + setup.across_margin) * scale
-    gates.left[n] = max(-span, _territory_edge(setup, band, band.low, -band.below, gates, n))
-    gates.right[n] = min(span, _territory_edge(setup, band, band.high, band.above, gates, n))
+    low, lean = _territory_edge(setup, band, band.low, -band.below, gates, n)
+    gates.left[n], gates.left_lean[n] = (low, lean) if low > -span else (-span, 0.0)
+    high, lean = _territory_edge(setup, band, band.high, band.above, gates, n)
+    gates.right[n], gates.right_lean[n] = (high, lean) if high < span else (span, 0.0)
     return float(area * camera.fx * camera.fy / (camera.binning * camera.binning))
 
 
@@ -62,22 +72,32 @@ def _surface_pixel(
 @called
 def _territory_edge(
     setup: Setup, band: Band, psi: float, distance: float, gates: Gates, n: int
-) -> float:  # pragma: no cover
-    """Return where across gate n the band's territory ends [px].
+) -> tuple[float, float]:  # pragma: no cover
+    """Return where across gate n the band's territory ends [px], and its change along the gate.
 
-    That is the crease with a turn that overlaps the band, or half way to one that does not.
+    That is where the band is cut off, or half way to a turn that does not reach it.
     """
-    if not math.isfinite(distance):
-        return distance
+    bounded = abs(psi) < math.pi
     rho, r = setup.body.rho, setup.body.cable_radius
-    if abs(distance) < 2.0 * r:
-        x, y, z = surface_point(rho, r, band.azimuth, band.z, band.slope, psi)
-    else:
-        x, y, z = centre_point(rho, band.azimuth, band.z + 0.5 * distance)
-    a, b, _depth = plane_of_point(setup.camera, x, y, z)
-    u, v = pixel_of_plane(setup.camera, a, b)
-    du, dv = u - gates.column[n], v - gates.row[n]
-    return float(gates.along_u[n] * dv - gates.along_v[n] * du)
+    if not bounded and abs(distance) > 2.0 * (r + setup.across_margin + FAR_TURN):
+        return math.copysign(math.inf, distance), 0.0
+    reach = setup.body.half_band / math.hypot(rho, band.slope)
+    along_0, across_0, along_1, across_1 = 0.0, 0.0, 0.0, 0.0
+    for end in range(2):
+        way = (2.0 * end - 1.0) * reach
+        azimuth, z = band.azimuth - way, band.z + band.slope * way
+        if bounded:
+            x, y, z = surface_point(rho, r, azimuth, z, band.slope, psi)
+        else:
+            x, y, z = centre_point(rho, azimuth, z + 0.5 * distance)
+        a, b, _depth = plane_of_point(setup.camera, x, y, z)
+        u, v = pixel_of_plane(setup.camera, a, b)
+        du, dv = u - gates.column[n], v - gates.row[n]
+        along_0, across_0 = along_1, across_1
+        along_1 = du * gates.along_u[n] + dv * gates.along_v[n]
+        across_1 = gates.along_u[n] * dv - gates.along_v[n] * du
+    lean = (across_1 - across_0) / (along_1 - along_0)
+    return across_0 - lean * along_0, lean
 
 
 class Shutter(NamedTuple):
@@ -118,6 +138,23 @@ def axis_scale(camera: CameraView) -> float:  # pragma: no cover
 
 
 @called
+def guarded(setup: Setup, band: Band, below: bool, above: bool) -> Band:  # pragma: no cover
+    """Return a band cut off before it meets the turn on its -z side, on its +z side, or both.
+
+    Beside a turn whose band has the same colour the last pixels may belong to either, and those
+    beyond the band's own end are the farthest from its middle.
+    """
+    r = setup.body.cable_radius
+    guard = max(GUARD, GUARD_PIXELS / axis_scale(setup.camera))
+    low, high = band.low, band.high
+    if below and band.below < 2.0 * r + 2.0 * guard:
+        low = max(low, -math.asin(max(0.5 * (band.below - 2.0 * guard) / r, 0.0)))
+    if above and band.above < 2.0 * r + 2.0 * guard:
+        high = min(high, math.asin(max(0.5 * (band.above - 2.0 * guard) / r, 0.0)))
+    return Band(band.azimuth, band.z, band.slope, low, high, band.below, band.above)
+
+
+@called
 def gate_visibility(
     setup: Setup, gates: Gates, n: int, picture: Picture
 ) -> int:  # pragma: no cover
@@ -130,23 +167,40 @@ def gate_visibility(
 
 
 @called
-def separate_gates(gates: Gates, first: int, second: int) -> bool:  # pragma: no cover
-    """Keep two gates off each other's band along the cable and return whether the bands touch."""
+def _apart(gates: Gates, first: int, second: int) -> tuple[float, float]:  # pragma: no cover
+    """Return how far the middles of two gates lie apart along the first and across it [px]."""
     du = gates.column[second] - gates.column[first]
     dv = gates.row[second] - gates.row[first]
     along = abs(du * gates.along_u[first] + dv * gates.along_v[first])
-    across = abs(gates.along_u[first] * dv - gates.along_v[first] * du)
-    left, right = (first, second) if du > 0.0 else (second, first)
-    reach = gates.right[left] - gates.left[right] + TOUCH_REACH
+    return along, abs(gates.along_u[first] * dv - gates.along_v[first] * du)
+
+
+@called
+def gates_meet(gates: Gates, first: int, second: int, room: float) -> bool:  # pragma: no cover
+    """Return whether two gates overlap, or lie less than `room` [px] apart."""
+    along, across = _apart(gates, first, second)
+    to_right = gates.column[second] > gates.column[first]
+    left, right = (first, second) if to_right else (second, first)
     longest = max(gates.ahead[first], gates.behind[first]) + max(
         gates.ahead[second], gates.behind[second]
     )
-    if across > reach or along > longest:
-        return False
-    if along < gates.half_band[first] + gates.half_band[second]:
-        return True
+    return bool(across < gates.right[left] - gates.left[right] + room and along <= longest)
+
+
+@called
+def bands_touch(gates: Gates, first: int, second: int) -> bool:  # pragma: no cover
+    """Return whether two bands whose gates meet lie beside each other."""
+    along, _ = _apart(gates, first, second)
+    return bool(along < gates.half_band[first] + gates.half_band[second])
+
+
+@called
+def separate_gates(gates: Gates, first: int, second: int) -> None:  # pragma: no cover
+    """Keep two gates that overlap off each other's band along the cable."""
+    if not gates_meet(gates, first, second, -OVERLAP) or bands_touch(gates, first, second):
+        return
+    along, _ = _apart(gates, first, second)
     for mine, other in ((first, second), (second, first)):
         limit = along - gates.half_band[other]
         gates.ahead[mine] = min(gates.ahead[mine], limit)
         gates.behind[mine] = min(gates.behind[mine], limit)
-    return False

@@ -9,12 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.detection.band import Band
-from marker_tracker_node.tracking.state import PATH_SIZE, PATH_STEP, Marks, Run, Setup
+from marker_tracker_node.tracking.state import (
+    BY_READINGS,
+    PATH_SIZE,
+    PATH_STEP,
+    Guide,
+    Marks,
+    Run,
+    Setup,
+    Tracks,
+)
 from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]
 
 TAIL = 0.5
+# Before the contact line the free span stands off the cylinder: within these azimuths [rad] it
+# hangs before the turn beside it, nearer to the line it lies beside that.
+SPAN_FIRST, SPAN_LAST = -1.3, -0.3
+# What the expected path may be wrong by before a turn has landed [m].
+SPAN_ROOM = 1.0e-3
+# A marker that is not known yet shows this far beside the place where it may be [rad].
+STRANGER_REACH = 0.4
+# The next marker is no nearer than this share of the mean gap.
+LEAST_GAP = 0.6
 
 
 class LaidCable(NamedTuple):
@@ -22,8 +40,8 @@ class LaidCable(NamedTuple):
 
     Attributes:
         marks: The markers.
-        path: See `Tracks`.
-        filled: Places of the path that are filled.
+        path: One of `Tracks.paths`.
+        filled: Places of it that are filled.
     """
 
     marks: Marks
@@ -32,32 +50,40 @@ class LaidCable(NamedTuple):
 
 
 @called
-def extend_path(
-    setup: Setup, path: FloatArray, run: Run, angle: float, guide: float
-) -> tuple[int, float]:  # pragma: no cover
-    """Lay the expected path up to a cylinder angle: dz/dtheta = (z_guide - z) / lag.
+def laid_cable(tracks: Tracks, run: Run) -> LaidCable:  # pragma: no cover
+    """Return the cable by what is believed of the guide."""
+    row = 0 if run.guide.belief == BY_READINGS else 1
+    return LaidCable(tracks.marks, tracks.paths[row], run.path_filled)
+
+
+@called
+def extend_paths(
+    setup: Setup, paths: FloatArray, run: Run, angle: float, guide: Guide
+) -> int:  # pragma: no cover
+    """Lay the expected paths up to a cylinder angle: dz/dtheta = (z_guide - z) / lag.
 
     Args:
         setup: Machine and camera.
-        path: See `Tracks`.
+        paths: See `Tracks`.
         run: Of the last frame.
         angle: Cylinder angle of this frame [rad].
-        guide: Guide position of this frame [m]; nan to expect the commanded feed.
+        guide: At this frame.
 
     Returns:
-        Filled places of the path and the guide position that was used [m].
+        Filled places of the paths.
     """
-    if not math.isfinite(guide):
-        guide = setup.advance_per_radian * angle
-    start, before, count = run.cylinder.angle, run.guide, run.path_filled
+    start, count = run.cylinder.angle, run.path_filled
     share = 1.0 - math.exp(-PATH_STEP / setup.lag)
     while count < PATH_SIZE and count * PATH_STEP <= angle:
         middle = (count - 0.5) * PATH_STEP
         part = (middle - start) / (angle - start) if angle > start else 1.0
-        target = before + (guide - before) * min(max(part, 0.0), 1.0)
-        path[count] = path[count - 1] + share * (target - path[count - 1])
+        way = run.guide.way + (guide.way - run.guide.way) * min(max(part, 0.0), 1.0)
+        told = way + guide.offset
+        paths[0, count] = paths[0, count - 1] + share * (told - paths[0, count - 1])
+        commanded = setup.advance_per_radian * middle
+        paths[1, count] = paths[1, count - 1] + share * (commanded - paths[1, count - 1])
         count += 1
-    return count, guide
+    return count
 
 
 @called
@@ -70,6 +96,14 @@ def path_height(cable: LaidCable, theta: float) -> tuple[float, float]:  # pragm
     low = min(int(place), last - 1)
     slope = (cable.path[low + 1] - cable.path[low]) / PATH_STEP
     return cable.path[low] + slope * (theta - low * PATH_STEP), slope
+
+
+@called
+def mean_gap(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cover
+    """Return the wound angle between markers [rad]: measured so far, or else expected."""
+    if last > 0:
+        return float((marks.theta[last] - marks.theta[0]) / last)
+    return setup.expected_gap
 
 
 @called
@@ -117,16 +151,55 @@ def band_beside_turns(
         z: Of the band [m].
         slope: dz/dtheta there [m/rad].
     """
-    low, high, below, above = -math.pi, math.pi, math.inf, math.inf
+    below, above = math.inf, math.inf
     lean = setup.body.rho / math.hypot(setup.body.rho, slope)
     diameter = 2.0 * setup.body.cable_radius
     turn = 2.0 * math.pi
     if theta - turn > -TAIL:
-        below = max((z - corrected_height(cable, theta - turn)[0]) * lean, 0.0)
-        if below < diameter:
-            low = -math.asin(below / diameter)
+        away = (z - corrected_height(cable, theta - turn)[0]) * lean
+        below, above = _nearer(below, above, away)
     if azimuth > turn - TAIL:
-        above = max((corrected_height(cable, theta + turn)[0] - z) * lean, 0.0)
-        if above < diameter:
-            high = math.asin(above / diameter)
+        away = (corrected_height(cable, theta + turn)[0] - z) * lean
+        if known_around(cable.marks, theta + turn)[1] < 0:
+            # Beyond the last marker the path is only expected: no turn lies in the one before.
+            away = math.copysign(max(abs(away), diameter), away)
+        below, above = _nearer(below, above, -away)
+    low = -math.asin(below / diameter) if below < diameter else -math.pi
+    high = math.asin(above / diameter) if above < diameter else math.pi
     return Band(azimuth, z, slope, low, high, below, above)
+
+
+@called
+def _nearer(below: float, above: float, away: float) -> tuple[float, float]:  # pragma: no cover
+    """Return the distances of the turns beside a band, one more so far to its -z side [m]."""
+    if away >= 0.0:
+        return min(below, away), above
+    return below, min(above, -away)
+
+
+@called
+def covered_by_span(
+    setup: Setup, cable: LaidCable, band: Band, theta: float
+) -> bool:  # pragma: no cover
+    """Return whether the cable that is about to land hangs before a band at a wound angle [rad]."""
+    before = band.azimuth - 2.0 * math.pi
+    if not SPAN_FIRST < before < SPAN_LAST:
+        return False
+    # The path goes on past the landing with the slope of the free span.
+    landing = theta + 2.0 * math.pi + before
+    way = landing + math.sin(-before)
+    distance = abs(corrected_height(cable, way)[0] - band.z)
+    return bool(distance < 2.0 * setup.body.cable_radius + SPAN_ROOM)
+
+
+@called
+def stranger_beside(setup: Setup, cable: LaidCable, theta: float) -> bool:  # pragma: no cover
+    """Return whether a marker that is not known yet may lie a turn behind a wound angle [rad]."""
+    marks = cable.marks
+    last = marks.known.size - 1
+    while last >= 0 and not marks.known[last]:
+        last -= 1
+    if last < 0 or last == marks.known.size - 1:
+        return False
+    least = marks.theta[last] + LEAST_GAP * mean_gap(setup, marks, last)
+    return bool(theta + 2.0 * math.pi + STRANGER_REACH > least)

@@ -15,11 +15,10 @@ from marker_tracker_node.tracking.candidates import (
     P0_REACH,
     Scan,
     confirm_candidates,
-    mean_gap,
     verify_candidate,
 )
 from marker_tracker_node.tracking.gate_prediction import OUT_OF_SIGHT, axis_scale
-from marker_tracker_node.tracking.laid_path import corrected_height
+from marker_tracker_node.tracking.laid_path import LEAST_GAP, corrected_height, mean_gap
 from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]
@@ -77,7 +76,7 @@ def _wanted_ranges(scan: Scan) -> tuple[FloatArray, FloatArray]:  # pragma: no c
                 count += 1
             last = n
     if last < markers - 1:
-        starts[count] = marks.theta[last] + 0.6 * mean_gap(scan.setup, marks, last)
+        starts[count] = marks.theta[last] + LEAST_GAP * mean_gap(scan.setup, marks, last)
         ends[count] = scan.turned + APPROACH
         count += 1
     return starts[:count], ends[:count]

@@ -38,6 +38,8 @@ class TrackerReport:
         colour_separation: Share of background pixels that the colour model rejects; nan if
             unknown.
         contradictions: Told numbers that the pictures speak against.
+        missing: Numbers of the markers that should have been found long ago.
+        guide_doubt: What is wrong with the guide's readings; empty if nothing.
     """
 
     frames: int
@@ -52,9 +54,20 @@ class TrackerReport:
     remarks: tuple[str, ...]
     colour_separation: float
     contradictions: tuple[Contradiction, ...]
+    missing: tuple[int, ...] = ()
+    guide_doubt: str = ""
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What contradicts the lay that is expected, in sentences."""
+        lost = (f"P{n} was not found where it should lie" for n in self.missing)
+        return (*((self.guide_doubt,) if self.guide_doubt else ()), *lost)
 
     @property
     def healthy(self) -> bool:
         """Whether nothing is wrong at the moment."""
-        against = (self.encoder_lost, self.colour_refusal, self.slipped, self.contradictions)
+        against = (
+            *(self.encoder_lost, self.colour_refusal, self.slipped),
+            *(self.contradictions, self.doubts),
+        )
         return not any(against) and self.known > 0

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from marker_tracker_node.tracking.consistency import Contradiction, Evidence, contradictions
 from marker_tracker_node.tracking.geometry_signature import signatures
 from marker_tracker_node.tracking.sighting_log import SightingLog
-from marker_tracker_node.tracking.state import Output, Setup, TrackerState
+from marker_tracker_node.tracking.state import Output, Setup
+from marker_tracker_node.tracking.tracker_state import TrackerState
 from marker_tracker_node.tracking.unnumbered_bands import UnnumberedBands
 
 FloatArray = NDArray[np.float64]
@@ -33,10 +34,9 @@ class RunEvidence:
         self,
         frames: ByteArray,
         table: ByteArray,
-        setup: Setup,
+        fixed: FloatArray,
         state: TrackerState,
-        times: FloatArray,
-        told: FloatArray,
+        readings: FloatArray,
         out: Output,
     ) -> None:
         """Take the frames of a burst.
@@ -44,20 +44,18 @@ class RunEvidence:
         Args:
             frames: Shape (k, rows, columns, 3).
             table: Colours of the markers, see `Picture`.
-            setup: Machine and camera.
+            fixed: See `setup_numbers`.
             state: After the burst.
-            times: [s], shape (k,).
-            told: Encoder readings [rad], nan where missing, shape (k,).
+            readings: See `update_burst`.
             out: What the frames yielded.
         """
-        for k, t in enumerate(times.tolist()):
+        for k, t in enumerate(readings[0].tolist()):
             if t - self._taken < _PERIOD:
                 continue
             self._taken = t
-            self._log.add(frames[k], t, float(told[k]), out, k)
-            turned = float(out.angle[k]) + state.run.shift
-            tracks = state.tracks
-            self._unnumbered.look(frames[k], table, setup, tracks.marks, tracks.path, turned)
+            self._log.add(frames[k], t, float(readings[1, k]), out, k)
+            turned = float(out.angle[k]) + state.shift
+            self._unnumbered.look(frames[k], table, fixed, state, turned)
 
     def judged(self, setup: Setup, state: TrackerState) -> tuple[Contradiction, ...]:
         """Return which told numbers the pictures speak against."""

@@ -7,9 +7,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.gate_prediction import CLIPPED, HIDDEN
+from marker_tracker_node.tracking.gate_prediction import CLIPPED, COVERED, HIDDEN
 from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Output, Run, Setup
-from winding_core.compiling import called
+from marker_tracker_node.tracking.uncertainty import (
+    BENT_OVER_RUN,
+    MEAN_BIAS_ACROSS,
+    MEAN_BIAS_ALONG,
+    SCATTER,
+    bent_height,
+    frame_variance,
+    pixel_size,
+)
+from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
 
 FloatArray = NDArray[np.float64]
@@ -103,6 +112,11 @@ def write_results(
     """
     p0_seen = math.isfinite(out.seen_height[k, 0])
     base = out.seen_height[k, 0] if p0_seen else marks.height[0]
+    facing = pixel_size(setup, 0.0)
+    mean_theta, mean_height = _mean_variances(setup, facing, marks, 0)
+    from_theta, from_height = mean_theta, mean_height
+    if p0_seen:
+        from_theta, from_height = _bias_variances(setup, out, k, 0)
     for n in range(marks.known.size):
         if not marks.known[n] or (n > 0 and turned < marks.recent[n]):
             out.theta[k, n] = out.height[k, n] = math.nan
@@ -110,22 +124,63 @@ def write_results(
             out.flags[k, n] = FLAG_NOT_WOUND
             continue
         flags = 0
-        share = 1.0
         if math.isfinite(out.azimuth[k, n]):
             out.height[k, n] = out.seen_height[k, n] - base
+            own_theta, own_height = _bias_variances(setup, out, k, n)
+            own_theta += from_theta + _scatter(marks.var_theta[n], facing[0])
+            own_height += from_height + _scatter(marks.var_height[n], facing[1])
         else:
             flags |= FLAG_PREDICTED
             out.theta[k, n] = marks.theta[n]
             out.height[k, n] = marks.height[n] - marks.height[0]
-            share = 1.0 / math.sqrt(marks.weight[n])
+            own_theta, own_height = _mean_variances(setup, facing, marks, n)
+            own_theta += mean_theta
+            own_height += mean_height
             if outcome[n] == CLIPPED:
                 flags |= FLAG_CLIPPED
-            if outcome[n] == HIDDEN:
+            if outcome[n] == HIDDEN or outcome[n] == COVERED:
                 flags |= FLAG_OCCLUDED
-        out.sigma_theta[k, n] = math.sqrt(marks.var_theta[n]) * share
-        out.sigma_height[k, n] = math.sqrt(marks.var_height[n]) * share
+        out.sigma_theta[k, n] = math.sqrt(own_theta)
+        out.sigma_height[k, n] = math.sqrt(own_height)
         if touching[n]:
             flags |= FLAG_TOUCHING
         if abs(marks.recent[n] - marks.reference[n]) > setup.slip_limit:
             flags |= FLAG_SLIPPED
         out.flags[k, n] = flags
+
+
+@called
+def _bias_variances(
+    setup: Setup, out: Output, k: int, n: int
+) -> tuple[float, float]:  # pragma: no cover
+    """Return what azimuth [rad^2] and z [m^2] of a band measured in frame k may have in common."""
+    angle, height = pixel_size(setup, out.azimuth[k, n])
+    cut = out.low[k, n] > -math.pi or out.high[k, n] < math.pi
+    pixels = frame_variance(cut)
+    return angle * angle * pixels, height * height * pixels + bent_height(setup.body) ** 2
+
+
+@called
+def _scatter(seen: float, pixel: float) -> float:  # pragma: no cover
+    """Return the variance between frames: as seen, and no less than pixels allow."""
+    return max(seen, (SCATTER * pixel) ** 2)
+
+
+@called
+def _mean_variances(
+    setup: Setup, facing: tuple[float, float], marks: Marks, n: int
+) -> tuple[float, float]:  # pragma: no cover
+    """Return the variances of a run mean, see `mean_variances`; facing is a pixel's size there."""
+    weight = max(marks.weight[n], 1.0)
+    return (
+        (MEAN_BIAS_ALONG * facing[0]) ** 2 + _scatter(marks.var_theta[n], facing[0]) / weight,
+        (MEAN_BIAS_ACROSS * facing[1]) ** 2
+        + (BENT_OVER_RUN * bent_height(setup.body)) ** 2
+        + _scatter(marks.var_height[n], facing[1]) / weight,
+    )
+
+
+@compiled
+def mean_variances(setup: Setup, marks: Marks, n: int) -> tuple[float, float]:  # pragma: no cover
+    """Return the variances of a run mean's azimuth [rad^2] and z [m^2], as seen by the camera."""
+    return _mean_variances(setup, pixel_size(setup, 0.0), marks, n)

@@ -1,9 +1,7 @@
-"""What the tracker's kernels take and keep: constants, what is known of a run, and results."""
+"""What the tracker's kernels work on: constants, what is known of a run, and results."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +17,9 @@ IndexArray = NDArray[np.int64]
 CANDIDATES = 8
 PATH_STEP = 0.05
 PATH_SIZE = 8192
+# By what the path is laid: the guide's readings, or the commanded feed because the next marker did
+# not come, the markers lie there, or no guide moves so far.
+BY_READINGS, TRIED, CONTRADICTED, IMPOSSIBLE = range(4)
 
 
 class Setup(NamedTuple):
@@ -73,22 +74,46 @@ class Cylinder(NamedTuple):
     read: float
 
 
+class Guide(NamedTuple):
+    """What is known of the guide, see `guide_readings`.
+
+    Attributes:
+        way: Since P0 landed, in the last frame [m].
+        reading: Of the last frame that had one [m]; nan before.
+        zero: What it reads where P0 lands [m]; nan before the first reading.
+        travel: Of the readings while the cylinder turned [m].
+        turned: Rotation in which that was [rad].
+        offset: How much further than `way` the guide stands, as the markers say [m].
+        belief: One of BY_READINGS and so on.
+        since: Cylinder angle when that was decided [rad].
+    """
+
+    way: float
+    reading: float
+    zero: float
+    travel: float
+    turned: float
+    offset: float
+    belief: int
+    since: float
+
+
 class Run(NamedTuple):
     """What all markers have in common.
 
     Attributes:
         cylinder: Its rotation.
+        guide: On the carriage.
         shift: Azimuth seen minus azimuth of the encoder [rad].
         shift_weight: Of this mean, in frames.
-        path_filled: Filled places of the path.
-        guide: Position in the last frame [m].
+        path_filled: Filled places of the paths.
     """
 
     cylinder: Cylinder
+    guide: Guide
     shift: float
     shift_weight: float
     path_filled: int
-    guide: float
 
 
 class Marks(NamedTuple):
@@ -145,38 +170,13 @@ class Tracks(NamedTuple):
     Attributes:
         marks: Of P0 to Pn.
         candidates: For markers that are not known yet.
-        path: Expected z of the laid cable every PATH_STEP of wound angle [m], shape (PATH_SIZE,).
+        paths: Expected z of the laid cable every PATH_STEP of wound angle [m], by the guide's
+            readings and by the commanded feed, shape (2, PATH_SIZE).
     """
 
     marks: Marks
     candidates: Candidates
-    path: FloatArray
-
-
-@dataclass(kw_only=True)
-class TrackerState:
-    """The one mutable state of a tracker: `run` as numbers and `tracks` as arrays."""
-
-    run: Run
-    tracks: Tracks
-
-    @classmethod
-    def fresh(cls, marker_count: int) -> TrackerState:
-        """Return the state before the first frame."""
-        still = Cylinder(
-            angle=0.0, time=0.0, rate=0.0, wraps=0.0, started=False, blind=False, read=math.nan
-        )
-        markers = marker_count + 1
-        numbers = [np.zeros(markers) for _ in Marks._fields[1:]]
-        places = [np.zeros(CANDIDATES) for _ in Candidates._fields[1:]]
-        return cls(
-            run=Run(cylinder=still, shift=0.0, shift_weight=0.0, path_filled=1, guide=0.0),
-            tracks=Tracks(
-                marks=Marks(np.zeros(markers, dtype=np.bool_), *numbers),
-                candidates=Candidates(np.zeros(CANDIDATES, dtype=np.int64), *places),
-                path=np.zeros(PATH_SIZE),
-            ),
-        )
+    paths: FloatArray
 
 
 class Output(NamedTuple):
@@ -207,14 +207,3 @@ class Output(NamedTuple):
     slope: FloatArray
     low: FloatArray
     high: FloatArray
-
-    @classmethod
-    def empty(cls, frames: int, markers: int) -> Output:
-        """Return room for a number of frames, nan everywhere and without flags."""
-        shape = (frames, markers)
-        plain = [name for name in cls._fields if name not in ("angle", "flags")]
-        return cls(
-            angle=np.full(frames, np.nan),
-            flags=np.zeros(shape, dtype=np.uint32),
-            **{name: np.full(shape, np.nan) for name in plain},
-        )

