@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node import Tracker
-from marker_tracker_node.detection.gate import Picture, empty_gates
+from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.frame_update import _empty_expected, _predict
 from marker_tracker_node.tracking.gate_prediction import OUT_OF_SIGHT
 from marker_tracker_node.tracking.laid_path import LaidCable
@@ -45,8 +45,7 @@ def boxes_of(tracker: Tracker, frame: NDArray[np.uint8], angle: float) -> list[B
     """
     run, marks = tracker.state.run, tracker.state.tracks.marks
     gates, expected = empty_gates(marks.known.size + 1), _empty_expected(marks.known.size)
-    assert tracker.colour is not None
-    picture = Picture(frame, tracker.colour.table)
+    picture = tracker._start.palette().picture(frame)
     cable = LaidCable(marks, tracker.state.tracks.path, run.path_filled)
     _predict(picture, tracker._setup, cable, angle + run.shift, 0.0, gates, expected)
     rows, columns = frame.shape[:2]

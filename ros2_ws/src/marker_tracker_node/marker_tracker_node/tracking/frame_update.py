@@ -9,14 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.detection.band import Band, moved_band
-from marker_tracker_node.detection.gate import Gates, Picture, empty_gates
-from marker_tracker_node.tracking.band_measurement import WHOLE_AREA, measure_band
+from marker_tracker_node.detection.gate import (
+    FIRST_COLOUR,
+    TABLE_SIZE,
+    Gates,
+    Picture,
+    empty_gates,
+    seeking,
+    several_colours,
+)
+from marker_tracker_node.detection.palette import Palette
+from marker_tracker_node.tracking.band_measurement import NOTHING, WHOLE_AREA, measure_band
 from marker_tracker_node.tracking.candidates import Scan
 from marker_tracker_node.tracking.cylinder_angle import follow_encoder, phase_lock
 from marker_tracker_node.tracking.gate_prediction import (
     HIDDEN,
-    MEASURED,
     OUT_OF_SIGHT,
+    PARTLY,
     Shutter,
     gate_visibility,
     predict_gate,
@@ -82,7 +91,7 @@ class Expected(NamedTuple):
 @compiled
 def update_burst(
     frames: ByteArray,
-    table: ByteArray,
+    palette: Palette,
     setup: Setup,
     run: Run,
     tracks: Tracks,
@@ -96,7 +105,7 @@ def update_burst(
 
     Args:
         frames: Shape (k, rows, columns, 3).
-        table: See `Picture`.
+        palette: Colours of the markers.
         setup: Machine and camera.
         run: Before the first frame.
         tracks: Written in place.
@@ -106,8 +115,9 @@ def update_burst(
         leads: How much further P0 is expected than encoder and shift say [rad], shape (k,).
         out: Receives what each frame yields.
     """
+    first = palette.tables[FIRST_COLOUR * TABLE_SIZE : (FIRST_COLOUR + 1) * TABLE_SIZE]
     for k in range(frames.shape[0]):
-        picture = Picture(frames[k], table)
+        picture = Picture(frames[k], first, palette.tables, palette.colour_of)
         cylinder = follow_encoder(run.cylinder, times[k], encoders[k])
         filled, guide = extend_path(setup, tracks.path, run, cylinder.angle, guides[k])
         cable = LaidCable(tracks.marks, tracks.path, filled)
@@ -164,7 +174,7 @@ def _update_frame(
             cylinder.started, cylinder.blind, cylinder.read,
         )  # fmt: skip
     shift, weight = update_shift(run, cylinder.blind, out.azimuth[k, 0], turned)
-    update_means(marks, out, k, turned)
+    update_means(marks, expected.outcome, out, k, turned)
     if not marks.known.all():
         scan = Scan(
             picture,
@@ -256,13 +266,15 @@ def _measure(
         expected.low[n], expected.high[n], expected.below[n], expected.above[n],
     )  # fmt: skip
     pixels, place = expected.pixels[n], band
-    azimuth, z, share = math.nan, math.nan, 0.0
+    area = marks.area[n]
+    if several_colours(picture):
+        picture = seeking(picture, picture.colour_of[n])
+    azimuth, z, found = math.nan, math.nan, NOTHING
     for attempt in range(2):
-        outcome, azimuth, z, share = measure_band(
-            picture, setup, gates, n, place, pixels * marks.area[n], WHOLE_AREA
-        )
-        if outcome != MEASURED:
-            return outcome
+        found = measure_band(picture, setup, gates, n, place, pixels, area, WHOLE_AREA)
+        if found.outcome == HIDDEN:
+            return found.outcome
+        azimuth, z = found.azimuth, found.z
         off = abs(azimuth - band.azimuth) * setup.body.rho
         if attempt == 1 or off <= REAIM * setup.along_margin:
             break
@@ -274,8 +286,10 @@ def _measure(
         gates.behind[n] = min(gates.behind[n], behind)
     if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > JUMP_HEIGHT:
         return HIDDEN
-    marks.area[n] *= 1.0 + AREA_SHARE * (share - 1.0)
+    marks.area[n] *= 1.0 + AREA_SHARE * (found.share - 1.0)
     out.azimuth[k, n] = azimuth - turned_since(setup, shutter, azimuth, z)
     out.seen_height[k, n], out.slope[k, n] = z, band.slope
     out.low[k, n], out.high[k, n] = band.low, band.high
-    return MEASURED
+    if found.outcome == PARTLY:
+        out.sigma_theta[k, n], out.sigma_height[k, n] = found.azimuth_factor, found.z_factor
+    return found.outcome

@@ -19,8 +19,9 @@ from winding_core.compiling import called, compiled
 RING_DEPTH = 0.65
 TOUCH_REACH = 1.5
 
-# What comes of looking for a band; HIDDEN until it has been measured.
-OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED = range(4)
+# What comes of looking for a band; HIDDEN until it has been measured, PARTLY where light hides a
+# part of it.
+OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED, PARTLY = range(5)
 
 
 @compiled

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.gate_prediction import CLIPPED, HIDDEN
+from marker_tracker_node.tracking.gate_prediction import CLIPPED, HIDDEN, PARTLY
 from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Output, Run, Setup
 from winding_core.compiling import called
 from winding_core.markers import MarkerFlag
@@ -51,11 +51,26 @@ def update_shift(
 
 
 @called
-def update_means(marks: Marks, out: Output, k: int, turned: float) -> None:  # pragma: no cover
+def _factor(outcome: int, factor: float) -> float:  # pragma: no cover
+    """Return by how much the deviation of a mark exceeds that of one that is seen whole."""
+    return float(factor) if outcome == PARTLY else 1.0
+
+
+@called
+def _joint(one: float, other: float) -> float:  # pragma: no cover
+    """Return by how much the deviation of a difference of two measurements is larger."""
+    return 1.0 if one == other == 1.0 else math.sqrt(0.5 * (one * one + other * other))
+
+
+@called
+def update_means(
+    marks: Marks, outcome: IndexArray, out: Output, k: int, turned: float
+) -> None:  # pragma: no cover
     """Take the bands measured in frame k into the run means; write their wound angles.
 
     Args:
         marks: The markers.
+        outcome: What came of looking for each, shape (markers,).
         out: Holds azimuth and z as seen; receives the wound angle of what was measured.
         k: Number of the frame.
         turned: Cylinder angle as the camera sees it [rad].
@@ -63,18 +78,27 @@ def update_means(marks: Marks, out: Output, k: int, turned: float) -> None:  # p
     with_p0 = math.isfinite(out.azimuth[k, 0])
     base = out.azimuth[k, 0] if with_p0 else turned
     trust = 1.0 if with_p0 else ENCODER_TRUST
+    first = _factor(outcome[0], out.sigma_theta[k, 0])
     for n in range(marks.known.size):
         if not math.isfinite(out.azimuth[k, n]):
             continue
         theta = base - out.azimuth[k, n]
         out.theta[k, n] = theta
-        marks.weight[n] = min(marks.weight[n] + trust, MEMORY)
-        part = trust / marks.weight[n]
         d_theta, d_height = theta - marks.theta[n], out.seen_height[k, n] - marks.height[n]
+        mine = trust
+        own_theta, own_height = d_theta, d_height
+        if outcome[n] == PARTLY or first > 1.0:
+            # What is seen in part says less.
+            factor = _joint(_factor(outcome[n], out.sigma_theta[k, n]), first)
+            mine /= factor * factor
+            own_theta /= factor
+            own_height /= _factor(outcome[n], out.sigma_height[k, n])
+        marks.weight[n] = min(marks.weight[n] + mine, MEMORY)
+        part = mine / marks.weight[n]
         marks.theta[n] += part * d_theta
         marks.height[n] += part * d_height
-        marks.var_theta[n] += VARIANCE_SHARE * (d_theta * d_theta - marks.var_theta[n])
-        marks.var_height[n] += VARIANCE_SHARE * (d_height * d_height - marks.var_height[n])
+        marks.var_theta[n] += VARIANCE_SHARE * (own_theta * own_theta - marks.var_theta[n])
+        marks.var_height[n] += VARIANCE_SHARE * (own_height * own_height - marks.var_height[n])
         marks.recent[n] += RECENT_SHARE * (theta - marks.recent[n])
         if marks.weight[n] <= REFERENCE_FRAMES:
             marks.reference[n] = marks.theta[n]
@@ -103,6 +127,9 @@ def write_results(
     """
     p0_seen = math.isfinite(out.seen_height[k, 0])
     base = out.seen_height[k, 0] if p0_seen else marks.height[0]
+    first = _factor(outcome[0], out.sigma_theta[k, 0])
+    # A mark that is no ring moves around the section with the cable: P0's and its own both count.
+    twisted = math.sqrt(2.0) * setup.torsion * setup.body.cable_radius
     for n in range(marks.known.size):
         if not marks.known[n] or (n > 0 and turned < marks.recent[n]):
             out.theta[k, n] = out.height[k, n] = math.nan
@@ -110,20 +137,23 @@ def write_results(
             out.flags[k, n] = FLAG_NOT_WOUND
             continue
         flags = 0
-        share = 1.0
+        share, share_z = 1.0, 1.0
         if math.isfinite(out.azimuth[k, n]):
+            if outcome[n] == PARTLY or first > 1.0:
+                share = _joint(_factor(outcome[n], out.sigma_theta[k, n]), first)
+                share_z = _factor(outcome[n], out.sigma_height[k, n])
             out.height[k, n] = out.seen_height[k, n] - base
         else:
             flags |= FLAG_PREDICTED
             out.theta[k, n] = marks.theta[n]
             out.height[k, n] = marks.height[n] - marks.height[0]
-            share = 1.0 / math.sqrt(marks.weight[n])
+            share = share_z = 1.0 / math.sqrt(marks.weight[n])
             if outcome[n] == CLIPPED:
                 flags |= FLAG_CLIPPED
             if outcome[n] == HIDDEN:
                 flags |= FLAG_OCCLUDED
         out.sigma_theta[k, n] = math.sqrt(marks.var_theta[n]) * share
-        out.sigma_height[k, n] = math.sqrt(marks.var_height[n]) * share
+        out.sigma_height[k, n] = math.hypot(math.sqrt(marks.var_height[n]) * share_z, twisted)
         if touching[n]:
             flags |= FLAG_TOUCHING
         if abs(marks.recent[n] - marks.reference[n]) > setup.slip_limit:

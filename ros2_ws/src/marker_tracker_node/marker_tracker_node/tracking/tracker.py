@@ -292,18 +292,18 @@ class Tracker:
         leads: FloatArray,
     ) -> Output:
         out = Output.empty(len(frames), len(self._ids))
-        table = _NO_COLOUR if self.colour is None else self.colour.table
+        palette = self._start.palette()
         state = self.state
         before = float(state.run.cylinder.blind)
         # Frames from messages are read-only; one kind of array means one compilation.
         still = np.ascontiguousarray(frames).view()
         still.flags.writeable = False
         state.run = update_burst(
-            still, table, self._setup, state.run, state.tracks, times, angles, guides, leads, out
+            still, palette, self._setup, state.run, state.tracks, times, angles, guides, leads, out
         )
         if self._memory is not None:
             self._memory.append(out)
-        self._evidence.take(still, table, self._setup, state, times, angles, out)
+        self._evidence.take(still, palette.any, self._setup, state, times, angles, out)
         self._frames += len(frames)
         blind = np.isnan(angles).astype(float)
         self._losses += int((np.diff(blind, prepend=before) > 0.0).sum())
@@ -326,9 +326,6 @@ class Tracker:
             sigma_z=out.sigma_height,
             flags=out.flags,
         )
-
-
-_NO_COLOUR = np.zeros(32**3, dtype=np.uint8)
 
 
 # No machine comes so far [rad, m]; the search looks at every lap up to the present angle.
