@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node import Tracker
-from marker_tracker_node.detection.gate import Picture, empty_gates
+from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.expected_bands import empty_expected, expect_bands
 from marker_tracker_node.tracking.gate_prediction import OUT_OF_SIGHT, shutter_of
 from marker_tracker_node.tracking.laid_path import laid_cable
@@ -45,8 +45,7 @@ def boxes_of(tracker: Tracker, frame: NDArray[np.uint8], angle: float) -> list[B
     """
     run, marks = tracker.state.run, tracker.state.tracks.marks
     gates, expected = empty_gates(marks.known.size + 1), empty_expected(marks.known.size)
-    assert tracker.colour is not None
-    picture = Picture(frame, tracker.colour.table)
+    picture = tracker._start.palette().picture(frame)
     cable = laid_cable(tracker.state.tracks, run)
     shutter = shutter_of(tracker._setup, run.cylinder.rate, frame.shape[0])
     expect_bands(picture, tracker._setup, shutter, cable, angle + run.shift, 0.0, gates, expected)

@@ -28,11 +28,13 @@ class Body(NamedTuple):
         rho: R + r, radius of the laid cable's centre line [m].
         cable_radius: r [m].
         half_band: Half of a band along the cable [m].
+        half_around: Half of what is painted around the section, pi for a whole ring [rad].
     """
 
     rho: float
     cable_radius: float
     half_band: float
+    half_around: float = math.pi
 
 
 class Band(NamedTuple):
@@ -116,7 +118,8 @@ def band_centroid(
         along_b = vx * bx + vy * by + vz * bz
         facing = math.atan2(along_b, along_e)
         reach = math.acos(min(r / math.hypot(along_e, along_b), 1.0))
-        first, last = max(facing - reach, band.low), min(facing + reach, band.high)
+        first = max(facing - reach, band.low, -body.half_around)
+        last = min(facing + reach, band.high, body.half_around)
         if last <= first:
             continue
         middle, spread = 0.5 * (first + last), 0.5 * (last - first)

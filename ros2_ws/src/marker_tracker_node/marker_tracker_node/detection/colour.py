@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -13,7 +13,6 @@ FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
 LEVELS = 32
-TABLE_SIZE = LEVELS**3
 # Light from a third to three times the sampled one, with the clipping that comes with it.
 EXPOSURES = np.geomspace(0.3, 3.0, 13)
 
@@ -31,6 +30,11 @@ MIN_VALUE_LEVELS = 32.0
 HUE_BINS = 90
 SATURATION_BINS = 24
 BACKGROUND_ODDS = 1.0
+# Brighter than paint by so many levels, with a hue that can be told; white is that bright in all
+# channels.
+GLARE_STEP = 8.0
+GLARE_SATURATION = 0.05
+WHITE_LEVEL = 240
 
 
 class ColourRefusedError(ValueError):
@@ -47,6 +51,8 @@ class ColourModel:
         min_saturation: Least accepted saturation, 0 to 1.
         table: One for each accepted colour, by five bits of blue, green and red, shape (32768,).
         separation: Share of the background samples that the model rejects; nan without any.
+        brightest: Level of the brightest channel that hardly a sample exceeds, 0 to 255.
+        scene: How often the background shows each hue and saturation; None if that is not known.
     """
 
     hue: float
@@ -54,6 +60,8 @@ class ColourModel:
     min_saturation: float
     table: ByteArray
     separation: float
+    brightest: float = 255.0
+    scene: FloatArray | None = None
 
     @classmethod
     def from_samples(cls, samples: ByteArray, background: ByteArray | None = None) -> ColourModel:
@@ -91,10 +99,11 @@ class ColourModel:
         spread = 0.5 * (high - low) + margin
         floor = SATURATION_SHARE * float(np.percentile(saturation, 10.0))
         accepted = _region(middle, spread, max(floor, 0.5 * MIN_SATURATION))
-        separation = math.nan
+        separation, scene = math.nan, None
         if background is not None and len(background):
             background = _pixels(background)
-            accepted &= _more_marker_than_background(samples, background)
+            scene = _density(background)
+            accepted &= _more_marker_than_background(_density(_exposed(samples)), scene)
             separation = 1.0 - float(accepted[colour_index(background)].mean())
         if not accepted[colour_index(samples)].mean() > 0.5:
             raise ColourRefusedError("samples cannot be told apart from the background")
@@ -104,7 +113,42 @@ class ColourModel:
             min_saturation=floor,
             table=accepted.astype(np.uint8),
             separation=separation,
+            brightest=float(np.percentile(samples.max(axis=1), 99.0)),
+            scene=scene,
         )
+
+    def of_hue(self, hue: float, spread: float) -> ColourModel:
+        """Return the model of a paint of another hue [deg] in the same scene and light.
+
+        Args:
+            hue: Middle of its hues [deg].
+            spread: Half width of the accepted hues [deg].
+        """
+        accepted = _region(hue, spread, self.min_saturation)
+        if self.scene is not None:
+            accepted &= _more_marker_than_background(
+                _density(_table_colours()[accepted]), self.scene
+            )
+        return replace(
+            self, hue=hue, hue_spread=spread, table=accepted.astype(np.uint8), separation=math.nan
+        )
+
+    def glare(self) -> ByteArray:
+        """Return a table of the colours that light makes of the paint and of anything else.
+
+        White light on top of what the paint reflects leaves its hue, takes its saturation and is
+        brighter than paint; where every channel ends, everything is white.
+        """
+        colours = _table_colours()
+        h, s, _ = hsv(colours)
+        level = min(self.brightest + GLARE_STEP, CLIPPED_LEVEL)
+        pale = (
+            (colours.max(axis=1) >= level)
+            & (np.abs(_hue_difference(h, self.hue)) <= self.hue_spread)
+            & (s >= GLARE_SATURATION)
+        )
+        white = colours.min(axis=1) >= WHITE_LEVEL
+        return np.asarray((pale | white) & (self.table == 0), dtype=np.uint8)
 
     def mask(self, frame: ByteArray) -> NDArray[np.bool_]:
         """Return which pixels of a frame have the marker's colour, shape (rows, columns)."""
@@ -128,6 +172,12 @@ def colour_index(pixels: ByteArray) -> NDArray[np.int64]:
 def hue_region(hue: float, tolerance: float, min_saturation: float) -> ByteArray:
     """Return a table of the saturated colours around a hue [deg], to find a marker to sample."""
     return _region(hue, tolerance, min_saturation).astype(np.uint8)
+
+
+def hue_distance(hues: FloatArray) -> FloatArray:
+    """Return how far every colour of a table lies from some hues [deg], shape (hues, 32768)."""
+    hue, _, _ = hsv(_table_colours())
+    return np.abs((hue - hues[:, None] + 180.0) % 360.0 - 180.0)
 
 
 def _pixels(samples: ByteArray) -> ByteArray:
@@ -190,14 +240,12 @@ def _region(hue: float, spread: float, min_saturation: float) -> NDArray[np.bool
     )
 
 
-def _more_marker_than_background(samples: ByteArray, background: ByteArray) -> NDArray[np.bool_]:
+def _more_marker_than_background(marker: FloatArray, scene: FloatArray) -> NDArray[np.bool_]:
     """Return where in the table a marker pixel is likelier than one of the background.
 
     Densities are histograms of hue and saturation, blurred by the noise of a pixel.
     """
     hue, saturation, _ = hsv(_table_colours())
-    marker = _density(_exposed(samples))
-    scene = _density(background)
     cell = _cell(hue, saturation)
     return np.asarray(marker.ravel()[cell] >= BACKGROUND_ODDS * scene.ravel()[cell], dtype=bool)
 

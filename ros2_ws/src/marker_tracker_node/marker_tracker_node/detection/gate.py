@@ -12,6 +12,12 @@ from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
+IndexArray = NDArray[np.int64]
+
+
+# Places in `Picture.tables`; the colours of markers follow.
+UNKNOWN, ANY, FIRST_COLOUR = range(3)
+TABLE_SIZE = 32**3
 
 
 class Picture(NamedTuple):
@@ -19,11 +25,17 @@ class Picture(NamedTuple):
 
     Attributes:
         pixels: Blue-green-red, shape (rows, columns, 3).
-        table: One where a colour belongs to the marker, by 5 bits of each channel, shape (32768,).
+        table: One where a colour belongs to the marker that is sought, by 5 bits of each channel,
+            shape (32768,).
+        tables: The same of everything that is told apart, one after the other, shape ((2 +
+            colours) 32768,): what light has made unknown, any colour of markers, each of them.
+        colour_of: Number of each marker's table, 2 or more, shape (markers,).
     """
 
     pixels: ByteArray
     table: ByteArray
+    tables: ByteArray
+    colour_of: IndexArray
 
 
 class Gates(NamedTuple):
@@ -80,6 +92,20 @@ def empty_gates(count: int) -> Gates:  # pragma: no cover
 def table_index(blue: int, green: int, red: int) -> np.uint32:  # pragma: no cover
     """Return the place of a colour in `Picture.table`."""
     return (np.uint32(blue >> 3) << 10) | (np.uint32(green >> 3) << 5) | np.uint32(red >> 3)
+
+
+@called
+def several_colours(picture: Picture) -> bool:  # pragma: no cover
+    """Return whether markers have different colours."""
+    return picture.tables.size > (FIRST_COLOUR + 1) * TABLE_SIZE
+
+
+@called
+def seeking(picture: Picture, colour: int) -> Picture:  # pragma: no cover
+    """Return a picture in which a colour is sought."""
+    # A gate reads a table of its own faster than a part of a larger one.
+    table = picture.tables[colour * TABLE_SIZE : (colour + 1) * TABLE_SIZE]
+    return Picture(picture.pixels, table, picture.tables, picture.colour_of)
 
 
 @called

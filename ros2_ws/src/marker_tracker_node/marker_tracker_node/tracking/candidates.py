@@ -5,11 +5,18 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from marker_tracker_node.detection.gate import Gates, Picture
+from marker_tracker_node.detection.gate import (
+    FIRST_COLOUR,
+    TABLE_SIZE,
+    Gates,
+    Picture,
+    gate_moments,
+    seeking,
+    several_colours,
+)
 from marker_tracker_node.tracking.band_measurement import NEW_AREA, WHOLE_AREA, measure_band
 from marker_tracker_node.tracking.gate_prediction import (
     HIDDEN,
-    MEASURED,
     OUT_OF_SIGHT,
     Shutter,
     gate_visibility,
@@ -62,23 +69,35 @@ class Scan(NamedTuple):
 
 
 @called
-def marker_number(setup: Setup, marks: Marks, theta: float) -> int:  # pragma: no cover
-    """Return the number of a marker found at a wound angle [rad], or -1 if there is none."""
+def marker_number(
+    setup: Setup, marks: Marks, colour_of: IndexArray, theta: float, colour: int
+) -> int:  # pragma: no cover
+    """Return the number of a marker found at a wound angle [rad], or -1 if there is none.
+
+    Among markers of several colours the nearest of its colour is meant: one of a colour of its
+    own is told by that alone.
+    """
     count = marks.known.size
     if not marks.known[0]:
-        return 0 if abs(theta) < P0_REACH else -1
+        return 0 if abs(theta) < P0_REACH and colour == colour_of[0] else -1
     below, above = known_around(marks, theta)
     if theta < marks.theta[0]:
         return -1
     if above < 0:
         ratio = (theta - marks.theta[below]) / mean_gap(setup, marks, below)
         number = below + max(int(math.floor(ratio + SKIP)), 1)  # noqa: RUF046
-        return number if number < count else -1
-    if above - below < 2:
-        return -1
-    share = (theta - marks.theta[below]) / (marks.theta[above] - marks.theta[below])
-    number = below + int(round(share * (above - below)))  # noqa: RUF046
-    return min(max(number, below + 1), above - 1)
+        above = count
+    else:
+        share = (theta - marks.theta[below]) / (marks.theta[above] - marks.theta[below])
+        number = below + int(round(share * (above - below)))  # noqa: RUF046
+        number = min(max(number, below + 1), above - 1)
+    if below < number < above and colour_of[number] == colour:
+        return number
+    best = -1
+    for n in range(below + 1, above):
+        if colour_of[n] == colour and (best < 0 or abs(n - number) < abs(best - number)):
+            best = n
+    return best
 
 
 @called
@@ -94,7 +113,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
     work = scan.outcome.size
     height, slope = corrected_height(scan.cable, theta)
     z = height + shift
-    share = 0.0
+    share, colour = 0.0, FIRST_COLOUR
     for step in range(3):
         late = turned_since(setup, scan.shutter, turned - theta, z)
         band = band_beside_turns(setup, scan.cable, turned + late - theta, theta, z, slope)
@@ -108,20 +127,40 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
         for n in range(work):
             if scan.outcome[n] != OUT_OF_SIGHT:
                 separate_gates(gates, n, work)
-        outcome, azimuth, z, share = measure_band(
-            scan.picture, setup, gates, work, band, expected, NEW_AREA
+        colour = _colour_in_gate(scan.picture, gates, work)
+        found = measure_band(
+            seeking(scan.picture, colour), setup, gates, work, band, expected, 1.0, NEW_AREA
         )
-        if outcome != MEASURED:
+        if found.outcome == HIDDEN:
             return
+        azimuth, z, share = found.azimuth, found.z, found.share
         theta = turned + turned_since(setup, scan.shutter, azimuth, z) - azimuth
     expected_z = corrected_height(scan.cable, theta)[0]
     if abs(turned - theta) > 40.0 * math.pi or abs(z - expected_z) > setup.search_width:
         return
     if _lies_on_another_turn(scan, theta, z):
         return
-    if theta > turned + APPROACH or marker_number(setup, scan.cable.marks, theta) < 0:
+    if theta > turned + APPROACH or _numbered(scan, theta, colour) < 0:
         return
-    _remember(scan.candidates, theta, z, share, turned)
+    _remember(scan.candidates, theta, z, share, colour, turned)
+
+
+@called
+def _numbered(scan: Scan, theta: float, colour: int) -> int:  # pragma: no cover
+    """Return the number of a marker found at a wound angle [rad], or -1 if there is none."""
+    return marker_number(scan.setup, scan.cable.marks, scan.picture.colour_of, theta, colour)
+
+
+@called
+def _colour_in_gate(picture: Picture, gates: Gates, n: int) -> int:  # pragma: no cover
+    """Return the colour of markers that most pixels of gate n have."""
+    best, most = FIRST_COLOUR, -1
+    if several_colours(picture):
+        for colour in range(FIRST_COLOUR, picture.tables.size // TABLE_SIZE):
+            count = gate_moments(seeking(picture, colour), gates, n)[0]
+            if count > most:
+                best, most = colour, count
+    return best
 
 
 @called
@@ -137,7 +176,7 @@ def _lies_on_another_turn(scan: Scan, theta: float, z: float) -> bool:  # pragma
 
 @called
 def _remember(
-    candidates: Candidates, theta: float, z: float, share: float, turned: float
+    candidates: Candidates, theta: float, z: float, share: float, colour: int, turned: float
 ) -> None:  # pragma: no cover
     """Add a sighting to the candidate of its place, or in place of the one seen longest ago."""
     oldest = 0
@@ -145,7 +184,7 @@ def _remember(
         if candidates.hits[c] == 0:
             oldest = c
             break
-        if abs(candidates.first[c] - theta) < SAME_PLACE:
+        if abs(candidates.first[c] - theta) < SAME_PLACE and candidates.colour[c] == colour:
             candidates.hits[c] += 1
             part = 1.0 / candidates.hits[c]
             candidates.theta[c] += part * (theta - candidates.theta[c])
@@ -156,6 +195,7 @@ def _remember(
         if candidates.last[c] < candidates.last[oldest]:
             oldest = c
     candidates.hits[oldest] = 1
+    candidates.colour[oldest] = colour
     candidates.first[oldest] = theta
     candidates.theta[oldest] = theta
     candidates.height[oldest] = z
@@ -166,13 +206,13 @@ def _remember(
 
 @called
 def confirm_candidates(
-    setup: Setup, marks: Marks, candidates: Candidates, shift: float
+    setup: Setup, marks: Marks, candidates: Candidates, colour_of: IndexArray, shift: float
 ) -> float:  # pragma: no cover
     """Make markers of the candidates that have moved with the cylinder; return the new shift."""
     for c in range(CANDIDATES):
         if candidates.hits[c] < PROOF_HITS:
             continue
-        number = marker_number(setup, marks, candidates.theta[c])
+        number = marker_number(setup, marks, colour_of, candidates.theta[c], candidates.colour[c])
         if number < 0 or marks.known[number]:
             candidates.hits[c] = 0
             continue

@@ -12,7 +12,7 @@ from winding_core.camera_placement import CameraPlacement
 from winding_core.condition import ResolvedCondition
 from winding_core.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
 from winding_core.fleet_angle import PAPER_FREE_LENGTH
-from winding_core.marker_parameters import MarkerParameters
+from winding_core.marker_parameters import DOT, MarkerParameters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +27,9 @@ class TrackerConfig:
         expected_stretch: Deformed over undeformed cable length; it tells a late marker from a
             missed one, the measured gaps correct it.
         band_width: Of a ring band along the cable [m].
+        dot_size: Side of the square printed on the outside of the cable that a marker is instead
+            of a ring band [m]; 0 for ring bands.
+        dot_torsion: Twist of the cable about itself at a dot, one standard deviation [rad].
         pose: Where the camera stands.
         advance_per_radian: Expected feed per radian of rotation [m/rad].
         free_length: Of the span between guide and contact line [m].
@@ -37,6 +40,8 @@ class TrackerConfig:
         slip_limit: Wandering of a wound angle that counts as slip [rad].
         marker_hue: Hue around which a marker is sought to sample its colour [deg].
         marker_hue_tolerance: Half width of that range [deg].
+        marker_hues: Of P0, P1 and so on, where they differ [deg]; the last one holds for all
+            further markers. Empty where all have marker_hue.
         start_angle: Azimuth of P0 at the first frame with an encoder reading, whole turns
             included [rad]; None to find out.
         row_time: From an image row to the next [s]; negative where the lowest is read first.
@@ -48,6 +53,8 @@ class TrackerConfig:
     marker_count: int = 4
     expected_stretch: float = 1.0
     band_width: float = 6.0e-3
+    dot_size: float = 0.0
+    dot_torsion: float = 0.0
     pose: CameraPose = field(default_factory=CameraPose)
     advance_per_radian: float = PAPER_FEED_SPEED / PAPER_ANGULAR_SPEED
     free_length: float = PAPER_FREE_LENGTH
@@ -58,6 +65,7 @@ class TrackerConfig:
     slip_limit: float = 0.03
     marker_hue: float = 50.0
     marker_hue_tolerance: float = 22.0
+    marker_hues: tuple[float, ...] = ()
     start_angle: float | None = None
     row_time: float = 0.0
 
@@ -86,12 +94,15 @@ class TrackerConfig:
             marker_count=case.marker_count,
             expected_stretch=case.expected_stretch,
             band_width=markers.band_width,
+            dot_size=markers.dot_size if markers.marker_kind == DOT else 0.0,
+            dot_torsion=markers.dot_torsion if markers.marker_kind == DOT else 0.0,
             pose=CameraPose(
                 position=_triple(where.camera_position), tilt=_triple(where.camera_tilt)
             ),
             advance_per_radian=drive.advance_per_radian,
             free_length=what.free_length,
-            marker_hue=markers.marker_hue,
+            marker_hue=(markers.hues or (markers.marker_hue,))[0],
+            marker_hues=markers.hues,
             marker_hue_tolerance=markers.marker_hue_tolerance,
             start_angle=markers.start_angle or None,
             row_time=row_time,
@@ -129,12 +140,22 @@ class TrackerConfig:
         return self.marker_spacing * self.expected_stretch / self.centreline_radius
 
     @property
+    def hues(self) -> tuple[float, ...]:
+        """Hue of each marker [deg], shape (marker_count + 1,)."""
+        told = self.marker_hues or (self.marker_hue,)
+        count = self.marker_count + 1
+        return (told + told[-1:] * count)[:count]
+
+    @property
     def body(self) -> Body:
         """What the bands are painted on, for the kernels."""
+        dot = self.dot_size > 0.0
+        around = 0.5 * self.dot_size / self.cable_radius
         return Body(
             rho=float(self.centreline_radius),
             cable_radius=float(self.cable_radius),
-            half_band=0.5 * self.band_width,
+            half_band=0.5 * (self.dot_size if dot else self.band_width),
+            half_around=min(around, math.pi) if dot else math.pi,
         )
 
     def setup(self, camera: CameraView) -> Setup:
@@ -151,6 +172,7 @@ class TrackerConfig:
             lag=self.free_length / self.centreline_radius,
             advance_per_radian=float(self.advance_per_radian),
             row_time=float(self.row_time),
+            torsion=float(self.dot_torsion),
         )
 
 

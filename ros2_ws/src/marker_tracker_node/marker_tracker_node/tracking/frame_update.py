@@ -8,14 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.detection.band import Band, moved_band
-from marker_tracker_node.detection.gate import Gates, Picture, empty_gates
-from marker_tracker_node.tracking.band_measurement import WHOLE_AREA, measure_band
+from marker_tracker_node.detection.gate import (
+    FIRST_COLOUR,
+    TABLE_SIZE,
+    Gates,
+    Picture,
+    empty_gates,
+    seeking,
+    several_colours,
+)
+from marker_tracker_node.tracking.band_measurement import NOTHING, WHOLE_AREA, measure_band
 from marker_tracker_node.tracking.candidates import Scan
 from marker_tracker_node.tracking.cylinder_angle import follow_encoder, phase_lock
 from marker_tracker_node.tracking.expected_bands import Expected, empty_expected, expect_bands
 from marker_tracker_node.tracking.gate_prediction import (
     HIDDEN,
-    MEASURED,
+    PARTLY,
     Shutter,
     predict_gate,
     shutter_of,
@@ -59,7 +67,8 @@ REAIM = 0.4
 @compiled
 def update_burst(
     frames: ByteArray,
-    table: ByteArray,
+    tables: ByteArray,
+    colour_of: IndexArray,
     fixed: FloatArray,
     numbers: FloatArray,
     known: FlagArray,
@@ -76,7 +85,8 @@ def update_burst(
 
     Args:
         frames: Shape (k, rows, columns, 3).
-        table: See `Picture`.
+        tables: See `Palette`.
+        colour_of: Likewise.
         fixed: See `setup_numbers`.
         numbers: See `TrackerState`, and so are the following; they are written in place.
         known: Likewise.
@@ -94,8 +104,9 @@ def update_burst(
     setup, run = setup_of(fixed), run_of(numbers)
     tracks = tracks_of(known, marks, hits, candidates, paths)
     out = output_of(angle, flags, fields)
+    first = tables[FIRST_COLOUR * TABLE_SIZE : (FIRST_COLOUR + 1) * TABLE_SIZE]
     for k in range(frames.shape[0]):
-        picture = Picture(frames[k], table)
+        picture = Picture(frames[k], first, tables, colour_of)
         cylinder = follow_encoder(run.cylinder, readings[0, k], readings[1, k])
         guide = follow_guide(setup, run.guide, run.cylinder, cylinder, readings[2, k])
         filled = extend_paths(setup, paths, run, cylinder.angle, guide)
@@ -149,7 +160,7 @@ def _update_frame(
             cylinder.started, cylinder.blind, cylinder.read,
         )  # fmt: skip
     shift, weight = update_shift(run, cylinder.blind, out.azimuth[k, 0], turned)
-    update_means(marks, out, k, turned)
+    update_means(marks, expected.outcome, out, k, turned)
     found = marks.known.sum()
     if found < count:
         scan = Scan(
@@ -187,13 +198,15 @@ def _measure(
         expected.low[n], expected.high[n], expected.below[n], expected.above[n],
     )  # fmt: skip
     pixels, place = expected.pixels[n], band
-    azimuth, z, share = math.nan, math.nan, 0.0
+    area = marks.area[n]
+    if several_colours(picture):
+        picture = seeking(picture, picture.colour_of[n])
+    azimuth, z, found = math.nan, math.nan, NOTHING
     for attempt in range(2):
-        outcome, azimuth, z, share = measure_band(
-            picture, setup, gates, n, place, pixels * marks.area[n], WHOLE_AREA
-        )
-        if outcome != MEASURED:
-            return outcome
+        found = measure_band(picture, setup, gates, n, place, pixels, area, WHOLE_AREA)
+        if found.outcome == HIDDEN:
+            return found.outcome
+        azimuth, z = found.azimuth, found.z
         off = abs(azimuth - band.azimuth) * setup.body.rho
         if attempt == 1 or off <= REAIM * setup.along_margin:
             break
@@ -205,8 +218,10 @@ def _measure(
         gates.behind[n] = min(gates.behind[n], behind)
     if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > JUMP_HEIGHT:
         return HIDDEN
-    marks.area[n] *= 1.0 + AREA_SHARE * (share - 1.0)
+    marks.area[n] *= 1.0 + AREA_SHARE * (found.share - 1.0)
     out.azimuth[k, n] = azimuth - turned_since(setup, shutter, azimuth, z)
     out.seen_height[k, n], out.slope[k, n] = z, band.slope
     out.low[k, n], out.high[k, n] = band.low, band.high
-    return MEASURED
+    if found.outcome == PARTLY:
+        out.sigma_theta[k, n], out.sigma_height[k, n] = found.azimuth_factor, found.z_factor
+    return found.outcome

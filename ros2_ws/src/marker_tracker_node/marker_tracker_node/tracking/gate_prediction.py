@@ -26,9 +26,9 @@ GUARD_PIXELS = 1.5
 # Half way to a turn so much farther than the gate reaches there is nothing to keep off [m].
 FAR_TURN = 1.0e-3
 
-# What comes of looking for a band; HIDDEN until it has been measured, COVERED where the cable that
-# is about to land hangs before it.
-OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED, COVERED = range(5)
+# What comes of looking for a band; HIDDEN until it has been measured, PARTLY where light hides a
+# part of it, COVERED where the cable that is about to land hangs before it.
+OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED, PARTLY, COVERED = range(6)
 
 
 @compiled

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_point
 from marker_tracker_node.detection.band import surface_point
-from marker_tracker_node.detection.gate import in_gate, table_index
+from marker_tracker_node.detection.gate import ANY, in_gate, seeking, table_index
 from marker_tracker_node.tracking.candidates import (
     APPROACH,
     P0_REACH,
@@ -54,7 +54,9 @@ def acquire_markers(scan: Scan, shift: float) -> float:  # pragma: no cover
                 _scan_turn(scan, low, high)
             lap += 1
             facing = scan.turned - lap * turn
-    return confirm_candidates(scan.setup, scan.cable.marks, scan.candidates, shift)
+    return confirm_candidates(
+        scan.setup, scan.cable.marks, scan.candidates, scan.picture.colour_of, shift
+    )
 
 
 @called
@@ -132,6 +134,7 @@ def _count_across(
     column, row = pixel_of_plane(setup.camera, a, b)
     v = int(round(row))  # noqa: RUF046
     count, offset = 0.0, 0.0
+    table = seeking(scan.picture, ANY).table
     if not 0 <= v < rows:
         return count, offset
     reach = setup.search_width * scale
@@ -139,7 +142,7 @@ def _count_across(
     right = min(math.floor(column + reach), columns - 1)
     for u in range(left, right + 1, stride):
         index = table_index(pixels[v, u, 0], pixels[v, u, 1], pixels[v, u, 2])
-        if scan.picture.table[index] and not _claimed(scan, float(u), float(v)):
+        if table[index] and not _claimed(scan, float(u), float(v)):
             count += 1.0
             offset += u - column
     return count, offset

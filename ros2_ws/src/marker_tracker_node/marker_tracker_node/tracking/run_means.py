@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.gate_prediction import CLIPPED, COVERED, HIDDEN
+from marker_tracker_node.tracking.gate_prediction import CLIPPED, COVERED, HIDDEN, PARTLY
 from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Output, Run, Setup
 from marker_tracker_node.tracking.uncertainty import (
     BENT_OVER_RUN,
@@ -60,11 +60,26 @@ def update_shift(
 
 
 @called
-def update_means(marks: Marks, out: Output, k: int, turned: float) -> None:  # pragma: no cover
+def _factor(outcome: int, factor: float) -> float:  # pragma: no cover
+    """Return by how much the deviation of a mark exceeds that of one that is seen whole."""
+    return float(factor) if outcome == PARTLY else 1.0
+
+
+@called
+def _joint(one: float, other: float) -> float:  # pragma: no cover
+    """Return by how much the deviation of a difference of two measurements is larger."""
+    return 1.0 if one == other == 1.0 else math.sqrt(0.5 * (one * one + other * other))
+
+
+@called
+def update_means(
+    marks: Marks, outcome: IndexArray, out: Output, k: int, turned: float
+) -> None:  # pragma: no cover
     """Take the bands measured in frame k into the run means; write their wound angles.
 
     Args:
         marks: The markers.
+        outcome: What came of looking for each, shape (markers,).
         out: Holds azimuth and z as seen; receives the wound angle of what was measured.
         k: Number of the frame.
         turned: Cylinder angle as the camera sees it [rad].
@@ -72,18 +87,27 @@ def update_means(marks: Marks, out: Output, k: int, turned: float) -> None:  # p
     with_p0 = math.isfinite(out.azimuth[k, 0])
     base = out.azimuth[k, 0] if with_p0 else turned
     trust = 1.0 if with_p0 else ENCODER_TRUST
+    first = _factor(outcome[0], out.sigma_theta[k, 0])
     for n in range(marks.known.size):
         if not math.isfinite(out.azimuth[k, n]):
             continue
         theta = base - out.azimuth[k, n]
         out.theta[k, n] = theta
-        marks.weight[n] = min(marks.weight[n] + trust, MEMORY)
-        part = trust / marks.weight[n]
         d_theta, d_height = theta - marks.theta[n], out.seen_height[k, n] - marks.height[n]
+        mine = trust
+        own_theta, own_height = d_theta, d_height
+        if outcome[n] == PARTLY or first > 1.0:
+            # What is seen in part says less.
+            factor = _joint(_factor(outcome[n], out.sigma_theta[k, n]), first)
+            mine /= factor * factor
+            own_theta /= factor
+            own_height /= _factor(outcome[n], out.sigma_height[k, n])
+        marks.weight[n] = min(marks.weight[n] + mine, MEMORY)
+        part = mine / marks.weight[n]
         marks.theta[n] += part * d_theta
         marks.height[n] += part * d_height
-        marks.var_theta[n] += VARIANCE_SHARE * (d_theta * d_theta - marks.var_theta[n])
-        marks.var_height[n] += VARIANCE_SHARE * (d_height * d_height - marks.var_height[n])
+        marks.var_theta[n] += VARIANCE_SHARE * (own_theta * own_theta - marks.var_theta[n])
+        marks.var_height[n] += VARIANCE_SHARE * (own_height * own_height - marks.var_height[n])
         marks.recent[n] += RECENT_SHARE * (theta - marks.recent[n])
         if marks.weight[n] <= REFERENCE_FRAMES:
             marks.reference[n] = marks.theta[n]
@@ -114,9 +138,14 @@ def write_results(
     base = out.seen_height[k, 0] if p0_seen else marks.height[0]
     facing = pixel_size(setup, 0.0)
     mean_theta, mean_height = _mean_variances(setup, facing, marks, 0)
+    first = _factor(outcome[0], out.sigma_theta[k, 0])
     from_theta, from_height = mean_theta, mean_height
     if p0_seen:
         from_theta, from_height = _bias_variances(setup, out, k, 0)
+        from_theta *= first * first
+        from_height *= _factor(outcome[0], out.sigma_height[k, 0]) ** 2
+    # A mark that is no ring moves around the section with the cable: P0's and its own both count.
+    twisted = 2.0 * (setup.torsion * setup.body.cable_radius) ** 2
     for n in range(marks.known.size):
         if not marks.known[n] or (n > 0 and turned < marks.recent[n]):
             out.theta[k, n] = out.height[k, n] = math.nan
@@ -125,10 +154,16 @@ def write_results(
             continue
         flags = 0
         if math.isfinite(out.azimuth[k, n]):
+            part = _factor(outcome[n], out.sigma_theta[k, n])
+            part_z = _factor(outcome[n], out.sigma_height[k, n])
             out.height[k, n] = out.seen_height[k, n] - base
             own_theta, own_height = _bias_variances(setup, out, k, n)
-            own_theta += from_theta + _scatter(marks.var_theta[n], facing[0])
-            own_height += from_height + _scatter(marks.var_height[n], facing[1])
+            own_theta *= part * part
+            own_theta += from_theta
+            own_theta += _joint(part, first) ** 2 * _scatter(marks.var_theta[n], facing[0])
+            own_height += _scatter(marks.var_height[n], facing[1])
+            own_height *= part_z * part_z
+            own_height += from_height
         else:
             flags |= FLAG_PREDICTED
             out.theta[k, n] = marks.theta[n]
@@ -141,7 +176,7 @@ def write_results(
             if outcome[n] == HIDDEN or outcome[n] == COVERED:
                 flags |= FLAG_OCCLUDED
         out.sigma_theta[k, n] = math.sqrt(own_theta)
-        out.sigma_height[k, n] = math.sqrt(own_height)
+        out.sigma_height[k, n] = math.sqrt(own_height + twisted)
         if touching[n]:
             flags |= FLAG_TOUCHING
         if abs(marks.recent[n] - marks.reference[n]) > setup.slip_limit:

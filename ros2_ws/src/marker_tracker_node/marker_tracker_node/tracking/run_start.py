@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
+from marker_tracker_node.detection.palette import Palette
 from marker_tracker_node.tracking.band_search import TURN, BandSearch, Passing
 from marker_tracker_node.tracking.camera_zero import CameraZero
 from marker_tracker_node.tracking.colour_sampling import NEAR_START, sample_colour
@@ -60,6 +61,7 @@ class RunStart:
         self._begun = self._looked = math.nan
         self._proven = self._given
         self._settled = False
+        self._palette: tuple[ColourModel | None, Palette] | None = None
 
     def take(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
         """Take a frame; return whether what was known of the markers before is void.
@@ -95,6 +97,19 @@ class RunStart:
         void = self.zero.saw(t, out)
         self.done = self._proven and self.zero.done
         return void
+
+    def palette(self) -> Palette:
+        """Return the colours of all markers, as far as P0's is known."""
+        colour, known = self.colour, self._palette
+        if known is None or known[0] is not colour:
+            hues = self._config.hues
+            found = (
+                Palette.nothing(len(hues))
+                if colour is None
+                else Palette.of(colour, hues, self._config.marker_hue_tolerance)
+            )
+            self._palette = known = (colour, found)
+        return known[1]
 
     @property
     def sentences(self) -> tuple[str, ...]:

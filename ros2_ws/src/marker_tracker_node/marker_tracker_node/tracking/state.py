@@ -37,6 +37,7 @@ class Setup(NamedTuple):
         lag: Wound angle in which the cable follows the guide, free length / (R + r) [rad].
         advance_per_radian: [m/rad]
         row_time: From an image row to the next, negative where the lowest is read first [s].
+        torsion: Twist of the cable at a mark that is no ring, one standard deviation [rad].
     """
 
     camera: CameraView
@@ -50,6 +51,7 @@ class Setup(NamedTuple):
     lag: float
     advance_per_radian: float
     row_time: float
+    torsion: float
 
 
 class Cylinder(NamedTuple):
@@ -147,6 +149,7 @@ class Candidates(NamedTuple):
 
     Attributes:
         hits: Frames in which it was seen; zero where the place is free.
+        colour: See `Picture`.
         first: Wound angle when it was seen first [rad].
         theta: Mean wound angle [rad].
         height: Mean z as seen [m].
@@ -156,6 +159,7 @@ class Candidates(NamedTuple):
     """
 
     hits: IndexArray
+    colour: IndexArray
     first: FloatArray
     theta: FloatArray
     height: FloatArray
@@ -186,8 +190,9 @@ class Output(NamedTuple):
         angle: Cylinder angle that was used [rad].
         theta: Wound angle [rad].
         height: z from P0 [m].
-        sigma_theta: One standard deviation [rad].
-        sigma_height: One standard deviation [m].
+        sigma_theta: One standard deviation [rad]; until results are written, of a mark that is
+            seen in part, by how much that of its azimuth exceeds that of a whole one.
+        sigma_height: One standard deviation [m]; until then the same of z.
         flags: See `MarkerFlag`.
         azimuth: As seen [rad], nan where the marker was not measured; so are the following.
         seen_height: z as seen [m].

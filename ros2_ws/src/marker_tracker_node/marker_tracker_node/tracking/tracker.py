@@ -288,7 +288,7 @@ class Tracker:
     def _advance(self, frames: ByteArray, readings: FloatArray) -> Output:
         """Take frames with their `readings`, see `update_burst`."""
         room = OutputRoom.empty(len(frames), len(self._ids))
-        table = _NO_COLOUR if self.colour is None else self.colour.table
+        palette = self._start.palette()
         state = self.state
         # Frames from messages are read-only; one kind of array means one compilation.
         still = np.ascontiguousarray(frames).view()
@@ -298,13 +298,14 @@ class Tracker:
             before = not math.isnan(readings[1, 0]) or state.run.cylinder.blind
             self._losses += int((missing[1:] & ~missing[:-1]).sum()) + (not before)
         update_burst(
-            still, table, self._fixed, state.numbers, state.known, state.marks, state.hits,
-            state.candidates, state.paths, readings, room.angle, room.flags, room.fields,
+            still, palette.tables, palette.colour_of, self._fixed, state.numbers, state.known,
+            state.marks, state.hits, state.candidates, state.paths, readings, room.angle,
+            room.flags, room.fields,
         )  # fmt: skip
         out = room.output
         if self._memory is not None:
             self._memory.append(out)
-        self._evidence.take(still, table, self._fixed, state, readings, out)
+        self._evidence.take(still, palette.any, self._fixed, state, readings, out)
         self._frames += len(frames)
         if len(frames):
             self._flags = room.flags[-1]
@@ -324,7 +325,6 @@ class Tracker:
         )
 
 
-_NO_COLOUR = np.zeros(32**3, dtype=np.uint8)
 _UNSEEN = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)
 
 

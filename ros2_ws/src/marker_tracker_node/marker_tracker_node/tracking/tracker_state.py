@@ -47,7 +47,7 @@ class TrackerState:
         numbers: Of `run`, shape (RUN_SIZE,).
         known: Of `Marks`, shape (markers,).
         marks: Its other fields, shape (8, markers).
-        hits: Of `Candidates`, shape (CANDIDATES,).
+        hits: Of `Candidates`, and their colours, shape (2, CANDIDATES).
         candidates: Its other fields, shape (6, CANDIDATES).
         paths: See `Tracks`.
     """
@@ -67,8 +67,8 @@ class TrackerState:
             numbers=np.zeros(RUN_SIZE),
             known=np.zeros(markers, dtype=np.bool_),
             marks=np.zeros((len(Marks._fields) - 1, markers)),
-            hits=np.zeros(CANDIDATES, dtype=np.int64),
-            candidates=np.zeros((len(Candidates._fields) - 1, CANDIDATES)),
+            hits=np.zeros((2, CANDIDATES), dtype=np.int64),
+            candidates=np.zeros((len(Candidates._fields) - 2, CANDIDATES)),
             paths=np.zeros((2, PATH_SIZE)),
         )
         state.run = Run(
@@ -149,7 +149,8 @@ def setup_of(n: FloatArray) -> Setup:  # pragma: no cover
     )  # fmt: skip
     body = Body(n[24], n[25], n[26])
     return Setup(
-        camera, body, n[27], n[28], n[29], n[30], n[31], n[32], n[33], n[34], n[35]
+        camera, body, n[27], n[28], n[29], n[30], n[31], n[32], n[33], n[34], n[35],
+        n[36],
     )  # fmt: skip
 
 
@@ -185,7 +186,7 @@ def tracks_of(
     """Return the arrays of a `TrackerState` by their names."""
     return Tracks(
         Marks(known, m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7]),
-        Candidates(hits, c[0], c[1], c[2], c[3], c[4], c[5]),
+        Candidates(hits[0], hits[1], c[0], c[1], c[2], c[3], c[4], c[5]),
         paths,
     )
 

@@ -18,11 +18,17 @@ from winding_cli.commands.machine_options import MachineOptions, machine_of
 from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
 from winding_cli.commands.refusal import FAILED, complain, fail, refuse
 from winding_cli.commands.ros_environment import check_namespace, refuse_open
-from winding_cli.commands.run_checks import check_before_start, composed_camera, recording_of
+from winding_cli.commands.run_checks import (
+    check_before_start,
+    composed_camera,
+    look_of,
+    recording_of,
+)
 from winding_cli.commands.termination import end
 from winding_core.camera_clock import CameraClockParameters
 from winding_core.condition import Condition
 from winding_core.machine_axes import MachineAxes
+from winding_core.marker_parameters import MarkerLook
 from winding_core.options import typed_values
 
 if TYPE_CHECKING:
@@ -34,11 +40,12 @@ if TYPE_CHECKING:
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
 
-@with_options(Condition, MachineAxes, CameraClockParameters)
+@with_options(Condition, MachineAxes, CameraClockParameters, MarkerLook)
 def run(
     typed: Typed,
     axes: Typed,
     clock: Typed,
+    markers: Typed,
     *,
     lay: Annotated[
         str | None,
@@ -142,6 +149,7 @@ def run(
             "duration": condition.duration,
         }
         tracker = typed_values(CameraClockParameters, clock, spelled)
+        look = look_of(markers)
     except ValueError as error:
         refuse(error)
     check_namespace(namespace)
@@ -177,6 +185,7 @@ def run(
     from winding_ros import topics
     from winding_supervisor.run_config import RunConfig
 
+    simulated = _given(speed=speed, lay=lay, seed=seed, frame_rate=frame_rate)
     config = RunConfig(
         directory=output
         or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{_label(wound.number)}",
@@ -184,12 +193,8 @@ def run(
         condition=values,
         machine=external,
         own={
-            **(
-                {topics.RIG: _given(speed=speed, lay=lay, seed=seed, frame_rate=frame_rate)}
-                if external is None
-                else {}
-            ),
-            topics.TRACKER: tracker,
+            **({} if external else {topics.RIG: look | simulated}),
+            topics.TRACKER: look | tracker,
             topics.CORRECTION: _given(weights=weights),
         },
         duration=condition.duration,

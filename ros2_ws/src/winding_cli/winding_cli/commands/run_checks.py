@@ -7,14 +7,29 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from winding_cli.commands.condition_options import Typed, spelled
 from winding_cli.commands.output_path import check_output_folder
 from winding_cli.commands.refusal import refuse
+from winding_core.marker_parameters import MarkerLook
+from winding_core.options import typed_values
+from winding_core.parameters import Value, build
 from winding_core.units import MEGABYTE
 
 if TYPE_CHECKING:
     from winding_recorder.bags.mcap_file import BagConfig
     from winding_supervisor.external_machine import ExternalMachineConfig
     from winding_supervisor.run_config import RunConfig
+
+
+def look_of(typed: Typed) -> dict[str, Value]:
+    """Return the parameters of how markers look, for the rig's camera and for the tracker.
+
+    Raises:
+        ParameterError: They name no colours, or such as are too much alike.
+    """
+    values = typed_values(MarkerLook, typed, spelled)
+    _ = build(MarkerLook, values, owner="winding run").hues
+    return values
 
 
 def recording_of(compression: str, split_mb: float) -> BagConfig:

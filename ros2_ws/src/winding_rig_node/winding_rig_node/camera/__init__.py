@@ -10,7 +10,7 @@ from winding_rig_node.camera.config import (
 )
 from winding_rig_node.camera.preview import encode_jpeg
 from winding_rig_node.camera.renderer import Renderer
-from winding_rig_node.camera.scene import Paint, Scene
+from winding_rig_node.camera.scene import Paint, Scene, paint_of_hue
 from winding_rig_node.camera.surroundings import Patch, Surroundings
 
 __all__ = [
@@ -26,4 +26,5 @@ __all__ = [
     "Surroundings",
     "Window",
     "encode_jpeg",
+    "paint_of_hue",
 ]

@@ -172,12 +172,12 @@ def section(
         between = (wx * light.x + wy * light.y + wz * light.z) * scale
         towards = (nx * wx + ny * wy + nz * wz) * scale
         half = (diffuse + towards) / math.sqrt(max(2.0 + 2.0 * between, 1.0e-12))
-        rims[which, k, GLOSS] = _highlight(gloss, half)
+        rims[which, k, GLOSS] = highlight(gloss, half)
     return True
 
 
 @called
-def _highlight(gloss: FloatArray, cosine: float) -> float:  # pragma: no cover
+def highlight(gloss: FloatArray, cosine: float) -> float:  # pragma: no cover
     """Return the highlight at a cosine of the half-angle, linear between those of the table."""
     place = min(max(cosine, 0.0), 1.0) * (gloss.size - 1)
     index = min(int(place), gloss.size - 2)

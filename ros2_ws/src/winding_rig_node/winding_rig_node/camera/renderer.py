@@ -12,6 +12,7 @@ from winding_rig_node.camera.cable_mesh import draw_cable
 from winding_rig_node.camera.cable_section import Cable, Lighting
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.cylinder_view import StaticView, static_view
+from winding_rig_node.camera.dot_mesh import Dots, draw_dots
 from winding_rig_node.camera.optics import lens_of, project_points
 from winding_rig_node.camera.raster import BLOCK, LABEL, NEAR, Samples
 from winding_rig_node.camera.resolve import resolve
@@ -133,6 +134,7 @@ class Renderer:
 
     def _paint(self, scene: Scene) -> None:
         view = self._view(scene)
+        theta = np.ascontiguousarray(scene.marker_theta, dtype=float)
         if self._drawn is not view:
             self._samples.seen[..., NEAR] = view.inverse_depth
             self._samples.shown[:] = 0
@@ -145,13 +147,25 @@ class Renderer:
             self._gloss,
             self._cable(scene),
             scene.path.table,
-            np.ascontiguousarray(scene.marker_theta, dtype=float),
+            theta if scene.dot_size == 0.0 else np.full_like(theta, np.nan),
             self._samples,
         )
+        if scene.dot_size > 0.0:
+            torsion = np.zeros_like(theta) + scene.torsion
+            draw_dots(
+                self._lens,
+                self._light,
+                self._gloss,
+                self._cable(scene),
+                scene.path.table,
+                Dots(theta, torsion, float(scene.dot_size)),
+                self._samples,
+            )
 
     def _resolve(self, scene: Scene) -> SingleArray:
         view = self._view(scene)
-        colours = np.array([scene.paint.cable, scene.paint.marker], dtype=np.float32)
+        markers = scene.paint.of_markers(max(scene.marker_theta.size, 1))
+        colours = np.array([scene.paint.cable, *markers], dtype=np.float32)
         resolve(view.radiance, view.inverse_depth, colours, self._samples, self._radiance)
         return self._radiance
 

@@ -24,7 +24,7 @@ def resolve(
     Args:
         background: Radiance without the cable, shape (rows, columns, 3).
         behind: Inverse depth of the cylinder at each sample [1/m].
-        colours: Reflectance of cable and markers, shape (2, 3).
+        colours: Reflectance of the cable and of each marker, shape (1 + markers, 3).
         samples: What was drawn.
         out: Radiance, shape (rows, columns, 3), as the last call left it.
     """
@@ -41,6 +41,7 @@ def resolve(
             shown[row, block] = drawn
             for column in range(block * BLOCK, min((block + 1) * BLOCK, columns)):
                 hits, cable, marker, white = nothing, nothing, nothing, nothing
+                which = one
                 if drawn:
                     for j in range(row * size, (row + 1) * size):
                         for i in range(column * size, (column + 1) * size):
@@ -48,13 +49,16 @@ def resolve(
                             hits += min(label, one)
                             cable += shade if label == one else nothing
                             marker += shade if label > one else nothing
+                            which = max(which, label)
                             white += seen[j, i, GLOSS]
                             seen[j, i, LABEL] = nothing
                             seen[j, i, NEAR] = behind[j, i]
                             seen[j, i, SHADE] = nothing
                             seen[j, i, GLOSS] = nothing
+                # Markers of two colours share next to no pixel: the later one's is taken.
+                paint = int(which) - 1
                 rest = one - hits * share
                 for channel in range(3):
-                    light = colours[0, channel] * cable + colours[1, channel] * marker
+                    light = colours[0, channel] * cable + colours[paint, channel] * marker
                     mean = (light + glare * white) * share
                     out[row, column, channel] = mean + rest * background[row, column, channel]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import colorsys
 import math
 from dataclasses import dataclass, field
 
@@ -18,13 +19,26 @@ Colour = tuple[float, float, float]
 class Paint:
     """Colours of marker, cable, cylinder and backdrop, blue-green-red.
 
-    Reflectance of 0 to 255 under nominal light.
+    Reflectance of 0 to 255 under nominal light. `markers` are those of P0, P1 and so on where they
+    differ; the last one holds for all further markers.
     """
 
     marker: Colour = (25.0, 185.0, 225.0)
     cable: Colour = (150.0, 150.0, 156.0)
     cylinder: Colour = (96.0, 92.0, 90.0)
     backdrop: Colour = (46.0, 42.0, 40.0)
+    markers: tuple[Colour, ...] = ()
+
+    def of_markers(self, count: int) -> tuple[Colour, ...]:
+        """Return the colour of each of a number of markers."""
+        told = self.markers or (self.marker,)
+        return (told + told[-1:] * count)[:count]
+
+
+def paint_of_hue(hue: float) -> Colour:
+    """Return a paint of a hue [deg] as bright and as strong as the markers' own yellow."""
+    red, green, blue = colorsys.hsv_to_rgb(hue / 360.0, 0.89, 225.0)
+    return blue, green, red
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +58,10 @@ class Scene:
         guide_z: Axial position of the guide [m].
         free_length: Distance of the guide before the contact line [m].
         band_width: Of a marker's ring band along the cable [m].
+        dot_size: Side of the square printed on the outside of the cable that a marker is instead
+            of a ring band [m]; 0 for ring bands.
+        torsion: By how much the cable is twisted about itself at each marker, which turns a dot
+            towards +z [rad], shape (m,) or a number.
         tail_angle: Cable clamped behind P0, opposite to the winding sense [rad].
         cylinder_ends: Axial ends of the cylinder [m].
         cylinder_speed: Turning speed [rad/s], for motion blur only.
@@ -58,6 +76,8 @@ class Scene:
     guide_z: float
     free_length: float
     band_width: float = 6.0e-3
+    dot_size: float = 0.0
+    torsion: FloatArray | float = 0.0
     tail_angle: float = 0.5
     cylinder_ends: tuple[float, float] = (-0.018, 0.118)
     cylinder_speed: float = 0.0

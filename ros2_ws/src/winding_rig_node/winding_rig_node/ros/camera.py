@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.cases import Case
+from winding_core.marker_parameters import DOT
 from winding_core.readings import ImageWindow
 from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import CameraCalibration, CameraConfig, SensorNoise
 from winding_rig_node.camera.preview import encode_jpeg
 from winding_rig_node.camera.renderer import Renderer
-from winding_rig_node.camera.scene import Scene
+from winding_rig_node.camera.scene import Paint, Scene, paint_of_hue
 from winding_rig_node.machine.faults import Faults
 from winding_rig_node.machine.lay import CableLay
 from winding_rig_node.machine.machine import Machine
@@ -89,6 +90,7 @@ class Camera:
         self._rng = np.random.default_rng([wanted.seed, 1])
         camera = CameraConfig(noise=SensorNoise(read=wanted.camera_noise))
         self._renderer = Renderer(camera)
+        self._paint = Paint(markers=tuple(paint_of_hue(hue) for hue in wanted.hues))
         self._exposures: queue.Queue[tuple[Exposure, int]] = queue.Queue(_FRAME_QUEUE)
         self.calibration = _reading(camera.calibration())
         self.faults = Faults()
@@ -171,6 +173,8 @@ class Camera:
                 guide_z=exposure.guide_z,
                 free_length=self._wanted.free_length,
                 band_width=self._wanted.band_width,
+                dot_size=self._wanted.dot_size if self._wanted.marker_kind == DOT else 0.0,
+                paint=self._paint,
             ),
             self._rng,
         )

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from winding_core.condition import Condition
+from winding_core.marker_parameters import MarkerLook
 from winding_core.parameters import parameter
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS, CommandLimits
 from winding_rig_node.machine.lay import CableLay, HiddenCable, published_lay, simulated_lay
 
 
 @dataclass(frozen=True, kw_only=True)
-class RigParameters(Condition):
+class RigParameters(MarkerLook, Condition):
     """What is wound, how fast simulated time runs, and what the camera sees."""
 
     lay: str = parameter(
@@ -36,9 +37,6 @@ class RigParameters(Condition):
     )
     pace_timeout: float = parameter(
         30.0, "wall time without an answer of a paced topic after which the rig fails [s]", low=0.1
-    )
-    band_width: float = parameter(
-        0.006, "width of a marker band along the cable [m]", low=0.0005, high=0.05
     )
     camera_noise: float = parameter(
         1.5, "read noise of the camera, one standard deviation [grey levels]", low=0.0, high=50.0
