@@ -95,7 +95,18 @@ def expect_bands(
     gates: Gates,
     expected: Expected,
 ) -> None:  # pragma: no cover
-    """Write where the known markers are expected, and the gates of those in sight."""
+    """Write where the known markers are expected, and the gates of those in sight.
+
+    Args:
+        picture: Frame and colours.
+        setup: Machine and camera.
+        shutter: Of the frame.
+        cable: As laid at the frame.
+        turned: Cylinder angle as the camera is expected to see it [rad].
+        lead: How much further P0 is expected [rad].
+        gates: Receives the gates.
+        expected: Receives the rest.
+    """
     marks = cable.marks
     count = marks.known.size
     for n in range(count):

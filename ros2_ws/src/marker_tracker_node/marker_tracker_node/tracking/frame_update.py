@@ -85,21 +85,21 @@ def update_burst(
 
     Args:
         frames: Shape (k, rows, columns, 3).
-        tables: See `Palette`.
-        colour_of: Likewise.
-        fixed: See `setup_numbers`.
-        numbers: See `TrackerState`, and so are the following; they are written in place.
-        known: Likewise.
-        marks: Likewise.
-        hits: Likewise.
-        candidates: Likewise.
-        paths: Likewise.
+        tables: See `Palette`, shape ((2 + colours) 32768,).
+        colour_of: See `Palette`, shape (markers,).
+        fixed: See `setup_numbers`, shape (37,).
+        numbers: See `TrackerState`, shape (RUN_SIZE,), written in place as are the following.
+        known: See `TrackerState`, shape (markers,).
+        marks: See `TrackerState`, shape (8, markers).
+        hits: See `TrackerState`, shape (2, CANDIDATES).
+        candidates: See `TrackerState`, shape (6, CANDIDATES).
+        paths: See `Tracks`, shape (2, PATH_SIZE).
         readings: Ascending times [s], cylinder angles [rad], nan where missing, guide positions
             [m], nan to expect the commanded feed, and how much further P0 is expected than encoder
             and shift say [rad], shape (4, k).
-        angle: See `OutputRoom`, and so are the following; they receive what each frame yields.
-        flags: Likewise.
-        fields: Likewise.
+        angle: Receives that of each frame [rad], shape (k,).
+        flags: Receives those of each frame, shape (k, markers).
+        fields: Receives the others, see `OutputRoom`, shape (fields, k, markers).
     """
     setup, run = setup_of(fixed), run_of(numbers)
     tracks = tracks_of(known, marks, hits, candidates, paths)

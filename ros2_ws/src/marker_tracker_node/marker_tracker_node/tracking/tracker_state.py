@@ -49,7 +49,7 @@ class TrackerState:
         marks: Its other fields, shape (8, markers).
         hits: Of `Candidates`, and their colours, shape (2, CANDIDATES).
         candidates: Its other fields, shape (6, CANDIDATES).
-        paths: See `Tracks`.
+        paths: See `Tracks` [m], shape (2, PATH_SIZE).
     """
 
     numbers: FloatArray
@@ -111,8 +111,8 @@ class OutputRoom:
     """Arrays that an `Output` is made of.
 
     Attributes:
-        angle: See `Output`.
-        flags: Likewise.
+        angle: See `Output` [rad], shape (frames,).
+        flags: See `Output`, shape (frames, markers).
         fields: The others, in their order, shape (fields, frames, markers).
     """
 
@@ -183,7 +183,15 @@ def write_run(run: Run, n: FloatArray) -> None:  # pragma: no cover
 def tracks_of(
     known: FlagArray, m: FloatArray, hits: IndexArray, c: FloatArray, paths: FloatArray
 ) -> Tracks:  # pragma: no cover
-    """Return the arrays of a `TrackerState` by their names."""
+    """Return the arrays of a `TrackerState` by their names.
+
+    Args:
+        known: See `TrackerState`, shape (markers,).
+        m: Its marks, shape (8, markers).
+        hits: See `TrackerState`, shape (CANDIDATES,).
+        c: Its candidates, shape (6, CANDIDATES).
+        paths: See `Tracks` [m], shape (2, PATH_SIZE).
+    """
     return Tracks(
         Marks(known, m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7]),
         Candidates(hits[0], hits[1], c[0], c[1], c[2], c[3], c[4], c[5]),
@@ -195,5 +203,11 @@ def tracks_of(
 def output_of(
     angle: FloatArray, flags: NDArray[np.uint32], f: FloatArray
 ) -> Output:  # pragma: no cover
-    """Return the arrays of an `OutputRoom` by their names."""
+    """Return the arrays of an `OutputRoom` by their names.
+
+    Args:
+        angle: See `OutputRoom` [rad], shape (frames,).
+        flags: See `OutputRoom`, shape (frames, markers).
+        f: Its fields, shape (fields, frames, markers).
+    """
     return Output(angle, f[0], f[1], f[2], f[3], flags, f[4], f[5], f[6], f[7], f[8])

@@ -120,10 +120,10 @@ def _band_share(
     Args:
         pixels: Shape (rows, columns, 3).
         table: See `Picture`.
-        fixed: See `setup_numbers`.
-        known: See `TrackerState`.
-        marks: Likewise.
-        path: Likewise.
+        fixed: See `setup_numbers`, shape (36,).
+        known: See `TrackerState`, shape (markers,).
+        marks: See `TrackerState`, shape (8, markers).
+        path: See `TrackerState` [m], shape (PATH_SIZE,).
         theta: [rad]
         azimuth: [rad]
 
