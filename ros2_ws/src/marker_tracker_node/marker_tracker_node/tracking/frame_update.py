@@ -87,7 +87,7 @@ def update_burst(
         frames: Shape (k, rows, columns, 3).
         tables: See `Palette`, shape ((2 + colours) 32768,).
         colour_of: See `Palette`, shape (markers,).
-        fixed: See `setup_numbers`, shape (37,).
+        fixed: See `setup_numbers`, shape (38,).
         numbers: See `TrackerState`, shape (RUN_SIZE,), written in place as are the following.
         known: See `TrackerState`, shape (markers,).
         marks: See `TrackerState`, shape (8, markers).
