@@ -20,6 +20,7 @@ FloatArray = NDArray[np.float64]
 COARSE_STEPS, FINE_STEPS, WIDE_STEPS = 4, 2, 5
 FINE_STEP = 0.35
 UNKNOWNS = 4
+LEAST_PIVOT = 1.0e-9
 
 # Integral of the brightness over the way from the rim, both over half a turn, at equal steps.
 SHAPE_SIZE = 1024
@@ -48,7 +49,6 @@ def _misfit(
     half: float,
     below: bool,
     above: bool,
-    normal: FloatArray,
 ) -> float:  # pragma: no cover
     """Return the sum of squares that is left when the edge stands at a column.
 
@@ -60,49 +60,57 @@ def _misfit(
         half: Half the width of a turn [px].
         below: Whether there is cable below the edge.
         above: Whether there is cable above the edge.
-        normal: Room, shape (UNKNOWNS, UNKNOWNS + 1).
     """
-    normal[:] = 0.0
-    squares = 0.0
+    # One number each, not a matrix: they stay in registers.
+    n00 = n01 = n02 = n03 = n11 = n12 = n13 = n22 = n23 = n33 = 0.0
+    y0 = y1 = y2 = y3 = squares = 0.0
     for u in range(first, last + 1):
-        # Each pixel is a mean over its width, a part of which may lie on either side.
-        low, high = u - 0.5, u + 0.5
-        share = min(max(high - edge, 0.0), 1.0)
-        if above:
-            upper = _shape(high - edge, half) - _shape(low - edge, half)
-        else:
-            upper = share * (max(u - edge, 0.0)) / half
-        if below:
-            lower = _shape(edge - low, half) - _shape(edge - high, half)
-        else:
-            lower = (1.0 - share) * (max(edge - u, 0.0)) / half
-        a0, a1, a2, a3 = 1.0 - share, lower, share, upper
+        # Each group is a mean over its width, a part of which may lie on either side.
+        low, high = u - 0.5 - edge, u + 0.5 - edge
+        share = min(max(high, 0.0), 1.0)
+        rest = 1.0 - share
+        lower, upper = 0.0, 0.0
+        if share > 0.0:
+            upper = _shape(high, half) - _shape(low, half) if above else share * max(u - edge, 0.0)
+        if rest > 0.0:
+            lower = _shape(-low, half) - _shape(-high, half) if below else rest * max(edge - u, 0.0)
         y = signal[u]
         squares += y * y
-        normal[0, 0] += a0 * a0
-        normal[0, 1] += a0 * a1
-        normal[0, 2] += a0 * a2
-        normal[0, 3] += a0 * a3
-        normal[0, 4] += a0 * y
-        normal[1, 1] += a1 * a1
-        normal[1, 2] += a1 * a2
-        normal[1, 3] += a1 * a3
-        normal[1, 4] += a1 * y
-        normal[2, 2] += a2 * a2
-        normal[2, 3] += a2 * a3
-        normal[2, 4] += a2 * y
-        normal[3, 3] += a3 * a3
-        normal[3, 4] += a3 * y
+        n00 += rest * rest
+        n01 += rest * lower
+        n02 += rest * share
+        n03 += rest * upper
+        n11 += lower * lower
+        n12 += lower * share
+        n13 += lower * upper
+        n22 += share * share
+        n23 += share * upper
+        n33 += upper * upper
+        y0 += rest * y
+        y1 += lower * y
+        y2 += share * y
+        y3 += upper * y
     # Cholesky's way, with the right side as a further row: what is left of the squares.
-    for k in range(UNKNOWNS):
-        pivot = normal[k, k]
-        if pivot < 1.0e-9:
-            continue
-        for i in range(k + 1, UNKNOWNS):
-            factor = normal[k, i] / pivot
-            for j in range(i, UNKNOWNS + 1):
-                normal[i, j] -= factor * normal[k, j]
-        squares -= normal[k, UNKNOWNS] * normal[k, UNKNOWNS] / pivot
+    if n00 > LEAST_PIVOT:
+        f = n01 / n00
+        n11, n12, n13, y1 = n11 - f * n01, n12 - f * n02, n13 - f * n03, y1 - f * y0
+        f = n02 / n00
+        n22, n23, y2 = n22 - f * n02, n23 - f * n03, y2 - f * y0
+        f = n03 / n00
+        n33, y3 = n33 - f * n03, y3 - f * y0
+        squares -= y0 * y0 / n00
+    if n11 > LEAST_PIVOT:
+        f = n12 / n11
+        n22, n23, y2 = n22 - f * n12, n23 - f * n13, y2 - f * y1
+        f = n13 / n11
+        n33, y3 = n33 - f * n13, y3 - f * y1
+        squares -= y1 * y1 / n11
+    if n22 > LEAST_PIVOT:
+        f = n23 / n22
+        n33, y3 = n33 - f * n23, y3 - f * y2
+        squares -= y2 * y2 / n22
+    if n33 > LEAST_PIVOT:
+        squares -= y3 * y3 / n33
     return max(squares, 0.0)
 
 
@@ -117,7 +125,6 @@ def refined_edge(
     above: bool,
     steps: int,
     step: float,
-    normal: FloatArray,
 ) -> tuple[float, float]:  # pragma: no cover
     """Return the place of an edge and its standard deviation, nan where it cannot be told.
 
@@ -133,7 +140,6 @@ def refined_edge(
         above: Whether there is cable above.
         steps: That are tried to either side.
         step: Their width.
-        normal: Room, shape (UNKNOWNS, UNKNOWNS + 1).
     """
     first = max(math.ceil(edge - room_below), 0)
     last = min(math.floor(edge + room_above), signal.size - 1)
@@ -143,7 +149,7 @@ def refined_edge(
     best, low, middle, high = 0, math.nan, math.inf, math.nan
     previous = math.nan
     for k in range(-steps, steps + 1):
-        misfit = _misfit(signal, first, last, edge + step * k, half, below, above, normal)
+        misfit = _misfit(signal, first, last, edge + step * k, half, below, above)
         if misfit < middle:
             best, low, middle, high = k, previous, misfit, math.nan
         elif k == best + 1:

@@ -14,11 +14,11 @@ ByteArray = NDArray[np.uint8]
 
 # Share of the row's plainest contrast at which an edge counts half, and its limits relative to the
 # brightness: beyond the grooves of turned metal, and beyond noise.
-HALF_SHARE, HALF_LEAST, HALF_MOST = 0.6, 0.04, 0.12
+HALF_SHARE, HALF_LEAST, HALF_MOST = 0.6, 0.04, 0.2
 # A crease of depth c is as plain as a step of this many times c.
 CREASE_GAIN = 2.5
 # What is less plain is noise.
-LEAST_STRENGTH = 0.08
+LEAST_STRENGTH = 0.1
 
 
 @called

@@ -11,7 +11,6 @@ from marker_tracker_node.lay.boundaries import (
     COARSE_STEPS,
     FINE_STEP,
     FINE_STEPS,
-    UNKNOWNS,
     WIDE_STEPS,
     refined_edge,
 )
@@ -37,7 +36,7 @@ MOST_EDGES = 256
 # turn are one.
 WORTH_MOVING, SAME_EDGE = 0.3, 0.15
 # Bulge that counts half, over the contrast of an edge that does; and over that of the row's turns.
-HALF_BULGE, USUAL_BULGE = 0.65, 0.6
+HALF_BULGE, USUAL_BULGE = 0.4, 0.6
 # An edge that is no better known than where its contrast is greatest [px].
 COARSE_SIGMA = 0.4
 # What edges of real and drawn cables are off by for reasons that no scatter shows [px].
@@ -91,8 +90,7 @@ def measure_row(
     signal_of(pixels, table.row, table.group, signal)
     half = table.half
     count, half_contrast = edges_of(signal, half, sums, strength, where, plain, creased)
-    normal = np.empty((UNKNOWNS, UNKNOWNS + 1))
-    count = _moved_to_rims(signal, half, where, plain, creased, count, normal)
+    count = _moved_to_rims(signal, half, where, plain, creased, count)
     if count < 2:
         return 0
     room = Explanation(
@@ -128,14 +126,14 @@ def measure_row(
             width_below = last[k + 1] - first[k + 1] if touched_below else math.inf
             cable_below = touched_below and kinds[k + 1] != HIDDEN_ABOVE
             low, low_sigma = _edge(
-                signal, first[k], own, width_below, wide, cable_below, True, normal
+                signal, first[k], own, width_below, wide, cable_below, True
             )
         high, high_sigma = math.nan, math.nan
         if kind != HIDDEN_ABOVE:
             width_above = last[k - 1] - first[k - 1] if touched_above else math.inf
             cable_above = touched_above and kinds[k - 1] != HIDDEN_BELOW
             high, high_sigma = _edge(
-                signal, last[k], own, wide, width_above, True, cable_above, normal
+                signal, last[k], own, wide, width_above, True, cable_above
             )
         if kind == WHOLE:
             # Edges that are known as well weigh the same, however wide the turn looks.
@@ -193,7 +191,6 @@ def _moved_to_rims(
     plain: FloatArray,
     creased: FloatArray,
     count: int,
-    normal: FloatArray,
 ) -> int:  # pragma: no cover
     """Move plain edges to where a rim explains them; return how many distinct ones there are.
 
@@ -207,7 +204,7 @@ def _moved_to_rims(
             room = max(FITTED_SHARE * own, FITTED_LEAST) + 0.15 * own
             step = 0.25 + 0.045 * own
             moved, _ = refined_edge(
-                signal, place, own, room, room, True, True, COARSE_STEPS, step, normal
+                signal, place, own, room, room, True, True, COARSE_STEPS, step
             )
             if math.isfinite(moved):
                 place = moved
@@ -229,17 +226,16 @@ def _edge(
     width_above: float,
     below: bool,
     above: bool,
-    normal: FloatArray,
 ) -> tuple[float, float]:  # pragma: no cover
     """Return the column of an edge and its standard deviation [px], coarse ones if need be."""
     room = max(FITTED_SHARE * half, FITTED_LEAST)
     below_room, above_room = min(room, 0.9 * width_below), min(room, 0.9 * width_above)
     place, sigma = refined_edge(
-        signal, edge, half, below_room, above_room, below, above, FINE_STEPS, FINE_STEP, normal
+        signal, edge, half, below_room, above_room, below, above, FINE_STEPS, FINE_STEP
     )
     if not math.isfinite(place):
         place, sigma = refined_edge(
-            signal, edge, half, below_room, above_room, below, above, WIDE_STEPS, FINE_STEP, normal
+            signal, edge, half, below_room, above_room, below, above, WIDE_STEPS, FINE_STEP
         )
     if not math.isfinite(place) or sigma > COARSE_SIGMA:
         return edge, COARSE_SIGMA
