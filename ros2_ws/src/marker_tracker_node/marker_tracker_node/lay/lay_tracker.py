@@ -30,6 +30,8 @@ from winding_core.lay_records import LayRecords
 
 # The free span changes more slowly than there is new cable.
 SPAN_STEPS = 2.0
+# A span whose angle is known no better is none [rad].
+MOST_DOUBT = 0.01
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
@@ -206,6 +208,12 @@ class LayTracker:
             return
         ways, z, sigma = aligned_rows(frame, self._free, span)
         span = fit_span(ways, z, sigma, span.sigma_contact_z) or span
+        if (
+            span.rows < 0.6 * len(self._free)
+            or span.sigma_angle > MOST_DOUBT
+            or abs(span.contact_z - start) > 0.5 * config.diameter
+        ):
+            return
         self.span = span
         if math.isfinite(reading.guide_z):
             self._length.add(span, reading.guide_z)

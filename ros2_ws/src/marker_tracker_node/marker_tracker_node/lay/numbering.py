@@ -67,10 +67,14 @@ def number_turns(
             expected_any = True
             miss = abs(found[index, Z] - expected)
             if miss < limit:
-                pairs.append((miss, index, m))
+                pairs.append((m, miss, index))
     numbers: dict[int, int] = {}
-    for _, index, m in sorted(pairs):
-        if index not in numbers and m not in numbers.values():
+    # Where turns lie on each other the newest is on top: it takes what is seen whole.
+    for m, miss, index in sorted(pairs):
+        if index in numbers or m in numbers.values():
+            continue
+        rivals = [pair for pair in pairs if pair[2] == index and pair[0] > m]
+        if found[index, KIND] == WHOLE or not any(pair[1] < miss for pair in rivals):
             numbers[index] = m
     if expected_any and numbers:
         return numbers

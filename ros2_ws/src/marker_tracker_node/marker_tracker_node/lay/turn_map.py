@@ -75,6 +75,9 @@ class TurnMap:
             return
         while place >= self.z.size:
             self._grow()
+        if self.count[place] and not whole and self.whole[place] > 0.5:
+            # It was seen better before others came to lie on it.
+            return
         z -= slope * (theta - self.theta_of(place))
         added = 1.0 / (sigma * sigma)
         kept = min(self.count[place], MEMORY)
