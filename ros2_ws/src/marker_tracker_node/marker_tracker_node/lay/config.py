@@ -40,7 +40,7 @@ class LayConfig:
     widest: float = 0.7
     ways: int = 10
     longest: float = 0.04
-    step: float = 0.04
+    step: float = 0.08
     gap_limit: float = 0.25
     overlap_limit: float = 0.88
     climb_limit: float = 0.5

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.lay.row_measurement import PLACE, SIGMA, Z
+
 FloatArray = NDArray[np.float64]
 
 
@@ -33,6 +35,49 @@ class FreeSpan:
     def slope(self) -> float:
         """dz per way towards the guide."""
         return math.tan(self.angle)
+
+
+def sightings_near(
+    found: list[FloatArray], start: float, slope: float, limit: float
+) -> FloatArray:
+    """Return way, z and sigma [m] of what each row shows nearest to a line, shape (n, 3).
+
+    Args:
+        found: Of each row of the free span, see `turns_in_row`.
+        start: z of the line at the contact [m].
+        slope: Its dz per way.
+        limit: Farthest from it [m].
+    """
+    seen = []
+    for turns in found:
+        off = np.abs(turns[:, Z] - start - slope * turns[:, PLACE])
+        if off.size and off.min() < limit:
+            seen.append(turns[int(np.argmin(off)), [PLACE, Z, SIGMA]])
+    return np.array(seen).reshape(-1, 3)
+
+
+def towards_guide(
+    found: list[FloatArray], guide_z: float, free_length: float, limit: float
+) -> float:
+    """Return where a straight cable to the guide lands that most rows show [m].
+
+    Args:
+        found: Of each row of the free span, see `turns_in_row`.
+        guide_z: [m]
+        free_length: Expected [m].
+        limit: How far rows may be off it [m].
+
+    Returns:
+        nan where fewer than three rows, or less than half of them, agree.
+    """
+    best, start = max(3, (len(found) + 1) // 2) - 1, math.nan
+    for way, z in found[0][:, [PLACE, Z]]:
+        slope = (guide_z - z) / (free_length - way)
+        landing = z - slope * way
+        agreeing = len(sightings_near(found, landing, slope, limit))
+        if agreeing > best:
+            best, start = agreeing, float(landing)
+    return start
 
 
 def fit_span(ways: FloatArray, z: FloatArray, sigma: FloatArray, floor: float) -> FreeSpan | None:

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.lay.config import LayConfig
-from marker_tracker_node.lay.free_span import FreeLength, FreeSpan, fit_span
+from marker_tracker_node.lay.free_span import (
+    FreeLength,
+    FreeSpan,
+    fit_span,
+    sightings_near,
+    towards_guide,
+)
 from marker_tracker_node.lay.numbering import TURN, number_turns
 from marker_tracker_node.lay.report import LayReport, defects_of, lay_records
 from marker_tracker_node.lay.row_measurement import (
@@ -29,9 +35,11 @@ from marker_tracker_node.lay.turn_map import TurnMap
 from winding_core.lay_records import LayRecords
 
 # The free span changes more slowly than there is new cable.
-SPAN_STEPS = 2.0
-# A span whose angle is known no better is none [rad].
-MOST_DOUBT = 0.01
+SPAN_STEPS = 1.0
+# A span whose angle is known no better is none [rad], nor one that fewer of its rows show.
+MOST_DOUBT, MOST_ROWS = 0.01, 0.6
+# A span that was seen so long ago may be anywhere [rad].
+SPAN_MEMORY = 0.5
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
@@ -84,6 +92,7 @@ class LayTracker:
         )
         self._wound_at = np.full(len(self._wound), math.nan)
         self._free_at = math.nan
+        self._span_at = math.nan
         self._turns = TurnMap()
         self._length = FreeLength(config.roll_doubt)
         self._angle = math.nan
@@ -137,15 +146,25 @@ class LayTracker:
             sigma_free_length=sigma,
         )
 
-    def records(self) -> LayRecords:
-        """Return the lay as records of LAY_DTYPE, by rising wound angle."""
-        return lay_records(self.config, self._turns, self._angle)
+    def records(self, newest: int | None = None) -> LayRecords:
+        """Return the lay as records of LAY_DTYPE, by rising wound angle.
+
+        Args:
+            newest: Turns at the end that are told, None for all.
+        """
+        return lay_records(self.config, self._turns, self._angle, newest)
 
     def _slope(self) -> float:
         """Return dz/dtheta of the cable that lands now [m/rad]."""
         if self.span is not None:
             return self.span.slope * self.config.rho
         return 0.5 * self.config.advance_per_radian
+
+    def _landing(self, angle: float) -> float:
+        """Return where the cable lands [m], nan if that was not seen lately."""
+        if self.span is None or abs(angle - self._span_at) > SPAN_MEMORY:
+            return math.nan
+        return self.span.contact_z
 
     def _take_wound(self, frame: ByteArray, row: RowTable, reading: LayReading) -> int:
         config, slope, angle = self.config, self._slope(), reading.cylinder_angle
@@ -157,7 +176,7 @@ class LayTracker:
             slope=slope,
             diameter=config.diameter,
             onward=config.onward,
-            landing=self.span.contact_z if self.span is not None else math.nan,
+            landing=self._landing(angle),
             farthest=self._farthest(reading),
         )
         floor = SYSTEMATIC * config.cable_radius / float(row.half[row.half.size // 2])
@@ -186,49 +205,41 @@ class LayTracker:
         return self.config.onward * guide + self.config.diameter
 
     def _take_free(self, frame: ByteArray, reading: LayReading) -> None:
+        """Measure the free span, if its rows show one."""
+        if len(self._free) < 3:
+            return
         config, angle = self.config, reading.cylinder_angle
-        start, slope = self._expected_span(reading)
+        found = [turns_in_row(frame, row, 0.0) for row in self._free]
+        start, slope = self._expected_span(found, reading)
         if not math.isfinite(start):
             return
-        seen = []
-        for row in self._free:
-            found = turns_in_row(frame, row, slope)
-            if not len(found):
-                continue
-            off = found[:, Z] - start - slope * found[:, PLACE]
-            nearest = int(np.argmin(np.abs(off)))
-            if abs(off[nearest]) < 0.6 * config.diameter:
-                seen.append(found[nearest, [PLACE, Z, SIGMA]])
-        if not seen:
+        seen = sightings_near(found, start, slope, 0.6 * config.diameter)
+        if len(seen) < 3:
             return
-        ways, z, sigma = np.array(seen).T
         floor = SYSTEMATIC * config.cable_radius / float(np.median(self._free[0].half))
-        span = fit_span(ways, z, sigma, floor)
+        span = fit_span(seen[:, 0], seen[:, 1], seen[:, 2], floor)
         if span is None:
             return
         ways, z, sigma = aligned_rows(frame, self._free, span)
         span = fit_span(ways, z, sigma, span.sigma_contact_z) or span
         if (
-            span.rows < 0.6 * len(self._free)
+            span.rows < MOST_ROWS * len(self._free)
             or span.sigma_angle > MOST_DOUBT
             or abs(span.contact_z - start) > 0.5 * config.diameter
         ):
             return
-        self.span = span
+        self.span, self._span_at = span, angle
         if math.isfinite(reading.guide_z):
             self._length.add(span, reading.guide_z)
 
-    def _expected_span(self, reading: LayReading) -> tuple[float, float]:
+    def _expected_span(self, found: list[FloatArray], reading: LayReading) -> tuple[float, float]:
         """Return where the cable should land [m] and its dz per way towards the guide."""
-        config = self.config
-        start = self._turns.near(reading.cylinder_angle, 0.6, self._slope())
-        if self.span is not None and not math.isfinite(start):
-            start = self.span.contact_z
-        if not math.isfinite(start) and abs(reading.cylinder_angle) < 0.5:
-            start = 0.0
-        if self.span is not None:
-            return start, self.span.slope
+        config, angle = self.config, reading.cylinder_angle
         guide = reading.guide_z
         if not math.isfinite(guide):
-            guide = config.advance_per_radian * reading.cylinder_angle
+            guide = config.advance_per_radian * angle
+        if self.span is not None and abs(angle - self._span_at) < SPAN_MEMORY:
+            start = self._turns.near(angle, SPAN_MEMORY, self._slope())
+            return (start if math.isfinite(start) else self.span.contact_z), self.span.slope
+        start = towards_guide(found, guide, config.free_length, 0.4 * config.diameter)
         return start, (guide - start) / config.free_length

@@ -51,23 +51,22 @@ def number_turns(
     Returns:
         Index in `found` -> number m.
     """
+    if not len(found):
+        return {}
+    # A row stands at nearly the same azimuth everywhere.
+    azimuth = float(np.median(found[:, PLACE]))
+    front = angle - azimuth
     pairs = []
     expected_any = False
-    for index in range(len(found)):
-        front = angle - found[index, PLACE]
-        for m in range(max(math.floor((front + TAIL) / TURN) + 1, 0)):
-            theta = front - TURN * m
-            expected = turns.near(theta, REACH, slope)
-            limit = SAME * diameter
-            if math.isnan(expected) and m == 0 and math.isfinite(landing):
-                expected = landing - slope * found[index, PLACE]
-                limit = LANDING * diameter
-            if math.isnan(expected):
-                continue
-            expected_any = True
-            miss = abs(found[index, Z] - expected)
-            if miss < limit:
-                pairs.append((m, miss, index))
+    for m in range(max(math.floor((front + TAIL) / TURN) + 1, 0)):
+        expected, limit = turns.near(front - TURN * m, REACH, slope), SAME * diameter
+        if math.isnan(expected) and m == 0 and math.isfinite(landing):
+            expected, limit = landing - slope * azimuth, LANDING * diameter
+        if math.isnan(expected):
+            continue
+        expected_any = True
+        miss = np.abs(found[:, Z] - expected)
+        pairs += [(m, float(miss[index]), int(index)) for index in np.flatnonzero(miss < limit)]
     numbers: dict[int, int] = {}
     # Where turns lie on each other the newest is on top: it takes what is seen whole.
     for m, miss, index in sorted(pairs):

@@ -19,6 +19,8 @@ FloatArray = NDArray[np.float64]
 # Flags over fewer places than this are not told as a defect, and pauses of as many are part of one.
 SHORTEST, LONGEST_PAUSE = 3, 3
 LIFT_DOUBT = 0.3
+# A turn lies on one of so many before it.
+DEEPEST = 12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,15 +57,20 @@ class LayReport:
     sigma_free_length: float
 
 
-def lay_records(config: LayConfig, turns: TurnMap, angle: float) -> LayRecords:
+def lay_records(
+    config: LayConfig, turns: TurnMap, angle: float, newest: int | None = None
+) -> LayRecords:
     """Return a record for every place that was seen, by rising wound angle.
 
     Args:
         config: Machine and limits.
         turns: What was seen.
         angle: Azimuth of P0 at the records' time, whole turns included [rad].
+        newest: Turns at the end that are told, None for all.
     """
     seen = np.flatnonzero(turns.count[BEFORE:] > 0) + BEFORE
+    if newest is not None and seen.size:
+        seen = seen[seen > seen[-1] - newest * PLACES_PER_TURN]
     z, lift, pitch, flags = _judged(config, turns)
     records = np.zeros(seen.size, dtype=LAY_DTYPE)
     theta = (seen - BEFORE + 0.5) * PLACE_ANGLE
@@ -88,29 +95,35 @@ def _judged(
     config: LayConfig, turns: TurnMap
 ) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.uint32]]:
     """Return z and lift [m], pitch [m] and flags of every place."""
-    size, d, onward = turns.z.size, config.diameter, config.onward
-    z, lift = turns.z.copy(), np.zeros(size)
-    pitch, flags = np.full(size, np.nan), np.zeros(size, dtype=np.uint32)
+    d, onward = config.diameter, config.onward
     meant = max(2.0 * math.pi * abs(config.advance_per_radian), d)
-    for place in np.flatnonzero(turns.count > 0):
-        under = np.arange(place - PLACES_PER_TURN, -1, -PLACES_PER_TURN)
-        if not under.size or not turns.count[under[0]]:
-            continue
-        under = under[turns.count[under] > 0]
-        pitch[place] = z[place] - z[under[0]]
-        ahead = onward * z[place] - (onward * z[under]).max()
-        if ahead > meant + config.gap_limit * d:
-            flags[place] |= LayFlag.GAP
-        elif ahead < config.overlap_limit * d and turns.whole[place] > 0.5:
-            climbs = ahead < config.climb_limit * d
-            flags[place] |= LayFlag.CLIMB if climbs else LayFlag.OVERLAP
-            for _ in range(2):
-                beside = np.minimum(np.abs(z[place] - z[under]), d)
-                height = lift[under] + np.sqrt(d * d - beside * beside)
-                lift[place] = float(np.where(beside < d, height, 0.0).max())
-                z[place] = turns.z[place] - lift[place] * turns.steep[place]
-            pitch[place] = z[place] - z[under[0]]
-    return z, lift, pitch, flags
+    # Whole turns as rows, from half a turn before P0: what lies over each other stands in a column.
+    shape = (-1, PLACES_PER_TURN)
+    seen, whole = (turns.count > 0).reshape(shape), turns.whole.reshape(shape) > 0.5
+    plain, steep = turns.z.reshape(shape), turns.steep.reshape(shape)
+    z, lift = plain.copy(), np.zeros(plain.shape)
+    pitch, flags = np.full(plain.shape, np.nan), np.zeros(plain.shape, dtype=np.uint32)
+    rows = np.flatnonzero(seen.any(axis=1))
+    farthest = np.full(PLACES_PER_TURN, -np.inf)
+    for k in range(int(rows[-1]) + 1 if rows.size else 0):
+        if k:
+            ahead = onward * z[k] - farthest
+            judged = seen[k] & seen[k - 1]
+            flags[k] = np.where(judged & (ahead > meant + config.gap_limit * d), LayFlag.GAP, 0)
+            over = judged & whole[k] & (ahead < config.overlap_limit * d)
+            climbs = over & (ahead < config.climb_limit * d)
+            flags[k] |= np.where(climbs, LayFlag.CLIMB, np.where(over, LayFlag.OVERLAP, 0)).astype(
+                np.uint32
+            )
+            under = slice(max(k - DEEPEST, 0), k)
+            for _ in range(2 if over.any() else 0):
+                beside = np.where(seen[under], np.abs(z[k] - z[under]), np.inf)
+                height = lift[under] + np.sqrt(np.maximum(d * d - beside * beside, 0.0))
+                lift[k] = np.where(over, np.where(beside < d, height, 0.0).max(axis=0), 0.0)
+                z[k] = plain[k] - lift[k] * steep[k]
+            pitch[k] = np.where(judged, z[k] - z[k - 1], np.nan)
+        farthest = np.where(seen[k], np.maximum(farthest, onward * z[k]), farthest)
+    return z.ravel(), lift.ravel(), pitch.ravel(), flags.ravel()
 
 
 def defects_of(records: LayRecords) -> Iterator[LayDefect]:
