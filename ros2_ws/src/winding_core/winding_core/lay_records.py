@@ -16,6 +16,11 @@ class LayFlag(IntFlag):
     CLIMB = 4
 
 
+def name_of(flag: LayFlag) -> str:
+    """Return what people call one flag."""
+    return str(flag.name).lower()
+
+
 # Places of the wound cable: position, whole turns behind P0, wound angle [rad], one standard
 # deviation of z [m], distance from the turn before [m], height above cable on the cylinder [m],
 # LayFlag bits. x, y, z are single precision because RViz displays no other point clouds.

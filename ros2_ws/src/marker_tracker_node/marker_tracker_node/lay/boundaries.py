@@ -35,9 +35,9 @@ def _shape(way: float, half: float) -> float:  # pragma: no cover
         return 0.0
     place = way / half * SHAPE_SIZE
     if place >= SHAPE_SIZE:
-        return half * SHAPE[SHAPE_SIZE] + way - half
+        return float(half * SHAPE[SHAPE_SIZE] + way - half)
     k = int(place)
-    return half * (SHAPE[k] + (place - k) * (SHAPE[k + 1] - SHAPE[k]))
+    return float(half * (SHAPE[k] + (place - k) * (SHAPE[k + 1] - SHAPE[k])))
 
 
 @called

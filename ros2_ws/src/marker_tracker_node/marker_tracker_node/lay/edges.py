@@ -45,8 +45,9 @@ def edges_of(
     plain: FloatArray,
     creased: FloatArray,
 ) -> tuple[int, float]:  # pragma: no cover
-    """Find edges; return their number, as many as `where` has places at most, and the contrast
-    that counts half.
+    """Find edges; return how many there are, and the contrast that counts half.
+
+    There are as many as `where` has places at most.
 
     Args:
         signal: Brightness, shape (columns,).

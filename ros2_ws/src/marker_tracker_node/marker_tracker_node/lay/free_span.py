@@ -33,13 +33,11 @@ class FreeSpan:
 
     @property
     def slope(self) -> float:
-        """dz per way towards the guide."""
+        """Dz per way towards the guide."""
         return math.tan(self.angle)
 
 
-def sightings_near(
-    found: list[FloatArray], start: float, slope: float, limit: float
-) -> FloatArray:
+def sightings_near(found: list[FloatArray], start: float, slope: float, limit: float) -> FloatArray:
     """Return way, z and sigma [m] of what each row shows nearest to a line, shape (n, 3).
 
     Args:

@@ -45,7 +45,6 @@ FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
 
-
 @dataclass(frozen=True, kw_only=True)
 class LayReading:
     """Where the machine stands in a frame.

@@ -65,8 +65,8 @@ def number_turns(
         if math.isnan(expected):
             continue
         expected_any = True
-        miss = np.abs(found[:, Z] - expected)
-        pairs += [(m, float(miss[index]), int(index)) for index in np.flatnonzero(miss < limit)]
+        misses = np.abs(found[:, Z] - expected)
+        pairs += [(m, float(misses[k]), int(k)) for k in np.flatnonzero(misses < limit)]
     numbers: dict[int, int] = {}
     # Where turns lie on each other the newest is on top: it takes what is seen whole.
     for m, miss, index in sorted(pairs):

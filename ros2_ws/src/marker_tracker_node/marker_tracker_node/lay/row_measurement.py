@@ -46,19 +46,9 @@ FITTED_SHARE, FITTED_LEAST = 0.6, 3.2
 # By which share of half a turn its told width may be off.
 WIDTH_DOUBT = 0.02
 
-# What is known of a turn in a row; nan for what is not.
-ROW_TURN_DTYPE = np.dtype(
-    [
-        ("place", "<f8"),
-        ("z", "<f8"),
-        ("sigma_z", "<f8"),
-        ("width", "<f8"),
-        ("steep", "<f8"),
-        ("reach", "<f8"),
-        ("kind", "<i8"),
-    ]
-)
+# What is known of a turn in a row, see `turns_in_row`.
 PLACE, Z, SIGMA, WIDTH, STEEP, REACH, KIND = range(7)
+NUMBERS = 7
 
 
 def turns_in_row(pixels: ByteArray, table: RowTable, slant: float) -> FloatArray:
@@ -73,7 +63,7 @@ def turns_in_row(pixels: ByteArray, table: RowTable, slant: float) -> FloatArray
         table: Of the row.
         slant: Expected dz per way around the cylinder.
     """
-    found = np.empty((MOST_EDGES, len(ROW_TURN_DTYPE)))
+    found = np.empty((MOST_EDGES, NUMBERS))
     count = measure_row(pixels, table, slant, found)
     return found[:count]
 
@@ -125,16 +115,12 @@ def measure_row(
         if kind != HIDDEN_BELOW:
             width_below = last[k + 1] - first[k + 1] if touched_below else math.inf
             cable_below = touched_below and kinds[k + 1] != HIDDEN_ABOVE
-            low, low_sigma = _edge(
-                signal, first[k], own, width_below, wide, cable_below, True
-            )
+            low, low_sigma = _edge(signal, first[k], own, width_below, wide, cable_below, True)
         high, high_sigma = math.nan, math.nan
         if kind != HIDDEN_ABOVE:
             width_above = last[k - 1] - first[k - 1] if touched_above else math.inf
             cable_above = touched_above and kinds[k - 1] != HIDDEN_BELOW
-            high, high_sigma = _edge(
-                signal, last[k], own, wide, width_above, True, cable_above
-            )
+            high, high_sigma = _edge(signal, last[k], own, wide, width_above, True, cable_above)
         if kind == WHOLE:
             # Edges that are known as well weigh the same, however wide the turn looks.
             doubt = WIDTH_DOUBT * own
@@ -203,9 +189,7 @@ def _moved_to_rims(
         if plain[k] > WORTH_MOVING:
             room = max(FITTED_SHARE * own, FITTED_LEAST) + 0.15 * own
             step = 0.25 + 0.045 * own
-            moved, _ = refined_edge(
-                signal, place, own, room, room, True, True, COARSE_STEPS, step
-            )
+            moved, _ = refined_edge(signal, place, own, room, room, True, True, COARSE_STEPS, step)
             if math.isfinite(moved):
                 place = moved
         if kept and place < where[kept - 1] + SAME_EDGE * own:

@@ -76,7 +76,7 @@ def bulge(edges: Edges, low: float, high: float) -> float:  # pragma: no cover
 @called
 def _left_over(edges: Edges, k: int) -> float:  # pragma: no cover
     """Return what an edge costs that bounds nothing."""
-    return BARE_EDGE * max(edges.plain[k] - GROOVE, 0.0)
+    return float(BARE_EDGE * max(edges.plain[k] - GROOVE, 0.0))
 
 
 @called

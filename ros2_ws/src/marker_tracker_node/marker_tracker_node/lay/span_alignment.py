@@ -89,7 +89,6 @@ def _cubic(signal: FloatArray, at: FloatArray) -> FloatArray:
     t = at - low
     a, b, c, d = (signal[low + k] for k in (-1, 0, 1, 2))
     return np.asarray(
-        b
-        + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a))),
+        b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a))),
         dtype=float,
     )

@@ -41,7 +41,9 @@ class PathTable(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CablePath:
-    """Axial position and height of the wound cable, piecewise linear in the wound angle, level beyond it.
+    """Axial position and height of the wound cable, piecewise linear in the wound angle.
+
+    Beyond its ends it is level.
 
     The arrays are copied and cannot be written: what is checked here holds for every scene.
 
