@@ -8,6 +8,10 @@ from dataclasses import dataclass, field
 from marker_tracker_node.camera.pinhole import CameraPose
 
 
+# Way around the cylinder, in cable diameters, over which a climbing turn can be followed.
+FOLLOWED = 0.8
+
+
 @dataclass(frozen=True, kw_only=True)
 class LayConfig:
     """Configuration of a `LayTracker`.
@@ -23,7 +27,7 @@ class LayConfig:
         widest: Largest azimuth of such a row [rad].
         ways: Rows that are measured on the free span.
         longest: Largest way before the contact line of such a row [m].
-        step: Turning after which a row is worth measuring again [rad].
+        step: Most turning after which a row is measured again [rad], see `turning`.
         gap_limit: Room beyond the intended pitch that counts as a gap, in cable diameters.
         overlap_limit: Distance from the turn beneath that counts as an overlap where it is less,
             in cable diameters.
@@ -63,6 +67,14 @@ class LayConfig:
     def rho(self) -> float:
         """R + r [m]."""
         return self.cylinder_radius + self.cable_radius
+
+    @property
+    def turning(self) -> float:
+        """Turning after which a row is measured again [rad].
+
+        A thin cable on a large cylinder may leave its way by its own width sooner than a thick one.
+        """
+        return min(self.step, FOLLOWED * self.diameter / self.rho)
 
     @property
     def diameter(self) -> float:

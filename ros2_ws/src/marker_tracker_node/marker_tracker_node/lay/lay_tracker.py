@@ -120,7 +120,7 @@ class LayTracker:
         # Frames from messages are read-only; one kind of array means one compilation.
         still = np.ascontiguousarray(frame).view()
         still.flags.writeable = False
-        step = self.config.step
+        step = self.config.turning
         if not abs(angle - self._free_at) < SPAN_STEPS * step:
             self._free_at = angle
             self._take_free(still, reading)

@@ -111,16 +111,17 @@ def _judged(
             judged = seen[k] & seen[k - 1]
             flags[k] = np.where(judged & (ahead > meant + config.gap_limit * d), LayFlag.GAP, 0)
             over = judged & whole[k] & (ahead < config.overlap_limit * d)
-            climbs = over & (ahead < config.climb_limit * d)
-            flags[k] |= np.where(climbs, LayFlag.CLIMB, np.where(over, LayFlag.OVERLAP, 0)).astype(
-                np.uint32
-            )
             under = slice(max(k - DEEPEST, 0), k)
             for _ in range(2 if over.any() else 0):
                 beside = np.where(seen[under], np.abs(z[k] - z[under]), np.inf)
                 height = lift[under] + np.sqrt(np.maximum(d * d - beside * beside, 0.0))
                 lift[k] = np.where(over, np.where(beside < d, height, 0.0).max(axis=0), 0.0)
                 z[k] = plain[k] - lift[k] * steep[k]
+            # What lies higher looks farther from the middle of the picture than it is.
+            climbs = over & (onward * z[k] - farthest < config.climb_limit * d)
+            flags[k] |= np.where(climbs, LayFlag.CLIMB, np.where(over, LayFlag.OVERLAP, 0)).astype(
+                np.uint32
+            )
             pitch[k] = np.where(judged, z[k] - z[k - 1], np.nan)
         farthest = np.where(seen[k], np.maximum(farthest, onward * z[k]), farthest)
     return z.ravel(), lift.ravel(), pitch.ravel(), flags.ravel()
