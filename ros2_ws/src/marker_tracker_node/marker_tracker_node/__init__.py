@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
     from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
+    from marker_tracker_node.lay.config import LayConfig
+    from marker_tracker_node.lay.lay_tracker import LayReading, LayTracker
+    from marker_tracker_node.lay.report import LayDefect, LayReport
     from marker_tracker_node.tracking.config import TrackerConfig
     from marker_tracker_node.tracking.pose_correction import PoseBelief
     from marker_tracker_node.tracking.refinement import Refinement, Sightings, refine
@@ -19,6 +22,11 @@ __all__ = [
     "ColourModel",
     "ColourRefusedError",
     "FrameFault",
+    "LayConfig",
+    "LayDefect",
+    "LayReading",
+    "LayReport",
+    "LayTracker",
     "PinholeCamera",
     "PoseBelief",
     "Refinement",
@@ -32,6 +40,9 @@ __all__ = [
 _PLACES = {
     "camera.pinhole": {"CameraPose", "PinholeCamera"},
     "detection.colour": {"ColourModel", "ColourRefusedError"},
+    "lay.config": {"LayConfig"},
+    "lay.lay_tracker": {"LayReading", "LayTracker"},
+    "lay.report": {"LayDefect", "LayReport"},
     "tracking.config": {"TrackerConfig"},
     "tracking.pose_correction": {"PoseBelief"},
     "tracking.refinement": {"Refinement", "Sightings", "refine"},

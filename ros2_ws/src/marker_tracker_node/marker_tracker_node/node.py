@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.lay import lay_follower
 from marker_tracker_node.ros.camera_port import Camera, CameraError, CameraPort
 from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
@@ -24,7 +25,7 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
     """Measures (r, theta, z) of every marker in every frame.
 
     Subscribes to camera/image_raw, camera/camera_info and rig/joint_states. Publishes
-    tracker/markers, one message per frame with the frame's stamp.
+    tracker/markers, one message per frame with the frame's stamp, and tracker/lay.
     """
 
     def __init__(self, spec: graph.NodeSpec = graph.TRACKER, **kwargs: Any) -> None:
@@ -42,6 +43,8 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
         self._handler = TrackerHandler(self.configuration)
         # The first frame compiles the kernels: before time runs, not within it.
         warm_up(self._handler.config)
+        if self.configuration.lay:
+            lay_follower.warm_up(self._handler.config)
         self.endpoints.connect(self._handler, busy=self._busy)
 
     def activate(self) -> None:
@@ -109,7 +112,7 @@ class ComposedTrackerNode(MarkerTrackerNode):
     """The tracker with a camera in its process, which hands its frames over.
 
     Publishes camera/camera_info with every frame, camera/image_raw and its preview at 25 Hz, and
-    tracker/markers for every frame. Subscribes to rig/joint_states.
+    tracker/markers for every frame, and tracker/lay. Subscribes to rig/joint_states.
 
     Args:
         camera: Opens the camera while the node is active.

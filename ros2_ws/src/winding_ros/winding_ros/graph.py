@@ -156,7 +156,14 @@ PAGE = NodeSpec(
     beside=tuple(
         topic
         for topic in topics.TOPICS
-        if topic not in (topics.CLOCK, topics.IMAGE, topics.RECORDER_PROGRESS, topics.TRACE)
+        if topic
+        not in (
+            topics.CLOCK,
+            topics.IMAGE,
+            topics.RECORDER_PROGRESS,
+            topics.TRACE,
+            topics.TRACKED_LAY,
+        )
         and topic.publisher not in (topics.COMMANDER, topics.ORCHESTRATOR, topics.RUN_SERVER)
     ),
     policy=Policy.ASIDE,

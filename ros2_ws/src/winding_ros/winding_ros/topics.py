@@ -16,6 +16,7 @@ from std_msgs.msg import Header, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker
 
+from winding_core.lay_records import LAY_DTYPE
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
 from winding_core.readings import CABLE_TENSION, Quantity
 from winding_core.trace import TRACE_DTYPE
@@ -166,6 +167,14 @@ TRACKED_MARKERS = _topic(
     _records(MARKER_DTYPE),
     fastest=FASTEST_CAMERA,
     answer=True,
+)
+TRACKED_LAY = _topic(
+    "tracker/lay",
+    PointCloud2,
+    10.0,
+    TRACKER,
+    "newest twelve turns as measured, every 5 degrees; with the parameter lay",
+    _records(LAY_DTYPE),
 )
 FEM_MARKERS = _topic(
     "fem/markers",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo
 
 from marker_tracker_node.camera.pinhole import PinholeCamera
+from marker_tracker_node.lay.lay_follower import LayFollower
 from marker_tracker_node.ros.parameters import TrackerParameters
 from marker_tracker_node.tracking.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.config import TrackerConfig
@@ -27,6 +29,9 @@ from winding_ros.topic import Topic
 
 # Topics overtake each other: the first calibration may come a few frames late.
 _FRAMES_BEFORE_CALIBRATION = 50
+# Older turns have been told before.
+_TURNS_TOLD = 12
+_LAY_PERIOD = 1.0 / (topics.TRACKED_LAY.rate or 10.0)
 
 
 class TrackerHandler:
@@ -46,7 +51,7 @@ class TrackerHandler:
         )
         self._camera: CameraReading | None = None
         self._calibration = b""
-        self._live = SynchronisedTracker(self._clock)
+        self._begin()
         self._uncalibrated = 0
         self.pixels = PixelReader(wanted.encoding, wanted.significant_bits)
         # A float of seconds since 1970 holds no nanoseconds: answers bear the frame's own stamp.
@@ -72,11 +77,17 @@ class TrackerHandler:
         self._read = JointStateReader(self._wanted)
         self._camera = None
         self._calibration = b""
-        self._live = SynchronisedTracker(self._clock)
+        self._begin()
         self._uncalibrated = 0
         self.pixels = PixelReader(self._wanted.encoding, self._wanted.significant_bits)
         self._stamps.clear()
         yield from ()
+
+    def _begin(self) -> None:
+        self._follower = LayFollower() if self._wanted.lay else None
+        self._lay_due = -math.inf
+        beside = self._follower.take if self._follower is not None else None
+        self._live = SynchronisedTracker(self._clock, beside=beside)
 
     def take(self, topic: Topic, data: bytes) -> Iterator[Answer]:
         """Take a calibration, an encoder sample or a frame; yield the frames that can be measured.
@@ -127,6 +138,18 @@ class TrackerHandler:
             if stamp is not None:
                 cloud = with_stamp(cloud, stamp)
             yield Answer(topic=topics.TRACKED_MARKERS, message=cloud)
+            yield from self._lay(t, stamp)
+
+    def _lay(self, t: float, stamp: bytes | None) -> Iterator[Answer]:
+        """Yield the lay when it is due, with the stamp of its last frame."""
+        follower = self._follower
+        if follower is None or follower.lay is None or 0.0 <= self._lay_due - t <= _LAY_PERIOD:
+            return
+        self._lay_due = t + _LAY_PERIOD
+        cloud = encode_cloud(t, follower.lay.records(_TURNS_TOLD))
+        yield Answer(
+            topic=topics.TRACKED_LAY, message=cloud if stamp is None else with_stamp(cloud, stamp)
+        )
 
 
 def _camera(reading: CameraReading) -> PinholeCamera:

@@ -8,12 +8,19 @@ from winding_core.camera_clock import CameraClockParameters
 from winding_core.camera_pixels import CameraPixels
 from winding_core.camera_placement import CameraPlacement
 from winding_core.condition import Condition
+from winding_core.lay_parameters import LayParameters
 from winding_core.machine_axes import MachineAxes
 from winding_core.marker_parameters import MarkerParameters
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackerParameters(
-    MarkerParameters, CameraPixels, CameraClockParameters, CameraPlacement, MachineAxes, Condition
+    LayParameters,
+    MarkerParameters,
+    CameraPixels,
+    CameraClockParameters,
+    CameraPlacement,
+    MachineAxes,
+    Condition,
 ):
     """What is wound, what of it the camera sees from where, and what is done about its clock."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,16 +28,24 @@ class SynchronisedTracker:
         history: The encoder's readings.
     """
 
-    def __init__(self, settings: ClockSettings, history: EncoderHistory | None = None) -> None:
+    def __init__(
+        self,
+        settings: ClockSettings,
+        history: EncoderHistory | None = None,
+        *,
+        beside: Callable[[PairedFrame, Tracker], None] | None = None,
+    ) -> None:
         """Take readings and frames from now on; frames wait until `start`.
 
         Args:
             settings: What to do about the camera's clock.
             history: To which readings are added.
+            beside: Takes each frame after the tracker has measured it.
         """
         self.tracker: Tracker | None = None
         self.clock: CameraClock | None = None
         self._settings = settings
+        self._beside = beside
         self._pairs = Synchroniser(history, longest_lead=2.0 * settings.limit)
         self.history = self._pairs.history
 
@@ -63,7 +71,10 @@ class SynchronisedTracker:
         if self.tracker is None or self.clock is None:
             return
         for pair in self._pairs.ready(final=final):
-            yield pair.t, self._measure(self.tracker, self.clock, pair)
+            markers = self._measure(self.tracker, self.clock, pair)
+            if self._beside is not None and len(markers):
+                self._beside(pair, self.tracker)
+            yield pair.t, markers
 
     def _measure(self, tracker: Tracker, clock: CameraClock, pair: PairedFrame) -> Markers:
         clock.stray(pair.astray)

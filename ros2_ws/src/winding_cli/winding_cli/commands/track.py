@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from marker_tracker_node import (
+        LayReport,
         PinholeCamera,
         PoseBelief,
         Refinement,
@@ -64,6 +65,9 @@ def track(
         float | None,
         typer.Option(help="Of pictures without times; of a video in place of its own times."),
     ] = None,
+    lay: Annotated[
+        Path | None, typer.Option(help="CSV of every turn on the cylinder, every 5 degrees.")
+    ] = None,
     refined: Annotated[
         bool, typer.Option("--refine/--no-refine", help="Fit the camera's pose over the run.")
     ] = True,
@@ -82,6 +86,7 @@ def track(
     from marker_tracker_node.camera.calibration import read_camera
     from marker_tracker_node.camera.frame_sources import FrameSource
     from marker_tracker_node.camera.recordings import read_motion, write_measurements
+    from marker_tracker_node.lay.lay_follower import LayFollower, write_lay
     from marker_tracker_node.tracking.camera_clock import ClockSettings
     from marker_tracker_node.tracking.config import TrackerConfig
     from marker_tracker_node.tracking.encoder_history import EncoderHistory
@@ -90,6 +95,8 @@ def track(
     if not source.exists():
         refuse(f"{source} does not exist")
     check_output_file(out)
+    if lay is not None:
+        check_output_file(lay)
     with refused(OSError, ValueError):
         wound = Condition.from_typed(typed, spelling=spelled, case=Condition.case)
         where = _built(CameraPlacement, placement)
@@ -106,7 +113,12 @@ def track(
         settings = ClockSettings(
             correct=wanted.camera_clock_correction, limit=wanted.camera_clock_limit
         )
-        live = SynchronisedTracker(settings, EncoderHistory(longest_gap=math.inf, complete=True))
+        follower = LayFollower()
+        live = SynchronisedTracker(
+            settings,
+            EncoderHistory(longest_gap=math.inf, complete=True),
+            beside=follower.take if lay is not None else None,
+        )
         tracker = Tracker(config, lens, remember=refined)
         live.start(tracker)
         reader = PixelReader(encoding=read.encoding, significant_bits=read.significant_bits)
@@ -114,6 +126,9 @@ def track(
         rows = list(_measure(live, frames, drive, settings.limit))
     with staged(out) as place:
         write_measurements(place, rows)
+    if lay is not None and follower.lay is not None:
+        with staged(lay) as place:
+            write_lay(place, follower.lay.report())
     for sentence in (*frames.remarks(), *tracker.report().remarks):
         result_console().print(sentence, soft_wrap=True)
     belief = PoseBelief(
@@ -121,6 +136,8 @@ def track(
     )
     _print(tracker, lens, belief if refined else None)
     _print_clock(live)
+    if follower.lay is not None:
+        _print_lay(follower.lay.report())
     report = tracker.report()
     if not report.known:
         refuse(f"no marker was found: {report.colour_refusal or 'nothing moved with P0'}", FAILED)
@@ -167,6 +184,20 @@ def _print_clock(live: SynchronisedTracker) -> None:
     )
     for sentence in filter(None, (clock.refusal, clock.warning)):
         console.print(sentence)
+
+
+def _print_lay(report: LayReport) -> None:
+    from winding_core.lay_records import name_of
+
+    console, records = result_console(), report.records
+    turns = len(set(records["turn"].tolist()))
+    console.print(f"lay: {len(records)} places of {turns} turns")
+    if math.isfinite(report.free_length):
+        length, error = (x / MILLIMETRE for x in (report.free_length, report.sigma_free_length))
+        console.print(f"free length: {length:.1f} mm, error {error:.1f} mm")
+    for defect in report.defects:
+        where = f"{defect.first:.2f} to {defect.last:.2f} rad"
+        console.print(f"{name_of(defect.flag)}: {where}", soft_wrap=True)
 
 
 def _print(tracker: Tracker, lens: PinholeCamera, belief: PoseBelief | None) -> None:

@@ -82,7 +82,8 @@ def draw_cable(
     bounds = Bounds(float(columns), float(rows), room * lens.focal / near)
     view = View(lens, cable, light, bounds)
     # Chords and slanted rays reach a little farther than the section itself.
-    sight = sight_of(lens, rays, rho, 1.1 * room)
+    raised = path.lift.max() if path.lift.size else 0.0
+    sight = sight_of(lens, rays, rho, 1.1 * room + raised)
     half_bands = _half_bands(cable, path, markers)
     edges = _breaks(cable, markers, half_bands)
     room_for = Room(np.empty((3, FACETS + 1, 5)), np.empty((rows, FACETS + 1, 4)))
@@ -145,7 +146,7 @@ def _draw_stretch(
 ) -> None:  # pragma: no cover
     """Draw the part of a stretch between two wound angles [rad]."""
     # Plain arrays: each array taken out of a tuple, or each part of one, costs a locked count.
-    grid, heights, blocks = path.theta, path.z, path.first
+    grid, heights, lifts, blocks = path.theta, path.z, path.lift, path.first
     rims, crossings = room.rims, room.crossings
     width = stretch.last - stretch.first
     from_k = max(math.floor((start - stretch.first) * stretch.steps / width), 0)
@@ -154,7 +155,7 @@ def _draw_stretch(
     for k in range(from_k, to_k + 1):
         one, other = 1 + k % 2, 2 - k % 2
         theta = stretch.first + width * k / stretch.steps
-        place = centre_line(view.cable, grid, heights, blocks, theta)
+        place = centre_line(view.cable, grid, heights, lifts, blocks, theta)
         visible = section(view, gloss, place, rims, other)
         both, seen = visible and seen, visible
         ahead = direction(rims, one, other) if both else 0
@@ -180,7 +181,7 @@ def _half_bands(
     half = np.zeros(markers.size)
     for n in range(markers.size):
         if math.isfinite(markers[n]):
-            place = centre_line(cable, path.theta, path.z, path.first, markers[n])
+            place = centre_line(cable, path.theta, path.z, path.lift, path.first, markers[n])
             half[n] = 0.5 * cable.band_width / (rho * math.hypot(1.0, place.rise))
     return half
 

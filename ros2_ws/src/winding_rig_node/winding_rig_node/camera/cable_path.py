@@ -24,6 +24,7 @@ class PathTable(NamedTuple):
     Attributes:
         theta: Ascending wound angles [rad], shape (n,).
         z: Axial positions [m], shape (n,).
+        lift: Heights above cable that lies on the cylinder [m], shape (n,); (0,) for none.
         first: Index of the last angle at or before the start of each block, and one after the
             end of the last one, shape (blocks + 1,).
         lowest: Least z of each block [m], shape (blocks,).
@@ -32,6 +33,7 @@ class PathTable(NamedTuple):
 
     theta: FloatArray
     z: FloatArray
+    lift: FloatArray
     first: IndexArray
     lowest: FloatArray
     highest: FloatArray
@@ -39,21 +41,27 @@ class PathTable(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CablePath:
-    """Axial position of the wound cable, piecewise linear in the wound angle, level beyond it.
+    """Axial position and height of the wound cable, piecewise linear in the wound angle.
+
+    Beyond its ends it is level.
 
     The arrays are copied and cannot be written: what is checked here holds for every scene.
 
     Attributes:
         theta: Ascending wound angles behind P0 [rad], shape (n,), n at least 2.
         z: Axial positions there [m], shape (n,).
+        lift: How far the centre line lies outside that of cable on the cylinder [m], shape (n,):
+            of turns that climb on others; None for cable that all lies on the cylinder.
         table: Both with the bounds of blocks of turns, for the renderer.
 
     Raises:
-        ValueError: The arrays differ in shape, theta does not ascend or z is not finite.
+        ValueError: The arrays differ in shape, theta does not ascend, z is not finite or a lift is
+            negative.
     """
 
     theta: FloatArray
     z: FloatArray
+    lift: FloatArray | None = None
     table: PathTable = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -65,13 +73,22 @@ class CablePath:
             )
         if not (np.isfinite(z).all() and np.isfinite(theta).all() and (np.diff(theta) > 0).all()):
             raise ValueError("theta of a path must ascend and z must be finite")
+        lift = np.zeros(0) if self.lift is None else _fixed(self.lift)
+        if self.lift is not None and (lift.shape != theta.shape or not (lift >= 0.0).all()):
+            raise ValueError("lift of a path must be an array of its length, nowhere negative")
         object.__setattr__(self, "theta", theta)
         object.__setattr__(self, "z", z)
-        object.__setattr__(self, "table", _table(theta, z))
+        object.__setattr__(self, "table", _table(theta, z, lift))
 
     def height(self, theta: FloatArray) -> FloatArray:
         """Return z [m] at wound angles [rad], of their shape; nan for nan."""
         return np.asarray(np.interp(theta, self.theta, self.z), dtype=float)
+
+    def lifted(self, theta: FloatArray) -> FloatArray:
+        """Return the lift [m] at wound angles [rad], of their shape."""
+        if self.lift is None:
+            return np.zeros(np.shape(theta))
+        return np.asarray(np.interp(theta, self.theta, self.table.lift), dtype=float)
 
 
 def _fixed(values: FloatArray) -> FloatArray:
@@ -80,7 +97,7 @@ def _fixed(values: FloatArray) -> FloatArray:
     return copy
 
 
-def _table(theta: FloatArray, z: FloatArray) -> PathTable:
+def _table(theta: FloatArray, z: FloatArray, lift: FloatArray) -> PathTable:
     blocks = max(math.ceil((theta[-1] - theta[0]) / BLOCK_ANGLE), 1)
     starts = theta[0] + BLOCK_ANGLE * np.arange(blocks)
     # The point after the next block's first is one that the block's own end lies before.
@@ -90,19 +107,19 @@ def _table(theta: FloatArray, z: FloatArray) -> PathTable:
     highest = np.maximum.reduceat(z, first[:-1])
     for end in (first[1:], after):
         lowest, highest = np.minimum(lowest, z[end]), np.maximum(highest, z[end])
-    return PathTable(theta, z, first.astype(np.int64), lowest, highest)
+    return PathTable(theta, z, lift, first.astype(np.int64), lowest, highest)
 
 
 @called
 def path_height(
-    theta: FloatArray, z: FloatArray, first: IndexArray, at: float
-) -> tuple[float, float]:  # pragma: no cover
-    """Return z [m] and dz/dtheta [m/rad] at a wound angle [rad]; for the arrays see `PathTable`."""
+    theta: FloatArray, z: FloatArray, lift: FloatArray, first: IndexArray, at: float
+) -> tuple[float, float, float]:  # pragma: no cover
+    """Return z [m], dz/dtheta [m/rad] and lift [m] at a wound angle [rad]; see `PathTable`."""
     last = theta.size - 1
     if at <= theta[0]:
-        return z[0], 0.0
+        return z[0], 0.0, lift[0] if lift.size else 0.0
     if at >= theta[last]:
-        return z[last], 0.0
+        return z[last], 0.0, lift[last] if lift.size else 0.0
     block = min(int((at - theta[0]) / BLOCK_ANGLE), first.size - 2)
     low, high = first[block], min(first[block + 1] + 1, last)
     while high - low > 1:
@@ -112,7 +129,11 @@ def path_height(
         else:
             high = middle
     slope = (z[high] - z[low]) / (theta[high] - theta[low])
-    return z[low] + slope * (at - theta[low]), slope
+    raised = 0.0
+    if lift.size:
+        share = (at - theta[low]) / (theta[high] - theta[low])
+        raised = lift[low] + share * (lift[high] - lift[low])
+    return z[low] + slope * (at - theta[low]), slope, raised
 
 
 @called

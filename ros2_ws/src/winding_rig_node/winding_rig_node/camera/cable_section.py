@@ -28,6 +28,7 @@ class Cable(NamedTuple):
         cable_radius: r [m].
         turned: Cylinder angle Theta [rad].
         landing_z: Where it lands [m].
+        landing_lift: How high it lands on other turns [m].
         guide_z: [m]
         free_length: [m]
         tail: Cable behind P0 [rad].
@@ -39,6 +40,7 @@ class Cable(NamedTuple):
     cable_radius: float
     turned: float
     landing_z: float
+    landing_lift: float
     guide_z: float
     free_length: float
     tail: float
@@ -100,15 +102,21 @@ def span_rise(cable: Cable) -> float:  # pragma: no cover
 
 @called
 def centre_line(
-    cable: Cable, grid: FloatArray, heights: FloatArray, first: IndexArray, theta: float
+    cable: Cable,
+    grid: FloatArray,
+    heights: FloatArray,
+    lifts: FloatArray,
+    first: IndexArray,
+    theta: float,
 ) -> Place:  # pragma: no cover
     """Return where the centre line runs at a wound angle [rad]; for the arrays see `PathTable`."""
     rho = cable.cylinder_radius + cable.cable_radius
     azimuth = cable.turned - theta
     if azimuth < 0.0:
         way, rise = -rho * azimuth, span_rise(cable)
-        return Place(rho, -way, cable.landing_z + rise * way, 1.0, 0.0, rise)
-    z, slope = path_height(grid, heights, first, theta)
+        return Place(rho + cable.landing_lift, -way, cable.landing_z + rise * way, 1.0, 0.0, rise)
+    z, slope, lift = path_height(grid, heights, lifts, first, theta)
+    rho += lift
     c, s = math.cos(azimuth), math.sin(azimuth)
     return Place(rho * c, rho * s, z, c, s, slope / rho)
 

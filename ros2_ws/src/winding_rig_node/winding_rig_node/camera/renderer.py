@@ -175,6 +175,7 @@ class Renderer:
             cable_radius=float(scene.cable_radius),
             turned=float(scene.cylinder_angle),
             landing_z=scene.landing_z,
+            landing_lift=scene.landing_lift,
             guide_z=float(scene.guide_z),
             free_length=float(scene.free_length),
             tail=float(scene.tail_angle),

@@ -103,24 +103,30 @@ class Scene:
         """Axial position of the contact line's landing point [m]."""
         return float(self.path.height(np.array(self.cylinder_angle)))
 
+    @property
+    def landing_lift(self) -> float:
+        """How high the cable lands on other turns [m]."""
+        return float(self.path.lifted(np.array(self.cylinder_angle)))
+
     def centreline(self, theta: NDArray[np.float64]) -> FloatArray:
         """Return lab points of the cable's centre line at wound angles, shape (n, 3)."""
         theta = np.asarray(theta, dtype=float)
         rho = self.centreline_radius
+        raised = rho + self.path.lifted(theta)
         azimuth = self.cylinder_angle - theta
         way = rho * (theta - self.cylinder_angle)
         landing = self.landing_z
         wound = np.stack(
             [
-                rho * np.cos(azimuth),
-                rho * np.sin(azimuth),
+                raised * np.cos(azimuth),
+                raised * np.sin(azimuth),
                 self.path.height(theta),
             ],
             axis=-1,
         )
         free = np.stack(
             [
-                np.full_like(way, rho),
+                np.full_like(way, rho + self.landing_lift),
                 -way,
                 landing + (self.guide_z - landing) * way / self.free_length,
             ],

@@ -1,0 +1,1 @@
+"""The whole lay from frames: every turn, the free span and what is wrong with them."""

@@ -1,0 +1,85 @@
+"""The lay beside the markers: what the tracker's frames and angles say of every turn."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+
+from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
+from marker_tracker_node.lay.config import LayConfig
+from marker_tracker_node.lay.lay_tracker import LayReading, LayTracker
+from marker_tracker_node.lay.report import LayReport
+from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.synchroniser import PairedFrame
+from marker_tracker_node.tracking.tracker import Tracker
+from winding_core.lay_records import LayFlag, name_of
+from winding_core.units import MILLIMETRE
+
+COLUMNS = ("turn", "theta_rad", "z_mm", "sigma_z_mm", "pitch_mm", "lift_mm", "flags")
+
+
+class LayFollower:
+    """A `LayTracker` that takes its angles from a marker tracker, and begins anew with it.
+
+    Attributes:
+        lay: Of this run; None before the first frame with an encoder reading.
+    """
+
+    def __init__(self) -> None:
+        self.lay: LayTracker | None = None
+        self._begun: tuple[Tracker, int, CameraPose] | None = None
+
+    def take(self, pair: PairedFrame, tracker: Tracker) -> None:
+        """Take a frame that a tracker has just measured."""
+        if pair.cylinder_angle is None or pair.frame.shape[:2] != tracker.camera.shape:
+            return
+        begun = (tracker, tracker.beginnings, tracker.pose)
+        if self.lay is None or begun != self._begun:
+            self.lay = LayTracker(lay_config(tracker.config, tracker.pose), tracker.camera)
+            self._begun = begun
+        run = tracker.state.run
+        guide = pair.guide_z if pair.guide_z is not None else math.nan
+        self.lay.take(
+            pair.frame, LayReading(cylinder_angle=run.cylinder.angle + run.shift, guide_z=guide)
+        )
+
+
+def lay_config(config: TrackerConfig, pose: CameraPose) -> LayConfig:
+    """Return how the lay of a tracker's machine is measured from a pose of the camera."""
+    return LayConfig(
+        cylinder_radius=config.cylinder_radius,
+        cable_radius=config.cable_radius,
+        advance_per_radian=config.advance_per_radian,
+        free_length=config.free_length,
+        pose=pose,
+    )
+
+
+def warm_up(config: TrackerConfig) -> None:
+    """Measure one black picture of a plain camera and forget it: that compiles the kernels."""
+    matrix = np.array([[900.0, 0.0, 32.0], [0.0, 900.0, 24.0], [0.0, 0.0, 1.0]])
+    camera = PinholeCamera.from_info(width=64, height=48, k=matrix, d=np.zeros(5))
+    # Wherever the real one stands, this one looks at the contact line.
+    pose = CameraPose()
+    black = np.zeros((48, 64, 3), dtype=np.uint8)
+    LayTracker(lay_config(config, pose), camera).take(black, LayReading(cylinder_angle=0.0))
+
+
+def write_lay(path: Path, report: LayReport) -> None:
+    """Write a line for every place of the lay that was seen, with the columns COLUMNS."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for place in report.records:
+            lengths = [place[name] / MILLIMETRE for name in ("z", "sigma_z", "pitch", "lift")]
+            writer.writerow(
+                [
+                    int(place["turn"]),
+                    f"{place['theta']:.6f}",
+                    *(f"{length:.4f}" for length in lengths),
+                    "+".join(name_of(flag) for flag in LayFlag if place["flags"] & flag),
+                ]
+            )

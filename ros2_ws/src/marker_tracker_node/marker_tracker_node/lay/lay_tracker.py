@@ -1,0 +1,244 @@
+"""The whole lay of a run: frames in, every turn out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.camera.pinhole import PinholeCamera
+from marker_tracker_node.lay.config import LayConfig
+from marker_tracker_node.lay.free_span import (
+    FreeLength,
+    FreeSpan,
+    fit_span,
+    sightings_near,
+    towards_guide,
+)
+from marker_tracker_node.lay.numbering import TURN, number_turns
+from marker_tracker_node.lay.report import LayReport, defects_of, lay_records
+from marker_tracker_node.lay.row_measurement import (
+    KIND,
+    PLACE,
+    SIGMA,
+    STEEP,
+    SYSTEMATIC,
+    Z,
+    turns_in_row,
+)
+from marker_tracker_node.lay.rows import RowTable, choose_rows
+from marker_tracker_node.lay.segments import WHOLE
+from marker_tracker_node.lay.span_alignment import aligned_rows
+from marker_tracker_node.lay.turn_map import TurnMap
+from winding_core.lay_records import LayRecords
+
+# The free span changes more slowly than there is new cable.
+SPAN_STEPS = 1.0
+# A span whose angle is known no better is none [rad], nor one that fewer of its rows show.
+MOST_DOUBT, MOST_ROWS = 0.01, 0.6
+# A span that was seen so long ago may be anywhere [rad].
+SPAN_MEMORY = 0.5
+
+FloatArray = NDArray[np.float64]
+ByteArray = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayReading:
+    """Where the machine stands in a frame.
+
+    Attributes:
+        cylinder_angle: Azimuth of P0, whole turns included [rad].
+        guide_z: [m], nan if unknown.
+    """
+
+    cylinder_angle: float
+    guide_z: float = math.nan
+
+
+class LayTracker:
+    """Measures every turn on the cylinder, and the free span, in the frames of a run.
+
+    A row of the picture is measured again when the cylinder has turned by `LayConfig.step`, so the
+    work is bounded by turning, not by frames.
+
+    Attributes:
+        config: Machine and limits.
+        span: The free span as it was seen last, None before that.
+    """
+
+    def __init__(self, config: LayConfig, camera: PinholeCamera) -> None:
+        """Start a run.
+
+        Args:
+            config: Machine, cable, pose and limits.
+            camera: What CameraInfo says.
+        """
+        self.config = config
+        self.span: FreeSpan | None = None
+        self._shape = camera.shape
+        self._wound, self._free = choose_rows(
+            camera.view(config.pose),
+            camera.shape,
+            rho=config.rho,
+            cable_radius=config.cable_radius,
+            azimuths=config.azimuths,
+            widest=config.widest,
+            ways=config.ways,
+            longest=config.longest,
+        )
+        self._wound_at = np.full(len(self._wound), math.nan)
+        self._free_at = math.nan
+        self._span_at = math.nan
+        self._turns = TurnMap()
+        self._length = FreeLength(config.roll_doubt)
+        self._angle = math.nan
+
+    @property
+    def angle(self) -> float:
+        """Azimuth of P0 in the last frame [rad], nan before it."""
+        return self._angle
+
+    def take(self, frame: ByteArray, reading: LayReading) -> int:
+        """Measure what is due in a frame and return the number of turns that were seen.
+
+        Args:
+            frame: Blue-green-red, uint8 of shape (rows, columns, 3).
+            reading: Where the machine stands.
+
+        Raises:
+            ValueError: The frame has another size than the camera's.
+        """
+        if frame.shape[:2] != self._shape:
+            raise ValueError(f"frame must have the shape {self._shape}, got {frame.shape[:2]}")
+        angle = reading.cylinder_angle
+        if not math.isfinite(angle):
+            return 0
+        self._angle = angle
+        # Frames from messages are read-only; one kind of array means one compilation.
+        still = np.ascontiguousarray(frame).view()
+        still.flags.writeable = False
+        step = self.config.turning
+        if not abs(angle - self._free_at) < SPAN_STEPS * step:
+            self._free_at = angle
+            self._take_free(still, reading)
+        number = 0
+        for k, row in enumerate(self._wound):
+            if not abs(angle - self._wound_at[k]) < step:
+                # After the first frame each has its turn.
+                fresh = math.isnan(self._wound_at[k])
+                self._wound_at[k] = angle - (step * k / len(self._wound) if fresh else 0.0)
+                number += self._take_wound(still, row, reading)
+        return number
+
+    def report(self) -> LayReport:
+        """Return everything that is known of the lay; see `LayReport`."""
+        records = self.records()
+        length, sigma = self._length.value
+        return LayReport(
+            records=records,
+            defects=tuple(sorted(defects_of(records), key=lambda defect: defect.first)),
+            span=self.span,
+            free_length=length,
+            sigma_free_length=sigma,
+        )
+
+    def records(self, newest: int | None = None) -> LayRecords:
+        """Return the lay as records of LAY_DTYPE, by rising wound angle.
+
+        Args:
+            newest: Turns at the end that are told, None for all.
+        """
+        return lay_records(self.config, self._turns, self._angle, newest)
+
+    def _slope(self) -> float:
+        """Return dz/dtheta of the cable that lands now [m/rad]."""
+        if self.span is not None:
+            return self.span.slope * self.config.rho
+        return 0.5 * self.config.advance_per_radian
+
+    def _landing(self, angle: float) -> float:
+        """Return where the cable lands [m], nan if that was not seen lately."""
+        if self.span is None or abs(angle - self._span_at) > SPAN_MEMORY:
+            return math.nan
+        return self.span.contact_z
+
+    def _take_wound(self, frame: ByteArray, row: RowTable, reading: LayReading) -> int:
+        config, slope, angle = self.config, self._slope(), reading.cylinder_angle
+        found = turns_in_row(frame, row, slope / config.rho)
+        numbers = number_turns(
+            found,
+            angle=angle,
+            turns=self._turns,
+            slope=slope,
+            diameter=config.diameter,
+            onward=config.onward,
+            landing=self._landing(angle),
+            farthest=self._farthest(reading),
+        )
+        floor = SYSTEMATIC * config.cable_radius / float(row.half[row.half.size // 2])
+        for index, m in numbers.items():
+            turn = found[index]
+            theta = angle - turn[PLACE] - TURN * m
+            before = self._turns.near(theta - 0.2, 0.2, slope)
+            after = self._turns.near(theta + 0.2, 0.2, slope)
+            local = (after - before) / 0.4
+            self._turns.add(
+                theta,
+                turn[Z],
+                slope=local if math.isfinite(local) else slope,
+                sigma=float(turn[SIGMA]),
+                floor=floor,
+                whole=bool(turn[KIND] == WHOLE),
+                steep=float(turn[STEEP]),
+            )
+        return len(numbers)
+
+    def _farthest(self, reading: LayReading) -> float:
+        """Return how far along the cylinder there can be cable [m]: up to the guide."""
+        guide = reading.guide_z
+        if not math.isfinite(guide):
+            guide = self.config.advance_per_radian * reading.cylinder_angle
+        return self.config.onward * guide + self.config.diameter
+
+    def _take_free(self, frame: ByteArray, reading: LayReading) -> None:
+        """Measure the free span, if its rows show one."""
+        if len(self._free) < 3:
+            return
+        config, angle = self.config, reading.cylinder_angle
+        found = [turns_in_row(frame, row, 0.0) for row in self._free]
+        start, slope = self._expected_span(found, reading)
+        if not math.isfinite(start):
+            return
+        seen = sightings_near(found, start, slope, 0.6 * config.diameter)
+        if len(seen) < 3:
+            return
+        floor = SYSTEMATIC * config.cable_radius / float(np.median(self._free[0].half))
+        span = fit_span(seen[:, 0], seen[:, 1], seen[:, 2], floor)
+        if span is None:
+            return
+        ways, z, sigma = aligned_rows(frame, self._free, span)
+        span = fit_span(ways, z, sigma, span.sigma_contact_z) or span
+        if (
+            span.rows < MOST_ROWS * len(self._free)
+            or span.sigma_angle > MOST_DOUBT
+            or abs(span.contact_z - start) > 0.5 * config.diameter
+        ):
+            return
+        self.span, self._span_at = span, angle
+        if math.isfinite(reading.guide_z):
+            self._length.add(span, reading.guide_z)
+
+    def _expected_span(self, found: list[FloatArray], reading: LayReading) -> tuple[float, float]:
+        """Return where the cable should land [m] and its dz per way towards the guide."""
+        config, angle = self.config, reading.cylinder_angle
+        guide = reading.guide_z
+        if not math.isfinite(guide):
+            guide = config.advance_per_radian * angle
+        if self.span is not None and abs(angle - self._span_at) < SPAN_MEMORY:
+            start = self._turns.near(angle, SPAN_MEMORY, self._slope())
+            return (start if math.isfinite(start) else self.span.contact_z), self.span.slope
+        start = towards_guide(found, guide, config.free_length, 0.4 * config.diameter)
+        return start, (guide - start) / config.free_length

@@ -1,0 +1,144 @@
+"""What is known of a lay: its turns place by place, and where something is wrong with them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.lay.config import LayConfig
+from marker_tracker_node.lay.free_span import FreeSpan
+from marker_tracker_node.lay.turn_map import BEFORE, PLACE_ANGLE, PLACES_PER_TURN, TurnMap
+from winding_core.lay_records import LAY_DTYPE, LayFlag, LayRecords
+
+FloatArray = NDArray[np.float64]
+
+# Flags over fewer places than this are not told as a defect, and pauses of as many are part of one.
+SHORTEST, LONGEST_PAUSE = 3, 3
+LIFT_DOUBT = 0.3
+# A turn lies on one of so many before it.
+DEEPEST = 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayDefect:
+    """A stretch of cable that does not lie as it should.
+
+    Attributes:
+        flag: What is wrong.
+        first: Wound angle at which it begins [rad].
+        last: Wound angle at which it ends [rad].
+    """
+
+    flag: LayFlag
+    first: float
+    last: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayReport:
+    """The lay as far as it was seen.
+
+    Attributes:
+        records: Of LAY_DTYPE, by rising wound angle.
+        defects: Gaps, overlaps and climbs, by rising wound angle.
+        span: The free span, None where it was not seen lately.
+        free_length: From angles and guide places so far [m], nan while unknown.
+        sigma_free_length: One standard deviation [m].
+    """
+
+    records: LayRecords
+    defects: tuple[LayDefect, ...]
+    span: FreeSpan | None
+    free_length: float
+    sigma_free_length: float
+
+
+def lay_records(
+    config: LayConfig, turns: TurnMap, angle: float, newest: int | None = None
+) -> LayRecords:
+    """Return a record for every place that was seen, by rising wound angle.
+
+    Args:
+        config: Machine and limits.
+        turns: What was seen.
+        angle: Azimuth of P0 at the records' time, whole turns included [rad].
+        newest: Turns at the end that are told, None for all.
+    """
+    seen = np.flatnonzero(turns.count[BEFORE:] > 0) + BEFORE
+    if newest is not None and seen.size:
+        seen = seen[seen > seen[-1] - newest * PLACES_PER_TURN]
+    z, lift, pitch, flags = _judged(config, turns)
+    records = np.zeros(seen.size, dtype=LAY_DTYPE)
+    theta = (seen - BEFORE + 0.5) * PLACE_ANGLE
+    azimuth = angle - theta
+    radius = config.rho + lift[seen]
+    records["x"] = radius * np.cos(azimuth)
+    records["y"] = radius * np.sin(azimuth)
+    records["z"] = z[seen]
+    records["turn"] = (seen - BEFORE) // PLACES_PER_TURN
+    records["theta"] = theta
+    # A soft cable may be pressed flat where it is thought to lie higher.
+    doubt = LIFT_DOUBT * lift[seen] * np.abs(turns.steep[seen])
+    scatter = 1.0 / np.sqrt(turns.weight[seen])
+    records["sigma_z"] = np.sqrt(scatter**2 + turns.floor[seen] ** 2 + doubt**2)
+    records["pitch"] = pitch[seen]
+    records["lift"] = lift[seen]
+    records["flags"] = flags[seen]
+    return records
+
+
+def _judged(
+    config: LayConfig, turns: TurnMap
+) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.uint32]]:
+    """Return z and lift [m], pitch [m] and flags of every place."""
+    d, onward = config.diameter, config.onward
+    meant = max(2.0 * math.pi * abs(config.advance_per_radian), d)
+    # Whole turns as rows, from half a turn before P0: what lies over each other stands in a column.
+    shape = (-1, PLACES_PER_TURN)
+    seen, whole = (turns.count > 0).reshape(shape), turns.whole.reshape(shape) > 0.5
+    plain, steep = turns.z.reshape(shape), turns.steep.reshape(shape)
+    z, lift = plain.copy(), np.zeros(plain.shape)
+    pitch, flags = np.full(plain.shape, np.nan), np.zeros(plain.shape, dtype=np.uint32)
+    rows = np.flatnonzero(seen.any(axis=1))
+    farthest = np.full(PLACES_PER_TURN, -np.inf)
+    for k in range(int(rows[-1]) + 1 if rows.size else 0):
+        if k:
+            ahead = onward * z[k] - farthest
+            judged = seen[k] & seen[k - 1]
+            flags[k] = np.where(judged & (ahead > meant + config.gap_limit * d), LayFlag.GAP, 0)
+            over = judged & whole[k] & (ahead < config.overlap_limit * d)
+            under = slice(max(k - DEEPEST, 0), k)
+            for _ in range(2 if over.any() else 0):
+                beside = np.where(seen[under], np.abs(z[k] - z[under]), np.inf)
+                height = lift[under] + np.sqrt(np.maximum(d * d - beside * beside, 0.0))
+                lift[k] = np.where(over, np.where(beside < d, height, 0.0).max(axis=0), 0.0)
+                z[k] = plain[k] - lift[k] * steep[k]
+            # What lies higher looks farther from the middle of the picture than it is.
+            climbs = over & (onward * z[k] - farthest < config.climb_limit * d)
+            flags[k] |= np.where(climbs, LayFlag.CLIMB, np.where(over, LayFlag.OVERLAP, 0)).astype(
+                np.uint32
+            )
+            pitch[k] = np.where(judged, z[k] - z[k - 1], np.nan)
+        farthest = np.where(seen[k], np.maximum(farthest, onward * z[k]), farthest)
+    return z.ravel(), lift.ravel(), pitch.ravel(), flags.ravel()
+
+
+def defects_of(records: LayRecords) -> Iterator[LayDefect]:
+    """Yield the stretches of records that bear a flag."""
+    for flag in (LayFlag.GAP, LayFlag.OVERLAP, LayFlag.CLIMB):
+        marked = np.flatnonzero(records["flags"] & flag)
+        if not marked.size:
+            continue
+        way = np.diff(records["theta"][marked])
+        for part in np.split(marked, np.flatnonzero(way > (LONGEST_PAUSE + 0.5) * PLACE_ANGLE) + 1):
+            if part.size >= SHORTEST:
+                first, last = records["theta"][part[0]], records["theta"][part[-1]]
+                yield LayDefect(
+                    flag=flag,
+                    first=float(first) - 0.5 * PLACE_ANGLE,
+                    last=float(last) + 0.5 * PLACE_ANGLE,
+                )
