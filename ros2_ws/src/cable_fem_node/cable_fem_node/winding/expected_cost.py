@@ -20,8 +20,13 @@ _AWAKE_NODES = 32
 _REST_S = 0.2
 # What a call of the model costs beside its steps [s].
 _CALL_S = 2.0e-4
-# Motion then holds at most this share of the cable's energy: it lies as if it were wound slowly.
+# The cable lies as if it were wound slowly while motion holds at most this share of its energy,
 _QUASI_STATIC = 0.01
+# and a wave across it passes the span in at most this share of the time between two landings,
+# which would make the span ring.
+_CROSSING_SHARE = 0.2
+# As much as the parameter allows.
+_LARGEST = 1.0e4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,9 +100,14 @@ def _rod_elements(run: PlannedRun) -> float:
 
 def _largest_scaling(run: PlannedRun) -> float:
     """Return the factor on the density that `ExpectedCost` proposes, to one digit."""
-    share = kinetic_share(run.config, run.drive.angular_speed) / run.config.mass_scaling
-    largest = _QUASI_STATIC / share
-    if largest <= run.config.mass_scaling:
-        return run.config.mass_scaling
+    config, case, resolved = run.config, run.config.case, run.config.resolved
+    speed = run.drive.angular_speed * resolved.wound_radius
+    landing = resolved.segment * resolved.stretch / speed
+    wave = config.free_length / (_CROSSING_SHARE * landing)
+    line_mass = case.material.density * case.section_area / resolved.stretch
+    share = kinetic_share(config, run.drive.angular_speed) / config.mass_scaling
+    largest = min(_QUASI_STATIC / share, resolved.tension / (line_mass * wave**2), _LARGEST)
+    if largest <= config.mass_scaling:
+        return config.mass_scaling
     digit = 10.0 ** math.floor(math.log10(largest))
-    return max(run.config.mass_scaling, math.floor(largest / digit) * digit)
+    return math.floor(largest / digit) * digit
