@@ -86,9 +86,9 @@ def _corner(
 ) -> Point:  # pragma: no cover
     """Return a corner of the squares of dot n; not near where it faces away from the camera."""
     rho, r = cable.cylinder_radius + cable.cable_radius, cable.cable_radius
-    middle = centre_line(cable, path.theta, path.z, path.first, dots.theta[n])
+    middle = centre_line(cable, path.theta, path.z, path.lift, path.first, dots.theta[n])
     way = (i / PARTS - 0.5) * dots.size / (rho * math.hypot(1.0, middle.rise))
-    place = centre_line(cable, path.theta, path.z, path.first, dots.theta[n] + way)
+    place = centre_line(cable, path.theta, path.z, path.lift, path.first, dots.theta[n] + way)
     psi = dots.torsion[n] + (j / PARTS - 0.5) * dots.size / r
     ex, ey = place.out_x, place.out_y
     norm = 1.0 / math.sqrt(1.0 + place.rise * place.rise)
