@@ -48,6 +48,7 @@ class Film:
         seed: Of the sensor noise.
         surroundings: What stands around the cylinder.
         paint: Colours of the scene.
+        dot_size: Of the dots that the markers are [m]; 0 for ring bands.
     """
 
     case: Case
@@ -56,6 +57,7 @@ class Film:
     seed: int = 1
     surroundings: Surroundings = field(default_factory=Surroundings)
     paint: Paint = field(default_factory=Paint)
+    dot_size: float = 0.0
 
     def __post_init__(self) -> None:
         self.renderer = Renderer(self.camera, self.surroundings)
@@ -77,6 +79,7 @@ class Film:
             guide_z=guide_z,
             free_length=FREE_LENGTH,
             paint=self.paint,
+            dot_size=self.dot_size,
         )
         return replace(scene, **changes) if changes else scene
 
@@ -116,6 +119,7 @@ class Film:
             marker_count=self.case.marker_count,
             expected_stretch=1.0 + self.case.nominal_stress / self.case.material.young,
             pose=CameraPose(position=self.camera.position),
+            dot_size=self.dot_size,
         )
         return Tracker(replace(config, **changes), self.pinhole())  # type: ignore[arg-type]
 

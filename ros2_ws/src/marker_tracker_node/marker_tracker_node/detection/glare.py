@@ -80,7 +80,7 @@ def fit_outline(
         view: The camera.
         body: What the band is painted on.
         band: As expected.
-        area: Measured over expected area where the whole band is seen.
+        area: Measured over expected area where the whole band is seen (dimensionless).
     """
     unknown = _count_unknown(picture, gates, n)
     if unknown < LEAST_UNKNOWN:

@@ -70,8 +70,8 @@ def measure_band(
         gates: Where to look.
         n: Which of them.
         band: As expected.
-        pixels: That it should fill.
-        area: Its usual share of them.
+        pixels: That it should fill [px].
+        area: Its usual share of them (dimensionless).
         limits: Least and most accepted share of the expected area.
     """
     least, most = limits
