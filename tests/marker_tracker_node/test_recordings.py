@@ -1,6 +1,7 @@
 """Recorded runs: rendered sequences, videos, bags; what `winding render` and `track` do."""
 
 import csv
+import json
 
 import cv2
 import numpy as np
@@ -63,6 +64,24 @@ def test_the_lay_is_written_beside_the_markers(sequence, tmp_path):
     assert len(places) >= 7.0 / (2.0 * np.pi) * 72
     assert float(places[0]["z_mm"]) == pytest.approx(0.0, abs=0.5)
     assert "free length" in result.output
+
+
+def test_what_is_printed_is_written_as_json(sequence, tmp_path):
+    # The film tells of a cylinder of 30 mm; what is told wrongly is named in the file, too.
+    found = tmp_path / "found.json"
+    result = command(track)(
+        *(sequence, "--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv"),
+        *("--out", tmp_path / "out.csv", "--case", 4, "--cylinder-diameter-mm", 31.5),
+        *("--json", found),
+    )
+    assert result.exit_code == 0, result.output
+    record = json.loads(found.read_text(encoding="utf-8"))
+    assert not record["healthy"]
+    assert record["frames"] == 125
+    assert [item["number"] for item in record["contradictions"]] == ["cylinder_diameter"]
+    assert record["contradictions"][0]["sentence"] in result.output.replace("\n", "")
+    assert record["markers"][1]["mean"]["sigma_z_m"] > 0.0
+    assert record["markers"][4]["mean"] is None
 
 
 OWN = (

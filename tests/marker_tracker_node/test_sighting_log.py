@@ -9,7 +9,7 @@ import pytest
 
 from marker_tracker_node.tracking.passings import passings_of
 from marker_tracker_node.tracking.sighting_log import SightingLog
-from marker_tracker_node.tracking.state import Output
+from marker_tracker_node.tracking.tracker_state import OutputRoom
 
 FRAME = np.zeros((32, 32, 3), dtype=np.uint8)
 SPEED = 1.74
@@ -17,7 +17,7 @@ SPEED = 1.74
 
 def watched(laps: int) -> SightingLog:
     """Return the log of a cylinder that turns evenly, one marker in sight over a radian."""
-    log, out = SightingLog(), Output.empty(1, 1)
+    log, out = SightingLog(), OutputRoom.empty(1, 1).output
     for t in np.arange(0.0, laps * 2.0 * math.pi / SPEED, 0.02).tolist():
         angle = SPEED * t
         away = math.remainder(angle, 2.0 * math.pi)

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
-from rich.table import Table
 
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
-from winding_cli.commands.output_path import check_output_file, staged
+from winding_cli.commands.output_path import check_output_file, staged, write_json
 from winding_cli.commands.refusal import FAILED, refuse, refused
+from winding_cli.output.tracking import COLUMNS, TrackedRecording
 from winding_core.camera_clock import CameraClockParameters
 from winding_core.camera_pixels import CameraPixels
 from winding_core.camera_placement import CameraPlacement
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from marker_tracker_node import (
-        LayReport,
         PinholeCamera,
         PoseBelief,
         Refinement,
@@ -65,6 +64,9 @@ def track(
         float | None,
         typer.Option(help="Of pictures without times; of a video in place of its own times."),
     ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Also write what was found to this file.")
+    ] = None,
     lay: Annotated[
         Path | None, typer.Option(help="CSV of every turn on the cylinder, every 5 degrees.")
     ] = None,
@@ -94,9 +96,8 @@ def track(
 
     if not source.exists():
         refuse(f"{source} does not exist")
-    check_output_file(out)
-    if lay is not None:
-        check_output_file(lay)
+    for file in (out, json_file, lay):
+        check_output_file(file)
     with refused(OSError, ValueError):
         wound = Condition.from_typed(typed, spelling=spelled, case=Condition.case)
         where = _built(CameraPlacement, placement)
@@ -129,18 +130,40 @@ def track(
     if lay is not None and follower.lay is not None:
         with staged(lay) as place:
             write_lay(place, follower.lay.report())
-    for sentence in (*frames.remarks(), *tracker.report().remarks):
-        result_console().print(sentence, soft_wrap=True)
     belief = PoseBelief(
         position=camera_position_sigma_mm * MILLIMETRE, tilt=camera_tilt_sigma_mrad * MILLIRADIAN
     )
-    _print(tracker, lens, belief if refined else None)
-    _print_clock(live)
-    if follower.lay is not None:
-        _print_lay(follower.lay.report())
+    fit, unrefined = _refined(tracker, lens, belief) if refined else (None, "")
+    estimates = tracker.estimates()
+    result = TrackedRecording(
+        report=tracker.report(),
+        means={name: estimates[name] for name in COLUMNS},
+        radius=tracker.config.centreline_radius,
+        fit=fit,
+        unrefined=unrefined,
+        clock=live.clock,
+        lay=None if follower.lay is None else follower.lay.report(),
+        remarks=tuple(frames.remarks()),
+    )
+    for said in result.said():
+        result_console().print(said, soft_wrap=isinstance(said, str))
+    if json_file is not None:
+        write_json(json_file, result.record())
     report = tracker.report()
     if not report.known:
         refuse(f"no marker was found: {report.colour_refusal or 'nothing moved with P0'}", FAILED)
+
+
+def _refined(
+    tracker: Tracker, lens: PinholeCamera, belief: PoseBelief
+) -> tuple[Refinement | None, str]:
+    """Return the fit over the run, or why there is none."""
+    from marker_tracker_node import refine
+
+    try:
+        return refine(tracker.config, lens, tracker.sightings(), belief), ""
+    except ValueError as error:
+        return None, str(error)
 
 
 def _built(record: type[Record], typed: Typed) -> Record:
@@ -169,107 +192,3 @@ def _measure(
             )
         live.add_frame(t, frame)
         yield from live.measured(final=True)
-
-
-def _print_clock(live: SynchronisedTracker) -> None:
-    clock = live.clock
-    if clock is None:
-        return
-    told = clock.values()
-    console = result_console()
-    console.print(
-        f"camera clock: {told['camera_clock_offset_ms']} ms ahead of the encoder's, error "
-        f"{told['camera_clock_offset_error_ms']} ms, "
-        f"{'corrected' if clock.applied else 'not corrected'}"
-    )
-    for sentence in filter(None, (clock.refusal, clock.warning)):
-        console.print(sentence)
-
-
-def _print_lay(report: LayReport) -> None:
-    from winding_core.lay_records import name_of
-
-    console, records = result_console(), report.records
-    turns = len(set(records["turn"].tolist()))
-    console.print(f"lay: {len(records)} places of {turns} turns")
-    if math.isfinite(report.free_length):
-        length, error = (x / MILLIMETRE for x in (report.free_length, report.sigma_free_length))
-        console.print(f"free length: {length:.1f} mm, error {error:.1f} mm")
-    for defect in report.defects:
-        where = f"{defect.first:.2f} to {defect.last:.2f} rad"
-        console.print(f"{name_of(defect.flag)}: {where}", soft_wrap=True)
-
-
-def _print(tracker: Tracker, lens: PinholeCamera, belief: PoseBelief | None) -> None:
-    """Print where every marker lies; with a belief in the camera's pose, refined beside that."""
-    from marker_tracker_node import refine
-
-    console = result_console()
-    report = tracker.report()
-    refused = sum(report.rejected.values())
-    console.print(f"{report.frames} frames used, {refused} refused, {report.known} markers known")
-    for fault, count in report.rejected.items():
-        if count:
-            console.print(f"  {count} x {fault.value}")
-    for item in report.contradictions:
-        console.print(f"the pictures contradict: {item.sentence}")
-    for doubt in report.doubts:
-        console.print(doubt)
-    table = Table("marker")
-    estimates = tracker.estimates()
-    columns = _columns(table, tracker, "", *(estimates[name] for name in _NUMBERS))
-    if belief is not None:
-        try:
-            fit = refine(tracker.config, lens, tracker.sightings(), belief)
-        except ValueError as error:
-            console.print(f"not refined: {error}")
-        else:
-            console.print(f"refined: {fit.residual:.2f} px, {_pose_change(fit)}")
-            columns += _columns(
-                table, tracker, "refined ", fit.theta, fit.z, fit.sigma_theta, fit.sigma_z
-            )
-    for n, cells in enumerate(zip(*columns, strict=True)):
-        table.add_row(f"P{n}", *cells)
-    console.print(table)
-
-
-_NUMBERS = ("theta", "z", "sigma_theta", "sigma_z")
-
-
-def _columns(
-    table: Table,
-    tracker: Tracker,
-    what: str,
-    theta: NDArray[np.float64],
-    z: NDArray[np.float64],
-    sigma_theta: NDArray[np.float64],
-    sigma_z: NDArray[np.float64],
-) -> list[list[str]]:
-    """Add the headings of theta, z and S to a table and return the cells of each column."""
-    from winding_core.helix import curve_length
-
-    for heading in ("theta, rad", "z, mm", "S, mm"):
-        table.add_column(what + heading)
-    length = curve_length(tracker.config.centreline_radius, theta, z)
-    known = [math.isfinite(s) for s in length]
-    cells = (
-        [f"{a:.4f} ± {d:.4f}" for a, d in zip(theta, sigma_theta, strict=True)],
-        [f"{a / MILLIMETRE:.3f} ± {d / MILLIMETRE:.3f}" for a, d in zip(z, sigma_z, strict=True)],
-        [f"{s / MILLIMETRE:.2f}" for s in length],
-    )
-    return [
-        [cell if told else "-" for cell, told in zip(column, known, strict=True)]
-        for column in cells
-    ]
-
-
-def _pose_change(fit: Refinement) -> str:
-    """Return how far the camera was moved, with standard deviations."""
-    parts = [
-        ", ".join(
-            f"{change / unit:.2f} ± {sigma / unit:.2f}"
-            for change, sigma in zip(fit.moved[axes], fit.sigma_pose[axes], strict=True)
-        )
-        for axes, unit in ((slice(0, 3), MILLIRADIAN), (slice(3, 6), MILLIMETRE))
-    ]
-    return f"camera turned by ({parts[0]}) mrad, moved by ({parts[1]}) mm"
