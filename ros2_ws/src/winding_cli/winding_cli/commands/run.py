@@ -13,9 +13,8 @@ import typer
 
 from cable_fem_node.winding.winding_config import SolverParameters
 from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.console import result_console
 from winding_cli.commands.machine_options import MachineOptions, machine_of
-from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
+from winding_cli.commands.output_path import check_output_file, check_output_folder
 from winding_cli.commands.refusal import FAILED, complain, fail, refuse
 from winding_cli.commands.ros_environment import check_namespace, refuse_open
 from winding_cli.commands.run_checks import (
@@ -24,6 +23,7 @@ from winding_cli.commands.run_checks import (
     look_of,
     recording_of,
 )
+from winding_cli.commands.run_results import deliver, show, write_trace
 from winding_cli.commands.termination import end
 from winding_core.camera_clock import CameraClockParameters
 from winding_core.condition import Condition
@@ -33,7 +33,6 @@ from winding_core.options import typed_values
 
 if TYPE_CHECKING:
     from winding_recorder.live.recorder import RunBuffer
-    from winding_study.runs.run_record import RunRecord
     from winding_supervisor.run import RunResult
     from winding_supervisor.run_config import RunConfig
 
@@ -221,12 +220,12 @@ def run(
             return
         condition = operated
     numbers = json or directory / "run.json"
-    record, page = _deliver(condition, result, report or directory / "report", numbers)
+    record, page = deliver(condition, result, report or directory / "report", numbers)
     if trace is not None:
-        _write_trace(record, result, trace)
+        write_trace(record, result, trace)
     if failure is not None:
         failure()
-    _show(record, page, numbers, result.bags, trace)
+    show(record, page, numbers, result.bags, trace)
     if result.recording_error is not None:
         refuse(f"the recording is incomplete: {result.recording_error}", FAILED)
 
@@ -314,42 +313,3 @@ class _ProgressLines:
                 file=sys.stderr,
                 flush=True,
             )
-
-
-def _deliver(
-    condition: Condition, result: RunResult, report: Path, json: Path
-) -> tuple[RunRecord, Path]:
-    """Write the run's numbers and its report; return its record and the report's page."""
-    from winding_cli.output.results import run_record
-    from winding_study.reports.report import write_report
-    from winding_study.runs.run_record import write_run_json
-
-    record = run_record(condition, result)
-    with staged(json) as place:
-        write_run_json(record, place)
-    with staged(report) as place:
-        page = report / write_report(record, place).name
-    return record, page
-
-
-def _write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
-    from winding_study.trace.chrome import write_chrome_trace
-
-    assert record.trace is not None
-    assert result.trace is not None
-    with staged(path) as place:
-        write_chrome_trace(record.trace, result.trace, place)
-
-
-def _show(
-    record: RunRecord, page: Path, json: Path, bags: tuple[Path, ...], trace: Path | None
-) -> None:
-    from winding_cli.output.results import results_table, trace_tables
-
-    console = result_console()
-    console.print(results_table(record))
-    if record.trace is not None:
-        console.print(*trace_tables(record.trace))
-    further = [("bag", bag) for bag in bags] + ([] if trace is None else [("trace", trace)])
-    for name, path in (("report", page), ("numbers", json), *further):
-        console.print(f"{name}: {path}", soft_wrap=True)
