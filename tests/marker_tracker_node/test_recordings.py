@@ -58,7 +58,7 @@ def test_the_lay_is_written_beside_the_markers(sequence, tmp_path):
         sequence, "--out", tmp_path / "out.csv", "--lay", lay, "--case", 4, "--fps", 25, *where
     )
     assert result.exit_code == 0, result.output
-    places = [row for row in table(lay) if 0.1 < float(row["theta_rad"])]
+    places = [row for row in table(lay) if float(row["theta_rad"]) > 0.1]
     # 7.8 rad are wound after 5 s, of which the last 0.7 rad have not passed all rows.
     assert len(places) >= 7.0 / (2.0 * np.pi) * 72
     assert float(places[0]["z_mm"]) == pytest.approx(0.0, abs=0.5)

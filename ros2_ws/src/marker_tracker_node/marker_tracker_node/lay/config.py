@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 from marker_tracker_node.camera.pinhole import CameraPose
 
-
 # Way around the cylinder, in cable diameters, over which a climbing turn can be followed.
 FOLLOWED = 0.8
 
