@@ -163,6 +163,7 @@ def test_every_turn_is_measured_in_the_whole_picture(radius, cable, pitch):
     assert rms(spans) < 1.0e-3
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_told():
     lay = KnownLay(0.025, 0.002, 0.0045, turns=3)
     errors, sigma = lay.errors(lay.measured()[0].records())
@@ -170,6 +171,7 @@ def test_errors_are_as_large_as_told():
     assert 0.5 < rms(errors / sigma) < 2.0
 
 
+@pytest.mark.slow
 def test_free_length_is_known_before_the_first_marker_lands():
     # The paper's drive and span: the guide leads by ever more.
     lay = KnownLay(0.015, 0.002, 0.01806, turns=2)
@@ -215,6 +217,7 @@ def test_a_defect_is_found_where_it_is(change, flag):
     assert near[0].last == pytest.approx(meant.last, abs=0.1 * TURN)
 
 
+@pytest.mark.slow
 def test_a_climbing_turn_is_told_with_its_height():
     lay = KnownLay(0.03, 0.002, 0.00404, turns=3, changes=[raised(-6e-3, 1.4 * TURN, 2.0)])
     records = lay.measured()[0].records()
@@ -313,3 +316,16 @@ def test_defects_of_a_hundred_random_lays():
         )
     assert hits / (hits + missed) >= 0.99
     assert hits / (hits + wrong) >= 0.99
+
+
+@pytest.mark.slow
+def test_a_tracker_that_joins_a_run_finds_the_turns_that_are_there():
+    lay = KnownLay(0.025, 0.002, 0.008, turns=4)
+    tracker = LayTracker(lay.config(SMALL), pinhole(SMALL))
+    for frame, reading in lay.frames(SMALL, np.arange(2.5 * TURN, 3.7 * TURN, 0.08), 1):
+        tracker.take(frame, reading)
+    records = tracker.records()
+    errors, _ = lay.errors(records)
+    # Everything wound but the last 0.7 rad, which have not passed all rows.
+    assert len(errors) >= 0.93 * 3.6 * 72
+    assert rms(errors) < 1.0e-4

@@ -9,8 +9,11 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo
 
 from marker_tracker_node.node import MarkerTrackerNode
+from marker_tracker_node.ros.message_handler import TrackerHandler
+from marker_tracker_node.ros.parameters import TrackerParameters
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
+from winding_core.lay_records import LAY_DTYPE
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_core.readings import AxisReading, ImageWindow
 from winding_core.status import Level
@@ -19,6 +22,7 @@ from winding_ros import topics
 from winding_ros.camera_messages import CameraReading, encode_camera_info, encode_image
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.rig_messages import encode_joint_state
+from winding_ros.wire.cdr import serialised
 
 FRAMES = 40
 PERIOD = 0.005
@@ -172,3 +176,23 @@ def test_a_camera_of_another_hour_is_an_error_in_one_sentence(bench: Bench) -> N
     assert status.values["camera_clock_offset_ms"] == "nan"
     assert len(decode_cloud(bench.markers[0], MARKER_DTYPE)[1]) == 0
     assert bench.markers[0].header.stamp.sec == 3600
+
+
+def test_the_lay_is_told_when_it_is_asked_for(bench: Bench) -> None:
+    handler = TrackerHandler(TrackerParameters(case=4, measure_lay=True))
+    info = serialised(encode_camera_info(0.0, bench.calibration()))
+    told = list(handler.take(topics.CAMERA_INFO, info))
+    for index in range(3):
+        t = index * 0.5
+        angle, guide = DriveProfile().positions(t)
+        reading = AxisReading(
+            cylinder_angle=angle, angular_speed=0.0, carriage_position=guide, feed_speed=0.0
+        )
+        told += handler.take(topics.JOINT_STATES, serialised(encode_joint_state(t, reading)))
+        told += handler.take(topics.IMAGE, serialised(encode_image(t, bench.frame(t))))
+    lays = [answer for answer in told if answer.topic is topics.TRACKED_LAY]
+    assert len(lays) == 3
+    _, records = decode_cloud(lays[-1].data, LAY_DTYPE)
+    # The turn that has just begun lies within a millimetre of P0.
+    assert len(records)
+    assert (np.abs(records["z"]) < 1e-3).all()

@@ -43,7 +43,7 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
         self._handler = TrackerHandler(self.configuration)
         # The first frame compiles the kernels: before time runs, not within it.
         warm_up(self._handler.config)
-        if self.configuration.lay:
+        if self.configuration.measure_lay:
             lay_follower.warm_up(self._handler.config)
         self.endpoints.connect(self._handler, busy=self._busy)
 

@@ -173,7 +173,7 @@ TRACKED_LAY = _topic(
     PointCloud2,
     10.0,
     TRACKER,
-    "newest twelve turns as measured, every 5 degrees; with the parameter lay",
+    "newest twelve turns as measured, every 5 degrees; with measure_lay",
     _records(LAY_DTYPE),
 )
 FEM_MARKERS = _topic(

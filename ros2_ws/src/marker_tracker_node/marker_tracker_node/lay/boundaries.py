@@ -126,20 +126,18 @@ def refined_edge(
     steps: int,
     step: float,
 ) -> tuple[float, float]:  # pragma: no cover
-    """Return the place of an edge and its standard deviation, nan where it cannot be told.
-
-    All lengths are groups of columns.
+    """Return the place of an edge and its standard deviation [groups], nan where it cannot be told.
 
     Args:
-        signal: Brightness.
-        edge: Where it is sought.
-        half: Half the width of a turn.
-        room_below: Way below the edge that belongs to one side.
-        room_above: The same above.
+        signal: Brightness, shape (groups,).
+        edge: Where it is sought [groups].
+        half: Half the width of a turn [groups].
+        room_below: Way below the edge that belongs to one side [groups].
+        room_above: The same above [groups].
         below: Whether there is cable below.
         above: Whether there is cable above.
         steps: That are tried to either side.
-        step: Their width.
+        step: Their width [groups].
     """
     first = max(math.ceil(edge - room_below), 0)
     last = min(math.floor(edge + room_above), signal.size - 1)

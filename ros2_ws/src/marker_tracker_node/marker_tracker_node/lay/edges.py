@@ -54,8 +54,8 @@ def edges_of(
         half: Half the width of a turn [px], shape (columns,).
         sums: Room for running sums of the signal, shape (columns + 1,).
         strength: Room, shape (columns,).
-        where: Columns of the edges, ascending, to be written.
-        plain: Their strengths, 0 to 1, to be written.
+        where: Places of the edges, ascending, to be written [groups].
+        plain: Their strengths, 0 to 1, to be written, dimensionless.
         creased: Share of crease rather than step in each, to be written.
     """
     columns = signal.size
@@ -124,7 +124,7 @@ def _strength(sums: FloatArray, u: int, n: int) -> tuple[float, float]:  # pragm
 
 @called
 def mean_between(sums: FloatArray, low: float, high: float) -> float:  # pragma: no cover
-    """Return the mean signal between two columns, nan where there is none."""
+    """Return the mean signal between two places [groups], nan where there is none."""
     first = max(math.ceil(low), 0)
     last = min(math.floor(high), sums.size - 2)
     if last < first:

@@ -55,7 +55,7 @@ def sightings_near(found: list[FloatArray], start: float, slope: float, limit: f
 
 
 def towards_guide(
-    found: list[FloatArray], guide_z: float, free_length: float, limit: float
+    found: list[FloatArray], guide_z: float, free_length: float, limit: float, onward: float
 ) -> float:
     """Return where a straight cable to the guide lands that most rows show [m].
 
@@ -64,12 +64,16 @@ def towards_guide(
         guide_z: [m]
         free_length: Expected [m].
         limit: How far rows may be off it [m].
+        onward: 1 where the winding goes towards +z, -1 otherwise; dimensionless.
 
     Returns:
         nan where fewer than three rows, or less than half of them, agree.
     """
     best, start = max(3, (len(found) + 1) // 2) - 1, math.nan
-    for way, z in found[0][:, [PLACE, Z]]:
+    # Of lines that as many rows show, older turns among them, the newest lies farthest along.
+    for way, z in sorted(found[0][:, [PLACE, Z]], key=lambda one: -onward * float(one[1])):
+        if onward * z > onward * guide_z + limit:
+            continue
         slope = (guide_z - z) / (free_length - way)
         landing = z - slope * way
         agreeing = len(sightings_near(found, landing, slope, limit))

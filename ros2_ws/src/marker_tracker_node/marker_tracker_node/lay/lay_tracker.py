@@ -240,5 +240,7 @@ class LayTracker:
         if self.span is not None and abs(angle - self._span_at) < SPAN_MEMORY:
             start = self._turns.near(angle, SPAN_MEMORY, self._slope())
             return (start if math.isfinite(start) else self.span.contact_z), self.span.slope
-        start = towards_guide(found, guide, config.free_length, 0.4 * config.diameter)
+        start = towards_guide(
+            found, guide, config.free_length, 0.4 * config.diameter, config.onward
+        )
         return start, (guide - start) / config.free_length

@@ -44,7 +44,7 @@ def number_turns(
         turns: What is known.
         slope: dz/dtheta of the newest turn [m/rad].
         diameter: Of the cable [m].
-        onward: See `LayConfig`.
+        onward: See `LayConfig`, dimensionless.
         landing: z where the cable lands [m], nan if unknown.
         farthest: Way along the winding beyond which there is no cable [m].
 
@@ -56,15 +56,14 @@ def number_turns(
     # A row stands at nearly the same azimuth everywhere.
     azimuth = float(np.median(found[:, PLACE]))
     front = angle - azimuth
-    pairs = []
-    expected_any = False
+    pairs, unknown = [], []
     for m in range(max(math.floor((front + TAIL) / TURN) + 1, 0)):
         expected, limit = turns.near(front - TURN * m, REACH, slope), SAME * diameter
         if math.isnan(expected) and m == 0 and math.isfinite(landing):
             expected, limit = landing - slope * azimuth, LANDING * diameter
         if math.isnan(expected):
+            unknown.append(m)
             continue
-        expected_any = True
         misses = np.abs(found[:, Z] - expected)
         pairs += [(m, float(misses[k]), int(k)) for k in np.flatnonzero(misses < limit)]
     numbers: dict[int, int] = {}
@@ -75,26 +74,19 @@ def number_turns(
         rivals = [pair for pair in pairs if pair[2] == index and pair[0] > m]
         if found[index, KIND] == WHOLE or not any(pair[1] < miss for pair in rivals):
             numbers[index] = m
-    if expected_any and numbers:
-        return numbers
-    return _by_order(found, angle=angle, diameter=diameter, onward=onward, farthest=farthest)
-
-
-def _by_order(
-    found: FloatArray, *, angle: float, diameter: float, onward: float, farthest: float
-) -> dict[int, int]:
-    """Return numbers by the order along the cylinder, if as many turns are seen as there are."""
-    plausible = [
-        index
-        for index in range(len(found))
-        if found[index, KIND] == WHOLE and -diameter < onward * found[index, Z] < farthest
-    ]
-    plausible.sort(key=lambda index: -onward * found[index, Z])
-    if not plausible:
-        return {}
-    front = angle - found[plausible[0], PLACE]
-    least = math.floor(front / TURN) + 1
-    most = math.floor((front + TAIL) / TURN) + 1
-    if not max(least, 1) <= len(plausible) <= most:
-        return {}
-    return {index: m for m, index in enumerate(plausible)}
+    if unknown:
+        sure = math.floor(front / TURN) + 1
+        newest = max((onward * found[k, Z] for k in numbers), default=farthest)
+        left = [
+            k
+            for k in range(len(found))
+            if k not in numbers
+            and found[k, KIND] == WHOLE
+            and -diameter < onward * found[k, Z] < min(newest, farthest)
+        ]
+        # By their order along the cylinder, if as many are left as there must be. How long the tail
+        # behind P0 is nobody knows.
+        if sum(m < sure for m in unknown) <= len(left) <= len(unknown):
+            left.sort(key=lambda k: -onward * float(found[k, Z]))
+            numbers.update(zip(left, unknown, strict=False))
+    return numbers

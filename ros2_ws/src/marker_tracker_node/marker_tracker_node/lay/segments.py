@@ -60,7 +60,7 @@ class Explanation(NamedTuple):
 
 @called
 def bulge(edges: Edges, low: float, high: float) -> float:  # pragma: no cover
-    """Return by how much the middle is brighter than both flanks, over the brightness."""
+    """Return by how much the middle is brighter than both flanks, a share of the brightness."""
     width = high - low
     trim = min(0.5, 0.06 * width)
     middle = mean_between(edges.sums, low + 0.32 * width, high - 0.32 * width)
@@ -102,7 +102,7 @@ def explain(
     Args:
         edges: Of the row.
         count: How many there are.
-        half_bulge: Bulge that counts half.
+        half_bulge: Bulge that counts half, dimensionless.
         room: To be written.
 
     Returns:

@@ -68,7 +68,7 @@ class TurnMap:
             sigma: Of its scatter [m].
             floor: Error that does not average out [m].
             whole: Whether nothing lies on it.
-            steep: Of the ray.
+            steep: Of the ray, see `RowTable`.
         """
         place = self.place_of(theta)
         if place < 0:

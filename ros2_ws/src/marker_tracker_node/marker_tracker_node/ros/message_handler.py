@@ -84,7 +84,7 @@ class TrackerHandler:
         yield from ()
 
     def _begin(self) -> None:
-        self._follower = LayFollower() if self._wanted.lay else None
+        self._follower = LayFollower() if self._wanted.measure_lay else None
         self._lay_due = -math.inf
         beside = self._follower.take if self._follower is not None else None
         self._live = SynchronisedTracker(self._clock, beside=beside)
