@@ -162,7 +162,6 @@ PAGE = NodeSpec(
             topics.IMAGE,
             topics.RECORDER_PROGRESS,
             topics.TRACE,
-            topics.TRACKED_LAY,
         )
         and topic.publisher not in (topics.COMMANDER, topics.ORCHESTRATOR, topics.RUN_SERVER)
     ),

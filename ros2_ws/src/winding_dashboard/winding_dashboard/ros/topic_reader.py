@@ -47,6 +47,7 @@ class TopicReader:
             topics.CAMERA_INFO: self._note_camera,
             topics.PREVIEW: state.note_picture,
             topics.TRACKED_MARKERS: state.note_tracked,
+            topics.TRACKED_LAY: state.note_lay,
             topics.FEM_MARKERS: self._keep("predicted"),
             topics.FEM_CABLE: state.note_cable,
             topics.FEM_CABLE_LINE: self._note_width,

@@ -11,6 +11,7 @@ from nicegui import ui
 
 from winding_core.units import MILLIMETRE
 from winding_dashboard.views.elements import heading
+from winding_dashboard.views.lay_view import LayChart
 from winding_dashboard.views.palette import CORRECTED, LINE, MEASURED, PREDICTED, SETPOINT, SOFT
 from winding_dashboard.views.trace import Trace
 from winding_dashboard.views.view_state import ViewState
@@ -201,6 +202,7 @@ class Charts:
             ).props('dense no-caps unelevated padding="0 5px" toggle-color=grey-9').classes(
                 "markers-choice"
             ).props('aria-label="Marker of the curve length chart"')
+        self._lay = LayChart()
 
     def update(self, state: ViewState, marker: int) -> None:
         """Draw what is new; marker 0 is the newest one."""
@@ -209,3 +211,4 @@ class Charts:
         number = marker or state.newest_marker()
         self._length.title.set_text(f"S{number}, mm")
         self._length.update(state.lengths[number], f"P{number}")
+        self._lay.update(state.lay_time, state.lay, state.advance)

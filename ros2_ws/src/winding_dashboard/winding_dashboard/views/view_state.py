@@ -12,10 +12,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from winding_core.lay_records import LAY_DTYPE, LayRecords
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE, Markers
 from winding_core.material_report import MaterialReport
 from winding_core.readings import CABLE_TENSION, AxisReading, Quantity
 from winding_dashboard.views.health import SILENCE, Health
+from winding_dashboard.views.lay_view import lay_overlay
 from winding_dashboard.views.marker_rows import MOST_MARKERS, MarkerRow, marker_rows
 from winding_dashboard.views.overlay import band_overlay
 from winding_dashboard.views.projection import CameraView
@@ -50,6 +52,8 @@ class ViewState:
         picture: The newest preview, JPEG; empty before any.
         votes: Share of votes by case number, best first.
         material: What the tracked markers tell of the cable's material; None before any.
+        lay: Measured places of every turn, of `lay_time` [s].
+        advance: Of the commanded helix [m/rad]; nan before any motion.
         speeds: Trace of measured and commanded speeds and the tension.
         lengths: Trace of each marker's curve lengths by its number.
     """
@@ -88,6 +92,8 @@ class ViewState:
         self.ahead: Markers = np.zeros(0, MARKER_DTYPE)
         self.corrected: Markers = np.zeros(0, CORRECTED_DTYPE)
         self.cable: NDArray[np.void] = np.zeros(0, CABLE_DTYPE)
+        self.lay: LayRecords = np.zeros(0, LAY_DTYPE)
+        self.lay_time = self.advance = NAN
         self._picture_time = self._tracked_time = self._cable_time = NAN
         self.speeds.clear()
         for trace in self.lengths.values():
@@ -143,6 +149,10 @@ class ViewState:
         """Take the predicted cable, records of CABLE_DTYPE, of time t [s]."""
         self._cable_time, self.cable = t, cable
 
+    def note_lay(self, t: float, lay: LayRecords) -> None:
+        """Take the measured lay, records of LAY_DTYPE, of time t [s]."""
+        self.lay_time, self.lay = t, lay
+
     def note_votes(self, votes: Mapping[int, float]) -> None:
         """Take the shares of votes by case number."""
         self.votes = dict(sorted(votes.items(), key=lambda item: (-item[1], item[0])))
@@ -153,6 +163,8 @@ class ViewState:
             return
         self.last_data = now
         axes, wanted = self.axes, self.setpoints
+        if wanted is not None and abs(wanted.angular_speed) > STANDING:
+            self.advance = wanted.feed_speed / wanted.angular_speed
         self.speeds.append(
             self.time,
             axes.angular_speed if axes else NAN,
@@ -180,15 +192,17 @@ class ViewState:
         return max((number for number, trace in self.lengths.items() if len(trace)), default=1)
 
     def overlay(self) -> str:
-        """Return SVG that frames the bands in the picture."""
+        """Return SVG that frames the bands in the picture and follows the measured turns."""
         apart = self._picture_time - self._tracked_time
         if self.camera is None or not self.picture or not abs(apart) <= _TOGETHER:
             return ""
         # Pictures come as seen, markers some milliseconds later; the cylinder turned meanwhile.
         turned = self._turned(self._tracked_time, self._picture_time)
-        return band_overlay(
+        bands = band_overlay(
             self.tracked, self.camera, cable_radius=self.cable_radius, turned=turned
         )
+        turned = self._turned(self.lay_time, self._picture_time)
+        return lay_overlay(self.lay, self.camera, turned=turned) + bands
 
     @property
     def drum_angle(self) -> float:
