@@ -1,6 +1,5 @@
 """Light that makes a part of a band white: unknown, neither marker nor background."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -32,7 +31,6 @@ def seen(smooth_film, model):
     setup = tracker.config.setup(film.pinhole().view(tracker.config.pose))
     whole = film.frame_at(AZIMUTH)
     band = Band(AZIMUTH, 0.0, 0.0)
-    detector = numba.njit(measure_band)
 
     def measure(white, level=255):
         gates = empty_gates(1)
@@ -45,7 +43,7 @@ def seen(smooth_film, model):
         frame = whole.copy()
         frame[white(along, across)] = level
         picture = Palette.of(model, [50.0], 22.0).picture(frame)
-        return detector(picture, setup, gates, 0, band, pixels, 1.0, WHOLE_AREA)
+        return measure_band(picture, setup, gates, 0, band, pixels, 1.0, WHOLE_AREA)
 
     return measure
 

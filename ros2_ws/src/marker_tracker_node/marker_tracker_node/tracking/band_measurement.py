@@ -11,7 +11,7 @@ from marker_tracker_node.detection.gate import Gates, Picture, gate_moments
 from marker_tracker_node.detection.glare import LEAST_UNKNOWN, fit_outline
 from marker_tracker_node.tracking.gate_prediction import HIDDEN, MEASURED, PARTLY
 from marker_tracker_node.tracking.state import Setup
-from winding_core.compiling import called
+from winding_core.compiling import compiled
 
 # Share of the expected area within which a gathering of pixels may be a new band, and within
 # which a known band is whole: one that is covered in part would be measured beside its middle.
@@ -51,7 +51,7 @@ class Detection(NamedTuple):
 NOTHING = Detection(HIDDEN, math.nan, math.nan, 0.0, 1.0, 1.0, 1.0)
 
 
-@called
+@compiled
 def measure_band(
     picture: Picture,
     setup: Setup,

@@ -140,15 +140,12 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
         return
     if _lies_on_another_turn(scan, theta, z):
         return
-    if theta > turned + APPROACH or _numbered(scan, theta, colour) < 0:
+    if (
+        theta > turned + APPROACH
+        or marker_number(setup, scan.cable.marks, scan.picture.colour_of, theta, colour) < 0
+    ):
         return
     _remember(scan.candidates, theta, z, share, colour, turned)
-
-
-@called
-def _numbered(scan: Scan, theta: float, colour: int) -> int:  # pragma: no cover
-    """Return the number of a marker found at a wound angle [rad], or -1 if there is none."""
-    return marker_number(scan.setup, scan.cable.marks, scan.picture.colour_of, theta, colour)
 
 
 @called
@@ -208,7 +205,7 @@ def _remember(
 def confirm_candidates(
     setup: Setup, marks: Marks, candidates: Candidates, colour_of: IndexArray, shift: float
 ) -> float:  # pragma: no cover
-    """Make markers of the candidates that have moved with the cylinder; return the new shift."""
+    """Make markers of the candidates that moved with the cylinder; return the new shift [rad]."""
     for c in range(CANDIDATES):
         if candidates.hits[c] < PROOF_HITS:
             continue

@@ -19,7 +19,10 @@ from winding_cli.commands.refusal import FAILED, complain, fail, refuse
 from winding_cli.commands.ros_environment import check_namespace, refuse_open
 from winding_cli.commands.run_checks import (
     check_before_start,
+    check_camera,
+    check_page_and_file,
     composed_camera,
+    lay_of,
     look_of,
     recording_of,
 )
@@ -152,10 +155,7 @@ def run(
     except ValueError as error:
         refuse(error)
     check_namespace(namespace)
-    if dashboard_port is not None and not dashboard:
-        refuse("--dashboard-port is for a run with --dashboard")
-    if parameters is not None and not parameters.is_file():
-        refuse(f"no parameter file at {parameters}")
+    check_page_and_file(dashboard, dashboard_port, parameters)
     recording = recording_of(compression, split_mb)
     external = machine_of(
         machine,
@@ -170,16 +170,11 @@ def run(
         ),
         simulated={"speed": speed, "lay": lay, "seed": seed, "frame-rate": frame_rate},
     )
-    if frame_rate not in (None, 200, 1000):
-        refuse(f"--frame-rate must be 200 or 1000, got {frame_rate}")
-    if tracker and not camera:
-        refuse("--camera-clock-correction and --camera-clock-limit-ms need a camera")
+    check_camera(camera, frame_rate, tracker)
     camera_source = composed_camera(compose, external, attach=attach, secure=secure)
     if secure:
         refuse_open(namespace, dashboard=dashboard)
-    lay = lay or ("paper" if wound.is_published else "fem")
-    if lay == "paper" and not wound.is_published:
-        refuse("--lay paper is what the paper measured of cases 1 to 12; use --lay fem")
+    lay = lay_of(lay, wound.is_published)
     from winding_cli.commands.page_options import operated_condition, page_parameters
     from winding_ros import topics
     from winding_supervisor.run_config import RunConfig

@@ -32,6 +32,30 @@ def look_of(typed: Typed) -> dict[str, Value]:
     return values
 
 
+def check_camera(camera: bool, frame_rate: int | None, clock: dict[str, Value]) -> None:
+    """Refuse a frame rate that there is not, and a camera's clock without a camera."""
+    if frame_rate not in (None, 200, 1000):
+        refuse(f"--frame-rate must be 200 or 1000, got {frame_rate}")
+    if clock and not camera:
+        refuse("--camera-clock-correction and --camera-clock-limit-ms need a camera")
+
+
+def check_page_and_file(page: bool, port: int | None, parameters: Path | None) -> None:
+    """Refuse a page's port without a page, and a parameter file that there is not."""
+    if port is not None and not page:
+        refuse("--dashboard-port is for a run with --dashboard")
+    if parameters is not None and not parameters.is_file():
+        refuse(f"no parameter file at {parameters}")
+
+
+def lay_of(wanted: str | None, published: bool) -> str:
+    """Return where the cable shall lie; refuse a measurement that nobody published."""
+    lay = wanted or ("paper" if published else "fem")
+    if lay == "paper" and not published:
+        refuse("--lay paper is what the paper measured of cases 1 to 12; use --lay fem")
+    return lay
+
+
 def recording_of(compression: str, split_mb: float) -> BagConfig:
     """Return how a bag is stored; refuse what no bag can be."""
     from winding_recorder.bags.mcap_file import BagConfig

@@ -186,7 +186,7 @@ def section(
 
 @called
 def highlight(gloss: FloatArray, cosine: float) -> float:  # pragma: no cover
-    """Return the highlight at a cosine of the half-angle, linear between those of the table."""
+    """Return the highlight at a cosine (dimensionless) of the half-angle, linear in the table."""
     place = min(max(cosine, 0.0), 1.0) * (gloss.size - 1)
     index = min(int(place), gloss.size - 2)
     low, high = gloss[index], gloss[index + 1]
