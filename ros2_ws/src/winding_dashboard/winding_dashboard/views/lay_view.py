@@ -70,7 +70,8 @@ class LayChart:
 
     def __init__(self) -> None:
         title = "Lay: distance from the commanded helix, mm"
-        with ui.element("section").classes("card").props(f'aria-label="Chart: {title}"') as card:
+        section = ui.element("section").classes("card lay")
+        with section.props(f'aria-label="Chart: {title}"') as card:
             self._card = card
             with ui.element("div").classes("heading-row"):
                 heading(title)
@@ -92,8 +93,10 @@ class LayChart:
         if errors:
             turns, values = zip(*errors, strict=True)
             options["xAxis"] |= {"min": math.floor(min(turns)), "max": math.ceil(max(turns))}
-            reach = math.ceil(max(_LEAST_ERROR, *map(abs, values)))
-            options["yAxis"] |= {"min": -reach, "max": reach}
+            options["yAxis"] |= {
+                "min": min(-_LEAST_ERROR, math.floor(min(values))),
+                "max": max(_LEAST_ERROR, math.ceil(max(values))),
+            }
         self._defects.set_text(defects_told(records))
         self._chart.update()
 
