@@ -48,7 +48,8 @@ def test_the_solver_s_answers_come_again(bag: Path) -> None:
 def test_the_tracker_s_frames_come_again(bag: Path) -> None:
     result = replay(bag, "tracker")
     assert result.refused == 0
-    (markers,) = result.comparisons
+    compared = {item.topic: item for item in result.comparisons}
+    markers = compared[f"/winding/{topics.TRACKED_MARKERS.name}"]
     # In the run a frame may have gone without an encoder sample that came too late; in the
     # replay none does.
     assert markers.missing == 0

@@ -22,7 +22,7 @@ BENT = 0.045
 BENT_OVER_RUN = 0.5
 # What of the bias is left over a run, in which a band is seen under every azimuth, along the cable
 # and across it [px].
-MEAN_BIAS_ALONG, MEAN_BIAS_ACROSS = 0.06, 0.07
+MEAN_BIAS_ALONG, MEAN_BIAS_ACROSS = 0.06, 0.06
 # A band is an ellipse from the side; nearer to the limb than this its scale changes no more.
 LEAST_FACING = 0.3
 
