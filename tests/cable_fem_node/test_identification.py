@@ -19,6 +19,7 @@ from cable_fem_node.identification import (
     identify_modulus,
     with_young,
 )
+from cable_fem_node.identification.rod_run import wind
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
@@ -246,3 +247,11 @@ def test_constants_need_two_runs() -> None:
     run = TrackedRun(config=config(4), inputs=planned_inputs(DRIVE, SHORT), readings=readings())
     with pytest.raises(IdentificationError, match="runs under two tensions, got 1"):
         identify_constants([run])
+
+
+def test_a_modulus_that_the_rod_refuses_is_no_crash() -> None:
+    run = TrackedRun(config=config(4), inputs=planned_inputs(DRIVE, SHORT), readings=readings())
+    # EI l / (2 F rho^2) is 1 at 162 MPa: such a cable does not lie on the cylinder.
+    stiff = dataclasses.replace(run.config.resolved.law, young=1.0e9)
+    with pytest.raises(IdentificationError, match=r"1e\+09 Pa: the bending stiffness"):
+        wind(run, stiff, np.array([6.0]))

@@ -157,6 +157,7 @@ def test_a_pose_wrong_by_its_belief_is_mended(any_film):
         fit = refine(tracker.config, tracker.camera, sightings)
         before.append(tracker.estimates()["theta"] - film.theta)
         after.append(fit.theta - film.theta)
-    # Over twelve such scenes squares fall to 0.14; of these, one pose is left as it was (0.48).
+    # 0.48 in these scenes, 0.58 with the next six: poses below seven deviations stay as they are.
+    # With five it was below 0.25, but right poses were moved, too.
     wrong, right = (np.nanmean(np.concatenate(part) ** 2) for part in (before, after))
     assert right < 0.6 * wrong

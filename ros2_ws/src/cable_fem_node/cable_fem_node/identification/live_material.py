@@ -6,7 +6,7 @@ import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.dynamics.failure import SolverError
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.modulus import (
     ModulusEstimate,
@@ -159,7 +159,7 @@ def work_out(task: MaterialTask, going: Callable[[], bool] = lambda: True) -> Ma
         end = copy.deepcopy(model)
         replay(planned_rest(task.inputs, task.drive, task.duration), end, going)
         ahead = end.markers()
-    except (ValueError, DivergenceError) as error:
+    except (ValueError, SolverError) as error:
         return MaterialUpdate(
             estimate=estimate, refusal=f"the run cannot be wound with it: {error}"
         )

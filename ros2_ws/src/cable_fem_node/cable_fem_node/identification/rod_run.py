@@ -61,13 +61,13 @@ def wind(
         IdentificationError: A marker does not land, or the rod fails.
         AbandonedError: `going` said no.
     """
-    config = with_law(run.config, law)
     latest = _LATEST * float(expected[-1]) + _SETTLED + math.pi / 4.0
     inputs = continued_inputs(run.inputs, latest)
-    segment = config.resolved.segment * min(1.0, _LONGEST / (1.0 + strain(run, law)))
-    model = RodWinding(dataclasses.replace(config, segment_length=segment))
     early = inputs["cylinder_angle"] < float(expected[-1])
     try:
+        config = with_law(run.config, law)
+        segment = config.resolved.segment * min(1.0, _LONGEST / (1.0 + strain(run, law)))
+        model = RodWinding(dataclasses.replace(config, segment_length=segment))
         replay(inputs[early], model, going)
         wound_at = math.inf
         for i in range(int(early.sum()), inputs.size):
@@ -77,7 +77,7 @@ def wind(
             if model.cylinder_angle >= wound_at + _SETTLED:
                 break
         refuse_open_balance(model.energy, model.time)
-    except SolverError as error:
+    except (SolverError, ValueError) as error:
         raise IdentificationError(
             f"the rod fails with a modulus of {law.young:.4g} Pa: {error}"
         ) from error
