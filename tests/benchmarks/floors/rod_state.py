@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.points import LEDGER_SIZE, Points
+from cable_fem_node.rod.relaxation import Relaxation
 from cable_fem_node.rod.rod_arrays import AxialResponse
 from cable_fem_node.winding.rod_state import REFERENCE, points_of
 from cable_fem_node.winding.rod_winding import RodWinding
@@ -37,6 +38,7 @@ class RodState:
         ledger: Energies [J].
         constants: Of the run.
         response: Axial response of the cable.
+        relax: How its stress fades: not at all.
     """
 
     nodes: int
@@ -48,6 +50,7 @@ class RodState:
     ledger: FloatArray
     constants: Constants
     response: AxialResponse
+    relax: Relaxation
 
     @classmethod
     def of(cls, model: RodWinding, capacity: int) -> RodState:
@@ -68,6 +71,7 @@ class RodState:
             ledger=np.zeros(LEDGER_SIZE),
             constants=model._constants,
             response=model.config.resolved.axial,
+            relax=model.config.resolved.relaxation,
         )
 
     @property
@@ -124,6 +128,7 @@ def kernel_advance(state: RodState, drive: FloatArray, steps: int, dt: float) ->
         state.response,
         state.ledger,
         False,
+        state.relax,
     )
     assert (taken, status) == (steps, RUNNING)
     state.surface_step = rate * dt

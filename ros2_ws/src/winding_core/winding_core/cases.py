@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from winding_core.prony import PronySeries
 from winding_core.published import published_conditions
 
 
@@ -18,6 +19,7 @@ class Material:
         density: Mass density [kg/m^3].
         axial_factor: Factor on the axial stiffness EA of the round section.
         bending_factor: Factor on its bending stiffness EI.
+        prony: How the axial stress fades; `young` is the modulus at once.
     """
 
     young: float = 2.6e6
@@ -25,6 +27,7 @@ class Material:
     density: float = 1337.0
     axial_factor: float = 1.0
     bending_factor: float = 1.0
+    prony: PronySeries = field(default_factory=PronySeries)
 
     def __post_init__(self) -> None:
         _positive("young", self.young, "Pa")

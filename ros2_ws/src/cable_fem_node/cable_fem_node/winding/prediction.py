@@ -49,7 +49,7 @@ class Prediction:
         arc: Reference length from P0 along the wound cable [m], shape (k,).
         theta: Wound angle there [rad], shape (k,).
         z: Axial position there [m], shape (k,).
-        cable: Nodes at the end: x y z s tension strain, shape (nodes,).
+        cable: Nodes at the end: x y z s tension strain roll twist, shape (nodes,).
         energy: Ledger at the end.
         stretch: Mean stretch of the wound cable.
         stretch_closed_form: The law's stretch at the wound tension F - EI l / (2 rho^2).
@@ -93,6 +93,18 @@ class Prediction:
     def turns(self) -> int:
         """Complete turns of cable on the cylinder."""
         return int(self.theta[-1] / FULL_TURN)
+
+    def marker_roll(self) -> FloatArray:
+        """Return by what angle P0..Pn have turned about the cable's axis [rad], shape (n + 1,)."""
+        return self._at_markers("roll")
+
+    def marker_twist(self) -> FloatArray:
+        """Return the twist of the cable at P0..Pn [rad/m], shape (n + 1,)."""
+        return self._at_markers("twist")
+
+    def _at_markers(self, name: str) -> FloatArray:
+        place = self.config.case.marker_spacing * self.markers["id"]
+        return np.asarray(np.interp(place, self.cable["s"], self.cable[name]))
 
     def cable_per_turn(self) -> FloatArray:
         """Return the reference length of cable in each complete turn [m], shape (turns,)."""

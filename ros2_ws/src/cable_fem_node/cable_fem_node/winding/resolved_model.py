@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cable_fem_node.dynamics.surroundings import penalty
+from cable_fem_node.rod.relaxation import Relaxation, relaxation
 from cable_fem_node.rod.rod_arrays import AxialResponse, axial_response
 from cable_fem_node.winding.segment_choice import chosen_segment
 from cable_fem_node.winding.winding_state import MERGE_AT, Constants
-from winding_core.material_law import TABLE_HIGH, MaterialLaw
+from winding_core.material_law import TABLE_HIGH, MaterialLaw, NoEquilibriumError
 
 if TYPE_CHECKING:
     from cable_fem_node.winding.winding_config import WindingConfig
@@ -94,6 +95,7 @@ class ResolvedModel:
         )
         tension = config.tension_law(case.weight, case.cylinder_diameter, 0.0)
         stretch = law.stretch_at(tension / case.axial_area)
+        _refuse_endless_creep(law, case, tension)
         lateral = float(law.lateral_stretch(stretch))
         thins = config.law != "linear" if config.thinning is None else config.thinning
         radius = case.cylinder_radius + case.cable_radius * (lateral if thins else 1.0)
@@ -121,6 +123,11 @@ class ResolvedModel:
     def axial(self) -> AxialResponse:
         """The law, tabulated for the kernels."""
         return axial_response(self.law, self.case.axial_area)
+
+    @cached_property
+    def relaxation(self) -> Relaxation:
+        """How the axial stress fades, for the kernels."""
+        return relaxation(self.law, self.case.axial_area, self.case.material.prony)
 
     @cached_property
     def responses(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
@@ -162,6 +169,19 @@ class ResolvedModel:
     def wound_stretch(self, span_tension: float) -> float:
         """Return the closed-form stretch of the wound cable under a span tension [N]."""
         return self.stretch_at(self.wound_tension(span_tension))
+
+
+def _refuse_endless_creep(law: MaterialLaw, case: Case, tension: float) -> None:
+    left = case.material.prony.left
+    if left == 1.0:
+        return
+    try:
+        law.stretch_at(tension / (left * case.axial_area))
+    except ValueError as error:
+        raise NoEquilibriumError(
+            f"prony leaves {left:.4g} of the stress, so {tension:.4g} N end as "
+            f"{tension / left:.4g} N would at once: {error}"
+        ) from error
 
 
 def _constants(

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray, Points
+from cable_fem_node.winding.fading import Fading, HeldCable
 from cable_fem_node.winding.winding_model import angle_steps
 
 # Rows of the store; reference length, stretch and tension are those of the element towards P0.
@@ -24,8 +25,10 @@ from cable_fem_node.winding.winding_model import angle_steps
     TENSION,
     ARC,
     THETA,
-) = range(13)
-_ROWS = 13
+    VISCOUS,
+) = range(14)
+# Where the cable relaxes, elastic force and viscous forces begin at VISCOUS.
+_ROWS = VISCOUS
 PATH = (ARC, THETA, Z)
 # How a node is held where it rests: the rows that go into the arrays that are integrated.
 _PLACE = slice(X, Z + 1)
@@ -45,14 +48,18 @@ class RestingCable:
 
     Args:
         radius: Of P0 [m].
+        fading: How its tension fades; None for an elastic cable.
 
     Attributes:
         count: Number of nodes.
     """
 
-    def __init__(self, radius: float) -> None:
+    def __init__(self, radius: float, fading: Fading | None = None) -> None:
         self.count = 1
-        self._rows = np.zeros((_ROWS, 256))
+        self._fading = fading
+        self._faded_to = 0.0
+        more = 0 if fading is None else 1 + fading.relax.share.size
+        self._rows = np.zeros((_ROWS + more, 256))
         self._rows[X, 0] = radius
 
     def row(self, name: int) -> FloatArray:
@@ -73,12 +80,38 @@ class RestingCable:
         edge = self._rows[_PLACE, self.count - 1] - self._rows[_PLACE, self.count - 2]
         return np.asarray(edge / math.sqrt(float(edge @ edge)))
 
+    def fade(self, t: float) -> float:
+        """Let the tension fade until a time [s]; return the energy that has become heat [J].
+
+        Friction holds the cable at its length, so nothing moves.
+        """
+        span, self._faded_to = t - self._faded_to, t
+        if self._fading is None or self.count == 1 or not span > 0.0:
+            return 0.0
+        rows = self._rows[:, 1 : self.count]
+        return self._fading.fade(
+            span,
+            HeldCable(
+                stretch=rows[STRETCH],
+                reference=rows[REFERENCE],
+                viscous=rows[VISCOUS:],
+                tension=rows[TENSION],
+                radius=np.hypot(rows[X], rows[Y]),
+                contact_radius=rows[CONTACT_RADIUS],
+            ),
+        )
+
+    def viscous(self) -> FloatArray:
+        """Return elastic and viscous forces [N], shape (1 + terms, count - 1); no rows without."""
+        return self._rows[VISCOUS:, 1 : self.count]
+
     def add(
         self,
         nodes: int,
         angle: float,
         cable: Points,
         reference: FloatArray,
+        viscous: FloatArray,
         stretch: FloatArray,
         tension: FloatArray,
     ) -> None:
@@ -89,6 +122,7 @@ class RestingCable:
             angle: Of the cylinder [rad].
             cable: Integrated nodes; node 0 rests already.
             reference: Reference lengths of its elements [m], shape (at least nodes,).
+            viscous: Elastic and viscous forces of its elements [N]; no rows for an elastic cable.
             stretch: Of its elements, shape (at least nodes,).
             tension: Of its elements [N], shape (at least nodes,).
         """
@@ -105,6 +139,7 @@ class RestingCable:
         rows[REFERENCE] = reference[elements]
         rows[STRETCH] = stretch[elements]
         rows[TENSION] = tension[elements]
+        rows[VISCOUS:] = viscous[:, elements]
         self.count = new
         self._continue(old, reference[elements], cable.position[:2, : nodes + 1])
 
@@ -116,6 +151,7 @@ class RestingCable:
         dt: float,
         cable: Points,
         reference: FloatArray,
+        viscous: FloatArray,
     ) -> None:
         """Write the last nodes as they are now, moving as the surface does.
 
@@ -126,6 +162,7 @@ class RestingCable:
             dt: Length of that step [s].
             cable: Filled.
             reference: Filled with the lengths of the elements [m].
+            viscous: Filled with their elastic and viscous forces [N]; no rows for an elastic cable.
         """
         rows = self._rows[:, self.count - nodes - 1 : self.count]
         to = slice(0, nodes + 1)
@@ -141,6 +178,7 @@ class RestingCable:
         cable.roll[0, to] = rows[ROLL]
         cable.roll[1, to] = 0.0
         reference[:nodes] = rows[REFERENCE, 1:]
+        viscous[:, :nodes] = rows[VISCOUS:, 1:]
 
     def let_go(self, nodes: int) -> None:
         """Count the last nodes no longer as resting."""
@@ -175,6 +213,6 @@ class RestingCable:
 
     def _reserve(self, capacity: int) -> None:
         if capacity > self._rows.shape[1]:
-            grown = np.zeros((_ROWS, 2 * capacity))
+            grown = np.zeros((self._rows.shape[0], 2 * capacity))
             grown[:, : self.count] = self._rows[:, : self.count]
             self._rows = grown

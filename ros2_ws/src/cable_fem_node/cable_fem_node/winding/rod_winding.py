@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import WORK_TIE, FloatArray, Points
-from cable_fem_node.rod.rod_kernels import bending_energy, stored_energy
+from cable_fem_node.dynamics.points import LOSS_RELAXATION, WORK_TIE, FloatArray, Points
 from cable_fem_node.winding import resting_cable
+from cable_fem_node.winding.fading import Fading
 from cable_fem_node.winding.resting_cable import turned
+from cable_fem_node.winding.rod_energy import WholeRod, kinetic_energy
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes
 from cable_fem_node.winding.stillness import Stillness
 from cable_fem_node.winding.validity import refuse, rod_checks
@@ -29,6 +30,7 @@ from cable_fem_node.winding.winding_state import (
     DIVERGED,
     EMPTY,
     FULL,
+    LANDING,
     STIRRED,
     TENSION,
     part_way,
@@ -72,13 +74,19 @@ class RodWinding(WindingModel):
         position[0] = self._constants.contact_line
         position[0, 0] = self._constants.start_radius
         position[1] = -along
-        self._nodes = RodNodes(position, np.diff(along) / stretch)
+        self._relaxes = bool(config.case.material.prony.shares)
+        self._nodes = RodNodes(
+            position,
+            np.diff(along) / stretch,
+            self._fading() if self._relaxes else None,
+            float(self._elastic(np.array([stretch]))[0]),
+        )
         self._surface_rate = 0.0
         self._last_step = self.step_limit
         self._stillness = Stillness(resolved.still)
         # The free span's nodes, those that stay awake, and as many as are worth being moved.
         self._enough = count + AWAKE + WATCHED + FEWEST_TO_REST
-        self._initial_energy = self._stored_energy(*self._whole())
+        self._initial_energy = self._stored(self._whole())
 
     @property
     def nodes(self) -> int:
@@ -127,11 +135,12 @@ class RodWinding(WindingModel):
         for name, values in zip("xyz", self._nodes.position, strict=True):
             records[name][first:] = values
         records["s"] = self._nodes.path()[0]
-        stretch = self.stretch()
-        tension = self._tension_of(stretch)
+        stretch, tension = self.stretch(), self.tension()
         records["strain"][1:] = stretch - 1.0
         records["tension"][1:] = tension
         records["strain"][0], records["tension"][0] = stretch[0] - 1.0, tension[0]
+        records["roll"] = self._nodes.roll()
+        self._fill_twist(records, self._laid_nodes())
         return records
 
     def stretch(self) -> FloatArray:
@@ -141,7 +150,11 @@ class RodWinding(WindingModel):
 
     def tension(self) -> FloatArray:
         """Return the tension [N] of every element, shape (nodes - 1,)."""
-        return self._tension_of(self.stretch())
+        resting = self._nodes.resting
+        self._ledger[LOSS_RELAXATION] += resting.fade(self.time)
+        tension = np.concatenate([resting.row(resting_cable.TENSION)[1:], self._live_tension()])
+        tension[-1] = self._drive[TENSION]
+        return tension
 
     def wound_path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (s reference arc length [m], theta [rad], z [m]) of the laid nodes from P0 on."""
@@ -159,19 +172,22 @@ class RodWinding(WindingModel):
     def energy(self) -> EnergyLedger:
         """The energy ledger since the start."""
         k = self._constants
-        cable, reference = self._whole()
+        self._ledger[LOSS_RELAXATION] += self._nodes.resting.fade(self.time)
+        whole = self._whole()
         entries = self._ledger.copy()
         # What rests is driven by the surface alone: its energy of motion is the work of the tie.
-        entries[WORK_TIE] += self._kinetic(cable, self._nodes.resting.count)
+        entries[WORK_TIE] += self._kinetic(whole.cable, self._nodes.resting.count)
         return EnergyLedger.of(
             entries,
-            kinetic=self._kinetic(cable, self.nodes - 1),
-            internal=self._stored_energy(cable, reference),
-            contact=contact_energy(cable, k.touch),
+            kinetic=self._kinetic(whole.cable, self.nodes - 1),
+            internal=self._stored(whole),
+            contact=contact_energy(whole.cable, k.touch),
             initial=self._initial_energy,
         )
 
     def _run(self, t: float, span: float, drive: FloatArray) -> None:
+        if self._relaxes:
+            drive[LANDING, 1] = self._crept_landing()
         total = max(1, math.ceil(span / self.step_limit))
         dt = span / total
         self._last_step = dt
@@ -194,6 +210,7 @@ class RodWinding(WindingModel):
                 self.config.resolved.axial,
                 self._ledger,
                 self.config.rolling,
+                self.config.resolved.relaxation,
             )
             done += taken
             self.element_steps += taken * (nodes.live - 1)
@@ -214,7 +231,8 @@ class RodWinding(WindingModel):
                 if status == FULL:
                     nodes.grow(2 * nodes.live)
                 else:
-                    self._wake(t, float(part[ANGLE, 0]))
+                    now = t - (total - done) * dt
+                    self._wake(t, now, float(part[ANGLE, 0]))
         if nodes.live >= self._enough and self.config.rests and self._stillness.due(t):
             self._look(t, float(drive[ANGLE, 1]))
 
@@ -227,32 +245,51 @@ class RodWinding(WindingModel):
         still = self._stillness.look(t, nodes.place(held, angle))
         resting = still - 1 - WATCHED
         if resting >= FEWEST_TO_REST:
-            stretch = nodes.live_stretch()[:resting]
             before = self._kinetic(nodes.points, resting + 1)
-            nodes.rest(resting, angle, stretch, self._tension_at(stretch))
+            self._ledger[LOSS_RELAXATION] += nodes.resting.fade(t)
+            nodes.rest(resting, angle, nodes.live_stretch(), self._live_tension())
             self._ledger[WORK_TIE] -= before
             self._stillness.begin_anew()
 
-    def _wake(self, t: float, angle: float) -> None:
-        """Integrate the last nodes again that were laid to rest."""
+    def _wake(self, t: float, now: float, angle: float) -> None:
+        """Integrate the last nodes again that were laid to rest, as they are now."""
         nodes = self._nodes
         woken = min(WOKEN, nodes.resting.count - 1)
         back = self._surface_rate * self._last_step
+        self._ledger[LOSS_RELAXATION] += nodes.resting.fade(now)
         nodes.wake(woken, angle, back, self._last_step)
         self._ledger[WORK_TIE] += self._kinetic(nodes.points, woken + 1)
         self._stillness.woken(t)
 
-    def _tension_of(self, stretch: FloatArray) -> FloatArray:
-        """Return the tension [N] of every element at its stretch, shape (nodes - 1,)."""
-        resting = self._nodes.resting.row(resting_cable.TENSION)[1:]
-        tension = np.concatenate([resting, self._tension_at(stretch[resting.size :])])
-        tension[-1] = self._drive[TENSION]
-        return tension
+    def _live_tension(self) -> FloatArray:
+        """Return the tension [N] of the integrated elements, shape (live - 1,)."""
+        nodes = self._nodes
+        faded = nodes.viscous[1:, : nodes.live - 1].sum(axis=0)
+        return np.asarray(self._elastic(nodes.live_stretch()) - faded)
 
-    def _tension_at(self, stretch: FloatArray) -> FloatArray:
+    def _elastic(self, stretch: FloatArray) -> FloatArray:
+        """Return what the law carries at once at a stretch [N], same shape."""
         return np.asarray(
             self.config.case.axial_area * self.config.resolved.law.nominal_stress(stretch)
         )
+
+    def _fading(self) -> Fading:
+        resolved, k = self.config.resolved, self._constants
+        return Fading(
+            relax=resolved.relaxation,
+            response=resolved.axial,
+            sink=1.0 / (k.contact_line * k.touch.normal_stiffness),
+            stiffness=k.touch.normal_stiffness,
+        )
+
+    def _crept_landing(self) -> float:
+        """Return the radius at which the span's nodes land as far as it has crept [m]."""
+        nodes, k, pull = self._nodes, self._constants, float(self._drive[TENSION])
+        held = pull + float(nodes.viscous[1:, nodes.live - 2].sum())
+        stretch, landing = self._response(held)
+        # As the table's, which takes the whole of the force for tension.
+        sink = stretch * k.segment / (k.contact_line * k.touch.normal_stiffness)
+        return landing - (held - pull) * sink
 
     def _response(self, tension: float) -> tuple[float, float]:
         """Return (stretch of the span, radius at which its nodes land [m]) at a tension [N].
@@ -272,41 +309,18 @@ class RodWinding(WindingModel):
             radii[i - 1] + u * (radii[i] - radii[i - 1]),
         )
 
-    def _whole(self) -> tuple[Points, FloatArray]:
+    def _whole(self) -> WholeRod:
         back = self._surface_rate * self._last_step
-        return self._nodes.whole(self.cylinder_angle, back, self._last_step)
-
-    def _kinetic(self, cable: Points, end: int) -> float:
-        """Return the kinetic energy [J] of nodes 1 to `end` - 1."""
-        k, moving = self._constants, slice(1, end)
-        return 0.5 * k.mass * float((cable.velocity[:, moving] ** 2).sum()) + (
-            0.5 * k.roll_inertia * float((cable.roll[1, moving] ** 2).sum())
+        cable, reference, viscous = self._nodes.whole(self.cylinder_angle, back, self._last_step)
+        return WholeRod(
+            cable=cable, reference=reference, viscous=viscous, angle=self.cylinder_angle
         )
 
-    def _stored_energy(self, cable: Points, reference: FloatArray) -> float:
-        """Return what stretching, bending and torsion store in the whole cable [J]."""
-        k, axial = self._constants, self.config.resolved.axial
-        elements = cable.touching.size - 2
-        stretching = stored_energy(elements, cable.position, reference, axial)
-        edges = np.diff(cable.position, axis=1)
-        tangents = edges / np.sqrt((edges**2).sum(axis=0))
-        cosine = np.ones(elements + 2)
-        cosine[1:-1] = (tangents[:, 1:] * tangents[:, :-1]).sum(axis=0)
-        angle = self.cylinder_angle
-        clamp = math.sin(angle) * tangents[0, 0] - math.cos(angle) * tangents[1, 0]
-        turned_by = math.acos(min(1.0, clamp)) ** 2
-        clamped = k.bending * turned_by / float(reference[0])
-        bending = bending_energy(elements + 1, reference, k.bending, cosine) + clamped
-        return stretching + bending + self._torsion_energy(cable, tangents)
+    def _stored(self, whole: WholeRod) -> float:
+        return whole.stored(self.config.resolved, rolling=self.config.rolling)
 
-    def _torsion_energy(self, cable: Points, tangent: FloatArray) -> float:
-        if not self.config.rolling:
-            return 0.0
-        k = self._constants
-        geodesic = tangent[2] * np.hypot(tangent[0], tangent[1]) / k.contact_line
-        wound = (cable.touching[:-1] == 1) & (cable.touching[1:] == 1)
-        twist = np.diff(cable.roll[0]) / k.segment - np.where(wound, geodesic, 0.0)
-        return 0.5 * k.torsion * k.segment * float((twist[:-1] ** 2).sum())
+    def _kinetic(self, cable: Points, end: int) -> float:
+        return kinetic_energy(cable, self.config.resolved, end)
 
     def _laid_nodes(self) -> int:
         return self._nodes.resting.count - 1 + self._nodes.laid()

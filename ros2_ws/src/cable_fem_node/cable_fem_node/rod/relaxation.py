@@ -1,0 +1,146 @@
+"""Viscous stress of a rod's elements: its recursion over a step, its energy, its heat.
+
+The elements' part of `winding_core.prony`. A branch that carries q of its full g P0 is a spring
+with the law of g P0, stretched to where that carries q, in series with a dashpot that has taken the
+rest. With e the strain and e_i that of a branch's spring, the energy per reference length is
+W(e) + sum_i [q_i (e_i - e) - g_i W(e_i)], and (e - e_i) dq_i turns to heat.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_fem_node.dynamics.compile import called, kernel
+from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.rod.rod_arrays import AxialResponse
+from cable_fem_node.rod.rod_kernels import law_energy
+from winding_core.material_law import TABLE_HIGH, MaterialLaw
+from winding_core.prony import PronySeries
+
+# Points of the law's inverse, and of the table that it is read from: strains are exact to 1e-6.
+_POINTS, _FINE = 8193, 65537
+_LOWEST_STRETCH = 0.5
+
+
+class Relaxation(NamedTuple):
+    """How the axial force of an element fades; without terms it does not."""
+
+    share: FloatArray  # (terms,) g
+    time: FloatArray  # (terms,) tau [s]
+    strain: FloatArray  # (points,) of the law, over a uniform grid of forces
+    low: float  # first force [N]
+    per_spacing: float  # points per force [1/N]
+    high: float  # last force [N]
+
+
+def relaxation(law: MaterialLaw, area: float, series: PronySeries) -> Relaxation:
+    """Tabulate the inverse of a law for a section that carries tension on an area [m^2]."""
+    stretch = np.linspace(_LOWEST_STRETCH, min(law.limit()[1], TABLE_HIGH), _FINE)
+    force = area * law.nominal_stress(stretch)
+    grid = np.linspace(force[0], force[-1], _POINTS)
+    return Relaxation(
+        share=np.array(series.shares, dtype=float),
+        time=np.array(series.times, dtype=float),
+        strain=np.interp(grid, force, stretch) - 1.0,
+        low=float(grid[0]),
+        per_spacing=(_POINTS - 1) / float(grid[-1] - grid[0]),
+        high=float(grid[-1]),
+    )
+
+
+@called
+def strain_under(force: float, relax: Relaxation) -> float:
+    """Return the strain at which the law carries a force [N] at once, within the table."""
+    last = relax.strain.shape[0] - 1
+    place = min(max((force - relax.low) * relax.per_spacing, 0.0), last - 1.0e-9)
+    i = int(place)
+    u = place - i
+    value: float = relax.strain[i] + u * (relax.strain[i + 1] - relax.strain[i])
+    return value
+
+
+@called
+def decays(dt: float, relax: Relaxation, decay: FloatArray, ramp: FloatArray) -> None:
+    """Fill what is left of a branch after a step of dt [s], and what a linear rise adds to it."""
+    for j in range(relax.share.shape[0]):
+        a = dt / relax.time[j]
+        decay[j] = math.exp(-a)
+        ramp[j] = -math.expm1(-a) / a
+
+
+@called
+def fade(
+    elastic: float,
+    strain: float,
+    column: FloatArray,
+    decay: FloatArray,
+    ramp: FloatArray,
+    relax: Relaxation,
+) -> tuple[float, float, float]:
+    """Take the branches of one element over a step in which its elastic force runs linearly.
+
+    The recursion is exact for that, however long the step is.
+
+    Args:
+        elastic: What the law carries at once at the end of the step [N].
+        strain: There.
+        column: Elastic force at the begin of the step, then every branch's q [N], changed.
+        decay: As of `decays`, shape (terms,).
+        ramp: As of `decays`, shape (terms,).
+        relax: Of the cable.
+
+    Returns:
+        q of all branches at the end, its change [N], and the heat per reference length [J/m].
+    """
+    viscous, change, heat = 0.0, 0.0, 0.0
+    for j in range(relax.share.shape[0]):
+        before = column[1 + j]
+        g = relax.share[j]
+        after = decay[j] * before + g * (
+            (1.0 - ramp[j]) * elastic + (ramp[j] - decay[j]) * column[0]
+        )
+        column[1 + j] = after
+        viscous += after
+        change += after - before
+        heat += (strain - strain_under(0.5 * (before + after) / g, relax)) * (after - before)
+    column[0] = elastic
+    return viscous, change, heat
+
+
+@called
+def branch_energy(
+    strain: float, column: FloatArray, response: AxialResponse, relax: Relaxation
+) -> float:
+    """Return what the branches of one element take off its elastic energy, per length [J/m]."""
+    energy = 0.0
+    for j in range(relax.share.shape[0]):
+        g, q = relax.share[j], column[1 + j]
+        own = strain_under(q / g, relax)
+        energy += q * (own - strain) - g * response.area * law_energy(1.0 + own, response)
+    return energy
+
+
+@kernel
+def branches_energy(
+    stretch: FloatArray,
+    reference: FloatArray,
+    viscous: FloatArray,
+    response: AxialResponse,
+    relax: Relaxation,
+) -> float:
+    """Return what the branches of elements take off their elastic energy [J].
+
+    Args:
+        stretch: Of the elements, shape (n,).
+        reference: Their lengths [m], shape (at least n,).
+        viscous: Columns as in `fade`, shape (1 + terms, at least n).
+        response: Axial response of the cable.
+        relax: Of the cable.
+    """
+    total = 0.0
+    for i in range(stretch.shape[0]):
+        total += reference[i] * branch_energy(stretch[i] - 1.0, viscous[:, i], response, relax)
+    return total
