@@ -7,6 +7,9 @@ import re
 from dataclasses import dataclass
 from typing import Self
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 # Times that a term may have [s]: longer than a solver's step, shorter than a century.
 SHORTEST, LONGEST = 1.0e-3, 3.0e9
 # With less left of the stress for ever, creep under a load has no useful end.
@@ -77,3 +80,22 @@ class PronySeries:
     def left(self) -> float:
         """Share of the stress that a cable held at a stretch keeps for ever."""
         return 1.0 - math.fsum(self.shares)
+
+    def creep(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Return by what factor a load held for times [s] acts as one put on at once, same shape.
+
+        A cable under a dead load F is as long after a time as F times this makes it at once; for
+        one term it is 1 + g / (1 - g) (1 - exp(-(1 - g) t / tau)).
+        """
+        times = np.maximum(np.asarray(t, dtype=float), 0.0)
+        if not self.shares:
+            return np.ones_like(times)
+        g, tau = np.array(self.shares), np.array(self.times)
+        # q / F grows by dy/dt = M y + g / tau; scaled by s the matrix is symmetric.
+        s = np.sqrt(g / tau)
+        rates, modes = np.linalg.eigh(np.outer(s, s) - np.diag(1.0 / tau))
+        last = g / self.left
+        start = modes.T @ (last / s)
+        reached = (modes.T @ s) * start
+        grown = -np.expm1(np.multiply.outer(times, rates)) @ reached
+        return np.asarray(1.0 + grown)

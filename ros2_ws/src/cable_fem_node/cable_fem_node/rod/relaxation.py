@@ -75,7 +75,8 @@ def decays(dt: float, relax: Relaxation, decay: FloatArray, ramp: FloatArray) ->
 def fade(
     elastic: float,
     strain: float,
-    column: FloatArray,
+    viscous: FloatArray,
+    i: int,
     decay: FloatArray,
     ramp: FloatArray,
     relax: Relaxation,
@@ -87,7 +88,9 @@ def fade(
     Args:
         elastic: What the law carries at once at the end of the step [N].
         strain: There.
-        column: Elastic force at the begin of the step, then every branch's q [N], changed.
+        viscous: Elastic force at the begin of the step, then every branch's q [N], one row each,
+            changed; shape (1 + terms, elements).
+        i: The element.
         decay: As of `decays`, shape (terms,).
         ramp: As of `decays`, shape (terms,).
         relax: Of the cable.
@@ -95,19 +98,18 @@ def fade(
     Returns:
         q of all branches at the end, its change [N], and the heat per reference length [J/m].
     """
-    viscous, change, heat = 0.0, 0.0, 0.0
+    taken, change, heat = 0.0, 0.0, 0.0
+    start = viscous[0, i]
     for j in range(relax.share.shape[0]):
-        before = column[1 + j]
+        before = viscous[1 + j, i]
         g = relax.share[j]
-        after = decay[j] * before + g * (
-            (1.0 - ramp[j]) * elastic + (ramp[j] - decay[j]) * column[0]
-        )
-        column[1 + j] = after
-        viscous += after
+        after = decay[j] * before + g * ((1.0 - ramp[j]) * elastic + (ramp[j] - decay[j]) * start)
+        viscous[1 + j, i] = after
+        taken += after
         change += after - before
         heat += (strain - strain_under(0.5 * (before + after) / g, relax)) * (after - before)
-    column[0] = elastic
-    return viscous, change, heat
+    viscous[0, i] = elastic
+    return taken, change, heat
 
 
 @called

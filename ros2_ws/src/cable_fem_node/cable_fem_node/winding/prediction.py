@@ -13,28 +13,24 @@ from numpy.typing import ArrayLike, NDArray
 from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.failure import EnergyBalanceError, ImpossibleResultError
 from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.winding.overlap import FULL_TURN, refuse_overlap
 from cable_fem_node.winding.validity import Check, checks_of, motion_check, refuse, rod_checks
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
-from winding_core.units import MILLIMETRE
 
 Progress = Callable[[float], None]
 Clock = Callable[[], float]
 
-FULL_TURN = 2.0 * math.pi
-
 # Cable lies with the tension of the span that laid it, which may change by a rig's law.
 _TIGHTER_PCT = 2.0
+# Rounding of a plan that ends where it began [rad].
+_PAST_START = 1.0e-9
 _SUSPECTS = "try shorter elements, less mass scaling, a steadier tension"
 
 # Energy that the ledger cannot explain, of what went in.
 BALANCE_LIMIT_PCT = 1.0
-
-
-class OverlapError(ValueError):
-    """The cable would be wound over itself, which the contact model does not cover."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +48,8 @@ class Prediction:
         cable: Nodes at the end: x y z s tension strain roll twist, shape (nodes,).
         energy: Ledger at the end.
         stretch: Mean stretch of the wound cable.
-        stretch_closed_form: The law's stretch at the wound tension F - EI l / (2 rho^2).
+        stretch_closed_form: The law's stretch at the wound tension F - EI l / (2 rho^2); of cable
+            that creeps, the mean of what it had when it landed.
         span_stretch: The law's stretch at the span tension F.
         cpu_seconds: Processor time of the run [s].
         element_steps: Elements times steps.
@@ -132,8 +129,8 @@ class PlannedRun:
 
     Raises:
         OverlapError: The feed would lay the cable over itself.
-        ValueError: The duration is not positive, the element is unknown or has no stiffness
-            factors.
+        ValueError: The cylinder turns back past the start, the duration is not positive, the
+            element is unknown or has no stiffness factors.
     """
 
     config: WindingConfig
@@ -146,15 +143,32 @@ class PlannedRun:
             raise ValueError(f"element must be {' or '.join(ELEMENTS)}, got {self.element!r}")
         _refuse_unless_positive("duration", self.duration)
         if self.element == "solid":
-            self.config.refuse_stiffness_factors()
+            self.config.refuse_rod_material()
         refuse(self.checks())
-        refuse_overlap(self.config, self.drive)
+        refuse_overlap(self.config, self.drive, self.duration)
+        self._refuse_past_the_start()
 
     def checks(self) -> tuple[Check, ...]:
         """Return what decides whether the result can be right."""
         config = self.config
         own = rod_checks(config) if self.element == "rod" else checks_of(config, config.resolved)
         return (*own, motion_check(config, self.drive.angular_speed))
+
+    @property
+    def most_wound(self) -> float:
+        """Largest angle that the cylinder reaches [rad]."""
+        return float(self._angles().max())
+
+    def _angles(self) -> FloatArray:
+        return np.asarray(self.drive.positions(np.linspace(0.0, self.duration, 2001))[0])
+
+    def _refuse_past_the_start(self) -> None:
+        least = float(self._angles().min())
+        if least < -_PAST_START:
+            raise ValueError(
+                f"the cylinder would turn back to {least:.4g} rad, past the start, where nothing "
+                "is wound any more: unwind for a shorter time"
+            )
 
     def refuse_impossible(self, theta: FloatArray, tension: FloatArray) -> None:
         """Refuse cable that cannot lie so at the end of the run.
@@ -166,14 +180,14 @@ class PlannedRun:
         Raises:
             ImpossibleResultError: It did not follow the cylinder, or is tighter than the span.
         """
-        turned, laid = self.drive.positions(self.duration)[0], float(theta[-1])
+        turned, laid = self._angles()[-1], float(theta[-1])
         if turned > FULL_TURN and laid < 0.5 * turned:
             raise ImpossibleResultError(
                 f"the cylinder turned by {turned:.4g} rad and the cable lies on {laid:.4g} rad of "
                 "it: it does not follow the cylinder; take shorter elements or more tension"
             )
         law, case = self.config.tension_law, self.config.case
-        arc = self.config.resolved.wound_radius * np.linspace(0.0, turned, 200)
+        arc = self.config.resolved.wound_radius * np.linspace(0.0, self.most_wound, 200)
         highest = max(law(case.weight, case.cylinder_diameter, float(s)) for s in arc)
         # A section of the solid carries its bending in the same stress.
         rod = self.element == "rod" and tension.size > 0
@@ -239,7 +253,9 @@ class PlannedRun:
             cable=cable,
             energy=energy,
             stretch=model.wound_stretch(),
-            stretch_closed_form=self.config.resolved.wound_stretch(span),
+            stretch_closed_form=self.config.resolved.wound_stretch(
+                span, lambda: [self.drive.time_at_angle(x) for x in np.linspace(0.0, theta[-1], 50)]
+            ),
             span_stretch=self.config.resolved.stretch_at(span),
             cpu_seconds=cpu_seconds,
             element_steps=model.element_steps,
@@ -292,7 +308,7 @@ def _rod(run: PlannedRun) -> WindingModel:
 def _solid(run: PlannedRun) -> WindingModel:
     from cable_fem_node.winding.solid_winding import SolidWinding  # noqa: PLC0415
 
-    return SolidWinding(run.config, run.drive.positions(run.duration)[0])
+    return SolidWinding(run.config, run.most_wound)
 
 
 MODELS: dict[str, Callable[[PlannedRun], WindingModel]] = {"rod": _rod, "solid": _solid}
@@ -321,22 +337,4 @@ def refuse_open_balance(energy: EnergyLedger, t: float, checks: tuple[Check, ...
             f"(limit {BALANCE_LIMIT_PCT:g} %), kinetic over internal energy "
             f"{energy.kinetic_over_internal:.2g}; "
             + ("; ".join(check.sentence for check in checks if check.warned) or _SUSPECTS)
-        )
-
-
-def refuse_overlap(config: WindingConfig, drive: DriveProfile) -> None:
-    """Refuse a feed whose steady pitch is below the cable's diameter.
-
-    The first turns lie closer than the steady pitch because the cable lags behind the guide;
-    there neighbours may touch, as they do on the paper's stiffest cable, without riding up.
-
-    Raises:
-        OverlapError: The pitch is below the diameter of the stretched cable.
-    """
-    width = config.case.cable_diameter * config.resolved.lateral
-    if drive.pitch < width:
-        raise OverlapError(
-            f"the guide advances {drive.pitch / MILLIMETRE:.3g} mm per turn, less than the cable's "
-            f"{width / MILLIMETRE:.3g} mm: layers would overlap, "
-            "and cable-on-cable contact is not modelled"
         )

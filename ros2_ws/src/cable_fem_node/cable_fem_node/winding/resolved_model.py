@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -166,9 +167,21 @@ class ResolvedModel:
         radius = self.radius_at(stretch)
         return span_tension - 0.5 * self.case.bending_stiffness * stretch / radius**2
 
-    def wound_stretch(self, span_tension: float) -> float:
-        """Return the closed-form stretch of the wound cable under a span tension [N]."""
-        return self.stretch_at(self.wound_tension(span_tension))
+    def wound_stretch(
+        self, span_tension: float, landed: Callable[[], Sequence[float]] = tuple
+    ) -> float:
+        """Return the closed-form mean stretch of the wound cable under a span tension [N].
+
+        Args:
+            span_tension: Constant over the run.
+            landed: Says when cable landed [s], evenly along it; asked for cable that creeps.
+        """
+        at_once = self.stretch_at(self.wound_tension(span_tension))
+        if not self.case.material.prony.shares:
+            return at_once
+        loads = span_tension * self.case.material.prony.creep(landed())
+        crept = [self.stretch_at(self.wound_tension(load)) for load in loads.tolist()]
+        return float(np.mean(crept)) if crept else at_once
 
 
 def _refuse_endless_creep(law: MaterialLaw, case: Case, tension: float) -> None:

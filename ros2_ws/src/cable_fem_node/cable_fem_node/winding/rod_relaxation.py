@@ -45,7 +45,7 @@ def relax_elements(
     for i in range(elements):
         length = 1.0 / work.inverse[i]
         strain = length / reference[i] - 1.0
-        taken, change, lost = fade(work.tension[i], strain, viscous[:, i], decay, ramp, relax)
+        taken, change, lost = fade(work.tension[i], strain, viscous, i, decay, ramp, relax)
         work.tension[i] -= taken
         if i < elements - 1:
             heat += reference[i] * lost

@@ -47,7 +47,7 @@ class SolidWinding(WindingModel):
     """
 
     def __init__(self, config: WindingConfig, wind: float) -> None:
-        config.refuse_stiffness_factors()
+        config.refuse_rod_material()
         super().__init__(config)
         self._surface_step = 0.0
         resolved, case = config.resolved, config.case

@@ -68,11 +68,11 @@ class WindingConfig:
         """What follows from the configuration, computed once."""
         return ResolvedModel.of(self)
 
-    def refuse_stiffness_factors(self) -> None:
-        """Refuse factors on the stiffnesses, which a solid element does not have.
+    def refuse_rod_material(self) -> None:
+        """Refuse what a solid element does not have: factors on stiffnesses, a Prony series.
 
         Raises:
-            ValueError: A factor is not 1.
+            ValueError: A factor is not 1, or there is a series.
         """
         material = self.case.material
         for name in ("axial_factor", "bending_factor"):
@@ -81,6 +81,8 @@ class WindingConfig:
                 raise ValueError(
                     f"the solid element has no separate stiffnesses: {name} must be 1, got {value}"
                 )
+        if material.prony.shares:
+            raise ValueError("the solid element does not relax: leave out prony or wind the rod")
 
 
 @dataclass(frozen=True, kw_only=True)
