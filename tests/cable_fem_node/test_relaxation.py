@@ -127,6 +127,7 @@ def test_cable_at_rest_relaxes_as_if_it_were_integrated(relaxed: RodWinding) -> 
     assert relaxed.energy.relaxation == pytest.approx(integrated.energy.relaxation, rel=1.0e-3)
 
 
+@pytest.mark.slow
 def test_cable_that_is_woken_has_relaxed_meanwhile() -> None:
     models = [held(wound(RodWinding(config(rests=rests)), 10.0), 12.0) for rests in (True, False)]
     resting = models[0].nodes - models[0].live_nodes
