@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from cable_fem_node.identification import IdentificationError, Readings, TrackedRun
-from cable_fem_node.rod.relaxation import decays, fade, relaxation
+from cable_fem_node.rod.relaxation import decays, fade
+from cable_fem_node.rod.rod_arrays import relaxation
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.points import LEDGER_SIZE, Points
-from cable_fem_node.rod.relaxation import Relaxation
-from cable_fem_node.rod.rod_arrays import AxialResponse
+from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
 from cable_fem_node.winding.rod_state import REFERENCE, points_of
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_kernels import advance_winding

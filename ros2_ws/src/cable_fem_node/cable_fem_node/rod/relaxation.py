@@ -9,46 +9,11 @@ W(e) + sum_i [q_i (e_i - e) - g_i W(e_i)], and (e - e_i) dq_i turns to heat.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
-
-import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.rod.rod_arrays import AxialResponse
+from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
 from cable_fem_node.rod.rod_kernels import law_energy
-from winding_core.material_law import TABLE_HIGH, MaterialLaw
-from winding_core.prony import PronySeries
-
-# Points of the law's inverse, and of the table that it is read from: strains are exact to 1e-6.
-_POINTS, _FINE = 8193, 65537
-_LOWEST_STRETCH = 0.5
-
-
-class Relaxation(NamedTuple):
-    """How the axial force of an element fades; without terms it does not."""
-
-    share: FloatArray  # (terms,) g
-    time: FloatArray  # (terms,) tau [s]
-    strain: FloatArray  # (points,) of the law, over a uniform grid of forces
-    low: float  # first force [N]
-    per_spacing: float  # points per force [1/N]
-    high: float  # last force [N]
-
-
-def relaxation(law: MaterialLaw, area: float, series: PronySeries) -> Relaxation:
-    """Tabulate the inverse of a law for a section that carries tension on an area [m^2]."""
-    stretch = np.linspace(_LOWEST_STRETCH, min(law.limit()[1], TABLE_HIGH), _FINE)
-    force = area * law.nominal_stress(stretch)
-    grid = np.linspace(force[0], force[-1], _POINTS)
-    return Relaxation(
-        share=np.array(series.shares, dtype=float),
-        time=np.array(series.times, dtype=float),
-        strain=np.interp(grid, force, stretch) - 1.0,
-        low=float(grid[0]),
-        per_spacing=(_POINTS - 1) / float(grid[-1] - grid[0]),
-        high=float(grid[-1]),
-    )
 
 
 @called
@@ -87,7 +52,7 @@ def fade(
 
     Args:
         elastic: What the law carries at once at the end of the step [N].
-        strain: There.
+        strain: There, dimensionless.
         viscous: Elastic force at the begin of the step, then every branch's q [N], one row each,
             changed; shape (1 + terms, elements).
         i: The element.

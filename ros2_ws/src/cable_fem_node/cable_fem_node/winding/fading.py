@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.rod.relaxation import Relaxation, branches_energy
-from cable_fem_node.rod.rod_arrays import AxialResponse
+from cable_fem_node.rod.relaxation import branches_energy
+from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
 
 
 @dataclass(frozen=True, kw_only=True)

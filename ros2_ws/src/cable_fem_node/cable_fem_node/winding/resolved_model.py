@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cable_fem_node.dynamics.surroundings import penalty
-from cable_fem_node.rod.relaxation import Relaxation, relaxation
-from cable_fem_node.rod.rod_arrays import AxialResponse, axial_response
+from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation, axial_response, relaxation
 from cable_fem_node.winding.segment_choice import chosen_segment
 from cable_fem_node.winding.winding_state import MERGE_AT, Constants
 from winding_core.material_law import TABLE_HIGH, MaterialLaw, NoEquilibriumError
@@ -173,7 +172,7 @@ class ResolvedModel:
         """Return the closed-form mean stretch of the wound cable under a span tension [N].
 
         Args:
-            span_tension: Constant over the run.
+            span_tension: Constant over the run [N].
             landed: Says when cable landed [s], evenly along it; asked for cable that creeps.
         """
         at_once = self.stretch_at(self.wound_tension(span_tension))

@@ -6,8 +6,8 @@ import math
 
 from cable_fem_node.dynamics.compile import called
 from cable_fem_node.dynamics.points import FloatArray, Points
-from cable_fem_node.rod.relaxation import Relaxation, fade
-from cable_fem_node.rod.rod_arrays import Work
+from cable_fem_node.rod.relaxation import fade
+from cable_fem_node.rod.rod_arrays import Relaxation, Work
 from cable_fem_node.winding.winding_state import Constants
 
 
@@ -33,8 +33,8 @@ def relax_elements(
         cable: Nodes; the radii of those in contact are changed.
         reference: Lengths of the elements [m].
         viscous: Columns as in `fade`, shape (1 + terms, capacity), changed.
-        decay: As of `decays`.
-        ramp: As of `decays`.
+        decay: As of `decays`, shape (terms,).
+        ramp: As of `decays`, shape (terms,).
         relax: Of the cable.
         k: Constants.
         work: Its tensions are the law's at once, and changed.

@@ -24,8 +24,8 @@ from cable_fem_node.dynamics.points import (
     FloatArray,
     IntArray,
 )
-from cable_fem_node.rod.relaxation import Relaxation, branch_energy, decays, strain_under
-from cable_fem_node.rod.rod_arrays import AxialResponse
+from cable_fem_node.rod.relaxation import branch_energy, decays, strain_under
+from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
 from cable_fem_node.rod.rod_kernels import (
     bend_end,
     bend_nodes,
