@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,17 +112,21 @@ def simulated_lay(case: Case, drive: DriveProfile, hidden: HiddenCable, end: flo
     return CableLay(path_theta=theta, path_z=law.z(theta), marker_theta=marker_theta)
 
 
-def neo_hookean_stretch(load: float) -> float:
+def neo_hookean_stretch(load: float, guess: float = 1.0) -> float:
     """Return the stretch of an incompressible neo-Hookean bar under a nominal stress over E.
 
     sigma / E = (lambda - lambda^-2) / 3.
+
+    Args:
+        load: sigma / E, above -0.2.
+        guess: Where the search begins.
     """
-    stretch, before = 1.0, 0.0
-    # The curve is concave, so Newton's method climbs to the root and never passes it.
-    while stretch > before:
-        left = load - (stretch - stretch**-2) / 3.0
-        before, stretch = stretch, stretch + 3.0 * left / (1.0 + 2.0 * stretch**-3)
-    return before
+    stretch, step = guess, math.inf
+    # Newton's method squares its error: after a step of this size there is none left.
+    while abs(step) > 1.0e-9:
+        step = (3.0 * load - stretch + stretch**-2) / (1.0 + 2.0 * stretch**-3)
+        stretch += step
+    return stretch
 
 
 def _law(case: Case, drive: DriveProfile, free_length: float) -> FleetAngleLaw:
