@@ -54,6 +54,11 @@ class LaidPath:
         """Undeformed length from P0 to there [m], shape (n,); a view."""
         return self._points[2, : self._count]
 
+    def point(self, index: int) -> tuple[float, float, float]:
+        """Return wound angle [rad], axial position [m] and undeformed length [m] of a point."""
+        theta, z, length = self._points[:, : self._count][:, index]
+        return float(theta), float(z), float(length)
+
     def append(self, theta: float, z: float, length: float) -> None:
         """Add a point behind the last one; wound angle [rad] and length [m] ascend."""
         count = self._count

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +11,7 @@ from winding_core.cases import Case
 from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_core.published import published_markers
+from winding_rig_node.machine.stretch import neo_hookean_stretch
 
 FloatArray = NDArray[np.float64]
 _GRID_STEP = 0.02
@@ -110,23 +110,6 @@ def simulated_lay(case: Case, drive: DriveProfile, hidden: HiddenCable, end: flo
     marked = case.marker_spacing * np.arange(case.marker_count + 1)
     marker_theta = np.interp(marked, laid, theta, right=np.nan)
     return CableLay(path_theta=theta, path_z=law.z(theta), marker_theta=marker_theta)
-
-
-def neo_hookean_stretch(load: float, guess: float = 1.0) -> float:
-    """Return the stretch of an incompressible neo-Hookean bar under a nominal stress over E.
-
-    sigma / E = (lambda - lambda^-2) / 3.
-
-    Args:
-        load: sigma / E, above -0.2.
-        guess: Where the search begins.
-    """
-    stretch, step = guess, math.inf
-    # Newton's method squares its error: after a step of this size there is none left.
-    while abs(step) > 1.0e-9:
-        step = (3.0 * load - stretch + stretch**-2) / (1.0 + 2.0 * stretch**-3)
-        stretch += step
-    return stretch
 
 
 def _law(case: Case, drive: DriveProfile, free_length: float) -> FleetAngleLaw:
