@@ -15,6 +15,8 @@ from winding_rig_node.machine.stretch import neo_hookean_stretch
 
 FloatArray = NDArray[np.float64]
 
+_stretched = called(neo_hookean_stretch)
+
 # Angle between points of a path that are kept [rad].
 GRID_STEP = 0.02
 # The bent end of the span is short beside the span; a slack cable would make it endless.
@@ -141,9 +143,9 @@ def _stretch(contact: Any, cable: Any, theta: float) -> None:  # pragma: no cove
     built = 1.0 - (1.0 - cable.start_share) * math.exp(-wound / cable.build_up_length)
     contact.tension = (cable.drag + cable.load_share * contact.pull) * built
     load = contact.tension / cable.axial
-    contact.span_stretch = neo_hookean_stretch(load, contact.span_stretch)
+    contact.span_stretch = _stretched(load, contact.span_stretch)
     bent = 0.5 * cable.bending * contact.span_stretch / (cable.rho**2 * cable.axial)
-    contact.stretch = neo_hookean_stretch(load - bent, contact.stretch)
+    contact.stretch = _stretched(load - bent, contact.stretch)
 
 
 @called

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import math
 
-from winding_core.compiling import called
 
-
-@called
 def neo_hookean_stretch(load: float, guess: float = 1.0) -> float:
     """Return the stretch of an incompressible neo-Hookean bar under a nominal stress over E.
 
