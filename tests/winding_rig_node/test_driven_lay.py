@@ -64,7 +64,7 @@ def test_the_drive_programme_winds_the_lay_of_the_plan(number):
 @pytest.mark.parametrize("bending", [0.0, 1.0, 4.0])
 def test_a_steady_guide_stays_ahead_by_its_lag(bending):
     lay = DrivenLay(CASE, rig(bending=bending))
-    wind(lay, 200.0, lambda angle: ADVANCE * angle)
+    wind(lay, 200.0, lambda angle: ADVANCE * angle, step=GRID_STEP)
     # After 20 lag angles nothing is left of the start: exp(-20) of 27 mm.
     lag = lay.hidden.free_length / RHO
     assert lay.contact.eye - lay.z == pytest.approx(lag * ADVANCE, abs=1.0e-9)
@@ -141,7 +141,7 @@ def test_play_shifts_the_lay_by_half_of_itself_to_either_side():
         lay = DrivenLay(CASE, rig(guide_play=0.3e-3))
         lay.advance(0.0, first, CASE.weight)
         lay.advance(0.0, 5.0e-3, CASE.weight)
-        wind(lay, 250.0, lambda angle: 5.0e-3)
+        wind(lay, 250.0, lambda angle: 5.0e-3, step=GRID_STEP)
         return lay.z
 
     # After 25 lag angles nothing is left of the start.
@@ -195,7 +195,7 @@ def test_the_tension_builds_up_over_the_wound_length():
     hidden = rig(start_share=0.3, build_up_length=0.25)
     lay = DrivenLay(CASE, hidden)
     final = hidden.drag + hidden.load_share * CASE.weight
-    for angle in (1.0e-3, 5.0, 20.0, 60.0):
+    for angle in (1.0e-3, 5.0, 20.0):
         wind(lay, angle, lambda angle: 0.0, step=1.0e-3)
         built = 1.0 - 0.7 * math.exp(-RHO * angle / 0.25)
         # The tension is that of the middle of the last step.
