@@ -103,7 +103,7 @@ def test_a_stiff_cable_obeys_the_equation_of_its_bent_span():
     span = lay.hidden.free_length
     eye = z + span * z1 + bent * (span - bent) * z2
     expected = 10.0 * ADVANCE * (theta - 1.0)
-    # Differences over 0.02 rad of a curve that fades over 0.1 rad: a hundredth of the 18 mm that
+    # Differences over 0.02 rad of a curve that fades over 0.1 rad: a hundredth of the 15 mm that
     # the eye is ahead.
     np.testing.assert_allclose(eye[3:-3], expected[3:-3], rtol=0, atol=0.2e-3)
     # The term is there: without it the equation misses by far more.
@@ -266,7 +266,7 @@ def test_turning_back_behind_p0_leaves_a_bare_cylinder():
 def test_a_marker_in_the_span_comes_closer_as_the_cylinder_turns():
     lay = DrivenLay(CASE, PLAIN)
     wind(lay, 0.1, lambda angle: 0.0)
-    # P1 is 135 mm of stretched cable from P0: within the span of 190 mm, P2 is not.
+    # P1 is 107 mm of stretched cable from P0: within the span of 190 mm, P2 is not.
     first = lay.shown_markers()
     assert np.isnan(first[2])
     wind(lay, 26.0, lambda angle: 0.0)
