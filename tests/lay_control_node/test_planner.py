@@ -97,7 +97,7 @@ def refuse_broken_limits(plan: LayPlan) -> None:
     assert limits.brake is None or limits.brake[0] <= pull.min() <= pull.max() <= limits.brake[1]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     pieces=st.lists(st.tuples(st.floats(0.2, 2.5), st.floats(4.0, 40.0)), min_size=1, max_size=5),
     downwards=st.booleans(),

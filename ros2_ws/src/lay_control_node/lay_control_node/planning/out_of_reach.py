@@ -30,7 +30,8 @@ def sentences_of(
 
     Args:
         plan: The plan.
-        demands: Of its path on the carriage at the full cylinder speed, as shares of the limits.
+        demands: Of its path at the full cylinder speed, as shares of the carriage's limits,
+            dimensionless.
         wanted_path: Of the guide, if its travel were endless.
     """
     return (
@@ -103,7 +104,7 @@ def _corners(plan: LayPlan, demands: Mapping[str, float]) -> Iterator[str]:
 
 
 def _slowing(plan: LayPlan) -> Iterator[str]:
-    lost = plan.motion.end - plan.motion.course.end
+    lost = plan.motion.lost
     slowest = float(plan.motion.slowing.shares.min())
     if slowest < 0.98:
         yield (
