@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lay_control_node.planning.smoothed_line import SmoothedLine
+from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
 from lay_control_node.programs.overlap import crossings
 from winding_core.units import MILLIMETRE
 
@@ -39,6 +39,7 @@ def sentences_of(
         *_speed(plan),
         *_travel(plan, wanted_path),
         *_corners(plan, demands),
+        *_slipping(plan),
         *_slowing(plan),
         *_crossings(plan),
         *_tension(plan),
@@ -110,6 +111,20 @@ def _slowing(plan: LayPlan) -> Iterator[str]:
         yield (
             f"the cylinder is slowed down to {slowest:.2g} of its speed, {lost:.2g} s in all, so "
             "that the carriage keeps its limits"
+        )
+
+
+def _slipping(plan: LayPlan) -> Iterator[str]:
+    # Cable on a cylinder holds a path of geodesic curvature z''/rho^2 against the pressure of its
+    # own curvature 1/rho with friction z''/rho.
+    line = smoothed_program(plan.program, plan.width)
+    needed = np.abs(line.at(plan.theta, 2)) / plan.radius
+    worst = int(np.argmax(needed))
+    if needed[worst] > plan.what.friction:
+        yield (
+            f"at turn {plan.theta[worst] / FULL_TURN:.2f} the path turns so sharply that the cable "
+            f"slips: it needs a friction of {needed[worst]:.2g} and has {plan.what.friction:.2g}, "
+            "and the lag law knows no slip"
         )
 
 

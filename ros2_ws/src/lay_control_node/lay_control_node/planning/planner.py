@@ -38,6 +38,7 @@ def plan_lay(
     *,
     residual_limit: float | None = None,
     together: bool = False,
+    lag: float | None = None,
 ) -> LayPlan:
     """Return the motion that lays a program, with what will lie where.
 
@@ -50,6 +51,7 @@ def plan_lay(
         limits: Of the machine.
         residual_limit: By how much a corner may be rounded [m]; the cylinder is slowed for it.
         together: Whether guide and cylinder start together, or the guide takes its place first.
+        lag: Of the lay behind the guide [rad]; None for free length over centreline radius.
 
     Raises:
         LayProgramError: Turns would overlap, or the program leaves the carriage's travel or asks
@@ -68,7 +70,7 @@ def plan_lay(
             f"{case.marker_count} markers"
         )
     cable = StretchedCable(what=what)
-    lag = what.free_length / cable.wound_radius
+    lag = what.free_length / cable.wound_radius if lag is None else lag
     straight = guide_path(program, lag, 0.0)
     path = within(straight, *limits.travel)
     speed = _steady_speed(program, what.drive.angular_speed, limits)
@@ -90,6 +92,7 @@ def plan_lay(
         what=what,
         limits=limits,
         lag=lag,
+        radius=cable.wound_radius,
         width=width,
         speed=speed,
         motion=motion,
