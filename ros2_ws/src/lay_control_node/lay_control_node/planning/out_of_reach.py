@@ -21,6 +21,8 @@ _MOST_CORNERS = 6
 # Of a turn: a marker that misses its angle by less lands where it is wanted.
 LANDED = 1.0e-3
 _ROUNDING = 1.0e-6
+# Of what friction holds: less slip than this makes is not told.
+SLIPPING = 1.25
 
 
 def sentences_of(
@@ -82,6 +84,7 @@ def _corners(plan: LayPlan, demands: Mapping[str, float]) -> Iterator[str]:
     why = {
         "speed": f"the carriage may go {limits.carriage_speed / MILLIMETRE:.4g} mm/s",
         "acceleration": f"the carriage may gain {limits.carriage_acceleration:.4g} m/s in a second",
+        "friction": f"friction {plan.what.friction:.4g} holds no sharper turn",
         "jerk": f"the carriage's jerk may be {limits.carriage_jerk:.4g} m/s^3",
     }[name]
     told = sorted(plan.corners, key=lambda item: -abs(item.rounding))[:_MOST_CORNERS]
@@ -120,7 +123,7 @@ def _slipping(plan: LayPlan) -> Iterator[str]:
     line = smoothed_program(plan.program, plan.width)
     needed = np.abs(line.at(plan.theta, 2)) / plan.radius
     worst = int(np.argmax(needed))
-    if needed[worst] > plan.what.friction:
+    if needed[worst] > SLIPPING * plan.what.friction:
         yield (
             f"at turn {plan.theta[worst] / FULL_TURN:.2f} the path turns so sharply that the cable "
             f"slips: it needs a friction of {needed[worst]:.2g} and has {plan.what.friction:.2g}, "
