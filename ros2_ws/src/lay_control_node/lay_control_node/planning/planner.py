@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 _OF_LIMIT = 0.95
 # The pull is planned on samples so far apart [rad].
 _TRACK_STEP = 0.02
+_STANDING_SAMPLES = 50
 
 
 def plan_lay(
@@ -136,14 +137,11 @@ def _pulls(
     grid: tuple[Array, Array, Array],
 ) -> tuple[Track, PullPlan]:
     t, theta, slope = grid
-    kept = np.unique(
-        np.concatenate(
-            [
-                [0, max(0, int(np.searchsorted(theta, 0.0, side="right")) - 1), theta.size - 1],
-                np.searchsorted(theta, np.arange(0.0, theta[-1], _TRACK_STEP)),
-            ]
-        )
-    )
+    # The brake settles while the cylinder stands.
+    standing = int(np.searchsorted(theta, 0.0, side="right")) - 1
+    turning = np.searchsorted(theta, np.arange(0.0, theta[-1], _TRACK_STEP))
+    before = np.linspace(0, max(standing, 0), _STANDING_SAMPLES).astype(int)
+    kept = np.unique(np.concatenate([before, turning, [theta.size - 1]]))
     track = Track(t=t[kept], theta=theta[kept], slope=slope[kept])
     weight = cable.what.case.weight
     given = program.tension_at(track.theta)
