@@ -63,6 +63,10 @@ PACKAGES = {
     "correction_node": _node(
         "correction_node", "Learned correction of predicted lengths, with error bounds."
     ),
+    "lay_control_node": Package(
+        description="Lay programs, and the machine motion that lays the cable where they want it.",
+        tests=("lay_control_node",),
+    ),
     "winding_recorder": Package(
         description="Records, checks, recovers, plays and replays rosbag2 recordings.",
         tests=("winding_recorder",),
