@@ -116,6 +116,7 @@ PYPI_ONLY = {
         "dask",
         "distributed",
         "mcap",
+        "meshio",
         "nicegui",
         "numba",
         "pyarrow",

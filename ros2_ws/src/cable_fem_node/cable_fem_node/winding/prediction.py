@@ -21,6 +21,7 @@ from winding_core.markers import Markers
 from winding_core.units import MILLIMETRE
 
 Progress = Callable[[float], None]
+Look = Callable[[WindingModel], None]
 Clock = Callable[[], float]
 
 FULL_TURN = 2.0 * math.pi
@@ -192,6 +193,7 @@ class PlannedRun:
         *,
         rate: float = FRAME_RATE,
         whole: bool = True,
+        look: Look = lambda _model: None,
         cpu_clock: Clock = time.process_time,
     ) -> Prediction:
         """Take the model along the machine's plan from start to finish.
@@ -200,6 +202,7 @@ class PlannedRun:
             progress: Called with the share done, 0..1.
             rate: Marker records per second [1/s].
             whole: Keep the records of all times; else of the end alone, after the same steps.
+            look: Called with the model at every of these times, the start included.
             cpu_clock: Processor time [s], for the speed that is reported.
 
         Raises:
@@ -213,11 +216,13 @@ class PlannedRun:
         times = self.frame_times(rate)
         frames = times.size - 1
         records = [model.markers()] if whole else []
+        look(model)
         started = cpu_clock()
         for i, t in enumerate(times[1:].tolist(), start=1):
             model.advance_to(t, self.drive.reading_at(t))
             if whole or i == frames:
                 records.append(model.markers())
+            look(model)
             if progress is not None:
                 progress(i / frames)
         cpu_seconds = cpu_clock() - started

@@ -142,6 +142,16 @@ class RodWinding(WindingModel):
         """Return the tension [N] of every element, shape (nodes - 1,)."""
         return self._tension_of(self.stretch())
 
+    def twist(self) -> FloatArray:
+        """Return the twist of every element [rad/m], shape (nodes - 1,).
+
+        Cable that does not roll is turned with the surface's normal, and so twists by the geodesic
+        torsion of its helix; through the eye it is free to turn.
+        """
+        cable, _ = self._whole()
+        edges = np.diff(cable.position, axis=1)
+        return self._twist(cable, edges / np.sqrt((edges**2).sum(axis=0)))
+
     def wound_path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (s reference arc length [m], theta [rad], z [m]) of the laid nodes from P0 on."""
         laid = self._laid_nodes()
@@ -321,10 +331,14 @@ class RodWinding(WindingModel):
         if not self.config.rolling:
             return 0.0
         k = self._constants
+        return 0.5 * k.torsion * k.segment * float((self._twist(cable, tangent)[:-1] ** 2).sum())
+
+    def _twist(self, cable: Points, tangent: FloatArray) -> FloatArray:
+        """Return the twist [rad/m] of the elements with these tangents, shape (3, elements)."""
+        k = self._constants
         geodesic = tangent[2] * np.hypot(tangent[0], tangent[1]) / k.contact_line
         wound = (cable.touching[:-1] == 1) & (cable.touching[1:] == 1)
-        twist = np.diff(cable.roll[0]) / k.segment - np.where(wound, geodesic, 0.0)
-        return 0.5 * k.torsion * k.segment * float((twist[:-1] ** 2).sum())
+        return np.asarray(np.diff(cable.roll[0]) / k.segment - np.where(wound, geodesic, 0.0))
 
     def _laid_nodes(self) -> int:
         return self._nodes.resting.count - 1 + self._nodes.laid()
