@@ -206,7 +206,7 @@ FEM_PREDICTION = _topic(
     PointCloud2,
     None,
     FEM,
-    "final markers of the run, ahead of it",
+    "markers of the run, ahead of it: as far as it is predicted, in the end all",
     _records(MARKER_DTYPE),
     latched=True,
 )

@@ -115,6 +115,9 @@ class Rod(ExplicitModel):
         Args:
             end: Which one.
             angle: From where it was clamped [rad].
+
+        Raises:
+            ValueError: The end is not clamped, or the rod has no twist.
         """
         side, _ = _side(end, self.mass.size)
         if not (self.framed and self._ends.clamped[side]):
