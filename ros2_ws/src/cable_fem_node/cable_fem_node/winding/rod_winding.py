@@ -126,7 +126,7 @@ class RodWinding(WindingModel):
         What it leaves out lies still on the cylinder. The cost does not grow with that.
 
         Args:
-            turns: Of wound cable, counted from where it lands.
+            turns: Count of turns, from where the cable lands.
         """
         resting = self._nodes.resting
         _, theta, _ = self._nodes.path()

@@ -76,7 +76,7 @@ class RunAhead:
 
         Args:
             going: Asked before every step whether to go on; what it raises goes through.
-            most_steps: Elements times steps after which the rest of the piece is left to a
+            most_steps: Count of elements times steps after which the rest of the piece is left to a
                 further call.
 
         Returns:
