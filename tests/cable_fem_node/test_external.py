@@ -106,7 +106,7 @@ def test_rods_lose_their_stability_at_greenhill_s_twist(tmp_path: Path, tension:
     critical = experiments.critical_twist(told)
     levels = [0.96, 0.98, 1.0, 1.02, 1.04, 1.06]
     (row,) = compare(files.twist(tmp_path / "all", tension, critical, levels))
-    # The bar; measured are 0.24, 0.28 and 0.36 %.
+    # The bar; measured are 0.26, 0.30 and 0.35 %.
     assert row.computed <= 5.0e-3
     assert row.passed
 
