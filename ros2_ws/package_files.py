@@ -120,6 +120,7 @@ PYPI_ONLY = {
         "dask",
         "distributed",
         "mcap",
+        "meshio",
         "nicegui",
         "numba",
         "pyarrow",

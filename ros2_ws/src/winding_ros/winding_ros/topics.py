@@ -190,7 +190,7 @@ FEM_CABLE = _topic(
     PointCloud2,
     20.0,
     FEM,
-    "centreline with tension and strain",
+    "centreline with tension and strain: the span, all that moves, the newest twelve turns",
     _records(CABLE_DTYPE),
 )
 FEM_CABLE_LINE = _topic(
@@ -198,7 +198,7 @@ FEM_CABLE_LINE = _topic(
     Marker,
     20.0,
     FEM,
-    "centreline as a LINE_STRIP for RViz",
+    "centreline of the same nodes as a LINE_STRIP for RViz",
     decode_line_width,
 )
 FEM_PREDICTION = _topic(
@@ -206,7 +206,7 @@ FEM_PREDICTION = _topic(
     PointCloud2,
     None,
     FEM,
-    "final markers of the run, ahead of it",
+    "markers of the run, ahead of it: as far as it is predicted, in the end all",
     _records(MARKER_DTYPE),
     latched=True,
 )
