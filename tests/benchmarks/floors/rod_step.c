@@ -173,7 +173,8 @@ static void touch_cylinder(int64_t end, double dt, double turned, double turning
             continue;
         }
         double vx = v[i], vy = v[n + i], inverse = 1.0 / radius;
-        double nx = px * inverse, ny = py * inverse, inward = -(vx * nx + vy * ny);
+        double nx = px * inverse, ny = py * inverse, outward = vx * nx + vy * ny;
+        double inward = 0.5 * dt * (vx * vx + vy * vy) * inverse - outward;
         double elastic = k->normal_stiffness * depth;
         double normal = elastic + k->normal_damping * inward;
         normal = normal > 0.0 ? normal : 0.0;
