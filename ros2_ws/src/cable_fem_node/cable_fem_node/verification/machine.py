@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -12,6 +11,9 @@ import numpy as np
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.readings import AxisReading
+
+# Rounds of Gauss and Newton; five would do.
+ROUNDS = 12
 
 
 class Machine:
@@ -80,24 +82,29 @@ class Machine:
         return np.asarray(seen)
 
 
-def swing(values: FloatArray, spacing: float) -> tuple[float, float]:
-    """Return the period [s] and the logarithmic decrement of a decaying oscillation.
+def swing(values: FloatArray, spacing: float) -> tuple[float, float, float]:
+    """Return period [s], logarithmic decrement and rest of a decaying oscillation.
 
-    Not a number where it does not swing three times.
+    The damped sine about a constant that fits best, by Gauss and Newton. Not a number where
+    it hardly swings.
 
     Args:
-        values: Displacement from rest at equal times, shape (n,).
+        values: Displacement at equal times, shape (n,).
         spacing: Time between them [s].
     """
-    sign = np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0))
-    if sign.size < 3:
-        return math.nan, math.nan
-    crossing = sign + values[sign] / (values[sign] - values[sign + 1])
-    period = float(np.diff(crossing).mean())
-    peaks = []
-    for begin, end in itertools.pairwise(sign.tolist()):
-        top = begin + int(np.argmax(values[begin:end]))
-        low, high, mid = values[top - 1], values[top + 1], values[top]
-        peaks.append(mid + 0.125 * (high - low) ** 2 / (2.0 * mid - high - low))
-    decrement = -float(np.polyfit(np.arange(len(peaks)), np.log(peaks), 1)[0])
-    return period * spacing, decrement
+    off = values - values.mean()
+    rises = np.flatnonzero((off[:-1] < 0.0) & (off[1:] >= 0.0))
+    if rises.size < 3:
+        return math.nan, math.nan, math.nan
+    t = spacing * np.arange(values.size)
+    decay, omega, rest = 0.0, math.tau / (spacing * float(np.diff(rises).mean())), 0.0
+    for _ in range(ROUNDS):
+        wave = np.exp(-decay * t) * np.stack([np.cos(omega * t), np.sin(omega * t)])
+        columns = np.column_stack([*wave, *(t * wave), np.ones_like(t)])
+        (a, b, c, d, rest), *_ = np.linalg.lstsq(columns, values, rcond=None)
+        square = a * a + b * b
+        decay -= (a * c + b * d) / square
+        omega += (b * c - a * d) / square
+        if not (omega > 0.0 and abs(decay) < omega):
+            return math.nan, math.nan, math.nan
+    return float(math.tau / omega), float(math.tau * decay / omega), float(rest)

@@ -26,12 +26,16 @@ def longitudinal() -> Values:
     model = RodWinding(WindingConfig(case=case, damping_ratio=0.02, segment_length=2.0e-3))
     machine = Machine(model, 1.0, 1.0e-4)
     machine.move(1.0e-4, tension=1.1)
-    arc = model.cable()["s"]
-    shape = np.cos(0.25 * math.pi * (arc[1:-1] + arc[:-2]) / arc[-1])
-    spacing = 2.0e-4
-    seen = machine.watch(500 * spacing, 500, lambda: shape @ (model.tension()[:-1] - 1.1))
-    period, decrement = swing(seen, spacing)
-    return {"period": period, "decrement": decrement, **_balance(model)}
+
+    def first_mode() -> float:
+        # Looked up each time: the last element is cut where it has grown.
+        arc, tension = model.cable()["s"], model.tension()[:-1]
+        shape = np.cos(0.25 * math.pi * (arc[1:-1] + arc[:-2]) / arc[-1])
+        return float(shape @ tension / shape.sum())
+
+    seen = machine.watch(0.1, 500, first_mode)
+    period, decrement, rest = swing(seen, 0.1 / 500)
+    return {"period": period, "decrement": decrement, "rest": rest, **_balance(model)}
 
 
 def transverse() -> Values:
@@ -169,9 +173,7 @@ def _pluck(config: WindingConfig, *, jump: float, seconds: float, watched: float
         return float(np.sin(math.pi * along) @ (cable["z"] - jump * along))
 
     seen = machine.watch(watched, 500, aside)
-    # About its mean over the whole periods that were seen.
-    rises = np.flatnonzero((seen[:-1] < seen.mean()) & (seen[1:] >= seen.mean()))
-    return swing(seen - seen[rises[0] : rises[-1]].mean(), watched / 500)[0]
+    return swing(seen, watched / 500)[0]
 
 
 def _wound(model: RodWinding) -> tuple[FloatArray, FloatArray]:
@@ -183,7 +185,7 @@ def _wound(model: RodWinding) -> tuple[FloatArray, FloatArray]:
 
 def _radius(model: RodWinding) -> FloatArray:
     cable = model.cable()
-    return np.hypot(cable["x"], cable["y"])
+    return np.asarray(np.hypot(cable["x"], cable["y"]))
 
 
 def _line_load(model: RodWinding) -> FloatArray:

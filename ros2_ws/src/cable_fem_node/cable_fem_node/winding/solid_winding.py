@@ -179,7 +179,8 @@ class SolidWinding(WindingModel):
         Zero where a section does not touch.
         """
         touching = self._solid.points.touching[self._bar.sections].sum(axis=1)
-        return self.contact_forces() / (self._touch.normal_stiffness * np.maximum(touching, 1))
+        stiffness = self._touch.normal_stiffness * np.maximum(touching, 1)
+        return np.asarray(self.contact_forces() / stiffness)
 
     @property
     def solid(self) -> Solid:
