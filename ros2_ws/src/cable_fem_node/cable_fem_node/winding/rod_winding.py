@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.points import WORK_TIE, FloatArray, Points
+from cable_fem_node.dynamics.surroundings import normal_forces
 from cable_fem_node.rod.rod_kernels import bending_energy, stored_energy
 from cable_fem_node.winding import resting_cable
+from cable_fem_node.winding.lift_off import lift_off_angle
 from cable_fem_node.winding.resting_cable import turned
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes
 from cable_fem_node.winding.stillness import Stillness
@@ -163,6 +165,15 @@ class RodWinding(WindingModel):
         stretch = self.stretch()
         wound = stretch[: self._laid_nodes() - 1]
         return float(wound.mean()) if wound.size else float(stretch[0])
+
+    def contact_forces(self) -> FloatArray:
+        """Return the normal force of the cylinder on every node [N], shape (nodes,)."""
+        return normal_forces(self._whole()[0], self._constants.touch)
+
+    def lift_off(self) -> float:
+        """Return the azimuth [rad] at which the cable leaves the cylinder, see `lift_off_angle`."""
+        cable, reference = self._whole()
+        return lift_off_angle(cable.position[:2], reference[:-1], self._laid_nodes())
 
     @property
     def energy(self) -> EnergyLedger:

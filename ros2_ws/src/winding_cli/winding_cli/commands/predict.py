@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,6 +21,7 @@ from winding_core.units import MILLIMETRE
 from winding_study.runs.run_parameters import RunParameters
 
 if TYPE_CHECKING:
+    from cable_fem_node.winding.discretisation import DiscretisationError
     from cable_fem_node.winding.prediction import Look, PlannedRun, Prediction
 
 # A run of so few steps takes seconds, and is not timed beforehand.
@@ -52,6 +54,14 @@ def predict(
     pictures: Annotated[
         int, typer.Option(help="How many times over the run --csv and --vtk tell.", min=2)
     ] = 201,
+    richardson: Annotated[
+        bool,
+        typer.Option(
+            "--richardson",
+            help="Also estimate the discretisation error of S and theta, from winding again with "
+            "elements of half the length; takes five times as long.",
+        ),
+    ] = False,
 ) -> None:
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
     from cable_fem_node.dynamics.failure import SolverError
@@ -70,11 +80,14 @@ def predict(
         _announce(run)
         with cable_files(csv_file, vtk_file, run.frame_times(), pictures) as look:
             result = _wind(run, look)
+        error_of = _discretisation(run, result) if richardson else None
     except (ValueError, SolverError) as error:
         refuse(error)
     _print(result, run.element)
+    if error_of is not None:
+        result_console().print(_error_table(error_of))
     if json_file is not None:
-        write_json(json_file, _record(result, run.element))
+        write_json(json_file, _record(result, run.element) | _error_record(error_of))
 
 
 def _print_checks(run: PlannedRun) -> None:
@@ -129,6 +142,42 @@ def _wind(run: PlannedRun, look: Look) -> Prediction:
             bar.update(task, completed=share)
 
         return run.wind(show, whole=False, look=look)
+
+
+def _discretisation(run: PlannedRun, result: Prediction) -> DiscretisationError:
+    from cable_fem_node.winding.discretisation import discretisation_error
+
+    return discretisation_error(run, result)
+
+
+def _error_table(error: DiscretisationError) -> Table:
+    table = Table(
+        title=f"Estimated discretisation error, elements of {error.segment / MILLIMETRE:.3g} mm "
+        f"against {error.finer_segment / MILLIMETRE:.3g} mm"
+    )
+    for column in ("marker", "theta, mrad", "S, mm"):
+        table.add_column(column, justify="right")
+    for n, (theta, s) in enumerate(zip(error.theta, error.s, strict=True), start=1):
+        known = math.isfinite(theta)
+        table.add_row(
+            f"P{n}",
+            f"{1.0e3 * theta:+.3f}" if known else "not wound",
+            f"{s / MILLIMETRE:+.4f}" if known else "not wound",
+        )
+    return table
+
+
+def _error_record(error: DiscretisationError | None) -> dict[str, Any]:
+    if error is None:
+        return {}
+    return {
+        "discretisation_error": {
+            "segment_m": error.segment,
+            "finer_segment_m": error.finer_segment,
+            "theta_rad": [value if math.isfinite(value) else None for value in error.theta],
+            "s_m": [value if math.isfinite(value) else None for value in error.s],
+        }
+    }
 
 
 def _print(result: Prediction, element: str) -> None:
