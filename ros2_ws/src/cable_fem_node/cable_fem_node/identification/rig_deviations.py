@@ -47,9 +47,7 @@ def deviations_of(
     case = run.config.case
     radius = case.centreline_radius
     # The stretch that bending takes: EI / (2 EA rho^2), whatever E is.
-    bent = (
-        0.5 * case.bending_stiffness / (case.material.young * case.axial_area) / radius**2
-    )
+    bent = 0.5 * case.bending_stiffness / (case.material.young * case.axial_area) / radius**2
     share = np.hypot(_ANGLE_SHARE, _BENDING_SHARE * bent)
     one = np.ones(theta.size)
     own = prior.scatter**2 * np.eye(theta.size)

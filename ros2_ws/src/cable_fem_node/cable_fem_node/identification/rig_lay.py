@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.quasi_static import turning, unit_law
 from cable_fem_node.identification.rig import Rigs
 from cable_fem_node.identification.tracked_run import TrackedRun
@@ -37,6 +38,9 @@ class RigLay:
 
     Args:
         run: Inputs, condition and markers; its law and friction hold for all rigs.
+
+    Raises:
+        IdentificationError: The cylinder does not turn far enough for the run's markers.
     """
 
     def __init__(self, run: TrackedRun) -> None:
@@ -46,6 +50,11 @@ class RigLay:
         reach = _LONGEST * self.arc[-1] / case.cylinder_radius + 2.0
         inputs = turning(continued_inputs(run.inputs, reach))
         self._angle = inputs["cylinder_angle"]
+        if self._angle[-1] < run.readings.theta[-1]:
+            raise IdentificationError(
+                f"P{run.readings.ids[-1]} does not land within the run: it was measured at "
+                f"{run.readings.theta[-1]:.4g} rad, the cylinder turns by {self._angle[-1]:.4g} rad"
+            )
         self._guide = inputs["carriage_position"]
         self._pull = run.tensions(inputs)
         self._area = case.axial_area

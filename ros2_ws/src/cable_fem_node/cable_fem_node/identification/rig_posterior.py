@@ -94,6 +94,11 @@ class RigPosterior:
     ahead: tuple[tuple[MarkerAhead, ...], ...]
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """What `mean`, `covariance` and `correlation` are of, in order."""
+        return NAMES
+
+    @property
     def correlation(self) -> FloatArray:
         """Correlations of NAMES, shape (6, 6); zero where a number was known before."""
         deviation = np.sqrt(np.diag(self.covariance))
@@ -171,9 +176,7 @@ def identify_rig(
     return RigPosterior(
         rigs=rigs,
         weights=weights,
-        beliefs={
-            name: _belief(values, weights, known[name]) for name, values in every.items()
-        },
+        beliefs={name: _belief(values, weights, known[name]) for name, values in every.items()},
         mean=weights @ table,
         covariance=covariance_of(table, weights),
         steady=float(weights[rigs.start_share == 1.0].sum()),
@@ -208,7 +211,9 @@ def _scattered(
     for _ in range(10):
         middle = math.sqrt(low * high)
         wider = dataclasses.replace(
-            prior, scatter=math.hypot(prior.scatter, middle), fixing=math.hypot(prior.fixing, middle)
+            prior,
+            scatter=math.hypot(prior.scatter, middle),
+            fixing=math.hypot(prior.fixing, middle),
         )
         search = RigSearch(runs, wider, lays)
         if search.chi_square > search.measured:
@@ -241,7 +246,7 @@ def _belief(values: FloatArray, weights: FloatArray, before: float) -> Belief:
     low, high = interval_of(values, weights)
     return Belief(
         mean=mean,
-        deviation=math.sqrt(float(weights @ (values - mean) ** 2)),
+        deviation=math.sqrt(float(weights @ (values - mean) ** 2)) if before else 0.0,
         low=low,
         high=high,
         prior_deviation=before,

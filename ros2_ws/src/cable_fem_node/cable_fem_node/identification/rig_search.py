@@ -52,7 +52,7 @@ class _Modes:
 
     @property
     def evidence(self) -> FloatArray:
-        """ln of each cell's part of the evidence, but for a constant, shape (c,)."""
+        """Logarithm of each cell's part of the evidence, but for a constant, shape (c,)."""
         _, volume = np.linalg.slogdet(self.information)
         return np.asarray(self.prior - self.cost - 0.5 * volume)
 
@@ -73,9 +73,7 @@ class RigSearch:
         lays: Sequence[RigLay] | None = None,
     ) -> None:
         self.lays = [RigLay(run) for run in runs] if lays is None else list(lays)
-        self.parts = [
-            RigPart.of(run, lay, prior) for run, lay in zip(runs, self.lays, strict=True)
-        ]
+        self.parts = [RigPart.of(run, lay, prior) for run, lay in zip(runs, self.lays, strict=True)]
         self.prior = prior
         first, config = runs[0].readings, runs[0].config
         case, last = config.case, float(first.theta[-1])
@@ -104,7 +102,7 @@ class RigSearch:
 
     @property
     def evidence(self) -> float:
-        """ln of the probability density of the measurements, but for a constant of the runs."""
+        """Logarithm of the density of the measurements, but for a constant of the runs."""
         whitened = sum(
             float(np.log(np.diag(white)).sum())
             for part in self.parts
@@ -176,24 +174,34 @@ class RigSearch:
                 edges = np.log(growing.build_up[heavy[[0, -1]]])
                 margin = growing.width[0]
                 growing = self._cells(
-                    max(low, edges[0] - margin), min(high, edges[1] + margin), density
+                    max(low, edges[0] - margin), min(high, edges[1] + margin), density, growing
                 )
             found.append(growing)
         return found[0] if len(found) == 1 else _joined(*found)
 
-    def _cells(self, low: float, high: float, density: float) -> _Modes:
+    def _cells(
+        self, low: float, high: float, density: float, before: _Modes | None = None
+    ) -> _Modes:
         if not high > low:
             return self._modes(np.array([low]), 0.0, steady=False, prior=density)
         width = (high - low) / _NODES
+        places = low + width * (np.arange(_NODES) + 0.5)
+        start = None
+        if before is not None:
+            known = np.log(before.build_up)
+            start = np.column_stack([np.interp(places, known, q) for q in before.best.T])
         return self._modes(
-            low + width * (np.arange(_NODES) + 0.5),
-            width,
-            steady=False,
-            prior=density + math.log(width),
+            places, width, steady=False, prior=density + math.log(width), start=start
         )
 
     def _modes(
-        self, places: FloatArray, width: float, *, steady: bool, prior: float | None = None
+        self,
+        places: FloatArray,
+        width: float,
+        *,
+        steady: bool,
+        prior: float | None = None,
+        start: FloatArray | None = None,
     ) -> _Modes:
         """Return the best coordinates at each ln L_c, by Levenberg and Marquardt's method."""
         count = places.size
@@ -209,7 +217,7 @@ class RigSearch:
             slope = (residuals[:, 1:] - base[:, None]) / _PROBE
             return base, slope, 0.5 * (base**2).sum(axis=1)
 
-        q = np.tile(self._start, (count, 1))
+        q = np.tile(self._start, (count, 1)) if start is None else start
         base, slope, cost = around(q)
         damping = np.full(count, 1.0e-3)
         for _ in range(_STEPS):

@@ -18,9 +18,7 @@ def covariance_of(table: FloatArray, weights: FloatArray) -> FloatArray:
     return np.asarray((off * weights[:, None]).T @ off)
 
 
-def interval_of(
-    values: FloatArray, weights: FloatArray, level: float = 0.9
-) -> tuple[float, float]:
+def interval_of(values: FloatArray, weights: FloatArray, level: float = 0.9) -> tuple[float, float]:
     """Return the central interval of a level.
 
     Args:

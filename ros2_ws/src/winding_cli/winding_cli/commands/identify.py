@@ -43,6 +43,25 @@ def identify(
     use: Annotated[
         int | None, typer.Option(min=1, help="Identify from the first so many markers alone.")
     ] = None,
+    rig: Annotated[
+        bool,
+        typer.Option(
+            "--rig",
+            help="Identify the rig with the material: free length, load share, drag, build-up.",
+        ),
+    ] = False,
+    known_tension: Annotated[
+        bool,
+        typer.Option("--known-tension", help="With --rig: the stated tension is the span's own."),
+    ] = False,
+    fixing_mm: Annotated[
+        float | None,
+        typer.Option(help="With --rig: standard deviation of where P0 was fixed, in mm; else 0."),
+    ] = None,
+    scatter_mm: Annotated[
+        float | None,
+        typer.Option(help="With --rig: the same of every other marker's place, in mm; else 0."),
+    ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Also write the result to this file.")
     ] = None,
@@ -54,13 +73,20 @@ def identify(
 
     if (tensile is None) == (not sources):
         refuse("give recordings or tables of markers, or --tensile with a stress-strain table")
+    if rig and tensile is not None:
+        refuse("--rig needs markers, --tensile has none")
+    if not rig and (known_tension or fixing_mm is not None or scatter_mm is not None):
+        refuse("--known-tension, --fixing-mm and --scatter-mm need --rig")
     check_output_file(json_file)
     with refused(IdentificationError, SourceError, BagError, ValueError):
         if tensile is not None:
             record = _tensile(tensile, RunParameters.from_typed(typed, case=RunParameters.case))
         else:
             runs = _runs(sources or [], weight_n or [], typed)
-            record = _identified(runs, use)
+            if rig:
+                record = _rig(runs, use, known_tension, fixing_mm or 0.0, scatter_mm or 0.0)
+            else:
+                record = _identified(runs, use)
     if json_file is not None:
         write_json(json_file, record)
     if record.get("refused"):
@@ -125,13 +151,34 @@ def _recorded_config(source: Path, typed: Typed) -> WindingConfig:
     return dataclasses.replace(config, law=str(typed.get("law", RunParameters.law)))
 
 
+def _first(runs: list[TrackedRun], use: int | None) -> list[TrackedRun]:
+    """Return the runs with their first markers alone; None: with all."""
+    if use is None:
+        return runs
+    return [dataclasses.replace(run, readings=run.readings.first(use)) for run in runs]
+
+
+def _rig(
+    runs: list[TrackedRun], use: int | None, known: bool, fixing_mm: float, scatter_mm: float
+) -> dict[str, Any]:
+    from cable_fem_node.identification import KNOWN_TENSION, RigPrior, identify_rig
+    from winding_cli.output.rig_posterior import print_rig, rig_record
+
+    prior = dataclasses.replace(
+        KNOWN_TENSION if known else RigPrior(),
+        fixing=fixing_mm * MILLIMETRE,
+        scatter=scatter_mm * MILLIMETRE,
+    )
+    record = rig_record(identify_rig(_first(runs, use), prior), runs)
+    print_rig(result_console(), record)
+    return record
+
+
 def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
     from cable_fem_node.identification import identify_modulus, with_young
     from winding_study.identification.constants import identify_constants
 
-    used, law = runs, runs[0].config.law
-    if use is not None:
-        used = [dataclasses.replace(run, readings=run.readings.first(use)) for run in runs]
+    used, law = _first(runs, use), runs[0].config.law
     console = result_console()
     if len(runs) > 1 and law in ("neo_hookean", "mooney_rivlin"):
         constants = identify_constants(used, law)
