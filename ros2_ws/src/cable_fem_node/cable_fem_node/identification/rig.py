@@ -55,7 +55,7 @@ class RigPrior:
         load_share: Range of a. Guide and pulleys take between a tenth and a half.
         guide_drag: Range of d [N].
         steady: Probability that the tension does not build up: f is 1.
-        start_share: Range of f where it does.
+        start_share: Range of f where it does; the span may start nearly slack.
         build_up_length: Range of L_c [m]; even in its logarithm.
         fixing: Standard deviation of where P0 was fixed, along the cable [m].
         scatter: Standard deviation of every other marker's place beyond the tracker's [m].
@@ -66,7 +66,7 @@ class RigPrior:
     load_share: tuple[float, float] = (0.5, 0.9)
     guide_drag: tuple[float, float] = (0.0, 0.3)
     steady: float = 0.5
-    start_share: tuple[float, float] = (0.2, 1.1)
+    start_share: tuple[float, float] = (0.05, 1.1)
     build_up_length: tuple[float, float] = (0.03, 0.6)
     fixing: float = 0.0
     scatter: float = 0.0

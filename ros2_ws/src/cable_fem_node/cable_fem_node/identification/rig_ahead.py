@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.rig_part import RigPart
@@ -92,7 +93,7 @@ def markers_ahead(
 def _carried(
     laid: FloatArray,
     part: RigPart,
-    unused: FloatArray,
+    unused: NDArray[np.intp],
     measured: FloatArray,
     deviations: FloatArray,
     sigma: FloatArray,

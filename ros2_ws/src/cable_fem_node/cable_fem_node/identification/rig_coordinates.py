@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.rig import RigPrior, Rigs
@@ -39,7 +40,7 @@ class RigCoordinates:
     area: float
     wound: float
 
-    def rigs(self, q: FloatArray, build_up: FloatArray, steady: FloatArray) -> Rigs:
+    def rigs(self, q: FloatArray, build_up: FloatArray, steady: NDArray[np.bool_]) -> Rigs:
         """Return the rigs.
 
         Args:

@@ -1,13 +1,11 @@
 """P3 and P4 of the paper's runs from their P1 and P2, by the posterior of the rig alone.
 
 What is learned from other runs is how well markers were fixed and painted, two numbers; the run
-that is judged is left out of it. The ranges of the rig were stated with all runs in view: nothing
-is printed of guide and pulleys, and the span may start slack.
+that is judged is left out of it. All other ranges are those of `RigPrior`.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -30,7 +28,6 @@ from winding_core.drive import PAPER_DURATION, DriveProfile
 from winding_core.planned_inputs import planned_inputs
 from winding_core.published import published_markers
 
-PAPER_RIG = RigPrior(load_share=(0.3, 1.6), start_share=(0.05, 1.1))
 # Standard deviations that are tried [m].
 _FIXING = (0.5e-3, 1.0e-3, 2.0e-3, 4.0e-3)
 _SCATTER = (0.25e-3, 0.5e-3, 1.0e-3, 2.0e-3)
@@ -79,16 +76,14 @@ def paper_run(case: int, markers: int | None = None) -> TrackedRun:
     )
 
 
-def evidence_of(cases: Sequence[int], prior: RigPrior = PAPER_RIG) -> Evidence:
+def evidence_of(cases: Sequence[int]) -> Evidence:
     """Return how well each tried scatter explains all markers of each case.
 
     Args:
         cases: Rows of Table 1.
-        prior: Ranges of the rig.
     """
     tried = [
-        dataclasses.replace(prior, fixing=fixing, scatter=scatter)
-        for fixing, scatter in product(_FIXING, _SCATTER)
+        RigPrior(fixing=fixing, scatter=scatter) for fixing, scatter in product(_FIXING, _SCATTER)
     ]
     found: dict[int, dict[RigPrior, float]] = {}
     for case in cases:
