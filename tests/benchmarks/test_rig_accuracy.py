@@ -40,7 +40,7 @@ BENT, BENT_AT_START = 0.2, 0.3
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Hidden:
-    """A rig that was drawn, and the run that it wound with the tracker's noise of docs/vision.md."""
+    """A rig that was drawn, and the run that it wound, with the noise of docs/vision.md."""
 
     young: float
     free_length: float

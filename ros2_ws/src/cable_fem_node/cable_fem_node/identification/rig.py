@@ -43,6 +43,11 @@ class Rigs:
         return np.column_stack([getattr(self, name) for name in NAMES])
 
 
+def rigs_of(table: FloatArray) -> Rigs:
+    """Return rigs from their numbers in the order of NAMES, shape (n, 6)."""
+    return Rigs(**dict(zip(NAMES, table.T, strict=True)))
+
+
 @dataclass(frozen=True, kw_only=True)
 class RigPrior:
     """What the construction of the machine and the data sheet say before a marker has landed.

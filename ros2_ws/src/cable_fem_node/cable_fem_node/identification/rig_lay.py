@@ -14,7 +14,7 @@ import numpy as np
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.quasi_static import turning, unit_law
-from cable_fem_node.identification.rig import Rigs
+from cable_fem_node.identification.rig import Rigs, rigs_of
 from cable_fem_node.identification.tracked_run import TrackedRun
 from winding_core.planned_inputs import continued_inputs
 
@@ -29,6 +29,8 @@ _LAG = 1.03
 _MOST_BENT = 0.9
 # Between two places of the grid [rad]; angles are wrong by less than 0.3 mrad.
 _STEP = 0.2
+# Places of all rigs that are held at once; beyond, rigs come in turn.
+_AT_ONCE = 400_000
 # No cable of this model is longer than this many times its length.
 _LONGEST = 4.0
 
@@ -80,8 +82,20 @@ class RigLay:
         top = float(self._at(most * np.maximum(rigs.start_share, 1.0)).max())
         reach = 1.03 * min(top, _LONGEST) * arc[-1] / float(self._radius.min()) + 0.5
         # The lift-off is at most a quarter turn.
-        theta = np.linspace(0.0, reach, int(reach / _STEP) + 2)
-        step = theta[1]
+        pieces = int(reach / _STEP) + 1
+        step = reach / pieces
+        theta = np.asarray(step * np.arange(pieces + 1), dtype=np.float64)
+        rows = max(1, _AT_ONCE // theta.size)
+        table = rigs.table()
+        parts = [
+            self._laid(rigs_of(table[i : i + rows]), arc, theta, step)
+            for i in range(0, len(table), rows)
+        ]
+        return np.vstack([part[0] for part in parts]), np.vstack([part[1] for part in parts])
+
+    def _laid(
+        self, rigs: Rigs, arc: FloatArray, theta: FloatArray, step: float
+    ) -> tuple[FloatArray, FloatArray]:
         later, factor = self._bent(rigs, theta)
         stress = self._landed(rigs, theta + _LATER * later, step)
         stretch = self._at(stress)

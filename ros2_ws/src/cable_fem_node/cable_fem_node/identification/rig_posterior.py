@@ -135,7 +135,6 @@ def identify_rig(
     runs: Sequence[TrackedRun],
     prior: RigPrior | None = None,
     *,
-    lays: Sequence[RigLay] | None = None,
     draws: int = DRAWS,
 ) -> RigPosterior:
     """Return the joint posterior of the rig that wound one cable.
@@ -145,9 +144,8 @@ def identify_rig(
     Res. Natl. Bur. Stand. 87, 1982).
 
     Args:
-        runs: Of one cable on one rig, at least one; more weights tell drag from share.
+        runs: Of one cable on one rig, at least one; two weights tell drag from share.
         prior: What was known before.
-        lays: Closed forms of the runs, where they are known already.
         draws: How many rigs are drawn.
 
     Raises:
@@ -159,7 +157,7 @@ def identify_rig(
         raise IdentificationError("identification needs at least one run, got none")
     _refuse_different(runs)
     prior = RigPrior() if prior is None else prior
-    lays = [RigLay(run) for run in runs] if lays is None else lays
+    lays = [RigLay(run) for run in runs]
     search = RigSearch(runs, prior, lays)
     squares, evidence = search.chi_square, search.evidence
     misfit = float(chdtrc(search.measured, squares)) < FitConfig.misfit_level
@@ -171,6 +169,8 @@ def identify_rig(
     every = dict(zip(NAMES, table.T, strict=True))
     every["effective_young"] = search.coordinates.effective_young(rigs)
     known = _known_before(search)
+    # What was known has no covariance, not even that of rounding.
+    open_ = np.array([known[name] > 0.0 for name in NAMES])
     places = [part.lay(rigs) for part in search.parts]
     laid = list(zip(search.parts, places, strict=True))
     return RigPosterior(
@@ -178,7 +178,7 @@ def identify_rig(
         weights=weights,
         beliefs={name: _belief(values, weights, known[name]) for name, values in every.items()},
         mean=weights @ table,
-        covariance=covariance_of(table, weights),
+        covariance=covariance_of(table, weights) * np.outer(open_, open_),
         steady=float(weights[rigs.start_share == 1.0].sum()),
         chi_square=squares,
         measured=search.measured,

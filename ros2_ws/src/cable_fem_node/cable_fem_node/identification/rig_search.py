@@ -63,17 +63,11 @@ class RigSearch:
     Args:
         runs: Of one cable on one rig, at least one.
         prior: What was known before.
-        lays: Closed forms of the runs, where they are known already.
+        lays: Closed forms of the runs.
     """
 
-    def __init__(
-        self,
-        runs: Sequence[TrackedRun],
-        prior: RigPrior,
-        lays: Sequence[RigLay] | None = None,
-    ) -> None:
-        self.lays = [RigLay(run) for run in runs] if lays is None else list(lays)
-        self.parts = [RigPart.of(run, lay, prior) for run, lay in zip(runs, self.lays, strict=True)]
+    def __init__(self, runs: Sequence[TrackedRun], prior: RigPrior, lays: Sequence[RigLay]) -> None:
+        self.parts = [RigPart.of(run, lay, prior) for run, lay in zip(runs, lays, strict=True)]
         self.prior = prior
         first, config = runs[0].readings, runs[0].config
         case, last = config.case, float(first.theta[-1])
@@ -81,13 +75,13 @@ class RigSearch:
             prior=prior,
             young=case.material.young,
             free_length=config.free_length,
-            pull=self.lays[0].mean_pull(last),
+            pull=lays[0].mean_pull(last),
             area=case.axial_area,
             wound=case.centreline_radius * last,
         )
         length = math.hypot(case.centreline_radius * last, float(first.z[-1]))
         stretch = length / (float(first.ids[-1]) * case.marker_spacing)
-        self._start = self.coordinates.start(self.lays[0].stress_of(stretch))
+        self._start = self.coordinates.start(lays[0].stress_of(stretch))
         self.modes = self._find()
 
     @property
@@ -157,7 +151,7 @@ class RigSearch:
 
     def _find(self) -> _Modes:
         steady = self.prior.steady
-        low, high = np.log(self.prior.build_up_length)
+        low, high = (math.log(length) for length in self.prior.build_up_length)
         found = []
         if steady:
             # Any build-up length explains a tension that does not build up.
@@ -185,7 +179,7 @@ class RigSearch:
         if not high > low:
             return self._modes(np.array([low]), 0.0, steady=False, prior=density)
         width = (high - low) / _NODES
-        places = low + width * (np.arange(_NODES) + 0.5)
+        places = np.asarray(low + width * (np.arange(_NODES) + 0.5), dtype=np.float64)
         start = None
         if before is not None:
             known = np.log(before.build_up)

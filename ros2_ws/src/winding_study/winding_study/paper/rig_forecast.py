@@ -21,6 +21,7 @@ from cable_fem_node.identification import (
     TrackedRun,
     identify_rig,
 )
+from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_search import RigSearch
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
@@ -88,7 +89,8 @@ def evidence_of(cases: Sequence[int]) -> Evidence:
     found: dict[int, dict[RigPrior, float]] = {}
     for case in cases:
         run = paper_run(case)
-        found[case] = {one: RigSearch([run], one).evidence for one in tried}
+        lays = [RigLay(run)]
+        found[case] = {one: RigSearch([run], one, lays).evidence for one in tried}
     return found
 
 
