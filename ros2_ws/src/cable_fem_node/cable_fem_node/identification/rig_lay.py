@@ -48,7 +48,9 @@ class RigLay:
     def __init__(self, run: TrackedRun) -> None:
         config, case = run.config, run.config.case
         self._config = config
-        self.arc = case.marker_spacing * np.arange(1, case.marker_count + 1)
+        self.arc = np.asarray(
+            case.marker_spacing * np.arange(1, case.marker_count + 1), dtype=float
+        )
         reach = _LONGEST * self.arc[-1] / case.cylinder_radius + 2.0
         inputs = turning(continued_inputs(run.inputs, reach))
         self._angle = inputs["cylinder_angle"]
