@@ -26,6 +26,10 @@ DRAWS = 600
 _TOLD = 0.8
 # Scatter beyond which markers are not those of any rig [m].
 _MOST_SCATTER = 0.05
+# Scatter is found to within this factor.
+_SCATTER_STEP = 1.05
+# With fewer draws that count than this share of them, five times as many are drawn.
+_FEWEST = 0.15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,6 +169,8 @@ def identify_rig(
     if misfit:
         scatter, search = _scattered(runs, prior, lays)
     rigs, weights = search.draw(draws)
+    if 1.0 / float(weights @ weights) < _FEWEST * draws:
+        rigs, weights = search.draw(5 * draws)
     table = rigs.table()
     every = dict(zip(NAMES, table.T, strict=True))
     every["effective_young"] = search.coordinates.effective_young(rigs)
@@ -206,21 +212,25 @@ def _scattered(
     runs: Sequence[TrackedRun], prior: RigPrior, lays: Sequence[RigLay]
 ) -> tuple[float, RigSearch]:
     """Return the scatter [m] at which the sum of squares is as expected, and the search with it."""
-    low, high = 1.0e-5, _MOST_SCATTER
-    search = RigSearch(runs, prior, lays)
-    for _ in range(10):
-        middle = math.sqrt(low * high)
+
+    def with_scatter(scatter: float) -> RigSearch:
         wider = dataclasses.replace(
             prior,
-            scatter=math.hypot(prior.scatter, middle),
-            fixing=math.hypot(prior.fixing, middle),
+            scatter=math.hypot(prior.scatter, scatter),
+            fixing=math.hypot(prior.fixing, scatter),
         )
-        search = RigSearch(runs, wider, lays)
+        return RigSearch(runs, wider, lays)
+
+    low, high = 1.0e-5, _MOST_SCATTER
+    found = with_scatter(high)
+    while high > _SCATTER_STEP * low:
+        middle = math.sqrt(low * high)
+        search = with_scatter(middle)
         if search.chi_square > search.measured:
             low = middle
         else:
-            high = middle
-    return middle, search
+            high, found = middle, search
+    return high, found
 
 
 def _known_before(search: RigSearch) -> dict[str, float]:
