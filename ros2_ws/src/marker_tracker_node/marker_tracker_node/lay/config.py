@@ -4,11 +4,30 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from marker_tracker_node.camera.pinhole import CameraPose
 
 # Way around the cylinder, in cable diameters, over which a climbing turn can be followed.
 FOLLOWED = 0.8
+
+
+class Machine(NamedTuple):
+    """What the kernels know of cylinder and cable.
+
+    Attributes:
+        rho: R + r [m].
+        radius: Of the cable [m].
+        diameter: Of the cable [m].
+        onward: 1 where the winding goes towards +z, -1 otherwise.
+        free_length: Expected [m].
+    """
+
+    rho: float
+    radius: float
+    diameter: float
+    onward: float
+    free_length: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,3 +103,19 @@ class LayConfig:
     def onward(self) -> float:
         """1 where the winding goes towards +z, -1 otherwise."""
         return -1.0 if self.advance_per_radian < 0.0 else 1.0
+
+    @property
+    def machine(self) -> Machine:
+        """As the kernels take it."""
+        return Machine(
+            *(
+                float(value)
+                for value in (
+                    self.rho,
+                    self.cable_radius,
+                    self.diameter,
+                    self.onward,
+                    self.free_length,
+                )
+            )
+        )
