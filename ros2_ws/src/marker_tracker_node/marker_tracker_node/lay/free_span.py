@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.lay.median import median
 from marker_tracker_node.lay.row_measurement import PLACE, SIGMA, Z
 from winding_core.compiling import called
 
@@ -144,42 +145,53 @@ def fit_span(
         sigma: Of z [m], shape (n,).
         floor: Error that all sightings share [m].
     """
-    if ways.size < 3:
+    size = ways.size
+    if size < 3:
         return NO_SPAN
-    used = np.ones(ways.size, dtype=np.bool_)
+    used, weights = np.empty(size, dtype=np.bool_), np.empty(size)
+    off, some = np.empty(size), np.empty(size)
+    for k in range(size):
+        used[k] = True
+        weights[k] = 1.0 / sigma[k] ** 2
+        some[k] = sigma[k]
+    usual_sigma = median(some, size)
     for _ in range(4):
         count, total, mean_x, mean_y = 0, 0.0, 0.0, 0.0
-        for k in range(ways.size):
+        for k in range(size):
             if used[k]:
-                weight = 1.0 / sigma[k] ** 2
                 count += 1
-                total += weight
-                mean_x += weight * ways[k]
-                mean_y += weight * z[k]
+                total += weights[k]
+                mean_x += weights[k] * ways[k]
+                mean_y += weights[k] * z[k]
         if count < 3:
             return NO_SPAN
         mean_x /= total
         mean_y /= total
         spread, slope = 0.0, 0.0
-        for k in range(ways.size):
+        for k in range(size):
             if used[k]:
-                weight = 1.0 / sigma[k] ** 2
-                spread += weight * (ways[k] - mean_x) ** 2
-                slope += weight * (ways[k] - mean_x) * (z[k] - mean_y)
+                spread += weights[k] * (ways[k] - mean_x) ** 2
+                slope += weights[k] * (ways[k] - mean_x) * (z[k] - mean_y)
         if spread <= 0.0:
             return NO_SPAN
         slope /= spread
         start = mean_y - slope * mean_x
-        off = np.abs(z - start - slope * ways)
-        scatter = 0.0
-        for k in range(ways.size):
+        scatter, number = 0.0, 0
+        for k in range(size):
+            off[k] = abs(z[k] - start - slope * ways[k])
             if used[k]:
-                scatter += (off[k] / sigma[k]) ** 2
-        kept = off <= 3.0 * max(1.5 * np.median(off[used]), np.median(sigma))
-        if (kept == used).all():
+                scatter += weights[k] * off[k] ** 2
+                some[number] = off[k]
+                number += 1
+        limit = 3.0 * max(1.5 * median(some, number), usual_sigma)
+        changed, kept = False, 0
+        for k in range(size):
+            changed = changed or used[k] != (off[k] <= limit)
+            used[k] = off[k] <= limit
+            kept += used[k]
+        if not changed:
             break
-        used = kept
-    if used.sum() < 3:
+    if kept < 3:
         return NO_SPAN
     factor = max(scatter / max(count - 2, 1), 1.0)
     return FreeSpan(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.lay.config import Machine
+from marker_tracker_node.lay.median import median
 from marker_tracker_node.lay.row_measurement import KIND, PLACE, Z
 from marker_tracker_node.lay.segments import WHOLE
 from marker_tracker_node.lay.turn_map import Places, expected_near
@@ -58,11 +59,15 @@ def number_turns(
         moment: Where they stand.
         numbers: To be written, -1 for what is no turn, shape (n,).
     """
-    numbers[:] = -1
+    for k in range(numbers.size):
+        numbers[k] = -1
     if numbers.size == 0:
         return
     # A row stands at nearly the same azimuth everywhere.
-    azimuth = float(np.median(found[:, PLACE]))
+    azimuths = np.empty(numbers.size)
+    for k in range(numbers.size):
+        azimuths[k] = found[k, PLACE]
+    azimuth = median(azimuths, numbers.size)
     front = moment.angle - azimuth
     turns = max(math.floor((front + TAIL) / TURN) + 1, 0)
     expected, limits = np.empty(turns), np.empty(turns)

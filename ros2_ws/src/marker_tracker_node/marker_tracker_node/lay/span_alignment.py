@@ -127,7 +127,11 @@ def _compare(
     for i in range(SAMPLES):
         low, high = max(i - 1, 0), min(i + 1, SAMPLES - 1)
         steep[i] = (mean[high] - mean[low]) / ((high - low) * SPACING)
-    level, tilt, spread = mean.mean(), steep.mean(), (steep * steep).mean()
+    level = tilt = spread = 0.0
+    for i in range(SAMPLES):
+        level += mean[i] / SAMPLES
+        tilt += steep[i] / SAMPLES
+        spread += steep[i] ** 2 / SAMPLES
     cc = ct = tt = 0.0
     for i in range(SAMPLES):
         contrast, change = mean[i] - level, steep[i] - tilt
@@ -137,7 +141,8 @@ def _compare(
     determinant = cc * tt - ct * ct
     if determinant <= LEAST_PIVOT:
         # All the same from rim to rim: nothing tells where a row stands.
-        sigma[:] = halves
+        for k in range(number):
+            sigma[k] = halves[k]
         return
     for k in range(number):
         base, cy, ty = 0.0, 0.0, 0.0

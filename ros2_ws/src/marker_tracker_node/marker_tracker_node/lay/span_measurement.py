@@ -50,11 +50,14 @@ def span_in(
         guide_z: Where the guide stands [m].
         machine: Cylinder and cable.
     """
-    if math.isfinite(start):
-        span = _span_near(pixels, rows, start, slope, guide_z, machine, AROUND * machine.diameter)
-        if span.rows > 0:
+    around, span = AROUND * machine.diameter, NO_SPAN
+    if not math.isfinite(start):
+        around = math.inf
+    while True:
+        span = _span_near(pixels, rows, start, slope, guide_z, machine, around)
+        if span.rows > 0 or around == math.inf:
             return span
-    return _span_near(pixels, rows, start, slope, guide_z, machine, math.inf)
+        around = math.inf
 
 
 @called
@@ -85,7 +88,7 @@ def _span_near(
         return NO_SPAN
     seen = np.empty((3, number))
     count = sightings_near(found, counts, start, slope, SOUGHT * machine.diameter, seen)
-    floor = SYSTEMATIC * machine.radius / np.median(rows.half[0])
+    floor = SYSTEMATIC * machine.radius / rows.half[0, groups // 2]
     edges = fit_span(seen[0, :count], seen[1, :count], seen[2, :count], floor)
     if edges.rows == 0:
         return NO_SPAN
