@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from marker_tracker_node.camera.pinhole import CameraPose
+from marker_tracker_node.tracking.pose_correction import PoseBelief
 
 # Way around the cylinder, in cable diameters, over which a climbing turn can be followed.
 FOLLOWED = 0.8
+
+KNOWN = PoseBelief(position=0.0, tilt=0.0)
 
 
 class Machine(NamedTuple):
@@ -41,6 +44,7 @@ class LayConfig:
             that of the winding along z [m/rad].
         free_length: Expected, of the span between guide and contact line [m].
         pose: Where the camera stands.
+        belief: How well that is known; exactly unless stated.
         azimuths: Rows of the picture that are measured on the cylinder.
         widest: Largest azimuth of such a row [rad].
         ways: Rows that are measured on the free span.
@@ -58,6 +62,7 @@ class LayConfig:
     advance_per_radian: float
     free_length: float
     pose: CameraPose = field(default_factory=CameraPose)
+    belief: PoseBelief = KNOWN
     azimuths: int = 5
     widest: float = 0.7
     ways: int = 10

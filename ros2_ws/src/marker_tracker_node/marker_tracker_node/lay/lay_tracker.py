@@ -12,6 +12,7 @@ from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.lay.config import LayConfig
 from marker_tracker_node.lay.free_span import FreeLength, FreeSpan
 from marker_tracker_node.lay.numbering import Moment
+from marker_tracker_node.lay.pose_doubt import PoseDoubt
 from marker_tracker_node.lay.report import LayReport, defects_of, lay_records
 from marker_tracker_node.lay.rows import choose_rows
 from marker_tracker_node.lay.span_measurement import span_in
@@ -27,6 +28,7 @@ MOST_DOUBT, MOST_ROWS = 0.01, 0.6
 SPAN_MEMORY = 0.5
 
 ByteArray = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +53,8 @@ class LayTracker:
     Attributes:
         config: Machine and limits.
         span: The free span as it was seen last, None before that.
+        anchored: Whether the camera's pose was turned until P0 stood where it must, which is then
+            known better than `LayConfig.belief` says.
     """
 
     def __init__(self, config: LayConfig, camera: PinholeCamera) -> None:
@@ -63,6 +67,7 @@ class LayTracker:
         self.config = config
         self._machine = config.machine
         self.span: FreeSpan | None = None
+        self.anchored = False
         self._shape = camera.shape
         self._wound, self._free = choose_rows(
             camera.view(config.pose),
@@ -77,6 +82,9 @@ class LayTracker:
         self._wound_at = [math.nan] * self._wound.row.size
         self._free_at = math.nan
         self._span_at = math.nan
+        self._doubt = PoseDoubt(
+            camera, config.pose, config.belief, rho=config.rho, rows=self._wound
+        )
         self._turns = TurnMap()
         self._length = FreeLength(config.roll_doubt)
         self._angle = math.nan
@@ -136,7 +144,11 @@ class LayTracker:
         Args:
             newest: Turns at the end that are told, None for all.
         """
-        return lay_records(self.config, self._turns, self._angle, newest)
+        return lay_records(self.config, self._turns, self._angle, newest, self._pose_sigma)
+
+    def _pose_sigma(self, z: FloatArray) -> FloatArray:
+        slope = self.config.advance_per_radian
+        return self._doubt.sigma(z, slope, anchored=self.anchored)
 
     def _slope(self) -> float:
         """Return dz/dtheta of the cable that lands now [m/rad]."""

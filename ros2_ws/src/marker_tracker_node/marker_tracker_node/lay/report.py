@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,7 +58,11 @@ class LayReport:
 
 
 def lay_records(
-    config: LayConfig, turns: TurnMap, angle: float, newest: int | None = None
+    config: LayConfig,
+    turns: TurnMap,
+    angle: float,
+    newest: int | None = None,
+    pose_sigma: Callable[[FloatArray], FloatArray] | None = None,
 ) -> LayRecords:
     """Return a record for every place that was seen, by rising wound angle.
 
@@ -67,6 +71,7 @@ def lay_records(
         turns: What was seen.
         angle: Azimuth of P0 at the records' time, whole turns included [rad].
         newest: Turns at the end that are told, None for all.
+        pose_sigma: Standard deviation [m] of z [m] that the camera's pose leaves, None for none.
     """
     seen = np.flatnonzero(turns.places.sightings[BEFORE:] > 0) + BEFORE
     if newest is not None and seen.size:
@@ -84,7 +89,8 @@ def lay_records(
     # A soft cable may be pressed flat where it is thought to lie higher.
     doubt = LIFT_DOUBT * lift[seen] * np.abs(turns.places.steep[seen])
     scatter = 1.0 / np.sqrt(turns.places.weight[seen])
-    records["sigma_z"] = np.sqrt(scatter**2 + turns.places.floor[seen] ** 2 + doubt**2)
+    posed = 0.0 if pose_sigma is None else pose_sigma(z[seen])
+    records["sigma_z"] = np.sqrt(scatter**2 + turns.places.floor[seen] ** 2 + doubt**2 + posed**2)
     records["pitch"] = pitch[seen]
     records["lift"] = lift[seen]
     records["flags"] = flags[seen]

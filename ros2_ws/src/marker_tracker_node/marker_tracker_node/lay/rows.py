@@ -52,7 +52,7 @@ class RowTables(NamedTuple):
 
 
 @compiled
-def _meetings(
+def meetings(
     view: CameraView, rho: float, free: bool, columns: FloatArray, rows: FloatArray
 ) -> FloatArray:  # pragma: no cover
     """Return place, z [m], steepness and reach [m] of rays, shape (rows, columns, 4).
@@ -101,7 +101,7 @@ def row_tables(
         free: Whether the rows show the free span.
     """
     coarse = np.arange(-COLUMN_STEP, columns + COLUMN_STEP, COLUMN_STEP, dtype=float)
-    met = _meetings(view, rho, free, coarse, np.array(rows, dtype=float))
+    met = meetings(view, rho, free, coarse, np.array(rows, dtype=float))
     per_column = np.gradient(met[:, :, 1], coarse, axis=1)
     half = cable_radius * np.sqrt(1.0 + met[:, :, 2] ** 2) / np.abs(per_column)
     group = max(1, round(float(np.median(half)) / HALF_WANTED)) if rows else 1
@@ -148,7 +148,7 @@ def choose_rows(
         (False, 0.0, widest, azimuths),
         (True, 0.5 * cable_radius, longest, ways),
     ):
-        places = _meetings(view, rho, free, middle, inner)[:, 0, 0]
+        places = meetings(view, rho, free, middle, inner)[:, 0, 0]
         found = sorted(
             (float(place), int(row))
             for place, row in zip(places, inner, strict=True)
