@@ -173,7 +173,7 @@ TRACKED_LAY = _topic(
     PointCloud2,
     10.0,
     TRACKER,
-    "newest twelve turns as measured, every 5 degrees; with measure_lay",
+    "newest twelve turns as measured, every 5 degrees; unless measure_lay is false",
     _records(LAY_DTYPE),
 )
 FEM_MARKERS = _topic(

@@ -85,6 +85,11 @@ class Tracker:
         return self._start.zero.pose
 
     @property
+    def zeroed(self) -> bool:
+        """Whether the picture of P0 has told the camera's turn."""
+        return self._start.zero.told
+
+    @property
     def origin(self) -> float:
         """What the encoder reads where the wound angle is zero [rad]."""
         return self._start.origin

@@ -29,9 +29,12 @@ from winding_cli.commands.run_checks import (
 from winding_cli.commands.run_results import deliver, show, write_trace
 from winding_cli.commands.termination import end
 from winding_core.camera_clock import CameraClockParameters
+from winding_core.camera_pixels import CameraPixels
+from winding_core.camera_placement import CameraPlacement
 from winding_core.condition import Condition
+from winding_core.lay_parameters import LayParameters
 from winding_core.machine_axes import MachineAxes
-from winding_core.marker_parameters import MarkerLook
+from winding_core.marker_parameters import MarkerParameters
 from winding_core.options import typed_values
 
 if TYPE_CHECKING:
@@ -42,12 +45,23 @@ if TYPE_CHECKING:
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
 
-@with_options(Condition, MachineAxes, CameraClockParameters, MarkerLook)
+@with_options(
+    Condition,
+    MachineAxes,
+    CameraClockParameters,
+    MarkerParameters,
+    CameraPlacement,
+    CameraPixels,
+    LayParameters,
+)
 def run(
     typed: Typed,
     axes: Typed,
     clock: Typed,
     markers: Typed,
+    placement: Typed,
+    pixels: Typed,
+    measured: Typed,
     *,
     lay: Annotated[
         str | None,
@@ -92,6 +106,9 @@ def run(
     ] = None,
     frame_rate: Annotated[
         int | None, typer.Option(help="Simulated frames per second: 200 or 1000.")
+    ] = None,
+    camera_noise: Annotated[
+        float | None, typer.Option(help="Read noise of the simulated camera in grey levels.")
     ] = None,
     weights: Annotated[
         str | None, typer.Option(help="Trained weight: shipped name or folder.")
@@ -157,7 +174,13 @@ def run(
             "case": condition.case,
             "duration": condition.duration,
         }
-        tracker = typed_values(CameraClockParameters, clock, spelled)
+        tracker = {
+            **typed_values(CameraClockParameters, clock, spelled),
+            **typed_values(MarkerParameters, markers, spelled),
+            **(where := typed_values(CameraPlacement, placement, spelled)),
+            **typed_values(CameraPixels, pixels, spelled),
+            **typed_values(LayParameters, measured, spelled),
+        }
         look = look_of(markers)
     except ValueError as error:
         refuse(error)
@@ -181,9 +204,17 @@ def run(
             "truth": truth,
             "seed": seed,
             "frame-rate": frame_rate,
+            "camera-noise": camera_noise,
         },
     )
-    check_camera(camera, frame_rate, tracker)
+    check_camera(
+        external=external is not None,
+        camera=camera,
+        composed=compose not in (None, "camera"),
+        frame_rate=frame_rate,
+        pixels=pixels,
+        others=(clock, placement, measured),
+    )
     camera_source = composed_camera(compose, external, attach=attach, secure=secure)
     if secure:
         refuse_open(namespace, dashboard=dashboard)
@@ -197,6 +228,7 @@ def run(
         lay=lay,
         seed=seed,
         frame_rate=frame_rate,
+        camera_noise=camera_noise,
         truth_file=None if truth is None else str(truth.absolute()),
     )
     config = RunConfig(
@@ -207,7 +239,7 @@ def run(
         machine=external,
         own={
             **({} if external else {topics.RIG: look | simulated}),
-            topics.TRACKER: look | tracker,
+            topics.TRACKER: tracker,
             topics.CORRECTION: _given(weights=weights),
         },
         duration=condition.duration,
@@ -217,7 +249,7 @@ def run(
         domain=domain,
         namespace=namespace,
         attach=attach,
-        page=page_parameters(dashboard_port, parameters, namespace) if dashboard else None,
+        page=page_parameters(dashboard_port, parameters, namespace, where) if dashboard else None,
         trace=trace is not None,
         compose=camera_source,
     )
