@@ -140,10 +140,11 @@ class LandingLaw:
         """Return the constant pull [N] that brings the first of the markers to its place."""
         number, angle = next(iter(aims.items()))
         low, high = self.bounds.low, self.bounds.high
-        grid = self._grid(progress.theta, angle)
+        grid, slope = self._grid(progress.theta, angle)
         for _ in range(40):
             middle = math.sqrt(low * high)
-            laid = self._laid(grid, np.full(grid.shape, math.log(middle)), estimate)[-1]
+            level = np.full(grid.shape, math.log(middle))
+            laid = self._laid(grid, slope, level, estimate)[-1]
             if progress.laid + laid > number * self.spacing:
                 low = middle
             else:
@@ -165,7 +166,7 @@ class LandingLaw:
         knots = np.linspace(theta, last, max(2, math.ceil((last - theta) / _PIECE) + 1))
         wide = np.diff(knots)
         most = self.bounds.per_radian
-        grid = self._grid(theta, last)
+        grid, slope = self._grid(theta, last)
         low, high = math.log(self.bounds.low), math.log(self.bounds.high)
         angles = np.array(list(aims.values()))
         wanted = self.spacing * np.array(list(aims)) - progress.laid
@@ -180,7 +181,7 @@ class LandingLaw:
 
         def missed(tried: Array) -> Array:
             """Return by which angle each marker lands after its place [rad]."""
-            laid = self._laid(grid, np.interp(grid, knots, plan(tried)), estimate)
+            laid = self._laid(grid, slope, np.interp(grid, knots, plan(tried)), estimate)
             density = laid[-1] / (grid[-1] - theta)
             return np.asarray((wanted - np.interp(angles, grid, laid)) / density)
 
@@ -209,12 +210,13 @@ class LandingLaw:
         self.expected = dict(zip(aims, miss.tolist(), strict=True))
         return knots, plan(slopes)
 
-    def _grid(self, theta: float, last: float) -> Array:
-        return np.linspace(theta, last, max(2, math.ceil((last - theta) / _STEP) + 1))
+    def _grid(self, theta: float, last: float) -> tuple[Array, Array]:
+        """Return angles from one to another [rad] and dz/dtheta wanted there [m/rad]."""
+        grid = np.linspace(theta, last, max(2, math.ceil((last - theta) / _STEP) + 1))
+        return grid, np.array([self._wanted.at(float(angle)).slope for angle in grid])
 
-    def _laid(self, grid: Array, level: Array, estimate: StretchEstimate) -> Array:
+    def _laid(self, grid: Array, slope: Array, level: Array, estimate: StretchEstimate) -> Array:
         """Return the undeformed length laid from the first angle on [m], shape of the grid (n,)."""
-        slope = np.array([self._wanted.at(float(theta)).slope for theta in grid])
         tension = estimate.tension(np.exp(level), self._radius * grid)
         density = self._law.density(tension, slope)
         pieces = 0.5 * (density[1:] + density[:-1]) * np.diff(grid)
