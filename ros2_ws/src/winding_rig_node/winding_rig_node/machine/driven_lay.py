@@ -3,16 +3,41 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from winding_core.cases import Case
 from winding_rig_node.machine.hidden_rig import HiddenRig
-from winding_rig_node.machine.laid_path import LaidPath
-from winding_rig_node.machine.lay_on import GRID_STEP, cable_of, contact_at_start, lay_on
+from winding_rig_node.machine.laid_path import Growth, LaidPath
+from winding_rig_node.machine.lay_on import GRID_STEP, Contact, cable_of, contact_at_start, lay_on
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayView:
+    """A driven lay at one instant, for who has seen it before.
+
+    Attributes:
+        growth: What was wound, or taken back, since the last view.
+        theta: Wound angle at the contact line [rad].
+        z: Axial position there [m].
+        slope: Rise of the lay there, dz/dtheta [m/rad].
+        eye: Where the eye of the guide stands [m].
+        free_length: Tangent span between the contact line and the eye, across the axis [m].
+        marker_theta: Wound angles of the markers, those in the free span included [rad],
+            shape (marker_count + 1,); see `DrivenLay.shown_markers`.
+    """
+
+    growth: Growth
+    theta: float
+    z: float
+    slope: float
+    eye: float
+    free_length: float
+    marker_theta: FloatArray
 
 
 class DrivenLay:
@@ -66,9 +91,9 @@ class DrivenLay:
         return max(self._angle, 0.0)
 
     @property
-    def eye(self) -> float:
-        """Where the eye of the guide stands [m]."""
-        return float(self._contact["eye"][0])
+    def contact(self) -> Contact:
+        """The cable at the contact line now."""
+        return Contact(*self._contact.item())
 
     @property
     def z(self) -> float:
@@ -76,24 +101,9 @@ class DrivenLay:
         return float(self._contact["z"][0])
 
     @property
-    def slope(self) -> float:
-        """Rise of the lay at the contact line, dz/dTheta [m/rad]."""
-        return float(self._contact["slope"][0])
-
-    @property
     def length(self) -> float:
         """Undeformed cable from P0 to the contact line [m]."""
         return float(self._contact["length"][0])
-
-    @property
-    def tension(self) -> float:
-        """Tension of the span when cable was laid last [N]."""
-        return float(self._contact["tension"][0])
-
-    @property
-    def stretch(self) -> float:
-        """Stretch of the cable that was laid last."""
-        return float(self._contact["stretch"][0])
 
     def advance(self, angle: float, carriage: float, pull: float) -> None:
         """Go on to where both axes stand now.
@@ -134,14 +144,32 @@ class DrivenLay:
         One in the span is as many radians beyond the contact line as its way to there is long on
         the cylinder, shape (marker_count + 1,); nan for one that has not come to the eye yet.
         """
+        return self._shown(self.contact)
+
+    def view(self) -> LayView:
+        """Return the lay as it is, by what has changed since the last view."""
+        contact = self.contact
+        return LayView(
+            growth=self.path.growth(),
+            theta=self.wound_angle,
+            z=contact.z,
+            slope=contact.slope,
+            eye=contact.eye,
+            free_length=self.hidden.free_length,
+            marker_theta=self._shown(contact),
+        )
+
+    def _shown(self, contact: Contact) -> FloatArray:
         shown = self.marker_theta.copy()
-        span, eye, z = self.hidden.free_length, self.eye, self.z
-        along = float(self._contact["span_stretch"][0]) * span / math.hypot(span, eye - z)
-        for n in range(int(self._contact["next"][0]), shown.size):
-            way = along * (n * self.case.marker_spacing - self.length)
+        if contact.next == shown.size:
+            return shown
+        span, wound = self.hidden.free_length, self.wound_angle
+        along = contact.span_stretch * span / math.hypot(span, contact.eye - contact.z)
+        for n in range(int(contact.next), shown.size):
+            way = along * (n * self.case.marker_spacing - contact.length)
             if way > span:
                 break
-            shown[n] = self.wound_angle + way / self.case.centreline_radius
+            shown[n] = wound + way / self.case.centreline_radius
         return shown
 
     def _advance_in_parts(self, angle: float, carriage: float, pull: float) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,74 +22,96 @@ GRID_STEP = 0.02
 # The bent end of the span is short beside the span; a slack cable would make it endless.
 _LONGEST_BENT_END = 0.25
 
-# A cable at its contact line: cylinder angle [rad], place of the eye [m], pull on the cable behind
-# the brake [N] (nan before the first), axial position [m] and dz/dTheta [m/rad] of the lay,
-# undeformed length since P0 [m], tension of the span [N], stretch of the span and of what is laid,
-# number of the marker that lands next, wound angle of the last point that was kept [rad].
-CONTACT_DTYPE = np.dtype(
-    [
-        (name, "<f8")
-        for name in (
-            "angle",
-            "eye",
-            "pull",
-            "z",
-            "slope",
-            "length",
-            "tension",
-            "span_stretch",
-            "stretch",
-            "next",
-            "last",
-        )
-    ]
-)
-# What does not change: rho = R + r [m], EA [N], EI [N m^2], marker spacing [m], and `HiddenRig`.
-CABLE_DTYPE = np.dtype(
-    [
-        (name, "<f8")
-        for name in (
-            "rho",
-            "axial",
-            "bending",
-            "spacing",
-            "free_length",
-            "load_share",
-            "drag",
-            "start_share",
-            "build_up_length",
-            "half_play",
-            "friction",
-        )
-    ]
-)
 Record = NDArray[np.void]
 
 
+class Contact(NamedTuple):
+    """A cable at its contact line.
+
+    Attributes:
+        angle: Of the cylinder [rad].
+        eye: Where the eye of the guide stands [m].
+        pull: On the cable behind the brake's friction [N]; nan before the first.
+        z: Axial position of the lay [m].
+        slope: Its rise, dz/dTheta [m/rad].
+        length: Undeformed length since P0 [m].
+        tension: Of the span [N].
+        span_stretch: Of the span.
+        stretch: Of what is laid.
+        next: Number of the marker that lands next.
+        last: Wound angle of the last point of the path that was kept [rad].
+    """
+
+    angle: float = 0.0
+    eye: float = 0.0
+    pull: float = math.nan
+    z: float = 0.0
+    slope: float = 0.0
+    length: float = 0.0
+    tension: float = 0.0
+    span_stretch: float = 1.0
+    stretch: float = 1.0
+    next: float = 1.0
+    last: float = 0.0
+
+
+class _Cable(NamedTuple):
+    """What does not change while a case is wound on a rig.
+
+    Attributes:
+        rho: Radius of the centre line [m].
+        axial: EA [N].
+        bending: EI [N m^2].
+        spacing: Of the markers along the undeformed cable [m].
+        free_length: Of the span [m].
+        load_share: Of the pull at the guide that reaches the cylinder.
+        drag: Of the guide [N].
+        start_share: Share of the tension at P0.
+        build_up_length: Wound length over which it builds up [m].
+        half_play: Of the guide, to either side [m].
+        friction: Share of the pull that the brake holds back, to either side.
+    """
+
+    rho: float
+    axial: float
+    bending: float
+    spacing: float
+    free_length: float
+    load_share: float
+    drag: float
+    start_share: float
+    build_up_length: float
+    half_play: float
+    friction: float
+
+
 def contact_at_start() -> Record:
-    """Return a cable of which P0 stands at the contact line, shape (1,)."""
-    contact = np.zeros(1, dtype=CONTACT_DTYPE)
-    contact["pull"] = math.nan
-    contact["stretch"] = contact["span_stretch"] = contact["next"] = 1.0
-    return contact
+    """Return a cable of which P0 stands at the contact line, fields of `Contact`, shape (1,)."""
+    return _record(Contact())
 
 
 def cable_of(case: Case, hidden: HiddenRig) -> Record:
     """Return what does not change while a case is wound on a rig, shape (1,)."""
-    values = (
-        case.centreline_radius,
-        case.axial_area * case.material.young,
-        hidden.bending * case.bending_stiffness,
-        case.marker_spacing,
-        hidden.free_length,
-        hidden.load_share,
-        hidden.drag,
-        hidden.start_share,
-        hidden.build_up_length,
-        0.5 * hidden.guide_play,
-        hidden.brake_friction,
+    return _record(
+        _Cable(
+            rho=case.centreline_radius,
+            axial=case.axial_area * case.material.young,
+            bending=hidden.bending * case.bending_stiffness,
+            spacing=case.marker_spacing,
+            free_length=hidden.free_length,
+            load_share=hidden.load_share,
+            drag=hidden.drag,
+            start_share=hidden.start_share,
+            build_up_length=hidden.build_up_length,
+            half_play=0.5 * hidden.guide_play,
+            friction=hidden.brake_friction,
+        )
     )
-    return np.array([values], dtype=CABLE_DTYPE)
+
+
+def _record(values: Contact | _Cable) -> Record:
+    """Return values as an array that a kernel can change, shape (1,)."""
+    return np.array([tuple(values)], dtype=[(name, "<f8") for name in values._fields])
 
 
 @compiled
@@ -99,8 +121,8 @@ def lay_on(
     """Go on by a small angle forwards, by none, or backwards behind P0.
 
     Args:
-        contacts: The cable at its contact line, `CONTACT_DTYPE`, shape (1,); changed.
-        cables: What does not change, `CABLE_DTYPE`, shape (1,).
+        contacts: The cable at its contact line, see `contact_at_start`; changed.
+        cables: What does not change, see `cable_of`.
         markers: Wound angle of each marker [rad], shape (n,); written where one lands.
         angle: Of the cylinder now [rad].
         carriage: Its position now [m].
