@@ -56,7 +56,7 @@ def test_a_table_carries_pull_and_markers(tmp_path: Path) -> None:
     assert math.isnan(program.tension_at(TURN + 0.1))
 
 
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(st.floats(1e-3, 20.0), st.floats(-50.0, 50.0)), min_size=1, max_size=20))
 def test_a_table_of_a_program_is_that_program(steps: list[tuple[float, float]]) -> None:
     theta = np.concatenate([[0.0], np.cumsum([step for step, _ in steps])])

@@ -1,0 +1,103 @@
+"""How widely a path's corners must be rounded for the carriage to follow them at full speed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lay_control_node.planning.limits import PlanLimits
+from lay_control_node.planning.smoothed_line import REACH, SmoothedLine
+
+Array = NDArray[np.float64]
+
+# A quarter of a turn: beyond that the cylinder had better turn slower.
+WIDEST = 0.5 * np.pi
+# Corners are rounded at least so much [rad]: that is 0.1 mm at a reversal of a pitch of 18 mm.
+NARROWEST = 0.1
+# Samples of a path in a kernel's width, and the share of a limit that is used, so that what lies
+# between them keeps it too.
+SAMPLES = 32
+USED = 0.97
+_SEARCHES = 14
+_NAMES = ("speed", "acceleration", "jerk")
+
+
+def demands(line: SmoothedLine, speed: float, limits: PlanLimits) -> dict[str, float]:
+    """Return the largest speed, acceleration and jerk of the guide as shares of their limits.
+
+    Args:
+        line: The guide's path.
+        speed: Of the cylinder, constant [rad/s].
+        limits: Of the machine.
+    """
+    theta = _samples(line)
+    most = (limits.carriage_speed, limits.carriage_acceleration, limits.carriage_jerk)
+    return {
+        name: float(np.abs(line.at(theta, order)).max()) * speed**order / limit
+        for order, name, limit in zip((1, 2, 3), _NAMES, most, strict=True)
+    }
+
+
+def needed_width(line: SmoothedLine, speed: float, limits: PlanLimits) -> float:
+    """Return the smallest width [rad] at which the carriage follows, or WIDEST if none does.
+
+    Args:
+        line: The guide's path; its own width does not matter.
+        speed: Of the cylinder, constant [rad/s].
+        limits: Of the machine.
+    """
+
+    def kept(width: float) -> bool:
+        return max(demands(replace(line, width=width), speed, limits).values()) <= USED
+
+    return _smallest(kept)
+
+
+def width_within(line: SmoothedLine, most: float, widest: float) -> float:
+    """Return the largest width [rad] up to the widest that rounds no corner by more than `most`.
+
+    Args:
+        line: The wanted z over the wound angle.
+        most: Largest rounding [m].
+        widest: Upper end of the search [rad].
+    """
+    if not line.theta.size:
+        return widest
+    width = widest
+    while width > NARROWEST:
+        rounded = float(np.abs(replace(line, width=width).rounded_by()).max())
+        if rounded <= most:
+            break
+        # The rounding grows with the width: a little too small is on the safe side.
+        width *= max(0.5, min(0.98, most / rounded))
+    return max(width, NARROWEST)
+
+
+def _smallest(kept: Callable[[float], bool]) -> float:
+    low, high = NARROWEST, WIDEST
+    if kept(low):
+        return low
+    if not kept(high):
+        return high
+    for _ in range(_SEARCHES):
+        middle = (low * high) ** 0.5
+        if kept(middle):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def _samples(line: SmoothedLine) -> Array:
+    """Return angles in the reach of corners, where alone a path changes, and one beside each."""
+    if not line.theta.size:
+        return np.zeros(1)
+    step = line.width / SAMPLES
+    around = np.arange(-REACH * SAMPLES - 1.0, REACH * SAMPLES + 2.0)
+    if line.theta.size * around.size > 2_000_000:
+        return np.arange(line.theta[0] - 2.0 * line.width, line.theta[-1] + 2.0 * line.width, step)
+    marks = np.rint(line.theta[:, None] / step) + around
+    return np.concatenate([np.unique(marks) * step, line.theta])
