@@ -10,48 +10,65 @@ import pytest
 from lay_control_node.control.guide_law import GuideLaw, WantedPoint
 from lay_control_node.control.lay_filter import LayEstimate
 
-RADIUS, LENGTH = 0.032, 0.198
+RADIUS, LENGTH, BEND = 0.032, 0.198, 0.01
 PITCH = 2.87e-3
 
 
-def error_after(angle: float, *, believed: float, gain: float, start: float) -> float:
+def error_after(
+    angle: float, *, believed: float, gain: float, start: float, bend: float = BEND
+) -> float:
     """Wind an angle [rad] with a believed free length [m]; return what is missing [m]."""
-    law = GuideLaw(radius=RADIUS, gain=gain)
-    z, step = start, 1.0e-3
+    law = GuideLaw(radius=RADIUS, gain=gain, inner_gain=4.0)
+    # The span points along the wanted helix from the place where it lands.
+    z, headed, step = start, start + bend / RADIUS * PITCH, 5.0e-4
     for theta in np.arange(0.0, angle, step):
-        lay = LayEstimate(theta=theta, z=z, free_length=believed, offset=0.0, covariance=np.eye(3))
+        lay = LayEstimate(
+            theta=theta,
+            z=z,
+            headed=headed,
+            free_length=believed,
+            bend_length=bend,
+            offset=0.0,
+            covariance=np.eye(4),
+        )
         wanted = WantedPoint(z=PITCH * theta, slope=PITCH, curvature=0.0)
-        z += (law.command(wanted, lay).position - z) * RADIUS / LENGTH * step
+        guide = law.command(wanted, lay).position
+        z, headed = (
+            z + (headed - z) * RADIUS / bend * step,
+            headed + (guide - headed) * RADIUS / (LENGTH - bend) * step,
+        )
     return PITCH * angle - z
 
 
-def test_an_error_dies_out_with_the_gain() -> None:
-    # e' = -k e: Euler's step of 1 mrad is off by k step / 2 of the exponent.
-    left = error_after(3.0, believed=LENGTH, gain=1.5, start=-2.0e-3)
-    assert left == pytest.approx(2.0e-3 * math.exp(-4.5), rel=0.01)
+@pytest.mark.parametrize("bend", [2.0e-3, 1.0e-2, 2.0e-2])
+def test_an_error_dies_out_whatever_the_cable_is_bent_over(bend: float) -> None:
+    # The slower of the two rates is k = 1: exp(-6), and as much again for the approach of h.
+    left = error_after(6.0, believed=LENGTH, gain=1.0, start=-2.0e-3, bend=bend)
+    assert abs(left) < 2.0e-3 * 2.0 * math.exp(-6.0)
 
 
 @pytest.mark.parametrize("ratio", [0.7, 1.4])
-def test_a_wrong_free_length_leaves_what_the_formula_says(ratio: float) -> None:
-    """e' = (1 - q) w' - q k e, so e = (1 - q) w' / (q k) in the end."""
-    left = error_after(20.0, believed=ratio * LENGTH, gain=1.0, start=0.0)
-    assert left == pytest.approx((1.0 - ratio) * PITCH / ratio, rel=1.0e-3)
+def test_a_wrong_free_length_leaves_a_steady_error(ratio: float) -> None:
+    """h' = q (h*' + K (h* - h)) with q = (L believed - l) / (L - l), and h* - h = t2 k e then.
+
+    On the helix h*' = h' = w', so e = (1 - q) w' / (q K t2 k).
+    """
+    left = error_after(40.0, believed=ratio * LENGTH, gain=1.0, start=0.0)
+    q = (ratio * LENGTH - BEND) / (LENGTH - BEND)
+    assert left == pytest.approx((1.0 - q) * PITCH / (q * 4.0 * BEND / RADIUS), rel=1.0e-2)
 
 
-def test_the_rate_is_the_derivative_of_the_position() -> None:
-    """On a closed loop, position over wound angle has the slope that the command says."""
-    law = GuideLaw(radius=RADIUS, gain=0.8)
-    lag = LENGTH / RADIUS
-
-    def commanded(theta: float, z: float) -> tuple[float, float]:
-        lay = LayEstimate(theta=theta, z=z, free_length=LENGTH, offset=1.0e-4, covariance=np.eye(3))
-        wanted = WantedPoint(z=1.0e-3 * theta**2, slope=2.0e-3 * theta, curvature=2.0e-3)
-        found = law.command(wanted, lay)
-        return found.position, found.per_radian
-
-    z, step = 1.0e-3, 1.0e-6
-    position, rate = commanded(1.0, z)
-    moved = z + (position + 1.0e-4 - z) / lag * step
-    later, _ = commanded(1.0 + step, moved)
-    # Forward difference over 1e-6 rad, and rounding.
-    assert (later - position) / step == pytest.approx(rate, rel=1.0e-4)
+def test_the_rate_is_that_of_the_guide_on_the_wanted_line() -> None:
+    law = GuideLaw(radius=RADIUS)
+    lay = LayEstimate(
+        theta=1.0,
+        z=0.0,
+        headed=0.0,
+        free_length=LENGTH,
+        bend_length=BEND,
+        offset=1.0e-4,
+        covariance=np.eye(4),
+    )
+    wanted = WantedPoint(z=1.0e-3, slope=2.0e-3, curvature=2.0e-3)
+    # g = w + (L / rho) w' + terms of w'', which is constant.
+    assert law.command(wanted, lay).per_radian == pytest.approx(2.0e-3 + LENGTH / RADIUS * 2.0e-3)

@@ -9,10 +9,8 @@ import pytest
 
 from lay_control_node.control.guide_law import GuideLaw, WantedPoint
 from lay_control_node.control.lay_controller import (
-    Basis,
     ControllerConfig,
     LayController,
-    Mode,
     Setpoint,
 )
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
@@ -20,6 +18,7 @@ from lay_control_node.control.lay_on import LayOnLaw
 from lay_control_node.control.motion_bounds import AxisBounds
 from lay_control_node.control.stretch_filter import StretchFilter
 from winding_core.cable_parameters import published_case
+from winding_core.lay_control_records import ControlBasis, ControlMode
 from winding_core.lay_records import LAY_DTYPE
 from winding_core.material_law import MaterialLaw
 from winding_core.readings import AxisReading
@@ -45,6 +44,7 @@ def controller(*, patience: float = math.inf) -> LayController:
     return LayController(
         config=ControllerConfig(
             advance_per_radian=ADVANCE,
+            bending_stiffness=1.0e-9,
             guide=AxisBounds(low=-0.1, high=1.0, speed=0.08, acceleration=0.5),
             solver_patience=patience,
         ),
@@ -54,7 +54,7 @@ def controller(*, patience: float = math.inf) -> LayController:
         stretch=StretchFilter(
             law, spacing=CASE.marker_spacing, radius=RADIUS, build_up_length=0.255
         ),
-        mode=Mode.DRIVE,
+        mode=ControlMode.DRIVE,
     )
 
 
@@ -118,7 +118,7 @@ def test_without_a_tracker_it_goes_on_by_what_it_knows() -> None:
     before = len(machine.setpoints)
     machine.wind(8.0, seen=False)
     steps = np.diff([s.guide for s in machine.setpoints[before - 2 :]])
-    assert machine.setpoints[-1].basis is Basis.MODEL
+    assert machine.setpoints[-1].basis is ControlBasis.MODEL
     # What the feed makes in a period, and a tenth of a millimetre.
     assert np.abs(steps).max() < FEED * PERIOD + 1.0e-4
     assert abs(machine.error()) < 1.0e-3
@@ -131,19 +131,19 @@ def test_without_a_solver_the_guide_follows_the_drive_programme() -> None:
     machine.wind(4.0, solved=False)
     speeds = [s.guide_speed for s in machine.setpoints[before:]]
     steps = np.diff([s.guide for s in machine.setpoints[before - 1 :]])
-    assert machine.setpoints[-1].basis is Basis.RAMP
+    assert machine.setpoints[-1].basis is ControlBasis.RAMP
     assert speeds[-1] == pytest.approx(FEED)
     assert np.abs(steps).max() < FEED * PERIOD + 1.0e-4
 
 
 def test_taking_over_in_mid_run_makes_no_step() -> None:
     control = controller()
-    control.mode = Mode.WATCH
+    control.mode = ControlMode.WATCH
     machine = Machine(control, 0.17)
     for _ in range(300):
         machine.wind(PERIOD)
         machine.guide, machine.speed = FEED * max(machine.t - 0.5, 0.0), FEED
-    control.mode = Mode.DRIVE
+    control.mode = ControlMode.DRIVE
     machine.wind(6.0)
     speeds = np.array([s.guide_speed for s in machine.setpoints[299:]])
     assert np.abs(np.diff(speeds)).max() <= 0.5 * PERIOD * (1.0 + 1.0e-9)

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 from lay_control_node.control.guide_law import GuideLaw, WantedLay
 from lay_control_node.control.landing_law import LandingLaw, PullBounds
-from lay_control_node.control.lay_controller import ControllerConfig, LayController, Mode
+from lay_control_node.control.lay_controller import ControllerConfig, LayController
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
 from lay_control_node.control.lay_on import LayOnLaw
 from lay_control_node.control.motion_bounds import AxisBounds
 from lay_control_node.control.stretch_filter import StretchFilter, StretchFilterConfig
 from winding_core.condition import ResolvedCondition
+from winding_core.lay_control_records import ControlMode
 from winding_core.material_law import MaterialLaw
 from winding_core.parameters import parameter
 from winding_core.tension import RigTension
@@ -82,7 +83,7 @@ class ControlParameters:
         wanted: WantedLay,
         *,
         markers: Mapping[int, float],
-        mode: Mode,
+        mode: ControlMode,
         solver_patience: float = math.inf,
     ) -> LayController:
         """Return the controller of a condition.
@@ -125,6 +126,7 @@ class ControlParameters:
         return LayController(
             config=ControllerConfig(
                 advance_per_radian=what.drive.advance_per_radian,
+                bending_stiffness=case.bending_stiffness,
                 guide=AxisBounds(
                     low=self.guide_travel[0],
                     high=self.guide_travel[1],

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from enum import Enum
 
 import numpy as np
 
@@ -14,28 +13,15 @@ from lay_control_node.control.landing_law import LandingLaw, Progress
 from lay_control_node.control.lay_filter import LayEstimate, LayFilter
 from lay_control_node.control.motion_bounds import AxisBounds, BoundedMotion
 from lay_control_node.control.stretch_filter import StretchEstimate, StretchFilter
+from winding_core.lay_control_records import ControlBasis, ControlMode
 from winding_core.lay_records import LayFlag, LayRecords
 from winding_core.markers import Markers
 from winding_core.readings import AxisReading
 
 # Cable that lies on less than this has nothing on the cylinder that could slip [rad].
 _UNWOUND = 0.2
-
-
-class Mode(Enum):
-    """What the controller does with what it finds."""
-
-    OFF = "off"
-    WATCH = "watch"
-    DRIVE = "drive"
-
-
-class Basis(Enum):
-    """What a command rests on."""
-
-    MEASURED = "measured lay"
-    MODEL = "model"
-    RAMP = "drive programme"
+# A span is believed to carry this at least [N].
+_LEAST_TENSION = 1.0e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +30,7 @@ class ControllerConfig:
 
     Attributes:
         advance_per_radian: Guide advance of the drive programme [m/rad].
+        bending_stiffness: EI of the cable [N m^2].
         guide: Bounds of the carriage.
         unseen_angle: Wound angle without a measured height after which the lay counts as
             unseen [rad].
@@ -52,6 +39,7 @@ class ControllerConfig:
     """
 
     advance_per_radian: float
+    bending_stiffness: float
     guide: AxisBounds
     unseen_angle: float = 3.0 * math.pi
     solver_patience: float = 1.0
@@ -82,7 +70,7 @@ class Setpoint:
     wanted_z: float
     lay: LayEstimate
     stretch: StretchEstimate
-    basis: Basis
+    basis: ControlBasis
     limited: bool
 
 
@@ -107,7 +95,7 @@ class LayController:
     lay: LayFilter
     stretch: StretchFilter
     landing: LandingLaw | None = None
-    mode: Mode = Mode.WATCH
+    mode: ControlMode = ControlMode.WATCH
     innovations: list[float] = field(default_factory=list)
     _landed: LandedMarkers = field(default_factory=LandedMarkers)
     _guide: BoundedMotion | None = None
@@ -141,13 +129,16 @@ class LayController:
             pull: Pull at the guide [N].
         """
         theta = reading.cylinder_angle
-        self.lay.advance(theta, reading.carriage_position)
+        if self._before is None and theta > _UNWOUND:
+            self.lay.join(theta, reading.carriage_position)
+            self.stretch.join(theta)
+        self.lay.advance(theta, reading.carriage_position, self._bend_length(theta, pull))
         slope = self.wanted.at(theta).slope
         self.stretch.advance(theta, pull, slope)
         dt = 0.0 if self._before is None else t - self._before
         self._before = t
         # What does not drive stands ready to take over without a step.
-        if self._guide is None or self.mode is not Mode.DRIVE or dt <= 0.0:
+        if self._guide is None or self.mode is not ControlMode.DRIVE or dt <= 0.0:
             self._guide = BoundedMotion(
                 self.config.guide, reading.carriage_position, reading.feed_speed
             )
@@ -155,7 +146,7 @@ class LayController:
         basis = self._basis(t)
         guide, lay = self._guide, self.lay.estimate()
         wanted = self.wanted.at(theta)
-        if basis is Basis.RAMP:
+        if basis is ControlBasis.RAMP:
             guide.go(self.config.advance_per_radian * reading.angular_speed, max(dt, 1.0e-9))
         else:
             command = self.law.command(wanted, lay)
@@ -174,20 +165,25 @@ class LayController:
             limited=guide.limited,
         )
 
+    def _bend_length(self, theta: float, pull: float) -> float:
+        """Return sqrt(EI / T) [m] of the span under a pull at the guide [N]."""
+        tension = self.stretch.estimate.tension(pull, self.law.radius * max(theta, 0.0))
+        return math.sqrt(self.config.bending_stiffness / max(float(tension), _LEAST_TENSION))
+
     def _measure(self, theta: float, z: float, sigma: float) -> None:
         score = self.lay.measure(theta, z, sigma)
         if score is not None:
             self.innovations = [*self.innovations[-99:], score]
 
-    def _basis(self, t: float) -> Basis:
+    def _basis(self, t: float) -> ControlBasis:
         patience = self.config.solver_patience
         if math.isfinite(patience) and t - (self._solver_heard or 0.0) > patience:
-            return Basis.RAMP
+            return ControlBasis.RAMP
         seen = self.lay.estimate().theta - self.lay.measured_to <= self.config.unseen_angle
-        return Basis.MEASURED if seen else Basis.MODEL
+        return ControlBasis.MEASURED if seen else ControlBasis.MODEL
 
     def _commanded_pull(self, theta: float) -> float | None:
-        if self.landing is None or self._pull is None:
+        if self.landing is None or self._pull is None or not self.stretch.known:
             return None
         stretch = self.stretch
         self._pull = self.landing.pull(

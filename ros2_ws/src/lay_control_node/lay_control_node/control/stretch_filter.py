@@ -114,6 +114,7 @@ class StretchFilter:
         self._steps: list[tuple[float, float, float]] = []
         self._from = 0.0
         self._sigma_from = 0.0
+        self._joined = False
         self.landed = 0
 
     @property
@@ -125,6 +126,16 @@ class StretchFilter:
     def landed_at(self) -> float:
         """Wound angle of the newest marker that was taken [rad]."""
         return self._from
+
+    def join(self, theta: float) -> None:
+        """Begin in mid-run at a wound angle [rad]: the next marker says how much is laid."""
+        self._steps.clear()
+        self._from, self._joined = theta, True
+
+    @property
+    def known(self) -> bool:
+        """Whether it is known how much cable has been laid."""
+        return not self._joined
 
     def advance(self, theta: float, pull: float, slope: float) -> None:
         """Note the pull at the guide [N] and dz/dtheta [m/rad] under which cable lands at theta."""
@@ -143,14 +154,22 @@ class StretchFilter:
         makes the segment as many spacings long.
         """
         count = number - self.landed
+        if self._joined and theta > self._from:
+            self._keep_after(theta)
+            self._sigma_from, self.landed, self._joined = sigma, number, False
+            return
         if count < 1 or theta <= self._from or not self._steps:
             return
         steps = [step for step in self._steps if step[0] < theta]
         following = next((step for step in self._steps if step[0] >= theta), self._steps[-1])
         steps.append((theta, *following[1:]))
         self._update(steps, count, sigma)
+        self._keep_after(theta)
+        self._sigma_from, self.landed = sigma, number
+
+    def _keep_after(self, theta: float) -> None:
         self._steps = [step for step in self._steps if step[0] > theta]
-        self._from, self._sigma_from, self.landed = theta, sigma, number
+        self._from = theta
 
     def _update(self, steps: list[tuple[float, float, float]], count: int, sigma: float) -> None:
         config = self.config

@@ -84,4 +84,5 @@ class SimulatedTracker:
         own = self._of_places[numbers % _PLACES]
         records["z"] = self._truth.z_at(records["theta"]) + self._common + own
         records["sigma_z"] = self._errors.lay_z
-        return records[np.isfinite(records["z"])]
+        seen: LayRecords = records[np.isfinite(records["z"])]
+        return seen

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.guide_law import WantedLay
-from lay_control_node.control.lay_controller import Mode, Setpoint
+from lay_control_node.control.lay_controller import Setpoint
 from winding_core.commands import CARRIAGE, AxisTarget, JointTargets, TensionCommand
 from winding_core.condition import ResolvedCondition
+from winding_core.lay_control_records import ControlMode
 from winding_core.readings import AxisReading
 from winding_rig_node.machine.commander import CommandLimits
 from winding_rig_node.machine.hidden_rig import HiddenRig
@@ -56,7 +57,7 @@ class ClosedRun:
     truth: str
     hidden: HiddenRig
     control: ControlParameters = field(default_factory=ControlParameters)
-    mode: Mode = Mode.DRIVE
+    mode: ControlMode = ControlMode.DRIVE
     sees_lay: bool = True
     errors: CameraErrors = field(default_factory=CameraErrors)
     seed: int = 0
@@ -148,7 +149,7 @@ def wind(run: ClosedRun) -> ClosedResult:
             )
             setpoints.append(setpoint)
             carriage.append(reading.carriage_position)
-            if run.mode is Mode.DRIVE:
+            if run.mode is ControlMode.DRIVE:
                 _command(machine, setpoint)
     at = truth.marker_theta()
     theta = np.arange(0.0, run.end, 0.02)
