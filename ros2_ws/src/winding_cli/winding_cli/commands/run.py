@@ -51,7 +51,14 @@ def run(
     *,
     lay: Annotated[
         str | None,
-        typer.Option(help="paper: the published measurement; fem: a cable with hidden properties."),
+        typer.Option(
+            help="paper: the published measurement; fem: a cable with hidden properties; driven: "
+            "what the machine's own motion lays, for runs under commands."
+        ),
+    ] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(help="JSON file of where the simulated cable truly lay, and what was hidden."),
     ] = None,
     speed: Annotated[
         float | None,
@@ -168,18 +175,30 @@ def run(
             wound_length_mm=wound_length_mm,
             standing_s=standing_s,
         ),
-        simulated={"speed": speed, "lay": lay, "seed": seed, "frame-rate": frame_rate},
+        simulated={
+            "speed": speed,
+            "lay": lay,
+            "truth": truth,
+            "seed": seed,
+            "frame-rate": frame_rate,
+        },
     )
     check_camera(camera, frame_rate, tracker)
     camera_source = composed_camera(compose, external, attach=attach, secure=secure)
     if secure:
         refuse_open(namespace, dashboard=dashboard)
-    lay = lay_of(lay, wound.is_published)
+    lay = lay_of(lay, published=wound.is_published, composed=bool(camera_source))
     from winding_cli.commands.page_options import operated_condition, page_parameters
     from winding_ros import topics
     from winding_supervisor.run_config import RunConfig
 
-    simulated = _given(speed=speed, lay=lay, seed=seed, frame_rate=frame_rate)
+    simulated = _given(
+        speed=speed,
+        lay=lay,
+        seed=seed,
+        frame_rate=frame_rate,
+        truth_file=None if truth is None else str(truth.absolute()),
+    )
     config = RunConfig(
         directory=output
         or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{_label(wound.number)}",
@@ -203,7 +222,7 @@ def run(
         compose=camera_source,
     )
     check_output_folder(report)
-    for file in (json, trace):
+    for file in (json, trace, truth):
         check_output_file(file, make_folder=True)
     directory, result, failure = _wind(config, condition)
     if dashboard and config.machine is None:

@@ -48,9 +48,17 @@ def check_page_and_file(page: bool, port: int | None, parameters: Path | None) -
         refuse(f"no parameter file at {parameters}")
 
 
-def lay_of(wanted: str | None, published: bool) -> str:
-    """Return where the cable shall lie; refuse a measurement that nobody published."""
+def lay_of(wanted: str | None, *, published: bool, composed: bool) -> str:
+    """Return where the cable shall lie; refuse what nobody published or what is not shown.
+
+    Args:
+        wanted: What was typed.
+        published: Whether the paper measured it.
+        composed: Whether the camera runs in the tracker's process.
+    """
     lay = wanted or ("paper" if published else "fem")
+    if lay == "driven" and composed:
+        refuse("--lay driven is shown by the rig's own camera alone: leave out --compose")
     if lay == "paper" and not published:
         refuse("--lay paper is what the paper measured of cases 1 to 12; use --lay fem")
     return lay

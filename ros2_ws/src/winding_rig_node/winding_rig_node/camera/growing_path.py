@@ -14,7 +14,9 @@ FloatArray = NDArray[np.float64]
 _ROOM = 4096
 # The lay goes on by so much beyond the contact line, for its direction there [rad].
 _AHEAD = 0.02
-# Beside the points: the contact line, and what lies ahead of it.
+# Nearer to the last point than this a line through both says nothing [rad].
+_CLOSE = 1.0e-4
+# Beside the points and the blocks: what lies ahead of the contact line, and where that ends.
 _SPARE = 2
 
 
@@ -43,6 +45,7 @@ class GrowingPath:
         self._bounds = np.zeros((2, _ROOM))
         self._lift = np.zeros(0)
         self._count = 0
+        self._shape = 0, 0
         self._start = 0.0
         self._last: _Point | None = None
 
@@ -71,13 +74,28 @@ class GrowingPath:
             z: Axial position there [m].
             slope: Rise there, dz/dtheta [m/rad].
         """
-        size, last = self._count, self._last
-        if last is None or theta > last.theta:
-            self._last = self._put(size, theta, z)
-            size += 1
-        blocks = self._put(size, theta + _AHEAD, z + _AHEAD * slope).block + 1
+        last = self._last
+        if last is not None and theta - last.theta > _CLOSE:
+            # One line from the last point through the contact line.
+            slope = (z - last.z) / (theta - last.theta)
+        if last is None:
+            self.grow(0, np.array([theta]), np.array([z]))
+            last = self._last
+        ahead = self._put(self._count, theta + _AHEAD, z + _AHEAD * slope)
         self._last = last
-        size += 1
+        if (self._count + 1, ahead.block + 1) != self._shape:
+            self._tabulate(self._count + 1, ahead.block + 1)
+
+    def height(self, theta: FloatArray) -> FloatArray:
+        """Return z [m] at wound angles [rad], of their shape; nan for nan."""
+        return np.asarray(np.interp(theta, self.table.theta, self.table.z), dtype=float)
+
+    def lifted(self, theta: FloatArray) -> FloatArray:
+        """Return the lift [m] at wound angles [rad], of their shape: none."""
+        return np.zeros(np.shape(theta))
+
+    def _tabulate(self, size: int, blocks: int) -> None:
+        self._shape = size, blocks
         self._first[blocks] = size - 1
         points = self._points[:, :size]
         points.flags.writeable = False
@@ -89,14 +107,6 @@ class GrowingPath:
             self._bounds[0, :blocks],
             self._bounds[1, :blocks],
         )
-
-    def height(self, theta: FloatArray) -> FloatArray:
-        """Return z [m] at wound angles [rad], of their shape; nan for nan."""
-        return np.asarray(np.interp(theta, self.table.theta, self.table.z), dtype=float)
-
-    def lifted(self, theta: FloatArray) -> FloatArray:
-        """Return the lift [m] at wound angles [rad], of their shape: none."""
-        return np.zeros(np.shape(theta))
 
     def _take_back(self, kept: int) -> None:
         if not 0 <= kept <= self._count:
@@ -133,6 +143,7 @@ class GrowingPath:
         return point
 
     def _grow_room(self) -> None:
+        self._shape = 0, 0
         self._points = np.concatenate([self._points, np.zeros_like(self._points)], axis=1)
         self._first = np.concatenate([self._first, np.zeros_like(self._first)])
         self._bounds = np.concatenate([self._bounds, np.zeros_like(self._bounds)], axis=1)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,7 @@ from winding_rig_node.machine.lay import CableLay
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class SeenLay:
+class SeenLay(NamedTuple):
     """What a `Scene` needs of a lay; see there.
 
     Attributes:
@@ -82,7 +80,7 @@ class GrowingLay:
         return self._seen
 
     def _after(self, view: LayView) -> SeenLay:
-        self._path.grow(view.growth.kept, view.growth.theta, view.growth.z)
+        self._path.grow(*view.growth)
         self._path.end(view.theta, view.z, view.slope)
         return SeenLay(
             path=self._path,

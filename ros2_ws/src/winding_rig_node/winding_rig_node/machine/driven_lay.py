@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,8 +16,7 @@ from winding_rig_node.machine.lay_on import GRID_STEP, Contact, cable_of, contac
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class LayView:
+class LayView(NamedTuple):
     """A driven lay at one instant, for who has seen it before.
 
     Attributes:

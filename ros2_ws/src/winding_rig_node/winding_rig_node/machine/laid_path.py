@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 _ROOM = 4096
+_NOTHING = np.empty(0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Growth:
+class Growth(NamedTuple):
     """How a laid path has changed.
 
     Attributes:
@@ -78,8 +78,12 @@ class LaidPath:
 
     def growth(self) -> Growth:
         """Return what has changed since the last call."""
-        kept, self._kept = self._kept, self._count
-        return Growth(kept=kept, theta=self.theta[kept:].copy(), z=self.z[kept:].copy())
+        kept, count = self._kept, self._count
+        if kept == count:
+            return Growth(kept, _NOTHING, _NOTHING)
+        self._kept = count
+        theta, z = self._points[:2, kept:count].copy()
+        return Growth(kept, theta, z)
 
     def tell_anew(self) -> None:
         """Have the next growth begin with P0."""

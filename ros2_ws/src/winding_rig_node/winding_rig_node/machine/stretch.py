@@ -11,8 +11,8 @@ def neo_hookean_stretch(load: float, guess: float = 1.0) -> float:
     sigma / E = (lambda - lambda^-2) / 3.
 
     Args:
-        load: sigma / E, above -0.2.
-        guess: Where the search begins.
+        load: sigma / E, above -0.2, dimensionless.
+        guess: Stretch where the search begins, dimensionless.
     """
     stretch, step = guess, math.inf
     # Newton's method squares its error: after a step of this size there is none left.

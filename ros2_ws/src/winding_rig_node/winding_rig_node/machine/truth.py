@@ -63,13 +63,17 @@ def truth_path(name: str) -> Path | None:
 
 
 def write_truth(file: Path, record: Mapping[str, Any]) -> None:
-    """Write a truth as JSON; a reader sees the old file or the new one.
+    """Write a truth as JSON; a reader sees the old file or the new one, unless it is a device.
 
     Raises:
         OSError: The file cannot be written.
     """
+    text = json.dumps(record, allow_nan=False)
+    if file.exists() and not file.is_file():
+        file.write_text(text, encoding="utf-8")
+        return
     part = file.with_name(f"{file.name}.part")
-    part.write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
+    part.write_text(text, encoding="utf-8")
     part.replace(file)
 
 
