@@ -97,7 +97,7 @@ def refuse_broken_limits(plan: LayPlan) -> None:
     assert limits.brake is None or limits.brake[0] <= pull.min() <= pull.max() <= limits.brake[1]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     pieces=st.lists(st.tuples(st.floats(0.2, 2.5), st.floats(4.0, 40.0)), min_size=1, max_size=5),
     downwards=st.booleans(),
@@ -146,6 +146,7 @@ def test_a_residual_limit_is_kept_by_slowing(what: ResolvedCondition, limits: Pl
 def test_a_corner_says_by_how_much_it_is_rounded_and_why(
     what: ResolvedCondition, limits: PlanLimits
 ) -> None:
+    what = dataclasses.replace(what, friction=1.0)
     plan = plan_lay(KINDS["reversal"], what, limits)
     first = plan.corners[0]
     off = np.interp(first.theta, plan.theta, plan.residual)
@@ -157,6 +158,17 @@ def test_a_corner_says_by_how_much_it_is_rounded_and_why(
     slow = dataclasses.replace(what, drive=dataclasses.replace(what.drive, angular_speed=0.87))
     half = plan_lay(KINDS["reversal"], slow, limits)
     assert half.corners[0].rounding == pytest.approx(first.rounding_at_half_speed, rel=0.01)
+
+
+def test_a_corner_is_rounded_until_friction_holds_it(
+    what: ResolvedCondition, limits: PlanLimits
+) -> None:
+    rough = plan_lay(KINDS["reversal"], dataclasses.replace(what, friction=1.0), limits)
+    plan = plan_lay(KINDS["reversal"], what, limits)
+    assert plan.width > rough.width
+    assert "friction 0.1 holds no sharper turn" in plan.sentences[0]
+    sharp = plan_lay(KINDS["reversal"], dataclasses.replace(what, friction=0.02), limits)
+    assert "the cable slips: it needs a friction of" in " ".join(sharp.sentences)
 
 
 def test_a_pitch_beyond_the_carriage_slows_the_cylinder_and_says_so(

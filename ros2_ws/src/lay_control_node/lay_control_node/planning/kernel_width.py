@@ -15,6 +15,9 @@ Array = NDArray[np.float64]
 
 # A quarter of a turn: beyond that the cylinder had better turn slower.
 WIDEST = 0.5 * np.pi
+# For friction corners are rounded up to so much [rad], and to so much of what it holds.
+WIDEST_BY_FRICTION = 2.5
+OF_FRICTION = 1.2
 # Corners are rounded at least so much [rad]: that is 0.1 mm at a reversal of a pitch of 18 mm.
 NARROWEST = 0.1
 # Samples of a path in a kernel's width, and the share of a limit that is used, so that what lies
@@ -76,8 +79,32 @@ def width_within(line: SmoothedLine, most: float, widest: float) -> float:
     return max(width, NARROWEST)
 
 
-def _smallest(kept: Callable[[float], bool]) -> float:
-    low, high = NARROWEST, WIDEST
+def width_without_slip(line: SmoothedLine, radius: float, friction: float) -> float:
+    """Return the smallest width [rad] at which friction holds the path, or 0 if none does.
+
+    Cable on a cylinder holds a path of geodesic curvature z''/rho^2 against the pressure of its own
+    curvature 1/rho with a friction of z''/rho. A little more than friction holds is taken: the rod
+    slips so little by it that further rounding would cost more.
+
+    Args:
+        line: The wanted z over the wound angle.
+        radius: rho, of the wound cable's centreline [m].
+        friction: Of cable on cylinder, dimensionless.
+    """
+    if not line.theta.size:
+        return 0.0
+
+    def kept(width: float) -> bool:
+        rounded = replace(line, width=width)
+        sharpest = float(np.abs(rounded.at(_samples(rounded), 2)).max())
+        return sharpest <= OF_FRICTION * friction * radius
+
+    width = _smallest(kept, WIDEST_BY_FRICTION)
+    return width if kept(width) else 0.0
+
+
+def _smallest(kept: Callable[[float], bool], widest: float = WIDEST) -> float:
+    low, high = NARROWEST, widest
     if kept(low):
         return low
     if not kept(high):

@@ -55,7 +55,8 @@ class LayPlan:
         program: What is wanted.
         what: What is wound.
         limits: Of the machine.
-        lag: Free length over centreline radius [rad].
+        lag: Of the lay behind the guide [rad], free length over centreline radius.
+        radius: Of the wound cable's centreline [m].
         width: Of the kernel that rounds the corners [rad].
         speed: Of the cylinder where nothing slows it [rad/s].
         motion: Of both axes.
@@ -73,6 +74,7 @@ class LayPlan:
     what: ResolvedCondition
     limits: PlanLimits
     lag: float
+    radius: float
     width: float
     speed: float
     motion: Motion

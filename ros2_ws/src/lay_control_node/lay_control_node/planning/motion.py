@@ -52,6 +52,11 @@ class Motion:
         """When both axes have come to rest [s]."""
         return self.slowing.end
 
+    @property
+    def lost(self) -> float:
+        """Time that slowing costs [s]."""
+        return self.end - self.slowing.step * (self.slowing.shares.size - 1)
+
     def at(self, t: Array) -> tuple[Array, Array, Array, Array]:
         """Return cylinder angle [rad], its speed [rad/s], guide [m], its speed [m/s] at times [s].
 
@@ -129,14 +134,16 @@ def _motion(
     step = min(_STEP, course.ramp / SAMPLES)
     if path.theta.size:
         step = min(step, path.width / (SAMPLES * course.speed))
-    count = math.ceil(course.end / step)
+    # A short program may be wound before the guide has taken its place.
+    end = max(course.end, approach)
+    count = math.ceil(end / step)
     if count > MOST_SAMPLES:
         raise UnreachableError(
-            f"the motion takes {course.end:.4g} s in steps of {1e3 * step:.3g} ms: "
+            f"the motion takes {end:.4g} s in steps of {1e3 * step:.3g} ms: "
             f"{count} samples, more than {MOST_SAMPLES}"
         )
-    step = course.end / count
-    own: Array = np.linspace(0.0, course.end, count + 1)
+    step = end / count
+    own: Array = np.linspace(0.0, end, count + 1)
     cylinder = course.at(own)[1:3]
     guide = _guide(path, course, approach, own)[1:]
     most = USED * np.array(

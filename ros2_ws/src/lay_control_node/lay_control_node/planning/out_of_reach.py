@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lay_control_node.planning.smoothed_line import SmoothedLine
+from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
 from lay_control_node.programs.overlap import crossings
 from winding_core.units import MILLIMETRE
 
@@ -21,6 +21,8 @@ _MOST_CORNERS = 6
 # Of a turn: a marker that misses its angle by less lands where it is wanted.
 LANDED = 1.0e-3
 _ROUNDING = 1.0e-6
+# Of what friction holds: less slip than this makes is not told.
+SLIPPING = 1.25
 
 
 def sentences_of(
@@ -30,7 +32,8 @@ def sentences_of(
 
     Args:
         plan: The plan.
-        demands: Of its path on the carriage at the full cylinder speed, as shares of the limits.
+        demands: Of its path at the full cylinder speed, as shares of the carriage's limits,
+            dimensionless.
         wanted_path: Of the guide, if its travel were endless.
     """
     return (
@@ -38,6 +41,7 @@ def sentences_of(
         *_speed(plan),
         *_travel(plan, wanted_path),
         *_corners(plan, demands),
+        *_slipping(plan),
         *_slowing(plan),
         *_crossings(plan),
         *_tension(plan),
@@ -80,6 +84,7 @@ def _corners(plan: LayPlan, demands: Mapping[str, float]) -> Iterator[str]:
     why = {
         "speed": f"the carriage may go {limits.carriage_speed / MILLIMETRE:.4g} mm/s",
         "acceleration": f"the carriage may gain {limits.carriage_acceleration:.4g} m/s in a second",
+        "friction": f"friction {plan.what.friction:.4g} holds no sharper turn",
         "jerk": f"the carriage's jerk may be {limits.carriage_jerk:.4g} m/s^3",
     }[name]
     told = sorted(plan.corners, key=lambda item: -abs(item.rounding))[:_MOST_CORNERS]
@@ -103,12 +108,26 @@ def _corners(plan: LayPlan, demands: Mapping[str, float]) -> Iterator[str]:
 
 
 def _slowing(plan: LayPlan) -> Iterator[str]:
-    lost = plan.motion.end - plan.motion.course.end
+    lost = plan.motion.lost
     slowest = float(plan.motion.slowing.shares.min())
     if slowest < 0.98:
         yield (
             f"the cylinder is slowed down to {slowest:.2g} of its speed, {lost:.2g} s in all, so "
             "that the carriage keeps its limits"
+        )
+
+
+def _slipping(plan: LayPlan) -> Iterator[str]:
+    # Cable on a cylinder holds a path of geodesic curvature z''/rho^2 against the pressure of its
+    # own curvature 1/rho with friction z''/rho.
+    line = smoothed_program(plan.program, plan.width)
+    needed = np.abs(line.at(plan.theta, 2)) / plan.radius
+    worst = int(np.argmax(needed))
+    if needed[worst] > SLIPPING * plan.what.friction:
+        yield (
+            f"at turn {plan.theta[worst] / FULL_TURN:.2f} the path turns so sharply that the cable "
+            f"slips: it needs a friction of {needed[worst]:.2g} and has {plan.what.friction:.2g}, "
+            "and the lag law knows no slip"
         )
 
 

@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from lay_control_node.planning.corners import corners
 from lay_control_node.planning.guide_path import guide_path, within
-from lay_control_node.planning.kernel_width import USED, demands, needed_width, width_within
+from lay_control_node.planning.kernel_width import (
+    USED,
+    demands,
+    needed_width,
+    width_within,
+    width_without_slip,
+)
 from lay_control_node.planning.lag import lay_of
 from lay_control_node.planning.lay_plan import LayPlan
 from lay_control_node.planning.limits import PlanLimits
@@ -38,11 +44,13 @@ def plan_lay(
     *,
     residual_limit: float | None = None,
     together: bool = False,
+    lag: float | None = None,
 ) -> LayPlan:
     """Return the motion that lays a program, with what will lie where.
 
     The cylinder keeps the condition's speed, and corners are rounded as much as the carriage needs
-    at that speed. It is slower where no rounding helps, and, with a residual limit, at corners.
+    at that speed and friction holds. It is slower where no rounding helps, and, with a residual
+    limit, at corners.
 
     Args:
         program: What is wanted.
@@ -50,6 +58,7 @@ def plan_lay(
         limits: Of the machine.
         residual_limit: By how much a corner may be rounded [m]; the cylinder is slowed for it.
         together: Whether guide and cylinder start together, or the guide takes its place first.
+        lag: Of the lay behind the guide [rad]; None for free length over centreline radius.
 
     Raises:
         LayProgramError: Turns would overlap, or the program leaves the carriage's travel or asks
@@ -68,13 +77,16 @@ def plan_lay(
             f"{case.marker_count} markers"
         )
     cable = StretchedCable(what=what)
-    lag = what.free_length / cable.wound_radius
+    lag = what.free_length / cable.wound_radius if lag is None else lag
     straight = guide_path(program, lag, 0.0)
     path = within(straight, *limits.travel)
     speed = _steady_speed(program, what.drive.angular_speed, limits)
-    full = needed_width(path, speed, limits)
+    by_carriage = needed_width(path, speed, limits)
+    line = smoothed_program(program, by_carriage)
+    by_friction = width_without_slip(line, cable.wound_radius, what.friction)
+    full = max(by_carriage, by_friction)
+    line = replace(line, width=full)
     width = full
-    line = smoothed_program(program, full)
     if residual_limit is not None:
         width = width_within(line, _OF_LIMIT * residual_limit, full)
     path = replace(path, width=width)
@@ -84,12 +96,13 @@ def plan_lay(
     slope = (guide - predicted) / lag
     track, pulls = _pulls(program, cable, limits, (t, theta, slope))
     rounded = replace(line, width=width)
-    at_half = width * needed_width(path, 0.5 * speed, limits) / full
+    at_half = width / full * max(needed_width(path, 0.5 * speed, limits), by_friction)
     plan = LayPlan(
         program=program,
         what=what,
         limits=limits,
         lag=lag,
+        radius=cable.wound_radius,
         width=width,
         speed=speed,
         motion=motion,
@@ -101,7 +114,10 @@ def plan_lay(
         pulls=pulls,
         sentences=(),
     )
-    return replace(plan, sentences=sentences_of(plan, demands(path, speed, limits), straight))
+    shares = demands(path, speed, limits)
+    if by_friction > by_carriage:
+        shares["friction"] = width / full
+    return replace(plan, sentences=sentences_of(plan, shares, straight))
 
 
 def _steady_speed(program: LayProgram, wanted: float, limits: PlanLimits) -> float:

@@ -37,7 +37,8 @@ class Crossing:
 def refuse_overlap(program: LayProgram, cable_diameter: float) -> None:
     """Refuse turns that lie along each other closer than the cable is wide.
 
-    Where two turns run in opposite directions they cross, see `crossings`.
+    Where z has turned back in between and they run in different directions they cross, see
+    `crossings`.
 
     Args:
         program: The program.
@@ -48,20 +49,28 @@ def refuse_overlap(program: LayProgram, cable_diameter: float) -> None:
     """
     theta = _compared(program)
     slope = program.slope_at(theta)
-    # Layers may lie on each other after a reversal only; before the first one neighbours decide.
+    travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(program.z)))])
+
+    def way(at: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far z has gone up and down [m] by wound angles [rad], same shape."""
+        return np.asarray(np.interp(at, program.theta, travelled))
+
     for k in _turns_apart(program, theta):
         later = theta + FULL_TURN * k
         inside = later <= program.end + _ROUNDING
         here, there = theta[inside], later[inside]
         gap = program.z_at(there) - program.z_at(here)
-        along = slope[inside] * program.slope_at(np.minimum(there, program.end)) >= 0.0
+        first, second = slope[inside], program.slope_at(np.minimum(there, program.end))
+        # Without a turn back in between they are neighbours, a rest included.
+        neighbours = way(there) - way(here) <= np.abs(gap) + _ROUNDING * cable_diameter
+        along = neighbours | (np.sign(first) == np.sign(second))
         close = along & (np.abs(gap) < cable_diameter * (1.0 - _ROUNDING))
         if close.any():
-            first = int(np.argmax(close))
+            at = int(np.argmax(close))
             raise LayProgramError(
-                f"turns would overlap: at {there[first] / FULL_TURN:.2f} turns the cable would lie "
-                f"{abs(gap[first]) / MILLIMETRE:.3g} mm beside what lies there since "
-                f"{here[first] / FULL_TURN:.2f} turns, less than its diameter of "
+                f"turns would overlap: at {there[at] / FULL_TURN:.2f} turns the cable would lie "
+                f"{abs(gap[at]) / MILLIMETRE:.3g} mm beside what lies there since "
+                f"{here[at] / FULL_TURN:.2f} turns, less than its diameter of "
                 f"{cable_diameter / MILLIMETRE:.3g} mm, and one layer only is supported"
             )
 
