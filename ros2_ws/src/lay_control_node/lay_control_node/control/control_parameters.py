@@ -18,13 +18,9 @@ from winding_core.lay_control_records import ControlMode
 from winding_core.material_law import MaterialLaw
 from winding_core.parameters import parameter
 from winding_core.tension import RigTension
-from winding_core.units import FORCE, LENGTH, PLAIN
 
 # Share of the friction coefficient by which ln(pull) may change per radian: below 1, nothing slips.
 _HOLDING_SHARE = 0.9
-_SHARE = 0.7
-_DRAG = 0.15
-_START = 0.27
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,34 +30,34 @@ class ControlParameters:
     control_gain: float = parameter(
         1.0,
         "rate at which an error of the lay is made up, per wound angle [1/rad]",
-        PLAIN,
-        0.1,
-        5.0,
+        low=0.1,
+        high=5.0,
     )
     free_length_sigma: float = parameter(
-        0.02, "standard deviation of the free length that is believed", LENGTH, 1.0e-4, 1.0
+        0.02, "standard deviation of the free length that is believed [m]", low=1.0e-4, high=1.0
     )
     eye_sigma: float = parameter(
-        3.0e-4, "standard deviation of the cable's eye against the carriage", LENGTH, 1.0e-6, 0.05
+        3.0e-4,
+        "standard deviation of the cable's eye against the carriage [m]",
+        low=1.0e-6,
+        high=0.05,
     )
     guide_play: float = parameter(
-        3.0e-4, "play of the cable's eye on the carriage", LENGTH, 0.0, 0.05
+        3.0e-4, "play of the cable's eye on the carriage [m]", low=0.0, high=0.05
     )
     load_share: float = parameter(
-        _SHARE,
-        "believed share of the pull at the guide that reaches the cylinder",
-        PLAIN,
-        0.05,
-        2.0,
+        0.7, "believed share of the pull at the guide that reaches the cylinder", low=0.05, high=2.0
     )
-    load_share_sigma: float = parameter(0.12, "standard deviation of that share", PLAIN, 0.001, 1.0)
-    drag: float = parameter(_DRAG, "believed constant pull of the guide", FORCE, -2.0, 10.0)
-    drag_sigma: float = parameter(0.09, "standard deviation of that pull", FORCE, 0.001, 10.0)
+    load_share_sigma: float = parameter(
+        0.12, "standard deviation of that share", low=0.001, high=1.0
+    )
+    drag: float = parameter(0.15, "believed constant pull of the guide [N]", low=-2.0, high=10.0)
+    drag_sigma: float = parameter(0.09, "standard deviation of that pull [N]", low=0.001, high=10.0)
     start_share: float = parameter(
-        _START, "believed share of the tension where the cable begins", PLAIN, 0.0, 1.5
+        0.27, "believed share of the tension where the cable begins", low=0.0, high=1.5
     )
     start_share_sigma: float = parameter(
-        0.06, "standard deviation of that share", PLAIN, 0.001, 1.0
+        0.06, "standard deviation of that share", low=0.001, high=1.0
     )
     guide_speed_limit: float = parameter(
         0.08, "largest speed that is commanded of the carriage [m/s]", low=1.0e-4, high=2.0
@@ -72,7 +68,6 @@ class ControlParameters:
     guide_travel: list[float] = parameter(
         [-0.1, 1.0], "start and end of the travel that is commanded [m]", low=-10.0, high=10.0
     )
-    brake: bool = parameter(False, "whether the machine has a brake that takes commands", PLAIN)
     pull_range: list[float] = parameter(
         [0.3, 1.5], "smallest and largest pull, as shares of the weight", low=0.01, high=20.0
     )
@@ -91,7 +86,8 @@ class ControlParameters:
         Args:
             what: What is wound.
             wanted: The lay that is wanted.
-            markers: Wound angle at which a marker is wanted [rad], by marker; only with a brake.
+            markers: Wound angle at which a marker is wanted [rad], by marker; none without
+                a brake.
             mode: What it begins in.
             solver_patience: Time without the solver before the drive programme is followed [s].
 
@@ -110,7 +106,7 @@ class ControlParameters:
         )
         radius = case.centreline_radius
         landing = None
-        if self.brake and markers:
+        if markers:
             landing = LandingLaw(
                 law,
                 spacing=case.marker_spacing,

@@ -15,37 +15,18 @@ from lay_control_node.programs.simple_programs import even_helix, with_markers_e
 from winding_core.condition import Condition, ResolvedCondition
 from winding_core.lay_control_records import ControlMode
 from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay_wish import LayWish
 from winding_core.machine_axes import MachineAxes
 from winding_core.parameters import parameter
-from winding_core.units import LENGTH, PLAIN
 
 # Turns that an even helix goes on beyond what the drive winds in the condition's time.
 _BEYOND = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class LayControlParameters(ControlParameters, MachineAxes, Condition):
+class LayControlParameters(ControlParameters, LayWish, MachineAxes, Condition):
     """What is wound, what is wanted of the lay, and how it is brought about."""
 
-    program: str = parameter(
-        "", "lay program: a file of CSV, YAML or G-code; empty for an even helix"
-    )
-    pitch: float = parameter(
-        0.0,
-        "axial advance per turn of the even helix",
-        LENGTH,
-        -1.0,
-        1.0,
-        otherwise="the drive programme's",
-    )
-    markers_every_turn: bool = parameter(
-        False, "whether marker n is wanted after n turns; needs a brake", PLAIN
-    )
-    control: str = parameter(
-        "watch",
-        "what the controller begins with: off, watch (says what it would do) or drive",
-        choices=("off", "watch", "drive"),
-    )
     solver_patience: float = parameter(
         1.0,
         "time without the solver after which the guide follows the drive programme [s]",
@@ -94,7 +75,7 @@ class LayControlParameters(ControlParameters, MachineAxes, Condition):
         return self.controller(
             what,
             WantedProgram.of(program, what, limits),
-            markers=program.markers,
+            markers=program.markers if self.brake else {},
             mode=ControlMode[self.control.upper()],
             solver_patience=self.solver_patience,
         )

@@ -22,14 +22,17 @@ from winding_cli.commands.run_checks import (
     check_camera,
     check_page_and_file,
     composed_camera,
+    controlled_nodes,
     lay_of,
     look_of,
     recording_of,
+    wish_of,
 )
 from winding_cli.commands.run_results import deliver, show, write_trace
 from winding_cli.commands.termination import end
 from winding_core.camera_clock import CameraClockParameters
 from winding_core.condition import Condition
+from winding_core.lay_wish import LayWish
 from winding_core.machine_axes import MachineAxes
 from winding_core.marker_parameters import MarkerLook
 from winding_core.options import typed_values
@@ -42,12 +45,13 @@ if TYPE_CHECKING:
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
 
-@with_options(Condition, MachineAxes, CameraClockParameters, MarkerLook)
+@with_options(Condition, MachineAxes, CameraClockParameters, MarkerLook, LayWish)
 def run(
     typed: Typed,
     axes: Typed,
     clock: Typed,
     markers: Typed,
+    wish: Typed,
     *,
     lay: Annotated[
         str | None,
@@ -159,6 +163,7 @@ def run(
         }
         tracker = typed_values(CameraClockParameters, clock, spelled)
         look = look_of(markers)
+        wished = wish_of(wish, condition)
     except ValueError as error:
         refuse(error)
     check_namespace(namespace)
@@ -186,8 +191,8 @@ def run(
     check_camera(camera, frame_rate, tracker)
     camera_source = composed_camera(compose, external, attach=attach, secure=secure)
     if secure:
-        refuse_open(namespace, dashboard=dashboard)
-    lay = lay_of(lay, published=wound.is_published, composed=bool(camera_source))
+        refuse_open(namespace, dashboard=dashboard, lay_control=bool(wished))
+    lay = lay_of(lay, published=wound.is_published, composed=bool(camera_source), wish=wished)
     from winding_cli.commands.page_options import operated_condition, page_parameters
     from winding_ros import topics
     from winding_supervisor.run_config import RunConfig
@@ -207,8 +212,9 @@ def run(
         machine=external,
         own={
             **({} if external else {topics.RIG: look | simulated}),
-            topics.TRACKER: look | tracker,
+            topics.TRACKER: look | tracker | ({"measure_lay": True} if wished else {}),
             topics.CORRECTION: _given(weights=weights),
+            **(controlled_nodes(wished) if wished else {}),
         },
         duration=condition.duration,
         bag=bag,
@@ -220,6 +226,7 @@ def run(
         page=page_parameters(dashboard_port, parameters, namespace) if dashboard else None,
         trace=trace is not None,
         compose=camera_source,
+        lay_control=bool(wished),
     )
     check_output_folder(report)
     for file in (json, trace, truth):

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winding_cli.commands.condition_options import Typed, spelled
 from winding_cli.commands.output_path import check_output_folder
 from winding_cli.commands.refusal import refuse
+from winding_core.condition import Condition
+from winding_core.lay_wish import LayWish
 from winding_core.marker_parameters import MarkerLook
 from winding_core.options import typed_values
 from winding_core.parameters import Value, build
@@ -32,6 +36,33 @@ def look_of(typed: Typed) -> dict[str, Value]:
     return values
 
 
+def wish_of(typed: Typed, condition: Condition) -> dict[str, Value]:
+    """Return the parameters of the wanted lay; nothing where no controller of the lay is asked for.
+
+    Raises:
+        ParameterError: A value is refused.
+        LayProgramError: The program cannot be read or used.
+    """
+    values = typed_values(LayWish, typed, spelled)
+    if values:
+        from lay_control_node.ros.parameters import LayControlParameters
+
+        own = {item.name: getattr(condition, item.name) for item in fields(condition)}
+        build(LayControlParameters, {**own, **values}, owner="winding run").new_controller()
+    return values
+
+
+def controlled_nodes(wish: Mapping[str, Value]) -> dict[str, Mapping[str, Value]]:
+    """Return what the nodes of a controlled run are told beside the condition, by node."""
+    from lay_control_node.control.control_parameters import ControlParameters
+    from winding_ros import topics
+
+    return {
+        topics.LAY_CONTROL: wish,
+        topics.FEM: {"carriage_speed": ControlParameters().guide_speed_limit},
+    }
+
+
 def check_camera(camera: bool, frame_rate: int | None, clock: dict[str, Value]) -> None:
     """Refuse a frame rate that there is not, and a camera's clock without a camera."""
     if frame_rate not in (None, 200, 1000):
@@ -48,15 +79,20 @@ def check_page_and_file(page: bool, port: int | None, parameters: Path | None) -
         refuse(f"no parameter file at {parameters}")
 
 
-def lay_of(wanted: str | None, *, published: bool, composed: bool) -> str:
+def lay_of(
+    wanted: str | None, *, published: bool, composed: bool, wish: Mapping[str, Value]
+) -> str:
     """Return where the cable shall lie; refuse what nobody published or what is not shown.
 
     Args:
         wanted: What was typed.
         published: Whether the paper measured it.
         composed: Whether the camera runs in the tracker's process.
+        wish: Of the wanted lay, where it is controlled.
     """
-    lay = wanted or ("paper" if published else "fem")
+    if wanted not in (None, "driven") and wish.get("control") == "drive":
+        refuse(f"--control drive moves the cable, and --lay {wanted} does not: use --lay driven")
+    lay = wanted or ("driven" if wish else "paper" if published else "fem")
     if lay == "driven" and composed:
         refuse("--lay driven is shown by the rig's own camera alone: leave out --compose")
     if lay == "paper" and not published:
