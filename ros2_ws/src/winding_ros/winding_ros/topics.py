@@ -16,6 +16,7 @@ from std_msgs.msg import Header, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker
 
+from winding_core.lay_control_records import LAY_CONTROL_DTYPE
 from winding_core.lay_records import LAY_DTYPE
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
 from winding_core.readings import CABLE_TENSION, Quantity
@@ -90,6 +91,7 @@ def _records(dtype: np.dtype[np.void]) -> Callable[[Any], tuple[float, Any]]:
 
 
 RIG, TRACKER, FEM, CORRECTION = "winding_rig", "marker_tracker", "cable_fem", "correction"
+LAY_CONTROL = "lay_control"
 RECORDER, DASHBOARD, ORCHESTRATOR = "recorder", "dashboard", "orchestrator"
 # Takes goals of a cell controller, each of which is a run.
 RUN_SERVER = "run_server"
@@ -236,6 +238,15 @@ CORRECTION_CASE = _topic(
     "known condition that this run resembles, with its share of votes",
     decode_case_votes,
     latched=True,
+)
+LAY_CONTROL_STATE = _topic(
+    "lay_control/state",
+    PointCloud2,
+    50.0,
+    LAY_CONTROL,
+    "where the cable lands, where it is wanted, and what is commanded for it, or would be",
+    _records(LAY_CONTROL_DTYPE),
+    answer=True,
 )
 TRACE = _topic(
     "trace",

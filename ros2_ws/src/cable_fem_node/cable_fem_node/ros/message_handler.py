@@ -69,7 +69,7 @@ class FemHandler:
         self._limits = ReadingLimits(
             weight=self.config.case.weight,
             angular_speed=drive.angular_speed,
-            feed_speed=drive.feed_speed,
+            feed_speed=max(drive.feed_speed, wanted.carriage_speed),
         )
         self._before: tuple[float, AxisReading] | None = None
         self._go_on = go_on
