@@ -75,14 +75,14 @@ def capstan() -> Values:
 
 def lag() -> Values:
     """V13: the wound cable follows a guide that stands aside, by the fleet-angle law."""
-    # The springs of the contact reach out by a fixed share of the radius: a small one.
-    case = Case(cylinder_diameter=0.03, cable_diameter=2.0e-3, weight=0.9, marker_spacing=0.1)
+    # The springs of the contact reach out by a share of the radius, which shortens the span.
+    case = Case(cylinder_diameter=0.02, cable_diameter=2.0e-3, weight=0.9, marker_spacing=0.1)
     config = WindingConfig(
         case=case,
         friction=0.3,
         damping_ratio=0.05,
         segment_length=4.0e-3,
-        free_length=0.064,
+        free_length=0.11,
         mass_scaling=200.0,
     )
     model = SolidWinding(config, 2.2)
