@@ -52,7 +52,7 @@ def predict(
         ),
     ] = None,
     pictures: Annotated[
-        int, typer.Option(help="How many times over the run --csv and --vtk tell.", min=2)
+        int, typer.Option(help="How many times over the run --csv and --vtk tell; 2 or more.")
     ] = 201,
     richardson: Annotated[
         bool,
@@ -70,6 +70,8 @@ def predict(
         check_output_file(file)
     if vtk_file is not None and vtk_file.suffix != ".pvd":
         refuse(f"--vtk needs a file whose name ends in .pvd, got {vtk_file}")
+    if pictures < 2:
+        refuse(f"--pictures must be 2 or more, got {pictures}")
     try:
         run = RunParameters.from_typed(typed, spelling=spelled).plan()
         if check:
