@@ -188,7 +188,7 @@ def test_what_cannot_creep_to_an_end_is_refused() -> None:
 
 
 def test_solid_refuses_a_series() -> None:
-    with pytest.raises(ValueError, match="the solid element does not relax"):
+    with pytest.raises(ValueError, match="the solid element knows elastic cables alone"):
         predict(config(), duration=0.1, element="solid")
 
 

@@ -37,6 +37,18 @@ class Material:
         if not 0.0 <= self.poisson < 0.5:
             raise ValueError(f"poisson must lie in [0, 0.5), got {self.poisson}")
 
+    def refuse_fading(self, who: str) -> None:
+        """Refuse a Prony series where none is known.
+
+        Args:
+            who: What knows elastic cables alone, as the sentence begins.
+
+        Raises:
+            ValueError: There is a series.
+        """
+        if self.prony.shares:
+            raise ValueError(f"{who} knows elastic cables alone: leave out prony")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Case:

@@ -9,6 +9,7 @@ import numpy as np
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.rod.relaxation import branches_energy
 from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
+from cable_fem_node.winding.resolved_model import ResolvedModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +20,6 @@ class HeldCable:
         stretch: Of the elements, shape (n,).
         reference: Their lengths [m], shape (n,).
         viscous: Elastic force and every branch's q [N], shape (1 + terms, n), changed.
-        tension: [N], shape (n,), changed.
         radius: Of the node behind each element [m], shape (n,).
         contact_radius: At which that node touches [m], shape (n,), changed.
     """
@@ -27,7 +27,6 @@ class HeldCable:
     stretch: FloatArray
     reference: FloatArray
     viscous: FloatArray
-    tension: FloatArray
     radius: FloatArray
     contact_radius: FloatArray
 
@@ -48,6 +47,33 @@ class Fading:
     sink: float
     stiffness: float
 
+    @classmethod
+    def of(cls, resolved: ResolvedModel) -> Fading:
+        """Return how a model's cable fades."""
+        k = resolved.constants
+        return cls(
+            relax=resolved.relaxation,
+            response=resolved.axial,
+            sink=1.0 / (k.contact_line * k.touch.normal_stiffness),
+            stiffness=k.touch.normal_stiffness,
+        )
+
+    @property
+    def rows(self) -> int:
+        """Count of an element's rows: its elastic force, and every branch's q."""
+        return 1 + self.relax.share.size
+
+    def viscous(self, span: float, rows: FloatArray) -> FloatArray:
+        """Return every branch's q after a time [s] at a held stretch [N], shape (terms, n).
+
+        Args:
+            span: The time.
+            rows: As `HeldCable.viscous`.
+        """
+        full = self.relax.share[:, None] * rows[0]
+        left = np.exp(-span / self.relax.time)[:, None]
+        return np.asarray(full + left * (rows[1:] - full))
+
     def fade(self, span: float, cable: HeldCable) -> float:
         """Let a time [s] pass; return the energy that has become heat [J].
 
@@ -55,12 +81,9 @@ class Fading:
         """
         before = self._energy(cable)
         branches = cable.viscous[1:]
-        old = branches.sum(axis=0)
-        full = self.relax.share[:, None] * cable.viscous[0]
-        left = np.exp(-span / self.relax.time)[:, None]
-        branches[:] = full + left * (branches - full)
-        change = branches.sum(axis=0) - old
-        cable.tension[:] -= change
+        later = self.viscous(span, cable.viscous)
+        change = (later - branches).sum(axis=0)
+        branches[:] = later
         less = self.sink * change * cable.stretch * cable.reference
         depth = cable.contact_radius - cable.radius
         cable.contact_radius[:] -= less

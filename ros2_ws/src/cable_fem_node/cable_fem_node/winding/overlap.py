@@ -15,6 +15,8 @@ FULL_TURN = 2.0 * math.pi
 
 # Parts of a turn at which the lay of a guide that turns back is followed.
 _PARTS = 180
+# Of a plan that ends where it began [rad].
+_ROUNDING = 1.0e-9
 # More turns than this are not followed one by one.
 _MOST_TURNS = 5000
 
@@ -60,6 +62,20 @@ def refuse_overlap(config: WindingConfig, drive: DriveProfile, duration: float) 
     angle, guide = (np.asarray(values) for values in drive.positions(fine))
     lag = config.free_length / config.resolved.wound_radius
     refuse_crossing(angle, guide, lag, width)
+
+
+def refuse_past_the_start(angle: FloatArray) -> None:
+    """Refuse a cylinder that unwinds more than was wound; its angle [rad] over time, shape (n,).
+
+    Raises:
+        ValueError: Says how far it would turn back.
+    """
+    least = float(angle.min())
+    if least < -_ROUNDING:
+        raise ValueError(
+            f"the cylinder would turn back to {least:.4g} rad, past the start, where nothing "
+            "is wound any more: unwind for a shorter time"
+        )
 
 
 def refuse_crossing(angle: FloatArray, guide: FloatArray, lag: float, width: float) -> None:

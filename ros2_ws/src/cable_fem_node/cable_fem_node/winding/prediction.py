@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.failure import EnergyBalanceError, ImpossibleResultError
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.winding.overlap import FULL_TURN, refuse_overlap
+from cable_fem_node.winding.overlap import FULL_TURN, refuse_overlap, refuse_past_the_start
 from cable_fem_node.winding.validity import Check, checks_of, motion_check, refuse, rod_checks
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
@@ -21,12 +21,14 @@ from winding_core.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
 
 Progress = Callable[[float], None]
+Look = Callable[[WindingModel], None]
 Clock = Callable[[], float]
+
+# Times per second at which a run's markers are told [1/s].
+FRAME_RATE = 50.0
 
 # Cable lies with the tension of the span that laid it, which may change by a rig's law.
 _TIGHTER_PCT = 2.0
-# Rounding of a plan that ends where it began [rad].
-_PAST_START = 1.0e-9
 _SUSPECTS = "try shorter elements, less mass scaling, a steadier tension"
 
 # Energy that the ledger cannot explain, of what went in.
@@ -48,8 +50,7 @@ class Prediction:
         cable: Nodes at the end: x y z s tension strain roll twist, shape (nodes,).
         energy: Ledger at the end.
         stretch: Mean stretch of the wound cable.
-        stretch_closed_form: The law's stretch at the wound tension F - EI l / (2 rho^2); of cable
-            that creeps, the mean of what it had when it landed.
+        stretch_closed_form: The law's at the wound tension F - EI l / (2 rho^2), as it landed.
         span_stretch: The law's stretch at the span tension F.
         cpu_seconds: Processor time of the run [s].
         element_steps: Elements times steps.
@@ -145,8 +146,8 @@ class PlannedRun:
         if self.element == "solid":
             self.config.refuse_rod_material()
         refuse(self.checks())
+        refuse_past_the_start(self._angles())
         refuse_overlap(self.config, self.drive, self.duration)
-        self._refuse_past_the_start()
 
     def checks(self) -> tuple[Check, ...]:
         """Return what decides whether the result can be right."""
@@ -159,35 +160,32 @@ class PlannedRun:
         """Largest angle that the cylinder reaches [rad]."""
         return float(self._angles().max())
 
-    def _angles(self) -> FloatArray:
-        return np.asarray(self.drive.positions(np.linspace(0.0, self.duration, 2001))[0])
+    def _angles(self, t: float | None = None) -> FloatArray:
+        times = np.linspace(0.0, self.duration if t is None else t, 2001)
+        return np.asarray(self.drive.positions(times)[0])
 
-    def _refuse_past_the_start(self) -> None:
-        least = float(self._angles().min())
-        if least < -_PAST_START:
-            raise ValueError(
-                f"the cylinder would turn back to {least:.4g} rad, past the start, where nothing "
-                "is wound any more: unwind for a shorter time"
-            )
-
-    def refuse_impossible(self, theta: FloatArray, tension: FloatArray) -> None:
-        """Refuse cable that cannot lie so at the end of the run.
+    def refuse_impossible(
+        self, theta: FloatArray, tension: FloatArray, t: float | None = None
+    ) -> None:
+        """Refuse cable that cannot lie so.
 
         Args:
             theta: Wound angles of the cable on the cylinder [rad], shape (k,).
             tension: Of its elements [N], shape (k - 1,).
+            t: When [s]; the end of the run by default.
 
         Raises:
             ImpossibleResultError: It did not follow the cylinder, or is tighter than the span.
         """
-        turned, laid = self._angles()[-1], float(theta[-1])
+        angles = self._angles(t)
+        turned, laid = float(angles[-1]), float(theta[-1])
         if turned > FULL_TURN and laid < 0.5 * turned:
             raise ImpossibleResultError(
                 f"the cylinder turned by {turned:.4g} rad and the cable lies on {laid:.4g} rad of "
                 "it: it does not follow the cylinder; take shorter elements or more tension"
             )
         law, case = self.config.tension_law, self.config.case
-        arc = self.config.resolved.wound_radius * np.linspace(0.0, self.most_wound, 200)
+        arc = self.config.resolved.wound_radius * np.linspace(0.0, angles.max(), 200)
         highest = max(law(case.weight, case.cylinder_diameter, float(s)) for s in arc)
         # A section of the solid carries its bending in the same stress.
         rod = self.element == "rod" and tension.size > 0
@@ -197,6 +195,11 @@ class PlannedRun:
                 f"most ({highest:.4g} N); take shorter elements or less mass scaling"
             )
 
+    def frame_times(self, rate: float = FRAME_RATE) -> FloatArray:
+        """Return the times [s] to which the model is advanced, from 0 to the end of the run."""
+        frames = max(1, math.ceil(self.duration * rate - 1.0e-9))
+        return np.asarray(self.duration * np.arange(frames + 1) / frames)
+
     def model(self) -> WindingModel:
         """Return the model at the start of the run, its machine code loaded or built."""
         return MODELS[self.element](self)
@@ -205,8 +208,9 @@ class PlannedRun:
         self,
         progress: Progress | None = None,
         *,
-        rate: float = 50.0,
+        rate: float = FRAME_RATE,
         whole: bool = True,
+        look: Look = lambda _model: None,
         cpu_clock: Clock = time.process_time,
     ) -> Prediction:
         """Take the model along the machine's plan from start to finish.
@@ -215,6 +219,7 @@ class PlannedRun:
             progress: Called with the share done, 0..1.
             rate: Marker records per second [1/s].
             whole: Keep the records of all times; else of the end alone, after the same steps.
+            look: Called with the model at every of these times, the start included.
             cpu_clock: Processor time [s], for the speed that is reported.
 
         Raises:
@@ -225,14 +230,16 @@ class PlannedRun:
         """
         _refuse_unless_positive("rate", rate)
         model = self.model()
-        frames = max(1, math.ceil(self.duration * rate - 1.0e-9))
-        times = self.duration * np.arange(frames + 1) / frames
+        times = self.frame_times(rate)
+        frames = times.size - 1
         records = [model.markers()] if whole else []
+        look(model)
         started = cpu_clock()
         for i, t in enumerate(times[1:].tolist(), start=1):
             model.advance_to(t, self.drive.reading_at(t))
             if whole or i == frames:
                 records.append(model.markers())
+            look(model)
             if progress is not None:
                 progress(i / frames)
         cpu_seconds = cpu_clock() - started
@@ -269,7 +276,7 @@ def predict(
     progress: Progress | None = None,
     *,
     element: str = "rod",
-    rate: float = 50.0,
+    rate: float = FRAME_RATE,
     cpu_clock: Clock = time.process_time,
 ) -> Prediction:
     """Wind a whole run ahead.
@@ -308,7 +315,7 @@ def _rod(run: PlannedRun) -> WindingModel:
 def _solid(run: PlannedRun) -> WindingModel:
     from cable_fem_node.winding.solid_winding import SolidWinding  # noqa: PLC0415
 
-    return SolidWinding(run.config, run.most_wound)
+    return SolidWinding(run.config, float(run.most_wound))
 
 
 MODELS: dict[str, Callable[[PlannedRun], WindingModel]] = {"rod": _rod, "solid": _solid}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -129,6 +130,10 @@ class ResolvedModel:
         """How the axial stress fades, for the kernels."""
         return relaxation(self.law, self.case.axial_area, self.case.material.prony)
 
+    def elastic_tension(self, stretch: float) -> float:
+        """Return what the law carries at once at a stretch [N]."""
+        return self.case.axial_area * float(self.law.nominal_stress(stretch))
+
     @cached_property
     def responses(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
         """Tensions [N] up to the law's limit, their stretches and landing radii [m].
@@ -146,6 +151,41 @@ class ResolvedModel:
         half = np.minimum(0.5 * length / radius, 1.5)
         landing = radius * half / np.sin(half) + wound * length / radius / k.touch.normal_stiffness
         return tuple(tension.tolist()), tuple(stretch.tolist()), tuple(landing.tolist())
+
+    def response_at(self, tension: float) -> tuple[float, float]:
+        """Return (stretch of the span, radius at which its nodes land [m]) at a tension [N].
+
+        The radius makes up for the chords and for the depth to which the penalty lets the
+        wound cable sink.
+
+        Raises:
+            ValueError: The tension stretches the cable beyond the tables.
+        """
+        pulls, stretches, radii = self.responses
+        if not pulls[0] <= tension <= pulls[-1]:
+            self.stretch_at(tension)
+            raise ValueError(f"tension {tension:.4g} N stretches the cable beyond the tables")
+        i = max(bisect_left(pulls, tension), 1)
+        u = (tension - pulls[i - 1]) / (pulls[i] - pulls[i - 1])
+        return (
+            stretches[i - 1] + u * (stretches[i] - stretches[i - 1]),
+            radii[i - 1] + u * (radii[i] - radii[i - 1]),
+        )
+
+    def crept_landing(self, tension: float, faded: float) -> float:
+        """Return the radius at which the nodes of a span land that has crept [m].
+
+        Args:
+            tension: Of the span [N].
+            faded: What more its stretch would carry at once [N].
+
+        Raises:
+            ValueError: The cable has crept beyond the tables.
+        """
+        k = self.constants
+        stretch, landing = self.response_at(tension + faded)
+        # The table takes the whole force for tension, under which the wound cable sinks in.
+        return landing - faded * stretch * k.segment / (k.contact_line * k.touch.normal_stiffness)
 
     def stretch_at(self, tension: float) -> float:
         """Return the stretch of straight cable under a tension [N]."""

@@ -10,25 +10,15 @@ from cable_fem_node.dynamics.points import FloatArray, Points
 from cable_fem_node.winding.fading import Fading, HeldCable
 from cable_fem_node.winding.winding_model import angle_steps
 
-# Rows of the store; reference length, stretch and tension are those of the element towards P0.
-(
-    X,
-    Y,
-    Z,
-    SLIP,
-    SLIP_Z,
-    CONTACT_RADIUS,
-    TOUCHING,
-    ROLL,
-    REFERENCE,
-    STRETCH,
-    TENSION,
-    ARC,
-    THETA,
-    VISCOUS,
-) = range(14)
-# Where the cable relaxes, elastic force and viscous forces begin at VISCOUS.
-_ROWS = VISCOUS
+# Rows of the store; the reference length is that of the element towards P0. What follows from
+# them is not kept: a node at rest touches, and its stretch is the length over the reference.
+X, Y, Z, SLIP, SLIP_Z, CONTACT_RADIUS, ROLL, REFERENCE, ARC, THETA = range(10)
+_ROWS = 10
+# Where the cable relaxes, elastic force and viscous forces of the element follow.
+_VISCOUS = _ROWS
+# Room is made for a fifth more, so that a node takes 96 bytes at most, unused room included.
+_GROWTH = 1.2
+_FEWEST = 64
 PATH = (ARC, THETA, Z)
 # How a node is held where it rests: the rows that go into the arrays that are integrated.
 _PLACE = slice(X, Z + 1)
@@ -58,9 +48,14 @@ class RestingCable:
         self.count = 1
         self._fading = fading
         self._faded_to = 0.0
-        more = 0 if fading is None else 1 + fading.relax.share.size
-        self._rows = np.zeros((_ROWS + more, 256))
+        more = 0 if fading is None else fading.rows
+        self._rows = np.zeros((_ROWS + more, _FEWEST))
         self._rows[X, 0] = radius
+
+    @property
+    def bytes(self) -> int:
+        """Memory that the nodes take [B], unused room included."""
+        return self._rows.nbytes
 
     def row(self, name: int) -> FloatArray:
         """Return a row, one value per resting node, shape (count,)."""
@@ -80,6 +75,12 @@ class RestingCable:
         edge = self._rows[_PLACE, self.count - 1] - self._rows[_PLACE, self.count - 2]
         return np.asarray(edge / math.sqrt(float(edge @ edge)))
 
+    def stretch(self, begin: int = 0) -> FloatArray:
+        """Return the stretch of the elements from a node on, shape (count - 1 - begin,)."""
+        edges = np.diff(self._rows[_PLACE, begin : self.count], axis=1)
+        reference = self._rows[REFERENCE, begin + 1 : self.count]
+        return np.asarray(np.sqrt((edges**2).sum(axis=0)) / reference)
+
     def fade(self, t: float) -> float:
         """Let the tension fade until a time [s]; return the energy that has become heat [J].
 
@@ -92,18 +93,25 @@ class RestingCable:
         return self._fading.fade(
             span,
             HeldCable(
-                stretch=rows[STRETCH],
+                stretch=self.stretch(),
                 reference=rows[REFERENCE],
-                viscous=rows[VISCOUS:],
-                tension=rows[TENSION],
+                viscous=rows[_VISCOUS:],
                 radius=np.hypot(rows[X], rows[Y]),
                 contact_radius=rows[CONTACT_RADIUS],
             ),
         )
 
-    def viscous(self) -> FloatArray:
-        """Return elastic and viscous forces [N], shape (1 + terms, count - 1); no rows without."""
-        return self._rows[VISCOUS:, 1 : self.count]
+    def faded(self, t: float, begin: int = 0) -> FloatArray:
+        """Return what the tension has faded by at a time [s], not before the last `fade` [N].
+
+        Args:
+            t: When.
+            begin: Of the elements from this node on.
+        """
+        elements = self._rows[_VISCOUS:, begin + 1 : self.count]
+        if self._fading is None:
+            return np.zeros(elements.shape[1])
+        return np.asarray(self._fading.viscous(t - self._faded_to, elements).sum(axis=0))
 
     def add(
         self,
@@ -112,19 +120,15 @@ class RestingCable:
         cable: Points,
         reference: FloatArray,
         viscous: FloatArray,
-        stretch: FloatArray,
-        tension: FloatArray,
     ) -> None:
         """Lay nodes 1 to `nodes` of the integrated cable to rest.
 
         Args:
             nodes: How many.
             angle: Of the cylinder [rad].
-            cable: Integrated nodes; node 0 rests already.
+            cable: Integrated nodes, touching the cylinder; node 0 rests already.
             reference: Reference lengths of its elements [m], shape (at least nodes,).
             viscous: Elastic and viscous forces of its elements [N]; no rows for an elastic cable.
-            stretch: Of its elements, shape (at least nodes,).
-            tension: Of its elements [N], shape (at least nodes,).
         """
         old, new = self.count, self.count + nodes
         self._reserve(new)
@@ -134,12 +138,9 @@ class RestingCable:
         rows[Z] = cable.position[2, moved]
         rows[_SLIPS] = cable.slip[:, moved]
         rows[CONTACT_RADIUS] = cable.contact_radius[moved]
-        rows[TOUCHING] = cable.touching[moved]
         rows[ROLL] = cable.roll[0, moved]
         rows[REFERENCE] = reference[elements]
-        rows[STRETCH] = stretch[elements]
-        rows[TENSION] = tension[elements]
-        rows[VISCOUS:] = viscous[:, elements]
+        rows[_VISCOUS:] = viscous[:, elements]
         self.count = new
         self._continue(old, reference[elements], cable.position[:2, : nodes + 1])
 
@@ -174,11 +175,14 @@ class RestingCable:
         cable.velocity[2, to] = 0.0
         cable.slip[:, to] = rows[_SLIPS]
         cable.contact_radius[to] = rows[CONTACT_RADIUS]
-        cable.touching[to] = rows[TOUCHING]
+        # P0 is held by its clamp, all others by the surface.
+        cable.touching[to] = 1
+        if nodes == self.count - 1:
+            cable.touching[0] = 0
         cable.roll[0, to] = rows[ROLL]
         cable.roll[1, to] = 0.0
         reference[:nodes] = rows[REFERENCE, 1:]
-        viscous[:, :nodes] = rows[VISCOUS:, 1:]
+        viscous[:, :nodes] = rows[_VISCOUS:, 1:]
 
     def let_go(self, nodes: int) -> None:
         """Count the last nodes no longer as resting."""
@@ -213,6 +217,7 @@ class RestingCable:
 
     def _reserve(self, capacity: int) -> None:
         if capacity > self._rows.shape[1]:
-            grown = np.zeros((self._rows.shape[0], 2 * capacity))
+            room = max(_FEWEST, math.ceil(_GROWTH * capacity))
+            grown = np.zeros((self._rows.shape[0], room))
             grown[:, : self.count] = self._rows[:, : self.count]
             self._rows = grown

@@ -42,7 +42,7 @@ class RodNodes:
         elastic: float = 0.0,
     ) -> None:
         self.live = int(position.shape[1])
-        more = 0 if fading is None else 1 + fading.relax.share.size
+        more = 0 if fading is None else fading.rows
         self.state = np.zeros((STATE_ROWS + more, 2 * self.live + 64))
         self.state[VISCOUS : VISCOUS + 1, : reference.size] = elastic
         self.touching = np.zeros(2 * self.live + 64, dtype=np.int64)
@@ -97,9 +97,12 @@ class RodNodes:
         x, y, z = self.state[0:3, :nodes]
         return np.stack([*turned(-angle, x, y), z])
 
-    def roll(self) -> FloatArray:
-        """Return the roll angle of all nodes [rad], shape (total,); the guide lets cable spin."""
-        resting = self.resting.row(resting_cable.ROLL)[:-1]
+    def roll(self, begin: int = 0) -> FloatArray:
+        """Return the roll angle of the nodes from a resting one on [rad], shape (total - begin,).
+
+        The guide lets the cable spin.
+        """
+        resting = self.resting.row(resting_cable.ROLL)[begin:-1]
         live = self.points.roll[0, : self.live - 1]
         return np.concatenate([resting, live, live[-1:]])
 
@@ -107,16 +110,14 @@ class RodNodes:
         """Return (s [m], theta [rad], z [m]) of all nodes, as views that the next call changes."""
         return self.resting.path(self.reference[: self.live - 1], self.position)
 
-    def rest(self, nodes: int, angle: float, stretch: FloatArray, tension: FloatArray) -> None:
+    def rest(self, nodes: int, angle: float) -> None:
         """Lay the first integrated nodes to rest.
 
         Args:
             nodes: How many; the last of them becomes the first that is integrated.
             angle: Of the cylinder [rad].
-            stretch: Of the integrated elements, shape (at least nodes,).
-            tension: Of the integrated elements [N], shape (at least nodes,).
         """
-        self.resting.add(nodes, angle, self.points, self.reference, self.viscous, stretch, tension)
+        self.resting.add(nodes, angle, self.points, self.reference, self.viscous)
         left = self.live - nodes
         for values in (self.state, self.touching):
             values[..., :left] = values[..., nodes : self.live]

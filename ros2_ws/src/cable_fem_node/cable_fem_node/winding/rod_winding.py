@@ -7,7 +7,6 @@ plane x = R + r; P0 stands at azimuth Theta, z = 0.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +14,10 @@ from numpy.typing import NDArray
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.points import LOSS_RELAXATION, WORK_TIE, FloatArray, Points
+from cable_fem_node.dynamics.surroundings import normal_forces
 from cable_fem_node.winding import resting_cable
 from cable_fem_node.winding.fading import Fading
+from cable_fem_node.winding.lift_off import lift_off_angle
 from cable_fem_node.winding.resting_cable import turned
 from cable_fem_node.winding.rod_energy import WholeRod, kinetic_energy
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes
@@ -78,8 +79,8 @@ class RodWinding(WindingModel):
         self._nodes = RodNodes(
             position,
             np.diff(along) / stretch,
-            self._fading() if self._relaxes else None,
-            float(self._elastic(np.array([stretch]))[0]),
+            Fading.of(resolved) if self._relaxes else None,
+            resolved.elastic_tension(stretch),
         )
         self._surface_rate = 0.0
         self._last_step = self.step_limit
@@ -126,35 +127,29 @@ class RodWinding(WindingModel):
 
     def cable(self) -> NDArray[np.void]:
         """Return the nodes as records of NODE_DTYPE, see `WindingModel.cable`."""
-        records = np.zeros(self.nodes, dtype=NODE_DTYPE)
+        return self._records(0)
+
+    def newest_cable(self, turns: float) -> NDArray[np.void]:
+        """Return the cable's end: its last turns on the cylinder, all that moves, the span.
+
+        What it leaves out lies still on the cylinder. The cost does not grow with that.
+
+        Args:
+            turns: Count of turns, from where the cable lands.
+        """
         resting = self._nodes.resting
-        first = resting.count - 1
-        x, y, z = resting.place()
-        records["x"][: first + 1], records["y"][: first + 1] = turned(self.cylinder_angle, x, y)
-        records["z"][: first + 1] = z
-        for name, values in zip("xyz", self._nodes.position, strict=True):
-            records[name][first:] = values
-        records["s"] = self._nodes.path()[0]
-        stretch, tension = self.stretch(), self.tension()
-        records["strain"][1:] = stretch - 1.0
-        records["tension"][1:] = tension
-        records["strain"][0], records["tension"][0] = stretch[0] - 1.0, tension[0]
-        records["roll"] = self._nodes.roll()
-        self._fill_twist(records, self._laid_nodes())
-        return records
+        _, theta, _ = self._nodes.path()
+        oldest = float(theta[self._laid_nodes() - 1]) - math.tau * turns
+        begin = int(np.searchsorted(resting.row(resting_cable.THETA), oldest))
+        return self._records(min(begin, resting.count - 1))
 
     def stretch(self) -> FloatArray:
         """Return the stretch of every element, shape (nodes - 1,)."""
-        resting = self._nodes.resting.row(resting_cable.STRETCH)[1:]
-        return np.concatenate([resting, self._nodes.live_stretch()])
+        return self._stretch_from(0)
 
     def tension(self) -> FloatArray:
         """Return the tension [N] of every element, shape (nodes - 1,)."""
-        resting = self._nodes.resting
-        self._ledger[LOSS_RELAXATION] += resting.fade(self.time)
-        tension = np.concatenate([resting.row(resting_cable.TENSION)[1:], self._live_tension()])
-        tension[-1] = self._drive[TENSION]
-        return tension
+        return self._tension_from(0, self.stretch())
 
     def wound_path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (s reference arc length [m], theta [rad], z [m]) of the laid nodes from P0 on."""
@@ -168,26 +163,37 @@ class RodWinding(WindingModel):
         wound = stretch[: self._laid_nodes() - 1]
         return float(wound.mean()) if wound.size else float(stretch[0])
 
+    def contact_forces(self) -> FloatArray:
+        """Return the normal force of the cylinder on every node [N], shape (nodes,)."""
+        return normal_forces(self._whole().cable, self._constants.touch)
+
+    def lift_off(self) -> float:
+        """Return the azimuth [rad] at which the cable leaves the cylinder, see `lift_off_angle`."""
+        whole = self._whole()
+        return lift_off_angle(whole.cable.position[:2], whole.reference[:-1], self._laid_nodes())
+
     @property
     def energy(self) -> EnergyLedger:
         """The energy ledger since the start."""
         k = self._constants
         self._ledger[LOSS_RELAXATION] += self._nodes.resting.fade(self.time)
         whole = self._whole()
+        cable = whole.cable
         entries = self._ledger.copy()
         # What rests is driven by the surface alone: its energy of motion is the work of the tie.
-        entries[WORK_TIE] += self._kinetic(whole.cable, self._nodes.resting.count)
+        entries[WORK_TIE] += self._kinetic(cable, self._nodes.resting.count)
         return EnergyLedger.of(
             entries,
-            kinetic=self._kinetic(whole.cable, self.nodes - 1),
+            kinetic=self._kinetic(cable, self.nodes - 1),
             internal=self._stored(whole),
-            contact=contact_energy(whole.cable, k.touch),
+            contact=contact_energy(cable, k.touch),
             initial=self._initial_energy,
         )
 
     def _run(self, t: float, span: float, drive: FloatArray) -> None:
         if self._relaxes:
-            drive[LANDING, 1] = self._crept_landing()
+            faded = float(self._nodes.viscous[1:, self._nodes.live - 2].sum())
+            drive[LANDING, 1] = self.config.resolved.crept_landing(drive[TENSION, 1], faded)
         total = max(1, math.ceil(span / self.step_limit))
         dt = span / total
         self._last_step = dt
@@ -247,7 +253,7 @@ class RodWinding(WindingModel):
         if resting >= FEWEST_TO_REST:
             before = self._kinetic(nodes.points, resting + 1)
             self._ledger[LOSS_RELAXATION] += nodes.resting.fade(t)
-            nodes.rest(resting, angle, nodes.live_stretch(), self._live_tension())
+            nodes.rest(resting, angle)
             self._ledger[WORK_TIE] -= before
             self._stillness.begin_anew()
 
@@ -261,53 +267,47 @@ class RodWinding(WindingModel):
         self._ledger[WORK_TIE] += self._kinetic(nodes.points, woken + 1)
         self._stillness.woken(t)
 
-    def _live_tension(self) -> FloatArray:
-        """Return the tension [N] of the integrated elements, shape (live - 1,)."""
-        nodes = self._nodes
-        faded = nodes.viscous[1:, : nodes.live - 1].sum(axis=0)
-        return np.asarray(self._elastic(nodes.live_stretch()) - faded)
+    def _records(self, begin: int) -> NDArray[np.void]:
+        """Return the nodes from a resting one on as records of NODE_DTYPE."""
+        resting = self._nodes.resting
+        records = np.zeros(self.nodes - begin, dtype=NODE_DTYPE)
+        first = resting.count - 1 - begin
+        x, y, z = resting.place()[:, begin:]
+        records["x"][: first + 1], records["y"][: first + 1] = turned(self.cylinder_angle, x, y)
+        records["z"][: first + 1] = z
+        for name, values in zip("xyz", self._nodes.position, strict=True):
+            records[name][first:] = values
+        records["s"] = self._nodes.path()[0][begin:]
+        # The element towards P0, which P0 itself does not have.
+        before = max(begin - 1, 0)
+        stretch = self._stretch_from(before)
+        tension = self._tension_from(before, stretch)
+        own = 1 if begin == 0 else 0
+        records["strain"][own:] = stretch - 1.0
+        records["tension"][own:] = tension
+        records["strain"][0], records["tension"][0] = stretch[0] - 1.0, tension[0]
+        records["roll"] = self._nodes.roll(begin)
+        self._fill_twist(records, self._laid_nodes() - begin)
+        return records
 
-    def _elastic(self, stretch: FloatArray) -> FloatArray:
-        """Return what the law carries at once at a stretch [N], same shape."""
-        return np.asarray(
-            self.config.case.axial_area * self.config.resolved.law.nominal_stress(stretch)
-        )
+    def _stretch_from(self, node: int) -> FloatArray:
+        """Return the stretch of the elements from a resting node on."""
+        return np.concatenate([self._nodes.resting.stretch(node), self._nodes.live_stretch()])
 
-    def _fading(self) -> Fading:
-        resolved, k = self.config.resolved, self._constants
-        return Fading(
-            relax=resolved.relaxation,
-            response=resolved.axial,
-            sink=1.0 / (k.contact_line * k.touch.normal_stiffness),
-            stiffness=k.touch.normal_stiffness,
-        )
-
-    def _crept_landing(self) -> float:
-        """Return the radius at which the span's nodes land as far as it has crept [m]."""
-        nodes, k, pull = self._nodes, self._constants, float(self._drive[TENSION])
-        held = pull + float(nodes.viscous[1:, nodes.live - 2].sum())
-        stretch, landing = self._response(held)
-        # As the table's, which takes the whole of the force for tension.
-        sink = stretch * k.segment / (k.contact_line * k.touch.normal_stiffness)
-        return landing - (held - pull) * sink
+    def _tension_from(self, node: int, stretch: FloatArray) -> FloatArray:
+        """Return the tension [N] of the elements from a resting node on, at their stretch."""
+        area, law = self.config.case.axial_area, self.config.resolved.law
+        tension = np.asarray(area * law.nominal_stress(stretch))
+        if self._relaxes:
+            nodes = self._nodes
+            live = nodes.viscous[1:, : nodes.live - 1].sum(axis=0)
+            tension -= np.concatenate([nodes.resting.faded(self.time, node), live])
+        tension[-1] = self._drive[TENSION]
+        return tension
 
     def _response(self, tension: float) -> tuple[float, float]:
-        """Return (stretch of the span, radius at which its nodes land [m]) at a tension [N].
-
-        The radius makes up for the chords and for the depth to which the penalty lets the
-        wound cable sink.
-        """
-        resolved = self.config.resolved
-        pulls, stretches, radii = resolved.responses
-        if not pulls[0] <= tension <= pulls[-1]:
-            resolved.stretch_at(tension)
-            raise ValueError(f"tension {tension:.4g} N stretches the cable beyond the tables")
-        i = max(bisect_left(pulls, tension), 1)
-        u = (tension - pulls[i - 1]) / (pulls[i] - pulls[i - 1])
-        return (
-            stretches[i - 1] + u * (stretches[i] - stretches[i - 1]),
-            radii[i - 1] + u * (radii[i] - radii[i - 1]),
-        )
+        """Return (stretch of the span, radius at which its nodes land [m]) at a tension [N]."""
+        return self.config.resolved.response_at(tension)
 
     def _whole(self) -> WholeRod:
         back = self._surface_rate * self._last_step

@@ -81,8 +81,7 @@ class WindingConfig:
                 raise ValueError(
                     f"the solid element has no separate stiffnesses: {name} must be 1, got {value}"
                 )
-        if material.prony.shares:
-            raise ValueError("the solid element does not relax: leave out prony or wind the rod")
+        material.refuse_fading("the solid element")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -184,7 +184,7 @@ def advance_winding(
             roll_nodes(elements, dt, cable, work, k)
         guide_speed = (next_guide - x[2, elements]) / dt
         ledger[WORK_SPAN] += 0.5 * dt * power(force, v, end)
-        ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, net, k)
+        ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, tangent, net, k)
         ledger[WORK_SPAN] += 0.5 * dt * power(force, v, end)
 
         # Prescribed ends: node 0 and its clamp turn with the surface, the guide follows the feed.

@@ -12,6 +12,7 @@ from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_core.published import published_markers
 from winding_core.units import MILLIMETRE
+from winding_rig_node.machine.stretch import neo_hookean_stretch
 
 FloatArray = NDArray[np.float64]
 _GRID_STEP = 0.02
@@ -126,19 +127,6 @@ def _stretches(
         return neo_hookean_stretch(load)
     loads = load * series.creep([drive.time_at_angle(angle) for angle in theta.tolist()])
     return np.array([neo_hookean_stretch(crept) for crept in loads.tolist()])
-
-
-def neo_hookean_stretch(load: float) -> float:
-    """Return the stretch of an incompressible neo-Hookean bar under a nominal stress over E.
-
-    sigma / E = (lambda - lambda^-2) / 3.
-    """
-    stretch, before = 1.0, 0.0
-    # The curve is concave, so Newton's method climbs to the root and never passes it.
-    while stretch > before:
-        left = load - (stretch - stretch**-2) / 3.0
-        before, stretch = stretch, stretch + 3.0 * left / (1.0 + 2.0 * stretch**-3)
-    return before
 
 
 def _law(case: Case, drive: DriveProfile, free_length: float) -> FleetAngleLaw:
