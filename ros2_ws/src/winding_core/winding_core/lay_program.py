@@ -29,6 +29,7 @@ class LayProgram:
             weight pulls.
         markers: Wound angle at which marker n is wanted to land [rad], by n; ascending.
         name: As reports write it.
+        remarks: What its reader has to say of it, a sentence each.
     """
 
     theta: Array
@@ -36,6 +37,7 @@ class LayProgram:
     tension: Array = field(default_factory=lambda: np.empty(0))
     markers: Mapping[int, float] = field(default_factory=dict)
     name: str = "lay program"
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         theta = np.asarray(self.theta, dtype=float)
