@@ -20,12 +20,8 @@ RECORDED = {
     if topic.recorded
 }
 
-# Nobody commands this run from outside, and nobody asked for its lay.
-SILENT = {
-    name
-    for name, topic in RECORDED.items()
-    if topic.publisher == topics.COMMANDER or topic is topics.TRACKED_LAY
-}
+# Nobody commands this run from outside.
+SILENT = {name for name, topic in RECORDED.items() if topic.publisher == topics.COMMANDER}
 
 
 @pytest.fixture(scope="module")

@@ -12,4 +12,4 @@ from winding_core.units import PLAIN
 class LayParameters:
     """What is measured beside the markers."""
 
-    measure_lay: bool = parameter(False, "whether every turn on the cylinder is measured", PLAIN)
+    measure_lay: bool = parameter(True, "whether every turn on the cylinder is measured", PLAIN)

@@ -21,9 +21,12 @@ from winding_core.markers import Markers
 from winding_core.units import MILLIMETRE
 
 Progress = Callable[[float], None]
+Look = Callable[[WindingModel], None]
 Clock = Callable[[], float]
 
 FULL_TURN = 2.0 * math.pi
+# Times per second at which a run's markers are told [1/s].
+FRAME_RATE = 50.0
 
 # Cable lies with the tension of the span that laid it, which may change by a rig's law.
 _TIGHTER_PCT = 2.0
@@ -144,17 +147,21 @@ class PlannedRun:
         own = rod_checks(config) if self.element == "rod" else checks_of(config, config.resolved)
         return (*own, motion_check(config, self.drive.angular_speed))
 
-    def refuse_impossible(self, theta: FloatArray, tension: FloatArray) -> None:
-        """Refuse cable that cannot lie so at the end of the run.
+    def refuse_impossible(
+        self, theta: FloatArray, tension: FloatArray, t: float | None = None
+    ) -> None:
+        """Refuse cable that cannot lie so.
 
         Args:
             theta: Wound angles of the cable on the cylinder [rad], shape (k,).
             tension: Of its elements [N], shape (k - 1,).
+            t: When [s]; the end of the run by default.
 
         Raises:
             ImpossibleResultError: It did not follow the cylinder, or is tighter than the span.
         """
-        turned, laid = self.drive.positions(self.duration)[0], float(theta[-1])
+        t = self.duration if t is None else t
+        turned, laid = self.drive.positions(t)[0], float(theta[-1])
         if turned > FULL_TURN and laid < 0.5 * turned:
             raise ImpossibleResultError(
                 f"the cylinder turned by {turned:.4g} rad and the cable lies on {laid:.4g} rad of "
@@ -171,6 +178,11 @@ class PlannedRun:
                 f"most ({highest:.4g} N); take shorter elements or less mass scaling"
             )
 
+    def frame_times(self, rate: float = FRAME_RATE) -> FloatArray:
+        """Return the times [s] to which the model is advanced, from 0 to the end of the run."""
+        frames = max(1, math.ceil(self.duration * rate - 1.0e-9))
+        return np.asarray(self.duration * np.arange(frames + 1) / frames)
+
     def model(self) -> WindingModel:
         """Return the model at the start of the run, its machine code loaded or built."""
         return MODELS[self.element](self)
@@ -179,8 +191,9 @@ class PlannedRun:
         self,
         progress: Progress | None = None,
         *,
-        rate: float = 50.0,
+        rate: float = FRAME_RATE,
         whole: bool = True,
+        look: Look = lambda _model: None,
         cpu_clock: Clock = time.process_time,
     ) -> Prediction:
         """Take the model along the machine's plan from start to finish.
@@ -189,6 +202,7 @@ class PlannedRun:
             progress: Called with the share done, 0..1.
             rate: Marker records per second [1/s].
             whole: Keep the records of all times; else of the end alone, after the same steps.
+            look: Called with the model at every of these times, the start included.
             cpu_clock: Processor time [s], for the speed that is reported.
 
         Raises:
@@ -199,14 +213,16 @@ class PlannedRun:
         """
         _refuse_unless_positive("rate", rate)
         model = self.model()
-        frames = max(1, math.ceil(self.duration * rate - 1.0e-9))
-        times = self.duration * np.arange(frames + 1) / frames
+        times = self.frame_times(rate)
+        frames = times.size - 1
         records = [model.markers()] if whole else []
+        look(model)
         started = cpu_clock()
         for i, t in enumerate(times[1:].tolist(), start=1):
             model.advance_to(t, self.drive.reading_at(t))
             if whole or i == frames:
                 records.append(model.markers())
+            look(model)
             if progress is not None:
                 progress(i / frames)
         cpu_seconds = cpu_clock() - started
@@ -241,7 +257,7 @@ def predict(
     progress: Progress | None = None,
     *,
     element: str = "rod",
-    rate: float = 50.0,
+    rate: float = FRAME_RATE,
     cpu_clock: Clock = time.process_time,
 ) -> Prediction:
     """Wind a whole run ahead.

@@ -9,23 +9,13 @@ import numpy as np
 from cable_fem_node.dynamics.points import FloatArray, Points
 from cable_fem_node.winding.winding_model import angle_steps
 
-# Rows of the store; reference length, stretch and tension are those of the element towards P0.
-(
-    X,
-    Y,
-    Z,
-    SLIP,
-    SLIP_Z,
-    CONTACT_RADIUS,
-    TOUCHING,
-    ROLL,
-    REFERENCE,
-    STRETCH,
-    TENSION,
-    ARC,
-    THETA,
-) = range(13)
-_ROWS = 13
+# Rows of the store; the reference length is that of the element towards P0. What follows from
+# them is not kept: a node at rest touches, and its stretch is the length over the reference.
+X, Y, Z, SLIP, SLIP_Z, CONTACT_RADIUS, ROLL, REFERENCE, ARC, THETA = range(10)
+_ROWS = 10
+# Room is made for a fifth more, so that a node takes 96 bytes at most, unused room included.
+_GROWTH = 1.2
+_FEWEST = 64
 PATH = (ARC, THETA, Z)
 # How a node is held where it rests: the rows that go into the arrays that are integrated.
 _PLACE = slice(X, Z + 1)
@@ -52,8 +42,13 @@ class RestingCable:
 
     def __init__(self, radius: float) -> None:
         self.count = 1
-        self._rows = np.zeros((_ROWS, 256))
+        self._rows = np.zeros((_ROWS, _FEWEST))
         self._rows[X, 0] = radius
+
+    @property
+    def bytes(self) -> int:
+        """Memory that the nodes take [B], unused room included."""
+        return self._rows.nbytes
 
     def row(self, name: int) -> FloatArray:
         """Return a row, one value per resting node, shape (count,)."""
@@ -73,24 +68,26 @@ class RestingCable:
         edge = self._rows[_PLACE, self.count - 1] - self._rows[_PLACE, self.count - 2]
         return np.asarray(edge / math.sqrt(float(edge @ edge)))
 
+    def stretch(self, begin: int = 0) -> FloatArray:
+        """Return the stretch of the elements from a node on, shape (count - 1 - begin,)."""
+        edges = np.diff(self._rows[_PLACE, begin : self.count], axis=1)
+        reference = self._rows[REFERENCE, begin + 1 : self.count]
+        return np.asarray(np.sqrt((edges**2).sum(axis=0)) / reference)
+
     def add(
         self,
         nodes: int,
         angle: float,
         cable: Points,
         reference: FloatArray,
-        stretch: FloatArray,
-        tension: FloatArray,
     ) -> None:
         """Lay nodes 1 to `nodes` of the integrated cable to rest.
 
         Args:
             nodes: How many.
             angle: Of the cylinder [rad].
-            cable: Integrated nodes; node 0 rests already.
+            cable: Integrated nodes, touching the cylinder; node 0 rests already.
             reference: Reference lengths of its elements [m], shape (at least nodes,).
-            stretch: Of its elements, shape (at least nodes,).
-            tension: Of its elements [N], shape (at least nodes,).
         """
         old, new = self.count, self.count + nodes
         self._reserve(new)
@@ -100,11 +97,8 @@ class RestingCable:
         rows[Z] = cable.position[2, moved]
         rows[_SLIPS] = cable.slip[:, moved]
         rows[CONTACT_RADIUS] = cable.contact_radius[moved]
-        rows[TOUCHING] = cable.touching[moved]
         rows[ROLL] = cable.roll[0, moved]
         rows[REFERENCE] = reference[elements]
-        rows[STRETCH] = stretch[elements]
-        rows[TENSION] = tension[elements]
         self.count = new
         self._continue(old, reference[elements], cable.position[:2, : nodes + 1])
 
@@ -137,7 +131,10 @@ class RestingCable:
         cable.velocity[2, to] = 0.0
         cable.slip[:, to] = rows[_SLIPS]
         cable.contact_radius[to] = rows[CONTACT_RADIUS]
-        cable.touching[to] = rows[TOUCHING]
+        # P0 is held by its clamp, all others by the surface.
+        cable.touching[to] = 1
+        if nodes == self.count - 1:
+            cable.touching[0] = 0
         cable.roll[0, to] = rows[ROLL]
         cable.roll[1, to] = 0.0
         reference[:nodes] = rows[REFERENCE, 1:]
@@ -175,6 +172,6 @@ class RestingCable:
 
     def _reserve(self, capacity: int) -> None:
         if capacity > self._rows.shape[1]:
-            grown = np.zeros((_ROWS, 2 * capacity))
+            grown = np.zeros((_ROWS, max(_FEWEST, math.ceil(_GROWTH * capacity))))
             grown[:, : self.count] = self._rows[:, : self.count]
             self._rows = grown

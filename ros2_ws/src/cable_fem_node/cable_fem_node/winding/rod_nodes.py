@@ -85,16 +85,14 @@ class RodNodes:
         """Return (s [m], theta [rad], z [m]) of all nodes, as views that the next call changes."""
         return self.resting.path(self.reference[: self.live - 1], self.position)
 
-    def rest(self, nodes: int, angle: float, stretch: FloatArray, tension: FloatArray) -> None:
+    def rest(self, nodes: int, angle: float) -> None:
         """Lay the first integrated nodes to rest.
 
         Args:
             nodes: How many; the last of them becomes the first that is integrated.
             angle: Of the cylinder [rad].
-            stretch: Of the integrated elements, shape (at least nodes,).
-            tension: Of the integrated elements [N], shape (at least nodes,).
         """
-        self.resting.add(nodes, angle, self.points, self.reference, stretch, tension)
+        self.resting.add(nodes, angle, self.points, self.reference)
         left = self.live - nodes
         for values in (self.state, self.touching):
             values[..., :left] = values[..., nodes : self.live]

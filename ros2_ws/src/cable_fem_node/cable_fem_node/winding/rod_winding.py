@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.points import WORK_TIE, FloatArray, Points
+from cable_fem_node.dynamics.surroundings import normal_forces
 from cable_fem_node.rod.rod_kernels import bending_energy, stored_energy
 from cable_fem_node.winding import resting_cable
+from cable_fem_node.winding.lift_off import lift_off_angle
 from cable_fem_node.winding.resting_cable import turned
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes
 from cable_fem_node.winding.stillness import Stillness
@@ -118,30 +120,39 @@ class RodWinding(WindingModel):
 
     def cable(self) -> NDArray[np.void]:
         """Return the nodes as records of NODE_DTYPE, see `WindingModel.cable`."""
-        records = np.zeros(self.nodes, dtype=NODE_DTYPE)
+        return self._records(0)
+
+    def newest_cable(self, turns: float) -> NDArray[np.void]:
+        """Return the cable's end: its last turns on the cylinder, all that moves, the span.
+
+        What it leaves out lies still on the cylinder. The cost does not grow with that.
+
+        Args:
+            turns: Count of turns, from where the cable lands.
+        """
         resting = self._nodes.resting
-        first = resting.count - 1
-        x, y, z = resting.place()
-        records["x"][: first + 1], records["y"][: first + 1] = turned(self.cylinder_angle, x, y)
-        records["z"][: first + 1] = z
-        for name, values in zip("xyz", self._nodes.position, strict=True):
-            records[name][first:] = values
-        records["s"] = self._nodes.path()[0]
-        stretch = self.stretch()
-        tension = self._tension_of(stretch)
-        records["strain"][1:] = stretch - 1.0
-        records["tension"][1:] = tension
-        records["strain"][0], records["tension"][0] = stretch[0] - 1.0, tension[0]
-        return records
+        _, theta, _ = self._nodes.path()
+        oldest = float(theta[self._laid_nodes() - 1]) - math.tau * turns
+        begin = int(np.searchsorted(resting.row(resting_cable.THETA), oldest))
+        return self._records(min(begin, resting.count - 1))
 
     def stretch(self) -> FloatArray:
         """Return the stretch of every element, shape (nodes - 1,)."""
-        resting = self._nodes.resting.row(resting_cable.STRETCH)[1:]
-        return np.concatenate([resting, self._nodes.live_stretch()])
+        return self._stretch_from(0)
 
     def tension(self) -> FloatArray:
         """Return the tension [N] of every element, shape (nodes - 1,)."""
         return self._tension_of(self.stretch())
+
+    def twist(self) -> FloatArray:
+        """Return the twist of every element [rad/m], shape (nodes - 1,).
+
+        Cable that does not roll is turned with the surface's normal, and so twists by the geodesic
+        torsion of its helix; through the eye it is free to turn.
+        """
+        cable, _ = self._whole()
+        edges = np.diff(cable.position, axis=1)
+        return self._twist(cable, edges / np.sqrt((edges**2).sum(axis=0)))
 
     def wound_path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (s reference arc length [m], theta [rad], z [m]) of the laid nodes from P0 on."""
@@ -154,6 +165,15 @@ class RodWinding(WindingModel):
         stretch = self.stretch()
         wound = stretch[: self._laid_nodes() - 1]
         return float(wound.mean()) if wound.size else float(stretch[0])
+
+    def contact_forces(self) -> FloatArray:
+        """Return the normal force of the cylinder on every node [N], shape (nodes,)."""
+        return normal_forces(self._whole()[0], self._constants.touch)
+
+    def lift_off(self) -> float:
+        """Return the azimuth [rad] at which the cable leaves the cylinder, see `lift_off_angle`."""
+        cable, reference = self._whole()
+        return lift_off_angle(cable.position[:2], reference[:-1], self._laid_nodes())
 
     @property
     def energy(self) -> EnergyLedger:
@@ -227,9 +247,8 @@ class RodWinding(WindingModel):
         still = self._stillness.look(t, nodes.place(held, angle))
         resting = still - 1 - WATCHED
         if resting >= FEWEST_TO_REST:
-            stretch = nodes.live_stretch()[:resting]
             before = self._kinetic(nodes.points, resting + 1)
-            nodes.rest(resting, angle, stretch, self._tension_at(stretch))
+            nodes.rest(resting, angle)
             self._ledger[WORK_TIE] -= before
             self._stillness.begin_anew()
 
@@ -242,17 +261,37 @@ class RodWinding(WindingModel):
         self._ledger[WORK_TIE] += self._kinetic(nodes.points, woken + 1)
         self._stillness.woken(t)
 
+    def _records(self, begin: int) -> NDArray[np.void]:
+        """Return the nodes from a resting one on as records of NODE_DTYPE."""
+        resting = self._nodes.resting
+        records = np.zeros(self.nodes - begin, dtype=NODE_DTYPE)
+        first = resting.count - 1 - begin
+        x, y, z = resting.place()[:, begin:]
+        records["x"][: first + 1], records["y"][: first + 1] = turned(self.cylinder_angle, x, y)
+        records["z"][: first + 1] = z
+        for name, values in zip("xyz", self._nodes.position, strict=True):
+            records[name][first:] = values
+        records["s"] = self._nodes.path()[0][begin:]
+        # The element towards P0, which P0 itself does not have.
+        before = max(begin - 1, 0)
+        stretch = self._stretch_from(before)
+        tension = self._tension_of(stretch)
+        own = 1 if begin == 0 else 0
+        records["strain"][own:] = stretch - 1.0
+        records["tension"][own:] = tension
+        records["strain"][0], records["tension"][0] = stretch[0] - 1.0, tension[0]
+        return records
+
+    def _stretch_from(self, node: int) -> FloatArray:
+        """Return the stretch of the elements from a resting node on."""
+        return np.concatenate([self._nodes.resting.stretch(node), self._nodes.live_stretch()])
+
     def _tension_of(self, stretch: FloatArray) -> FloatArray:
-        """Return the tension [N] of every element at its stretch, shape (nodes - 1,)."""
-        resting = self._nodes.resting.row(resting_cable.TENSION)[1:]
-        tension = np.concatenate([resting, self._tension_at(stretch[resting.size :])])
+        """Return the tension [N] of the elements up to the guide at their stretch."""
+        area, law = self.config.case.axial_area, self.config.resolved.law
+        tension = np.asarray(area * law.nominal_stress(stretch))
         tension[-1] = self._drive[TENSION]
         return tension
-
-    def _tension_at(self, stretch: FloatArray) -> FloatArray:
-        return np.asarray(
-            self.config.case.axial_area * self.config.resolved.law.nominal_stress(stretch)
-        )
 
     def _response(self, tension: float) -> tuple[float, float]:
         """Return (stretch of the span, radius at which its nodes land [m]) at a tension [N].
@@ -303,10 +342,14 @@ class RodWinding(WindingModel):
         if not self.config.rolling:
             return 0.0
         k = self._constants
+        return 0.5 * k.torsion * k.segment * float((self._twist(cable, tangent)[:-1] ** 2).sum())
+
+    def _twist(self, cable: Points, tangent: FloatArray) -> FloatArray:
+        """Return the twist [rad/m] of the elements with these tangents, shape (3, elements)."""
+        k = self._constants
         geodesic = tangent[2] * np.hypot(tangent[0], tangent[1]) / k.contact_line
         wound = (cable.touching[:-1] == 1) & (cable.touching[1:] == 1)
-        twist = np.diff(cable.roll[0]) / k.segment - np.where(wound, geodesic, 0.0)
-        return 0.5 * k.torsion * k.segment * float((twist[:-1] ** 2).sum())
+        return np.asarray(np.diff(cable.roll[0]) / k.segment - np.where(wound, geodesic, 0.0))
 
     def _laid_nodes(self) -> int:
         return self._nodes.resting.count - 1 + self._nodes.laid()

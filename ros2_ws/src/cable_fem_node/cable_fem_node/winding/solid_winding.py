@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.dynamics.surroundings import penalty
+from cable_fem_node.dynamics.surroundings import normal_forces, penalty
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import round_bar
@@ -167,6 +167,30 @@ class SolidWinding(WindingModel):
     def wound_stretch(self) -> float:
         """Return the mean stretch between the laid sections."""
         return float(self.cable()["strain"][1 : max(2, self._laid())].mean() + 1.0)
+
+    def contact_forces(self) -> FloatArray:
+        """Return the normal force of the cylinder on every section [N], shape (sections,)."""
+        forces = normal_forces(self._solid.points, self._touch)
+        return np.asarray(forces[self._bar.sections].sum(axis=1))
+
+    def sink(self) -> FloatArray:
+        """Return how far the touching nodes of every section have sunk in [m], shape (sections,).
+
+        Zero where a section does not touch.
+        """
+        touching = self._solid.points.touching[self._bar.sections].sum(axis=1)
+        stiffness = self._touch.normal_stiffness * np.maximum(touching, 1)
+        return np.asarray(self.contact_forces() / stiffness)
+
+    @property
+    def solid(self) -> Solid:
+        """The elements, in the state that they are wound in."""
+        return self._solid
+
+    @property
+    def hourglass_energy(self) -> float:
+        """Energy of the hourglass control after the last step [J]."""
+        return float(self._report[1])
 
     @property
     def energy(self) -> EnergyLedger:

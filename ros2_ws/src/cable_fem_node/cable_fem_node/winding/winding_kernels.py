@@ -71,27 +71,29 @@ def move_nodes(
     rate: float,
     guide_speed: float,
     cable: Points,
+    tangent: FloatArray,
     net: FloatArray,
     k: Constants,
 ) -> float:
     """Take one central-difference step of the inner nodes; return the damping loss [J].
 
     Mass-proportional damping acts on the velocity relative to the motion that is meant: with
-    the surface where the cable lies on it, with the feed in the span. Damping towards the lab
-    frame would add false tension.
+    the surface where the cable lies on it, along the cable's own line with the feed where it
+    does not. Damping towards the lab frame would add false tension, and damping towards the
+    straight span would press a stiff cable, which lands on a curve, against the cylinder.
     """
     x, v = cable.position, cable.velocity
     half = 0.5 * k.damping_rate * dt
     decay = (1.0 - half) / (1.0 + half)
     push = dt / (k.mass * (1.0 + half))
-    feed = k.contact_line * rate
+    feed = -0.5 * k.contact_line * rate
     follow = -guide_speed / k.free_length
     loss = 0.0
     for i in range(1, elements):
         px, py = x[0, i], x[1, i]
-        wound = cable.touching[i] == 1 or py > 0.0
-        rx = -rate * py if wound else 0.0
-        ry = rate * px if wound else feed
+        wound = cable.touching[i] == 1
+        rx = -rate * py if wound else feed * (tangent[0, i - 1] + tangent[0, i])
+        ry = rate * px if wound else feed * (tangent[1, i - 1] + tangent[1, i])
         rz = 0.0 if wound else follow * py
         wx, wy, wz = v[0, i] - rx, v[1, i] - ry, v[2, i] - rz
         ux = wx * decay + push * net[0, i]
@@ -235,7 +237,7 @@ def advance_winding(
             roll_nodes(elements, dt, cable, work, k)
         guide_speed = (next_guide - x[2, elements]) / dt
         ledger[WORK_SPAN] += 0.5 * dt * power(force, v, end)
-        ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, net, k)
+        ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, tangent, net, k)
         ledger[WORK_SPAN] += 0.5 * dt * power(force, v, end)
 
         # Prescribed ends: node 0 and its clamp turn with the surface, the guide follows the feed.

@@ -29,11 +29,14 @@ SHAPE = 0.25 * math.pi - 0.5 * (_WAY * np.sqrt(1.0 - _WAY**2) + np.arcsin(_WAY))
 
 
 @called
-def _shape(way: float, half: float) -> float:  # pragma: no cover
-    """Return the integral of the brightness of a round cable over a way from its rim."""
+def _shape(way: float, half: float, scale: float) -> float:  # pragma: no cover
+    """Return the integral of the brightness of a round cable over a way from its rim.
+
+    The scale is SHAPE_SIZE / half.
+    """
     if way <= 0.0:
         return 0.0
-    place = way / half * SHAPE_SIZE
+    place = way * scale
     if place >= SHAPE_SIZE:
         return float(half * SHAPE[SHAPE_SIZE] + way - half)
     k = int(place)
@@ -61,35 +64,66 @@ def _misfit(
         below: Whether there is cable below the edge.
         above: Whether there is cable above the edge.
     """
-    # One number each, not a matrix: they stay in registers.
+    # One number each, not a matrix: they stay in registers. Each group is a mean over its width, a
+    # part of which may lie on either side of the edge; one group at most has parts on both.
     n00 = n01 = n02 = n03 = n11 = n12 = n13 = n22 = n23 = n33 = 0.0
     y0 = y1 = y2 = y3 = squares = 0.0
-    for u in range(first, last + 1):
-        # Each group is a mean over its width, a part of which may lie on either side.
-        low, high = u - 0.5 - edge, u + 0.5 - edge
-        share = min(max(high, 0.0), 1.0)
-        rest = 1.0 - share
-        lower, upper = 0.0, 0.0
-        if share > 0.0:
-            upper = _shape(high, half) - _shape(low, half) if above else share * max(u - edge, 0.0)
-        if rest > 0.0:
-            lower = _shape(-low, half) - _shape(-high, half) if below else rest * max(edge - u, 0.0)
+    scale = SHAPE_SIZE / half
+    u = first
+    outer = _shape(edge - u + 0.5, half, scale) if below else 0.0
+    while u <= last and u + 0.5 <= edge:
         y = signal[u]
+        if below:
+            inner = _shape(edge - u - 0.5, half, scale)
+            lower = outer - inner
+            outer = inner
+        else:
+            lower = edge - u
+        squares += y * y
+        n00 += 1.0
+        n01 += lower
+        n11 += lower * lower
+        y0 += y
+        y1 += lower * y
+        u += 1
+    if u <= last and u - 0.5 < edge:
+        y = signal[u]
+        share = u + 0.5 - edge
+        rest = 1.0 - share
+        lower = outer if below else rest * max(edge - u, 0.0)
+        upper = _shape(share, half, scale) if above else share * max(u - edge, 0.0)
         squares += y * y
         n00 += rest * rest
         n01 += rest * lower
-        n02 += rest * share
-        n03 += rest * upper
+        n02 = rest * share
+        n03 = rest * upper
         n11 += lower * lower
-        n12 += lower * share
-        n13 += lower * upper
-        n22 += share * share
-        n23 += share * upper
-        n33 += upper * upper
+        n12 = lower * share
+        n13 = lower * upper
+        n22 = share * share
+        n23 = share * upper
+        n33 = upper * upper
         y0 += rest * y
         y1 += lower * y
-        y2 += share * y
+        y2 = share * y
+        y3 = upper * y
+        u += 1
+    inner = _shape(u - 0.5 - edge, half, scale) if above else 0.0
+    while u <= last:
+        y = signal[u]
+        if above:
+            outer = _shape(u + 0.5 - edge, half, scale)
+            upper = outer - inner
+            inner = outer
+        else:
+            upper = u - edge
+        squares += y * y
+        n22 += 1.0
+        n23 += upper
+        n33 += upper * upper
+        y2 += y
         y3 += upper * y
+        u += 1
     # Cholesky's way, with the right side as a further row: what is left of the squares.
     if n00 > LEAST_PIVOT:
         f = n01 / n00

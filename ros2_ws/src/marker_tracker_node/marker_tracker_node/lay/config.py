@@ -4,11 +4,33 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from marker_tracker_node.camera.pinhole import CameraPose
+from marker_tracker_node.tracking.pose_correction import PoseBelief
 
 # Way around the cylinder, in cable diameters, over which a climbing turn can be followed.
 FOLLOWED = 0.8
+
+KNOWN = PoseBelief(position=0.0, tilt=0.0)
+
+
+class Machine(NamedTuple):
+    """What the kernels know of cylinder and cable.
+
+    Attributes:
+        rho: R + r [m].
+        radius: Of the cable [m].
+        diameter: Of the cable [m].
+        onward: 1 where the winding goes towards +z, -1 otherwise.
+        free_length: Expected [m].
+    """
+
+    rho: float
+    radius: float
+    diameter: float
+    onward: float
+    free_length: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +44,7 @@ class LayConfig:
             that of the winding along z [m/rad].
         free_length: Expected, of the span between guide and contact line [m].
         pose: Where the camera stands.
+        belief: How well that is known; exactly unless stated.
         azimuths: Rows of the picture that are measured on the cylinder.
         widest: Largest azimuth of such a row [rad].
         ways: Rows that are measured on the free span.
@@ -39,6 +62,7 @@ class LayConfig:
     advance_per_radian: float
     free_length: float
     pose: CameraPose = field(default_factory=CameraPose)
+    belief: PoseBelief = KNOWN
     azimuths: int = 5
     widest: float = 0.7
     ways: int = 10
@@ -84,3 +108,19 @@ class LayConfig:
     def onward(self) -> float:
         """1 where the winding goes towards +z, -1 otherwise."""
         return -1.0 if self.advance_per_radian < 0.0 else 1.0
+
+    @property
+    def machine(self) -> Machine:
+        """As the kernels take it."""
+        return Machine(
+            *(
+                float(value)
+                for value in (
+                    self.rho,
+                    self.cable_radius,
+                    self.diameter,
+                    self.onward,
+                    self.free_length,
+                )
+            )
+        )

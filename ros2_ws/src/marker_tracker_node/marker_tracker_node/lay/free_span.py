@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.lay.median import median
 from marker_tracker_node.lay.row_measurement import PLACE, SIGMA, Z
+from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class FreeSpan:
+class FreeSpan(NamedTuple):
     """The straight cable before the contact line, in one instant.
 
     Attributes:
@@ -22,7 +24,7 @@ class FreeSpan:
         sigma_angle: One standard deviation, the camera's roll aside [rad].
         contact_z: Where it lands [m].
         sigma_contact_z: One standard deviation [m].
-        rows: That were used.
+        rows: That were used; 0 where there is no span.
     """
 
     angle: float
@@ -37,30 +39,74 @@ class FreeSpan:
         return math.tan(self.angle)
 
 
-def sightings_near(found: list[FloatArray], start: float, slope: float, limit: float) -> FloatArray:
-    """Return way, z and sigma [m] of what each row shows nearest to a line, shape (n, 3).
+NO_SPAN = FreeSpan(math.nan, math.nan, math.nan, math.nan, 0)
+
+
+@called
+def nearest_in_row(
+    found: FloatArray, count: int, start: float, slope: float, limit: float
+) -> int:  # pragma: no cover
+    """Return which turn of a row lies nearest to a line, -1 where none does.
 
     Args:
-        found: Of each row of the free span, see `turns_in_row`.
+        found: Of the row, see `measure_row`.
+        count: How many there are.
         start: z of the line at the contact [m].
         slope: Its dz per way.
         limit: Farthest from it [m].
     """
-    seen = []
-    for turns in found:
-        off = np.abs(turns[:, Z] - start - slope * turns[:, PLACE])
-        if off.size and off.min() < limit:
-            seen.append(turns[int(np.argmin(off)), [PLACE, Z, SIGMA]])
-    return np.array(seen).reshape(-1, 3)
+    nearest, least = -1, limit
+    for k in range(count):
+        off = abs(found[k, Z] - start - slope * found[k, PLACE])
+        if off < least:
+            nearest, least = k, off
+    return nearest
 
 
+@called
+def sightings_near(
+    found: FloatArray,
+    counts: IndexArray,
+    start: float,
+    slope: float,
+    limit: float,
+    seen: FloatArray,
+) -> int:  # pragma: no cover
+    """Write way, z and sigma [m] of what each row shows nearest to a line; return their number.
+
+    Args:
+        found: Of each row of the free span, see `measure_row`; shape (rows, n, 7).
+        counts: Turns in each row, shape (rows,).
+        start: z of the line at the contact [m].
+        slope: Its dz per way.
+        limit: Farthest from it [m].
+        seen: To be written, shape (3, rows).
+    """
+    number = 0
+    for row in range(counts.size):
+        k = nearest_in_row(found[row], counts[row], start, slope, limit)
+        if k >= 0:
+            seen[0, number] = found[row, k, PLACE]
+            seen[1, number] = found[row, k, Z]
+            seen[2, number] = found[row, k, SIGMA]
+            number += 1
+    return number
+
+
+@called
 def towards_guide(
-    found: list[FloatArray], guide_z: float, free_length: float, limit: float, onward: float
-) -> float:
+    found: FloatArray,
+    counts: IndexArray,
+    guide_z: float,
+    free_length: float,
+    limit: float,
+    onward: float,
+) -> float:  # pragma: no cover
     """Return where a straight cable to the guide lands that most rows show [m].
 
     Args:
-        found: Of each row of the free span, see `turns_in_row`.
+        found: Of each row of the free span, see `measure_row`; shape (rows, n, 7).
+        counts: Turns in each row, shape (rows,).
         guide_z: [m]
         free_length: Expected [m].
         limit: How far rows may be off it [m].
@@ -69,21 +115,27 @@ def towards_guide(
     Returns:
         nan where fewer than three rows, or less than half of them, agree.
     """
-    best, start = max(3, (len(found) + 1) // 2) - 1, math.nan
-    # Of lines that as many rows show, older turns among them, the newest lies farthest along.
-    for way, z in sorted(found[0][:, [PLACE, Z]], key=lambda one: -onward * float(one[1])):
+    best, farthest, start = max(3, (counts.size + 1) // 2), -math.inf, math.nan
+    for k in range(counts[0]):
+        way, z = found[0, k, PLACE], found[0, k, Z]
         if onward * z > onward * guide_z + limit:
             continue
         slope = (guide_z - z) / (free_length - way)
         landing = z - slope * way
-        agreeing = len(sightings_near(found, landing, slope, limit))
-        if agreeing > best:
-            best, start = agreeing, float(landing)
+        agreeing = 0
+        for row in range(counts.size):
+            agreeing += nearest_in_row(found[row], counts[row], landing, slope, limit) >= 0
+        # Of lines that as many rows show, older turns among them, the newest lies farthest along.
+        if agreeing > best or (agreeing == best and onward * z > farthest):
+            best, farthest, start = agreeing, onward * z, landing
     return start
 
 
-def fit_span(ways: FloatArray, z: FloatArray, sigma: FloatArray, floor: float) -> FreeSpan | None:
-    """Return the straight line through sightings of the free cable; None for fewer than three.
+@called
+def fit_span(
+    ways: FloatArray, z: FloatArray, sigma: FloatArray, floor: float
+) -> FreeSpan:  # pragma: no cover
+    """Return the straight line through sightings of the free cable; NO_SPAN for fewer than three.
 
     Sightings that are off by more than three times the usual are left out.
 
@@ -93,38 +145,61 @@ def fit_span(ways: FloatArray, z: FloatArray, sigma: FloatArray, floor: float) -
         sigma: Of z [m], shape (n,).
         floor: Error that all sightings share [m].
     """
-    used = np.ones(ways.size, dtype=bool)
+    size = ways.size
+    if size < 3:
+        return NO_SPAN
+    used, weights = np.empty(size, dtype=np.bool_), np.empty(size)
+    off, some = np.empty(size), np.empty(size)
+    for k in range(size):
+        used[k] = True
+        weights[k] = 1.0 / sigma[k] ** 2
+        some[k] = sigma[k]
+    usual_sigma = median(some, size)
     for _ in range(4):
-        if used.sum() < 3:
-            return None
-        weight = 1.0 / sigma[used] ** 2
-        x, y = ways[used], z[used]
-        mean_x, mean_y = np.average(x, weights=weight), np.average(y, weights=weight)
-        spread = float((weight * (x - mean_x) ** 2).sum())
+        count, total, mean_x, mean_y = 0, 0.0, 0.0, 0.0
+        for k in range(size):
+            if used[k]:
+                count += 1
+                total += weights[k]
+                mean_x += weights[k] * ways[k]
+                mean_y += weights[k] * z[k]
+        if count < 3:
+            return NO_SPAN
+        mean_x /= total
+        mean_y /= total
+        spread, slope = 0.0, 0.0
+        for k in range(size):
+            if used[k]:
+                spread += weights[k] * (ways[k] - mean_x) ** 2
+                slope += weights[k] * (ways[k] - mean_x) * (z[k] - mean_y)
         if spread <= 0.0:
-            return None
-        slope = float((weight * (x - mean_x) * (y - mean_y)).sum() / spread)
-        start = float(mean_y - slope * mean_x)
-        off = np.abs(z - start - slope * ways)
-        limit = 3.0 * max(1.5 * float(np.median(off[used])), float(np.median(sigma)))
-        kept = off <= limit
-        if (kept == used).all():
+            return NO_SPAN
+        slope /= spread
+        start = mean_y - slope * mean_x
+        scatter, number = 0.0, 0
+        for k in range(size):
+            off[k] = abs(z[k] - start - slope * ways[k])
+            if used[k]:
+                scatter += weights[k] * off[k] ** 2
+                some[number] = off[k]
+                number += 1
+        limit = 3.0 * max(1.5 * median(some, number), usual_sigma)
+        changed, kept = False, 0
+        for k in range(size):
+            changed = changed or used[k] != (off[k] <= limit)
+            used[k] = off[k] <= limit
+            kept += used[k]
+        if not changed:
             break
-        used = kept
-    else:
-        if used.sum() < 3:
-            return None
-    count = int(used.sum())
-    scatter = float((weight * (y - start - slope * x) ** 2).sum()) / max(count - 2, 1)
-    factor = max(scatter, 1.0)
+    if kept < 3:
+        return NO_SPAN
+    factor = max(scatter / max(count - 2, 1), 1.0)
     return FreeSpan(
-        angle=math.atan(slope),
-        sigma_angle=math.sqrt(factor / spread) / (1.0 + slope * slope),
-        contact_z=start,
-        sigma_contact_z=math.hypot(
-            math.sqrt(factor * (1.0 / float(weight.sum()) + mean_x**2 / spread)), floor
-        ),
-        rows=count,
+        math.atan(slope),
+        math.sqrt(factor / spread) / (1.0 + slope * slope),
+        start,
+        math.hypot(math.sqrt(factor * (1.0 / total + mean_x**2 / spread)), floor),
+        count,
     )
 
 

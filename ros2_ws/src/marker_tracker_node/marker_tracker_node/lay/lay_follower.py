@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
-from marker_tracker_node.lay.config import LayConfig
+from marker_tracker_node.lay.config import KNOWN, LayConfig
 from marker_tracker_node.lay.lay_tracker import LayReading, LayTracker
 from marker_tracker_node.lay.report import LayReport
+from marker_tracker_node.lay.turn_map import TurnMap
 from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.pose_correction import PoseBelief
 from marker_tracker_node.tracking.synchroniser import PairedFrame
 from marker_tracker_node.tracking.tracker import Tracker
 from winding_core.lay_records import LayFlag, name_of
@@ -28,7 +30,13 @@ class LayFollower:
         lay: Of this run; None before the first frame with an encoder reading.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, belief: PoseBelief | None = None) -> None:
+        """Start before a run.
+
+        Args:
+            belief: How well the camera's nominal pose is known; by ruler and level unless stated.
+        """
+        self._belief = PoseBelief() if belief is None else belief
         self.lay: LayTracker | None = None
         self._begun: tuple[Tracker, int, CameraPose] | None = None
 
@@ -38,8 +46,11 @@ class LayFollower:
             return
         begun = (tracker, tracker.beginnings, tracker.pose)
         if self.lay is None or begun != self._begun:
-            self.lay = LayTracker(lay_config(tracker.config, tracker.pose), tracker.camera)
+            self.lay = LayTracker(
+                lay_config(tracker.config, tracker.pose, self._belief), tracker.camera
+            )
             self._begun = begun
+        self.lay.anchored = tracker.zeroed
         run = tracker.state.run
         guide = pair.guide_z if pair.guide_z is not None else math.nan
         self.lay.take(
@@ -47,7 +58,7 @@ class LayFollower:
         )
 
 
-def lay_config(config: TrackerConfig, pose: CameraPose) -> LayConfig:
+def lay_config(config: TrackerConfig, pose: CameraPose, belief: PoseBelief = KNOWN) -> LayConfig:
     """Return how the lay of a tracker's machine is measured from a pose of the camera."""
     return LayConfig(
         cylinder_radius=config.cylinder_radius,
@@ -55,6 +66,7 @@ def lay_config(config: TrackerConfig, pose: CameraPose) -> LayConfig:
         advance_per_radian=config.advance_per_radian,
         free_length=config.free_length,
         pose=pose,
+        belief=belief,
     )
 
 
@@ -66,6 +78,8 @@ def warm_up(config: TrackerConfig) -> None:
     pose = CameraPose()
     black = np.zeros((48, 64, 3), dtype=np.uint8)
     LayTracker(lay_config(config, pose), camera).take(black, LayReading(cylinder_angle=0.0))
+    # A black picture shows no cable; where there is some, Python asks the map.
+    TurnMap().near(0.0, 0.1, 0.0)
 
 
 def write_lay(path: Path, report: LayReport) -> None:

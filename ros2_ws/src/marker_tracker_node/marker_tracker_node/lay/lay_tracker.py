@@ -10,28 +10,14 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.lay.config import LayConfig
-from marker_tracker_node.lay.free_span import (
-    FreeLength,
-    FreeSpan,
-    fit_span,
-    sightings_near,
-    towards_guide,
-)
-from marker_tracker_node.lay.numbering import TURN, number_turns
+from marker_tracker_node.lay.free_span import FreeLength, FreeSpan
+from marker_tracker_node.lay.numbering import Moment
+from marker_tracker_node.lay.pose_doubt import PoseDoubt
 from marker_tracker_node.lay.report import LayReport, defects_of, lay_records
-from marker_tracker_node.lay.row_measurement import (
-    KIND,
-    PLACE,
-    SIGMA,
-    STEEP,
-    SYSTEMATIC,
-    Z,
-    turns_in_row,
-)
-from marker_tracker_node.lay.rows import RowTable, choose_rows
-from marker_tracker_node.lay.segments import WHOLE
-from marker_tracker_node.lay.span_alignment import aligned_rows
+from marker_tracker_node.lay.rows import choose_rows
+from marker_tracker_node.lay.span_measurement import span_in
 from marker_tracker_node.lay.turn_map import TurnMap
+from marker_tracker_node.lay.wound_rows import take_row
 from winding_core.lay_records import LayRecords
 
 # The free span changes more slowly than there is new cable.
@@ -41,8 +27,8 @@ MOST_DOUBT, MOST_ROWS = 0.01, 0.6
 # A span that was seen so long ago may be anywhere [rad].
 SPAN_MEMORY = 0.5
 
-FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +53,8 @@ class LayTracker:
     Attributes:
         config: Machine and limits.
         span: The free span as it was seen last, None before that.
+        anchored: Whether the camera's pose was turned until P0 stood where it must, which is then
+            known better than `LayConfig.belief` says.
     """
 
     def __init__(self, config: LayConfig, camera: PinholeCamera) -> None:
@@ -77,7 +65,9 @@ class LayTracker:
             camera: What CameraInfo says.
         """
         self.config = config
+        self._machine = config.machine
         self.span: FreeSpan | None = None
+        self.anchored = False
         self._shape = camera.shape
         self._wound, self._free = choose_rows(
             camera.view(config.pose),
@@ -89,9 +79,12 @@ class LayTracker:
             ways=config.ways,
             longest=config.longest,
         )
-        self._wound_at = np.full(len(self._wound), math.nan)
+        self._wound_at = [math.nan] * self._wound.row.size
         self._free_at = math.nan
         self._span_at = math.nan
+        self._doubt = PoseDoubt(
+            camera, config.pose, config.belief, rho=config.rho, rows=self._wound
+        )
         self._turns = TurnMap()
         self._length = FreeLength(config.roll_doubt)
         self._angle = math.nan
@@ -125,12 +118,12 @@ class LayTracker:
             self._free_at = angle
             self._take_free(still, reading)
         number = 0
-        for k, row in enumerate(self._wound):
-            if not abs(angle - self._wound_at[k]) < step:
+        for k, at in enumerate(self._wound_at):
+            if not abs(angle - at) < step:
                 # After the first frame each has its turn.
-                fresh = math.isnan(self._wound_at[k])
-                self._wound_at[k] = angle - (step * k / len(self._wound) if fresh else 0.0)
-                number += self._take_wound(still, row, reading)
+                fresh = step * k / len(self._wound_at) if math.isnan(at) else 0.0
+                self._wound_at[k] = angle - fresh
+                number += self._take_wound(still, k, reading)
         return number
 
     def report(self) -> LayReport:
@@ -151,7 +144,11 @@ class LayTracker:
         Args:
             newest: Turns at the end that are told, None for all.
         """
-        return lay_records(self.config, self._turns, self._angle, newest)
+        return lay_records(self.config, self._turns, self._angle, newest, self._pose_sigma)
+
+    def _pose_sigma(self, z: FloatArray) -> FloatArray:
+        slope = self.config.advance_per_radian
+        return self._doubt.sigma(z, slope, anchored=self.anchored)
 
     def _slope(self) -> float:
         """Return dz/dtheta of the cable that lands now [m/rad]."""
@@ -165,36 +162,17 @@ class LayTracker:
             return math.nan
         return self.span.contact_z
 
-    def _take_wound(self, frame: ByteArray, row: RowTable, reading: LayReading) -> int:
-        config, slope, angle = self.config, self._slope(), reading.cylinder_angle
-        found = turns_in_row(frame, row, slope / config.rho)
-        numbers = number_turns(
-            found,
+    def _take_wound(self, frame: ByteArray, k: int, reading: LayReading) -> int:
+        angle = reading.cylinder_angle
+        # P0's clamped tail ends before it, the newest cable at the contact line.
+        self._turns.reserve(angle)
+        moment = Moment(
             angle=angle,
-            turns=self._turns,
-            slope=slope,
-            diameter=config.diameter,
-            onward=config.onward,
+            slope=self._slope(),
             landing=self._landing(angle),
             farthest=self._farthest(reading),
         )
-        floor = SYSTEMATIC * config.cable_radius / float(row.half[row.half.size // 2])
-        for index, m in numbers.items():
-            turn = found[index]
-            theta = angle - turn[PLACE] - TURN * m
-            before = self._turns.near(theta - 0.2, 0.2, slope)
-            after = self._turns.near(theta + 0.2, 0.2, slope)
-            local = (after - before) / 0.4
-            self._turns.add(
-                theta,
-                turn[Z],
-                slope=local if math.isfinite(local) else slope,
-                sigma=float(turn[SIGMA]),
-                floor=floor,
-                whole=bool(turn[KIND] == WHOLE),
-                steep=float(turn[STEEP]),
-            )
-        return len(numbers)
+        return int(take_row(frame, self._wound, k, self._turns.places, self._machine, moment))
 
     def _farthest(self, reading: LayReading) -> float:
         """Return how far along the cylinder there can be cable [m]: up to the guide."""
@@ -205,42 +183,19 @@ class LayTracker:
 
     def _take_free(self, frame: ByteArray, reading: LayReading) -> None:
         """Measure the free span, if its rows show one."""
-        if len(self._free) < 3:
+        if self._free.row.size < 3:
             return
-        config, angle = self.config, reading.cylinder_angle
-        found = [turns_in_row(frame, row, 0.0) for row in self._free]
-        start, slope = self._expected_span(found, reading)
-        if not math.isfinite(start):
-            return
-        seen = sightings_near(found, start, slope, 0.6 * config.diameter)
-        if len(seen) < 3:
-            return
-        floor = SYSTEMATIC * config.cable_radius / float(np.median(self._free[0].half))
-        span = fit_span(seen[:, 0], seen[:, 1], seen[:, 2], floor)
-        if span is None:
-            return
-        ways, z, sigma = aligned_rows(frame, self._free, span)
-        span = fit_span(ways, z, sigma, span.sigma_contact_z) or span
-        if (
-            span.rows < MOST_ROWS * len(self._free)
-            or span.sigma_angle > MOST_DOUBT
-            or abs(span.contact_z - start) > 0.5 * config.diameter
-        ):
-            return
-        self.span, self._span_at = span, angle
-        if math.isfinite(reading.guide_z):
-            self._length.add(span, reading.guide_z)
-
-    def _expected_span(self, found: list[FloatArray], reading: LayReading) -> tuple[float, float]:
-        """Return where the cable should land [m] and its dz per way towards the guide."""
         config, angle = self.config, reading.cylinder_angle
         guide = reading.guide_z
         if not math.isfinite(guide):
             guide = config.advance_per_radian * angle
+        start = slope = math.nan
         if self.span is not None and abs(angle - self._span_at) < SPAN_MEMORY:
             start = self._turns.near(angle, SPAN_MEMORY, self._slope())
-            return (start if math.isfinite(start) else self.span.contact_z), self.span.slope
-        start = towards_guide(
-            found, guide, config.free_length, 0.4 * config.diameter, config.onward
-        )
-        return start, (guide - start) / config.free_length
+            start, slope = start if math.isfinite(start) else self.span.contact_z, self.span.slope
+        span = FreeSpan(*span_in(frame, self._free, start, slope, guide, self._machine))
+        if span.rows < MOST_ROWS * self._free.row.size or span.sigma_angle > MOST_DOUBT:
+            return
+        self.span, self._span_at = span, angle
+        if math.isfinite(reading.guide_z):
+            self._length.add(span, reading.guide_z)

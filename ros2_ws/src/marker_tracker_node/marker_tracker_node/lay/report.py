@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,7 +58,11 @@ class LayReport:
 
 
 def lay_records(
-    config: LayConfig, turns: TurnMap, angle: float, newest: int | None = None
+    config: LayConfig,
+    turns: TurnMap,
+    angle: float,
+    newest: int | None = None,
+    pose_sigma: Callable[[FloatArray], FloatArray] | None = None,
 ) -> LayRecords:
     """Return a record for every place that was seen, by rising wound angle.
 
@@ -67,8 +71,9 @@ def lay_records(
         turns: What was seen.
         angle: Azimuth of P0 at the records' time, whole turns included [rad].
         newest: Turns at the end that are told, None for all.
+        pose_sigma: Standard deviation [m] of z [m] that the camera's pose leaves, None for none.
     """
-    seen = np.flatnonzero(turns.count[BEFORE:] > 0) + BEFORE
+    seen = np.flatnonzero(turns.places.sightings[BEFORE:] > 0) + BEFORE
     if newest is not None and seen.size:
         seen = seen[seen > seen[-1] - newest * PLACES_PER_TURN]
     z, lift, pitch, flags = _judged(config, turns)
@@ -82,9 +87,10 @@ def lay_records(
     records["turn"] = (seen - BEFORE) // PLACES_PER_TURN
     records["theta"] = theta
     # A soft cable may be pressed flat where it is thought to lie higher.
-    doubt = LIFT_DOUBT * lift[seen] * np.abs(turns.steep[seen])
-    scatter = 1.0 / np.sqrt(turns.weight[seen])
-    records["sigma_z"] = np.sqrt(scatter**2 + turns.floor[seen] ** 2 + doubt**2)
+    doubt = LIFT_DOUBT * lift[seen] * np.abs(turns.places.steep[seen])
+    scatter = 1.0 / np.sqrt(turns.places.weight[seen])
+    posed = 0.0 if pose_sigma is None else pose_sigma(z[seen])
+    records["sigma_z"] = np.sqrt(scatter**2 + turns.places.floor[seen] ** 2 + doubt**2 + posed**2)
     records["pitch"] = pitch[seen]
     records["lift"] = lift[seen]
     records["flags"] = flags[seen]
@@ -99,8 +105,11 @@ def _judged(
     meant = max(2.0 * math.pi * abs(config.advance_per_radian), d)
     # Whole turns as rows, from half a turn before P0: what lies over each other stands in a column.
     shape = (-1, PLACES_PER_TURN)
-    seen, whole = (turns.count > 0).reshape(shape), turns.whole.reshape(shape) > 0.5
-    plain, steep = turns.z.reshape(shape), turns.steep.reshape(shape)
+    seen, whole = (
+        (turns.places.sightings > 0).reshape(shape),
+        turns.places.whole.reshape(shape) > 0.5,
+    )
+    plain, steep = turns.places.z.reshape(shape), turns.places.steep.reshape(shape)
     z, lift = plain.copy(), np.zeros(plain.shape)
     pitch, flags = np.full(plain.shape, np.nan), np.zeros(plain.shape, dtype=np.uint32)
     rows = np.flatnonzero(seen.any(axis=1))

@@ -15,7 +15,7 @@ from marker_tracker_node.lay.boundaries import (
     refined_edge,
 )
 from marker_tracker_node.lay.edges import edges_of, signal_of
-from marker_tracker_node.lay.rows import RowTable
+from marker_tracker_node.lay.rows import RowTables
 from marker_tracker_node.lay.segments import (
     BARE,
     HIDDEN_ABOVE,
@@ -26,7 +26,7 @@ from marker_tracker_node.lay.segments import (
     bulge,
     explain,
 )
-from winding_core.compiling import called, compiled
+from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
@@ -46,39 +46,41 @@ FITTED_SHARE, FITTED_LEAST = 0.6, 3.2
 # By which share of half a turn its told width may be off.
 WIDTH_DOUBT = 0.02
 
-# What is known of a turn in a row, see `turns_in_row`.
+# What is known of a turn in a row, see `measure_row`.
 PLACE, Z, SIGMA, WIDTH, STEEP, REACH, KIND = range(7)
 NUMBERS = 7
 
 
-def turns_in_row(pixels: ByteArray, table: RowTable, slant: float) -> FloatArray:
-    """Return the turns that a row shows, by rising column, shape (turns, 7).
-
-    The columns are place (azimuth [rad], or way on the free span [m]), z [m] as of a turn on the
-    cylinder, its standard deviation [m], the visible width over the cable's, steepness and reach
-    of the ray (`RowTable`), and the kind (`segments`).
+@called
+def measure_row(
+    pixels: ByteArray,
+    rows: RowTables,
+    k: int,
+    window: tuple[int, int],
+    slant: float,
+    found: FloatArray,
+) -> int:  # pragma: no cover
+    """Write the turns that a row shows, by rising column, and return their number.
 
     Args:
         pixels: Blue-green-red, shape (rows, columns, 3).
-        table: Of the row.
+        rows: What the rows look at.
+        k: Which of them is measured.
+        window: First group that counts, and the first that does not any more.
         slant: Expected dz per way around the cylinder.
+        found: To be written, shape (MOST_EDGES, NUMBERS): place (azimuth [rad], or way on the free
+            span [m]), z [m] as of a turn on the cylinder, its standard deviation [m], the visible
+            width over the cable's, steepness and reach of the ray (`RowTables`), and the kind
+            (`segments`).
     """
-    found = np.empty((MOST_EDGES, NUMBERS))
-    count = measure_row(pixels, table, slant, found)
-    return found[:count]
-
-
-@compiled
-def measure_row(
-    pixels: ByteArray, table: RowTable, slant: float, found: FloatArray
-) -> int:  # pragma: no cover
-    """Write the turns that a row shows, see `turns_in_row`, and return their number."""
-    columns = table.z.size
+    begin, end = window
+    columns = end - begin
     signal, strength = np.empty(columns), np.empty(columns)
     sums = np.empty(columns + 1)
     where, plain, creased = np.empty(MOST_EDGES), np.empty(MOST_EDGES), np.empty(MOST_EDGES)
-    signal_of(pixels, table.row, table.group, signal)
-    half = table.half
+    signal_of(pixels, rows.row[k], rows.group, begin, signal)
+    half, all_z = rows.half[k, begin:end], rows.z[k, begin:end]
+    all_places = rows.place[k, begin:end]
     count, half_contrast = edges_of(signal, half, sums, strength, where, plain, creased)
     count = _moved_to_rims(signal, half, where, plain, creased, count)
     if count < 2:
@@ -105,22 +107,22 @@ def measure_row(
         edge, kind = start, before
     stretch = math.sqrt(1.0 + slant * slant)
     number = 0
-    for k in range(parts - 1, -1, -1):
-        own = half[int(0.5 * (first[k] + last[k]))] * stretch
-        touched_below = k + 1 < parts and last[k + 1] == first[k]
-        touched_above = k > 0 and first[k - 1] == last[k]
-        kind = int(kinds[k])
-        wide = last[k] - first[k]
+    for part in range(parts - 1, -1, -1):
+        own = half[int(0.5 * (first[part] + last[part]))] * stretch
+        touched_below = part + 1 < parts and last[part + 1] == first[part]
+        touched_above = part > 0 and first[part - 1] == last[part]
+        kind = int(kinds[part])
+        wide = last[part] - first[part]
         low, low_sigma = math.nan, math.nan
         if kind != HIDDEN_BELOW:
-            width_below = last[k + 1] - first[k + 1] if touched_below else math.inf
-            cable_below = touched_below and kinds[k + 1] != HIDDEN_ABOVE
-            low, low_sigma = _edge(signal, first[k], own, width_below, wide, cable_below, True)
+            width_below = last[part + 1] - first[part + 1] if touched_below else math.inf
+            cable_below = touched_below and kinds[part + 1] != HIDDEN_ABOVE
+            low, low_sigma = _edge(signal, first[part], own, width_below, wide, cable_below, True)
         high, high_sigma = math.nan, math.nan
         if kind != HIDDEN_ABOVE:
-            width_above = last[k - 1] - first[k - 1] if touched_above else math.inf
-            cable_above = touched_above and kinds[k - 1] != HIDDEN_BELOW
-            high, high_sigma = _edge(signal, last[k], own, wide, width_above, True, cable_above)
+            width_above = last[part - 1] - first[part - 1] if touched_above else math.inf
+            cable_above = touched_above and kinds[part - 1] != HIDDEN_BELOW
+            high, high_sigma = _edge(signal, last[part], own, wide, width_above, True, cable_above)
         if kind == WHOLE:
             # Edges that are known as well weigh the same, however wide the turn looks.
             doubt = WIDTH_DOUBT * own
@@ -137,14 +139,14 @@ def measure_row(
             continue
         u = int(column)
         share = column - u
-        z = table.z[u] + share * (table.z[u + 1] - table.z[u])
-        per_column = abs(table.z[u + 1] - table.z[u])
-        found[number, PLACE] = table.place[u] + share * (table.place[u + 1] - table.place[u])
+        z = all_z[u] + share * (all_z[u + 1] - all_z[u])
+        per_column = abs(all_z[u + 1] - all_z[u])
+        found[number, PLACE] = all_places[u] + share * (all_places[u + 1] - all_places[u])
         found[number, Z] = z
         found[number, SIGMA] = per_column * math.hypot(sigma, SYSTEMATIC)
         found[number, WIDTH] = wide / (2.0 * own)
-        found[number, STEEP] = table.steep[u]
-        found[number, REACH] = table.reach[u]
+        found[number, STEEP] = rows.steep[k, begin + u]
+        found[number, REACH] = rows.reach[k, begin + u]
         found[number, KIND] = kind
         number += 1
     return number

@@ -18,6 +18,7 @@ from marker_tracker_node.camera.pinhole import CameraView, plane_of_pixel
 from winding_core.compiling import compiled
 
 FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
 
 # Columns between which places are interpolated; lenses bend less than 1e-4 px within them.
 COLUMN_STEP = 8
@@ -25,16 +26,15 @@ COLUMN_STEP = 8
 HALF_WANTED = 12.0
 
 
-class RowTable(NamedTuple):
-    """What a row of the picture looks at, arrays with a place for each group of columns.
+class RowTables(NamedTuple):
+    """What some rows of the picture look at; arrays of shape (rows, groups) but for `row`.
 
     So many columns are taken together that half a turn is about `HALF_WANTED` groups wide: more say
     no more, and cost time.
 
     Attributes:
-        row: Of the picture.
+        row: Of the picture, shape (rows,).
         group: Columns in each group; what is left over at the right is not looked at.
-        free: Whether the row looks at the free span.
         place: Azimuth on the cylinder [rad]; on the free span, the way before the contact [m].
         z: [m]
         half: Half the width of a level turn [groups].
@@ -42,9 +42,8 @@ class RowTable(NamedTuple):
         reach: Distance of the camera from the surface, along its normal [m].
     """
 
-    row: int
+    row: IndexArray
     group: int
-    free: bool
     place: FloatArray
     z: FloatArray
     half: FloatArray
@@ -53,53 +52,69 @@ class RowTable(NamedTuple):
 
 
 @compiled
-def _meeting(
-    view: CameraView, rho: float, free: bool, column: float, row: float
-) -> tuple[float, float, float, float]:  # pragma: no cover
-    """Return place, z [m], steepness and reach [m] where a pixel's ray meets the lay."""
-    a, b = plane_of_pixel(view, column, row)
-    dx = view.right_x * a + view.down_x * b + view.forward_x
-    dy = view.right_y * a + view.down_y * b + view.forward_y
-    dz = view.right_z * a + view.down_z * b + view.forward_z
-    if free:
-        depth = (rho - view.x) / dx
-        reach = view.x - rho
-        place = -(view.y + depth * dy)
-    else:
-        square = dx * dx + dy * dy
-        half = view.x * dx + view.y * dy
-        room = half * half - square * (view.x * view.x + view.y * view.y - rho * rho)
-        if room < 0.0:
-            return math.nan, math.nan, math.nan, math.nan
-        depth = (-half - math.sqrt(room)) / square
-        place = math.atan2(view.y + depth * dy, view.x + depth * dx)
-        reach = view.x * math.cos(place) + view.y * math.sin(place) - rho
-    z = view.z + depth * dz
-    return place, z, (z - view.z) / reach, reach
+def meetings(
+    view: CameraView, rho: float, free: bool, columns: FloatArray, rows: FloatArray
+) -> FloatArray:  # pragma: no cover
+    """Return place, z [m], steepness and reach [m] of rays, shape (rows, columns, 4).
+
+    They are nan where a ray misses the lay.
+    """
+    met = np.full((rows.size, columns.size, 4), math.nan)
+    for v in range(rows.size):
+        for u in range(columns.size):
+            a, b = plane_of_pixel(view, columns[u], rows[v])
+            dx = view.right_x * a + view.down_x * b + view.forward_x
+            dy = view.right_y * a + view.down_y * b + view.forward_y
+            dz = view.right_z * a + view.down_z * b + view.forward_z
+            if free:
+                depth = (rho - view.x) / dx
+                reach = view.x - rho
+                place = -(view.y + depth * dy)
+            else:
+                square = dx * dx + dy * dy
+                half = view.x * dx + view.y * dy
+                room = half * half - square * (view.x * view.x + view.y * view.y - rho * rho)
+                if room < 0.0:
+                    continue
+                depth = (-half - math.sqrt(room)) / square
+                place = math.atan2(view.y + depth * dy, view.x + depth * dx)
+                reach = view.x * math.cos(place) + view.y * math.sin(place) - rho
+            z = view.z + depth * dz
+            met[v, u, 0] = place
+            met[v, u, 1] = z
+            met[v, u, 2] = (z - view.z) / reach
+            met[v, u, 3] = reach
+    return met
 
 
-def row_table(
-    view: CameraView, columns: int, *, rho: float, cable_radius: float, row: int, free: bool
-) -> RowTable:
-    """Return what a row of the picture looks at.
+def row_tables(
+    view: CameraView, columns: int, *, rho: float, cable_radius: float, rows: list[int], free: bool
+) -> RowTables:
+    """Return what rows of the picture look at.
 
     Args:
         view: The camera.
         columns: Of the picture.
         rho: R + r [m].
         cable_radius: r [m].
-        row: Of the picture.
-        free: Whether the row shows the free span.
+        rows: Of the picture.
+        free: Whether the rows show the free span.
     """
     coarse = np.arange(-COLUMN_STEP, columns + COLUMN_STEP, COLUMN_STEP, dtype=float)
-    met = np.array([_meeting(view, rho, free, column, float(row)) for column in coarse])
-    per_column = np.gradient(met[:, 1], coarse)
-    half = cable_radius * np.sqrt(1.0 + met[:, 2] ** 2) / np.abs(per_column)
-    group = max(1, round(float(np.median(half)) / HALF_WANTED))
+    met = meetings(view, rho, free, coarse, np.array(rows, dtype=float))
+    per_column = np.gradient(met[:, :, 1], coarse, axis=1)
+    half = cable_radius * np.sqrt(1.0 + met[:, :, 2] ** 2) / np.abs(per_column)
+    group = max(1, round(float(np.median(half)) / HALF_WANTED)) if rows else 1
     at = group * (np.arange(columns // group) + 0.5) - 0.5
-    place, z, steep, reach = (np.interp(at, coarse, part) for part in met.T)
-    half = np.interp(at, coarse, half) / group
-    return RowTable(row, group, free, place, z, half, steep, reach)
+
+    def finer(part: FloatArray) -> FloatArray:
+        lines = [np.interp(at, coarse, line) for line in part]
+        return np.array(lines).reshape(len(rows), at.size)
+
+    place, z, steep, reach = (finer(met[:, :, k]) for k in range(4))
+    return RowTables(
+        np.array(rows, dtype=np.int64), group, place, z, finer(half) / group, steep, reach
+    )
 
 
 def choose_rows(
@@ -112,7 +127,7 @@ def choose_rows(
     widest: float,
     ways: int,
     longest: float,
-) -> tuple[list[RowTable], list[RowTable]]:
+) -> tuple[RowTables, RowTables]:
     """Return rows over the wound cable, by rising azimuth, and over the free span, by rising way.
 
     Args:
@@ -126,26 +141,28 @@ def choose_rows(
         longest: Largest way before the contact line [m].
     """
     rows, columns = shape
-    middle = 0.5 * (columns - 1)
-    inner = range(1, rows - 1)
-    wound, free = [], []
-    for row in inner:
-        azimuth = _meeting(view, rho, False, middle, float(row))[0]
-        way = _meeting(view, rho, True, middle, float(row))[0]
-        if 0.0 < azimuth <= widest:
-            wound.append((azimuth, row))
-        if 0.5 * cable_radius < way <= longest:
-            free.append((way, row))
+    middle = np.array([0.5 * (columns - 1)])
+    inner = np.arange(1.0, rows - 1.0)
     made = []
-    for found, count, is_free in ((wound, azimuths, False), (free, ways, True)):
-        found.sort()
+    for free, low, high, count in (
+        (False, 0.0, widest, azimuths),
+        (True, 0.5 * cable_radius, longest, ways),
+    ):
+        places = meetings(view, rho, free, middle, inner)[:, 0, 0]
+        found = sorted(
+            (float(place), int(row))
+            for place, row in zip(places, inner, strict=True)
+            if low < place <= high
+        )
         picked = sorted({round(k) for k in np.linspace(0, len(found) - 1, min(count, len(found)))})
         made.append(
-            [
-                row_table(
-                    view, columns, rho=rho, cable_radius=cable_radius, row=found[k][1], free=is_free
-                )
-                for k in picked
-            ]
+            row_tables(
+                view,
+                columns,
+                rho=rho,
+                cable_radius=cable_radius,
+                rows=[found[k][1] for k in picked],
+                free=free,
+            )
         )
     return made[0], made[1]

@@ -85,8 +85,7 @@ def _inner(edges: Edges, i: int, j: int) -> float:  # pragma: no cover
     cost = 0.0
     low, width = edges.where[i], edges.where[j] - edges.where[i]
     for k in range(i + 1, j):
-        share = (edges.where[k] - low) / width
-        if 0.12 < share < 0.88:
+        if 0.12 * width < edges.where[k] - low < 0.88 * width:
             crease = edges.creased[k]
             price = INNER_CREASE if crease > 0.7 else INNER_STEP
             cost += edges.plain[k] * price
@@ -111,43 +110,48 @@ def explain(
     score, last, before = room.score, room.last, room.before
     margin = 0.0
     best_margin, best_edge, best_kind = 0.0, -1, BARE
+    # The best that ends with a turn before an edge and with bare cylinder since.
+    after, after_edge, after_kind, before_left = -math.inf, -1, BARE, 0.0
     for j in range(count):
         earned = edges.plain[j] - BOUNDARY_COST
+        left = _left_over(edges, j)
         for kind in range(4):
             score[j, kind] = -math.inf
             last[j, kind] = -1
             before[j, kind] = BARE
         # The bare beginning of the row up to this edge.
         score[j, BARE] = margin + earned
-        margin -= _left_over(edges, j)
-        bare = 0.0
+        margin -= left
+        # After a turn that shows its upper edge, bare cylinder.
+        if j > 0:
+            after -= before_left
+            for kind in (WHOLE, HIDDEN_BELOW):
+                if score[j - 1, kind] >= after:
+                    after, after_edge, after_kind = score[j - 1, kind], j - 1, kind
+            if after + earned > score[j, BARE]:
+                score[j, BARE] = after + earned
+                last[j, BARE], before[j, BARE] = after_edge, after_kind
+        before_left = left
         for i in range(j - 1, -1, -1):
             half = edges.half[int(0.5 * (edges.where[i] + edges.where[j]))]
             width = edges.where[j] - edges.where[i]
             share = width / (2.0 * half)
-            # After a turn that shows its upper edge, bare cylinder.
-            for kind in (WHOLE, HIDDEN_BELOW):
-                value = score[i, kind] + bare + earned
-                if value > score[j, BARE]:
-                    score[j, BARE], last[j, BARE], before[j, BARE] = value, i, kind
-            bare -= _left_over(edges, i)
             play = PLAY / (2.0 * half)
             if share > WIDEST + play:
-                if bare < -4.0:
-                    break
-                continue
+                break
+            inner = _inner(edges, i, j)
             if NARROWEST - play < share < WIDEST + play:
                 misfit = max(abs(share - 1.0) - 0.5 * play, 0.0)
                 rise = bulge(edges, edges.where[i], edges.where[j])
                 plainness = rise * abs(rise) / (rise * rise + half_bulge * half_bulge)
                 worth = BULGE_GAIN * plainness
-                worth -= WHOLE_COST + 4.0 * misfit + _inner(edges, i, j)
+                worth -= WHOLE_COST + 4.0 * misfit + inner
                 for kind in range(4):
                     value = score[i, kind] + worth + earned
                     if value > score[j, WHOLE]:
                         score[j, WHOLE], last[j, WHOLE], before[j, WHOLE] = value, i, kind
             if share < MOST_PART and width > max(LEAST_PART * 2.0 * half, 1.5):
-                worth = -PART_COST - _inner(edges, i, j)
+                worth = -PART_COST - inner
                 for kind in (BARE, WHOLE, HIDDEN_BELOW):
                     value = score[i, kind] + worth + earned
                     if value > score[j, HIDDEN_ABOVE]:

@@ -6,11 +6,15 @@ is known better than any edge, whose fit errs with the place of the edge within 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.lay.edges import signal_of
 from marker_tracker_node.lay.free_span import FreeSpan
-from marker_tracker_node.lay.rows import RowTable
+from marker_tracker_node.lay.rows import RowTables
+from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
@@ -18,77 +22,140 @@ ByteArray = NDArray[np.uint8]
 # Inside the cable, where nothing of what stands behind it shows [half widths].
 INSIDE = 0.92
 SAMPLES = 49
+SPACING = 2.0 * INSIDE / (SAMPLES - 1)
 PASSES = 2
+LEAST_PIVOT = 1.0e-12
 
 
+@called
 def aligned_rows(
-    frame: ByteArray, rows: list[RowTable], span: FreeSpan
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return way [m], z [m] and the standard deviation of z [m] of each row's cable.
+    pixels: ByteArray, rows: RowTables, span: FreeSpan, seen: FloatArray
+) -> None:  # pragma: no cover
+    """Write way [m], z [m] and the standard deviation of z [m] of each row's cable.
 
     Args:
-        frame: Blue-green-red, shape (rows, columns, 3).
+        pixels: Blue-green-red, shape (rows, columns, 3).
         rows: Over the free span.
         span: As the edges tell it; the mean z stays as it says.
+        seen: To be written, shape (3, rows).
     """
-    at = np.linspace(-INSIDE, INSIDE, SAMPLES)
-    signals = [_signal(frame, row) for row in rows]
-    ways = np.empty(len(rows))
-    columns, halves, scales = (np.empty(len(rows)) for _ in range(3))
-    for k, row in enumerate(rows):
-        middle = row.z.size // 2
-        ways[k] = row.place[middle]
-        columns[k] = np.interp(span.contact_z + span.slope * ways[k], row.z, np.arange(row.z.size))
-        u = int(np.clip(columns[k], 0, row.z.size - 2))
-        ways[k] = row.place[u]
-        halves[k] = row.half[u] / np.cos(span.angle)
-        scales[k] = row.z[u + 1] - row.z[u]
-    moved = np.zeros(len(rows))
-    sigma = np.full(len(rows), np.inf)
+    number, groups = rows.z.shape
+    signals = np.empty((number, groups))
+    columns, halves, scales = np.empty(number), np.empty(number), np.empty(number)
+    slope = math.tan(span.angle)
+    for k in range(number):
+        signal_of(pixels, rows.row[k], rows.group, 0, signals[k])
+        way = rows.place[k, groups // 2]
+        columns[k] = column_of(rows.z[k], span.contact_z + slope * way)
+        u = min(max(int(columns[k]), 0), groups - 2)
+        seen[0, k] = rows.place[k, u]
+        halves[k] = rows.half[k, u] / math.cos(span.angle)
+        scales[k] = rows.z[k, u + 1] - rows.z[k, u]
+    moved, sigma = np.zeros(number), np.empty(number)
+    profiles = np.empty((number, SAMPLES))
     for _ in range(PASSES):
-        profiles = np.array(
-            [
-                _cubic(signal, column + half * at)
-                for signal, column, half in zip(signals, columns + moved, halves, strict=True)
-            ]
-        )
-        levels = profiles.mean(axis=1, keepdims=True)
-        mean = (profiles / levels).mean(axis=0)
-        steep = np.gradient(mean, at)
-        parts = np.stack([np.ones_like(mean), mean - mean.mean(), steep])
-        solve = np.linalg.pinv(parts.T)
-        # What a row shows is the mean, brighter or darker, with more or less contrast, and moved.
-        fit = solve @ (profiles / levels).T
-        left = profiles / levels - (parts.T @ fit).T
-        moved -= fit[2] * halves / np.maximum(fit[1], 0.3)
-        scatter = np.sqrt((left**2).mean(axis=1))
-        spread = np.sqrt(max(float((steep**2).mean()), 1.0e-12))
+        for k in range(number):
+            _profile(signals[k], columns[k] + moved[k], halves[k], profiles[k])
+        _compare(profiles, halves, moved, sigma)
+    mean, weights = 0.0, 0.0
+    for k in range(number):
+        weight = 1.0 / max(sigma[k], 1.0e-3) ** 2
+        mean += weight * moved[k]
+        weights += weight
+    for k in range(number):
+        column = min(max(columns[k] + moved[k] - mean / weights, 0.0), groups - 1.0)
+        u = min(int(column), groups - 2)
+        seen[1, k] = rows.z[k, u] + (column - u) * (rows.z[k, u + 1] - rows.z[k, u])
+        seen[2, k] = max(sigma[k], 0.01) * abs(scales[k])
+
+
+@called
+def column_of(z: FloatArray, wanted: float) -> float:  # pragma: no cover
+    """Return where rising places reach one, by linear interpolation, within them."""
+    low, high = 0, z.size - 1
+    if wanted <= z[low]:
+        return float(low)
+    if wanted >= z[high]:
+        return float(high)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if z[middle] <= wanted:
+            low = middle
+        else:
+            high = middle
+    return low + float((wanted - z[low]) / (z[high] - z[low]))
+
+
+@called
+def _profile(
+    signal: FloatArray, column: float, half: float, profile: FloatArray
+) -> None:  # pragma: no cover
+    """Write a cable's brightness over its mean, by cubic interpolation, shape (SAMPLES,)."""
+    total = 0.0
+    for i in range(SAMPLES):
+        at = column + half * (i * SPACING - INSIDE)
+        low = min(max(math.floor(at), 1), signal.size - 3)
+        t = at - low
+        a, b, c, d = signal[low - 1], signal[low], signal[low + 1], signal[low + 2]
+        bend = 2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)
+        profile[i] = b + 0.5 * t * (c - a + t * bend)
+        total += profile[i]
+    if total > 0.0:
+        for i in range(SAMPLES):
+            profile[i] *= SAMPLES / total
+
+
+@called
+def _compare(
+    profiles: FloatArray, halves: FloatArray, moved: FloatArray, sigma: FloatArray
+) -> None:  # pragma: no cover
+    """Move each row to where it fits the mean of all, and tell how well it does.
+
+    What a row shows is the mean, brighter or darker, with more or less contrast, and moved.
+
+    Args:
+        profiles: Over their means, shape (rows, SAMPLES).
+        halves: Half the cable's width in each row [groups], shape (rows,).
+        moved: By how much each row is moved [groups], shape (rows,), to be improved.
+        sigma: Standard deviation of that [groups], shape (rows,), to be written.
+    """
+    number = halves.size
+    mean, steep = np.zeros(SAMPLES), np.empty(SAMPLES)
+    for k in range(number):
+        for i in range(SAMPLES):
+            mean[i] += profiles[k, i] / number
+    for i in range(SAMPLES):
+        low, high = max(i - 1, 0), min(i + 1, SAMPLES - 1)
+        steep[i] = (mean[high] - mean[low]) / ((high - low) * SPACING)
+    level = tilt = spread = 0.0
+    for i in range(SAMPLES):
+        level += mean[i] / SAMPLES
+        tilt += steep[i] / SAMPLES
+        spread += steep[i] ** 2 / SAMPLES
+    cc = ct = tt = 0.0
+    for i in range(SAMPLES):
+        contrast, change = mean[i] - level, steep[i] - tilt
+        cc += contrast * contrast
+        ct += contrast * change
+        tt += change * change
+    determinant = cc * tt - ct * ct
+    if determinant <= LEAST_PIVOT:
+        # All the same from rim to rim: nothing tells where a row stands.
+        for k in range(number):
+            sigma[k] = halves[k]
+        return
+    for k in range(number):
+        base, cy, ty = 0.0, 0.0, 0.0
+        for i in range(SAMPLES):
+            base += profiles[k, i] / SAMPLES
+            cy += (mean[i] - level) * profiles[k, i]
+            ty += (steep[i] - tilt) * profiles[k, i]
+        gain, shift = (cy * tt - ty * ct) / determinant, (ty * cc - cy * ct) / determinant
+        left = 0.0
+        for i in range(SAMPLES):
+            explained = base + gain * (mean[i] - level) + shift * (steep[i] - tilt)
+            left += (profiles[k, i] - explained) ** 2 / SAMPLES
+        moved[k] -= shift * halves[k] / max(gain, 0.3)
         # As many samples tell something of their own as there are groups of columns.
-        own = np.sqrt(np.maximum(2.0 * INSIDE * halves, 1.0))
-        sigma = halves * scatter / (spread * own)
-    moved -= np.average(moved, weights=1.0 / np.maximum(sigma, 1.0e-3) ** 2)
-    z = np.array(
-        [
-            np.interp(column + shift, np.arange(row.z.size), row.z)
-            for column, shift, row in zip(columns, moved, rows, strict=True)
-        ]
-    )
-    return ways, z, np.maximum(sigma, 0.01) * np.abs(scales)
-
-
-def _signal(frame: ByteArray, row: RowTable) -> FloatArray:
-    """Return the brightness of three rows, means of groups of columns."""
-    part = frame[row.row - 1 : row.row + 2].sum(axis=(0, 2), dtype=np.int64)
-    used = part[: row.z.size * row.group].reshape(-1, row.group)
-    return np.asarray(used.mean(axis=1), dtype=float)
-
-
-def _cubic(signal: FloatArray, at: FloatArray) -> FloatArray:
-    """Return a signal between its places, by cubic interpolation."""
-    low = np.clip(np.floor(at).astype(np.int64), 1, signal.size - 3)
-    t = at - low
-    a, b, c, d = (signal[low + k] for k in (-1, 0, 1, 2))
-    return np.asarray(
-        b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a))),
-        dtype=float,
-    )
+        own = math.sqrt(max(2.0 * INSIDE * halves[k], 1.0))
+        sigma[k] = halves[k] * math.sqrt(left) / (math.sqrt(max(spread, 1.0e-12)) * own)

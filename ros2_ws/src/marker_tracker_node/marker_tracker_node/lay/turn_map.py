@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
 
@@ -17,26 +20,35 @@ BEFORE = PLACES_PER_TURN // 2
 MEMORY = 60.0
 
 
-class TurnMap:
+class Places(NamedTuple):
     """Means of what was seen of the cable, by wound angle in places of 5 degrees.
 
     Attributes:
         z: Mean at the middle of each place, as of cable on the cylinder [m]; nan where unseen.
         weight: Sum of the weights, 1 / variance [1/m^2].
-        count: Sightings.
+        sightings: How often each was seen.
         whole: Share of sightings in which nothing lay on it.
-        steep: Mean steepness of the rays, see `RowTable`.
+        steep: Mean steepness of the rays, see `RowTables`.
         floor: Mean of the error that does not average out [m].
     """
 
-    def __init__(self) -> None:
-        self._allocate(16 * PLACES_PER_TURN)
+    z: FloatArray
+    weight: FloatArray
+    sightings: FloatArray
+    whole: FloatArray
+    steep: FloatArray
+    floor: FloatArray
 
-    def _allocate(self, size: int) -> None:
-        self.z = np.full(size, np.nan)
-        self.weight, self.count, self.whole, self.steep, self.floor = (
-            np.zeros(size) for _ in range(5)
-        )
+
+class TurnMap:
+    """Where every part of the wound cable was seen, with room for more of it.
+
+    Attributes:
+        places: By wound angle.
+    """
+
+    def __init__(self) -> None:
+        self.places = _room(16 * PLACES_PER_TURN)
 
     @staticmethod
     def theta_of(place: int) -> float:
@@ -47,6 +59,17 @@ class TurnMap:
     def place_of(theta: float) -> int:
         """Return the place of a wound angle [rad]; negative for cable that is not kept."""
         return math.floor(theta / PLACE_ANGLE) + BEFORE
+
+    def reserve(self, theta: float) -> None:
+        """Make room for cable up to a wound angle [rad]."""
+        old, size = self.places, self.places.z.size
+        if self.place_of(theta) < size:
+            return
+        while self.place_of(theta) >= size:
+            size *= 2
+        self.places = _room(size)
+        for before, after in zip(old, self.places, strict=True):
+            after[: before.size] = before
 
     def add(
         self,
@@ -59,69 +82,103 @@ class TurnMap:
         whole: bool,
         steep: float,
     ) -> None:
-        """Take a sighting.
-
-        Args:
-            theta: Wound angle [rad].
-            z: [m]
-            slope: dz/dtheta there [m/rad].
-            sigma: Of its scatter [m].
-            floor: Error that does not average out [m].
-            whole: Whether nothing lies on it.
-            steep: Of the ray, see `RowTable`.
-        """
-        place = self.place_of(theta)
-        if place < 0:
-            return
-        while place >= self.z.size:
-            self._grow()
-        if self.count[place] and not whole and self.whole[place] > 0.5:
-            # It was seen better before others came to lie on it.
-            return
-        z -= slope * (theta - self.theta_of(place))
-        added = 1.0 / (sigma * sigma)
-        kept = min(self.count[place], MEMORY)
-        weight = self.weight[place] * (kept / self.count[place] if self.count[place] else 0.0)
-        total = weight + added
-        share = added / total
-        self.z[place] = z if weight == 0.0 else self.z[place] + share * (z - self.z[place])
-        self.weight[place] = total
-        self.count[place] = kept + 1.0
-        for mean, value in ((self.whole, float(whole)), (self.steep, steep), (self.floor, floor)):
-            mean[place] += share * (value - mean[place])
+        """Take a sighting, see `add_sighting`."""
+        self.reserve(theta)
+        add_sighting(self.places, theta, z, slope, sigma, floor, whole, steep)
 
     def near(self, theta: float, reach: float, slope: float) -> float:
-        """Return z [m] expected at a wound angle from what was seen nearby, nan for nothing.
+        """Return z [m] expected at a wound angle, see `expected_near`."""
+        return expected_near(self.places, theta, reach, slope)
 
-        Args:
-            theta: Wound angle [rad].
-            reach: How far it may be carried on [rad].
-            slope: dz/dtheta with which it is carried on where only one side is known [m/rad].
-        """
-        middle = self.place_of(theta)
-        most = math.ceil(reach / PLACE_ANGLE)
-        below = self._seen(middle, -1, most)
-        above = self._seen(middle + 1, 1, most)
-        if below < 0 and above < 0:
-            return math.nan
-        if below >= 0 and above >= 0:
-            share = (theta - self.theta_of(below)) / ((above - below) * PLACE_ANGLE)
-            return float(self.z[below] + share * (self.z[above] - self.z[below]))
-        known = max(below, above)
-        further = known - 3 if known == below else known + 3
-        if 0 <= further < self.z.size and self.count[further]:
-            slope = (self.z[known] - self.z[further]) / ((known - further) * PLACE_ANGLE)
-        return float(self.z[known] + slope * (theta - self.theta_of(known)))
 
-    def _seen(self, place: int, way: int, most: int) -> int:
-        for k in range(place, place + way * (most + 1), way):
-            if 0 <= k < self.z.size and self.count[k]:
-                return k
-        return -1
+def _room(size: int) -> Places:
+    z = np.full(size, np.nan)
+    return Places(z, *(np.zeros(size) for _ in range(len(Places._fields) - 1)))
 
-    def _grow(self) -> None:
-        old = (self.z, self.weight, self.count, self.whole, self.steep, self.floor)
-        self._allocate(2 * self.z.size)
-        new = (self.z, self.weight, self.count, self.whole, self.steep, self.floor)
-        for before, after in zip(old, new, strict=True):
-            after[: before.size] = before
+
+@called
+def _theta_of(place: int) -> float:  # pragma: no cover
+    return (place - BEFORE + 0.5) * PLACE_ANGLE
+
+
+@called
+def _seen(places: Places, place: int, way: int, most: int) -> int:  # pragma: no cover
+    """Return the first place that was seen from one on, -1 for none."""
+    for k in range(place, place + way * (most + 1), way):
+        if 0 <= k < places.z.size and places.sightings[k] > 0.0:
+            return k
+    return -1
+
+
+@compiled
+def add_sighting(
+    places: Places,
+    theta: float,
+    z: float,
+    slope: float,
+    sigma: float,
+    floor: float,
+    whole: bool,
+    steep: float,
+) -> None:  # pragma: no cover
+    """Take a sighting; one that is farther on than there is room for is left out.
+
+    Args:
+        places: What is known.
+        theta: Wound angle [rad].
+        z: [m]
+        slope: dz/dtheta there [m/rad].
+        sigma: Of its scatter [m].
+        floor: Error that does not average out [m].
+        whole: Whether nothing lies on it.
+        steep: Of the ray, see `RowTables`.
+    """
+    place = math.floor(theta / PLACE_ANGLE) + BEFORE
+    if not 0 <= place < places.z.size:
+        return
+    count = places.sightings[place]
+    if count > 0.0 and not whole and places.whole[place] > 0.5:
+        # It was seen better before others came to lie on it.
+        return
+    z -= slope * (theta - _theta_of(place))
+    kept = min(count, MEMORY)
+    weight = places.weight[place] * (kept / count) if count > 0.0 else 0.0
+    added = 1.0 / (sigma * sigma)
+    total = weight + added
+    share = added / total
+    known = places.z[place]
+    places.z[place] = known + share * (z - known) if weight > 0.0 else z
+    places.weight[place] = total
+    places.sightings[place] = kept + 1.0
+    places.whole[place] += share * ((1.0 if whole else 0.0) - places.whole[place])
+    places.steep[place] += share * (steep - places.steep[place])
+    places.floor[place] += share * (floor - places.floor[place])
+
+
+@compiled
+def expected_near(
+    places: Places, theta: float, reach: float, slope: float
+) -> float:  # pragma: no cover
+    """Return z [m] expected at a wound angle from what was seen nearby, nan for nothing.
+
+    Args:
+        places: What is known.
+        theta: Wound angle [rad].
+        reach: How far it may be carried on [rad].
+        slope: dz/dtheta with which it is carried on where only one side is known [m/rad].
+    """
+    middle = math.floor(theta / PLACE_ANGLE) + BEFORE
+    most = math.ceil(reach / PLACE_ANGLE)
+    below = _seen(places, middle, -1, most)
+    above = _seen(places, middle + 1, 1, most)
+    if below < 0 and above < 0:
+        return math.nan
+    z = places.z
+    if below >= 0 and above >= 0:
+        share = (theta - _theta_of(below)) / ((above - below) * PLACE_ANGLE)
+        return float(z[below] + share * (z[above] - z[below]))
+    known = max(below, above)
+    further = known - 3 if known == below else known + 3
+    if 0 <= further < z.size and places.sightings[further] > 0.0:
+        slope = (z[known] - z[further]) / ((known - further) * PLACE_ANGLE)
+    return float(z[known] + slope * (theta - _theta_of(known)))

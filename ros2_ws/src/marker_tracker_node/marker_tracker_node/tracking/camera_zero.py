@@ -56,6 +56,12 @@ class CameraZero:
         self._stand = self._looked = math.nan
         self._moved = False
         self._passes = 0
+        self._pass_told = False
+
+    @property
+    def told(self) -> bool:
+        """Whether P0 has told the turn, and it was applied where it is large enough."""
+        return not self.remark and (bool(self._rest) or self._pass_told)
 
     def take(self, frame: ByteArray, colour: ColourModel, setup: Setup, angle: float) -> bool:
         """Take a frame before it is measured; return whether the pose has changed.
@@ -121,6 +127,7 @@ class CameraZero:
         turn, sigma = pass_turn(self._camera, self._config.pose, self.pose, self._config.body, rows)
         told = sigma <= PASS_SIGMA
         self.done |= bool(told.all())
+        self._pass_told |= bool(told.all())
         before = np.subtract(self.pose.tilt[:2], self._config.pose.tilt[:2])
         least = np.maximum(CONTRADICTION, 3.0 * sigma) if self._rest else sigma
         new = told & (np.abs(turn - before) > least)

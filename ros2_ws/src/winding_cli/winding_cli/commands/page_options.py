@@ -19,7 +19,9 @@ _TRACKER, _PAGE = "marker_tracker", "dashboard"
 _CAMERA = ("camera_position", "camera_tilt")
 
 
-def page_parameters(port: int | None, file: Path | None, namespace: str) -> dict[str, object]:
+def page_parameters(
+    port: int | None, file: Path | None, namespace: str, camera: Mapping[str, object]
+) -> dict[str, object]:
     """Return the page's parameters, from the user's file and the command line.
 
     Ends the command when the page cannot be served.
@@ -28,6 +30,7 @@ def page_parameters(port: int | None, file: Path | None, namespace: str) -> dict
         port: Of the command line, or None.
         file: The user's parameter file, or None.
         namespace: Of the graph.
+        camera: Where the command line says that it stands.
     """
     from winding_core.parameters import ParameterError, build, declarations
     from winding_ros.graph import PAGE, parameters_of
@@ -41,6 +44,7 @@ def page_parameters(port: int | None, file: Path | None, namespace: str) -> dict
             values |= {name: of_tracker[name] for name in _CAMERA if name in of_tracker}
             own = parameters_for(file, f"/{namespace}/{_PAGE}")
             values |= {name: value for name, value in own.items() if name in known}
+        values |= camera
         if port is not None:
             values["port"] = port
         page: Any = build(parameters_of(PAGE), values, owner=PAGE.name)

@@ -8,16 +8,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.output_path import check_output_folder, staged
 from winding_cli.commands.refusal import refuse, refused
+from winding_core.marker_parameters import DOT, MarkerLook
+from winding_core.options import typed_values
+from winding_core.parameters import build
 
 if TYPE_CHECKING:
     from winding_rig_node.camera import Scene
 
 
+@with_options(MarkerLook)
 def render(
-    folder: Annotated[Path, typer.Argument(help="Where pictures and truth go.")],
+    markers: Typed,
     *,
+    folder: Annotated[Path, typer.Argument(help="Where pictures and truth go.")],
     case: Annotated[int, typer.Option(help="Row of the paper's Table 1 (1 to 12).")] = 4,
     fps: Annotated[float, typer.Option(help="Frames per second.")] = 50.0,
     start_s: Annotated[float, typer.Option(help="First instant of the run, in seconds.")] = 0.0,
@@ -35,7 +41,15 @@ def render(
     from winding_core.cases import paper_case
     from winding_core.drive import DriveProfile
     from winding_core.fleet_angle import PAPER_FREE_LENGTH
-    from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene, SensorNoise
+    from winding_rig_node.camera import (
+        CablePath,
+        CameraConfig,
+        Paint,
+        Renderer,
+        Scene,
+        SensorNoise,
+        paint_of_hue,
+    )
     from winding_rig_node.camera.sequence import write_sequence
     from winding_rig_node.machine.lay import published_lay
 
@@ -49,6 +63,8 @@ def render(
         path = CablePath(theta=lay.path_theta, z=lay.path_z)
         config = CameraConfig(noise=SensorNoise(read=noise), bayer=bayer)
         renderer = Renderer(config.full_frame() if full else config)
+        look = build(MarkerLook, typed_values(MarkerLook, markers, spelled), owner="winding render")
+        paint = Paint(markers=tuple(paint_of_hue(hue) for hue in look.hues))
 
     def instants() -> Iterator[tuple[float, Scene]]:
         for k in range(round(duration_s * fps)):
@@ -65,6 +81,9 @@ def render(
                     guide_z=guide,
                     free_length=PAPER_FREE_LENGTH,
                     cylinder_speed=drive.speeds(t)[0],
+                    band_width=look.band_width,
+                    dot_size=look.dot_size if look.marker_kind == DOT else 0.0,
+                    paint=paint,
                 ),
             )
 

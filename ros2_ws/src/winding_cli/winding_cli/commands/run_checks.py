@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from winding_cli.commands.condition_options import Typed, spelled
 from winding_cli.commands.output_path import check_output_folder
 from winding_cli.commands.refusal import refuse
 from winding_core.marker_parameters import MarkerLook
-from winding_core.options import typed_values
+from winding_core.options import options, typed_values
 from winding_core.parameters import Value, build
 from winding_core.units import MEGABYTE
 
@@ -27,17 +28,45 @@ def look_of(typed: Typed) -> dict[str, Value]:
     Raises:
         ParameterError: They name no colours, or such as are too much alike.
     """
-    values = typed_values(MarkerLook, typed, spelled)
+    names = options(MarkerLook)
+    values = typed_values(MarkerLook, {k: v for k, v in typed.items() if k in names}, spelled)
     _ = build(MarkerLook, values, owner="winding run").hues
     return values
 
 
-def check_camera(camera: bool, frame_rate: int | None, clock: dict[str, Value]) -> None:
-    """Refuse a frame rate that there is not, and a camera's clock without a camera."""
+def check_camera(
+    *,
+    external: bool,
+    camera: bool,
+    composed: bool,
+    frame_rate: int | None,
+    pixels: Typed,
+    others: Iterable[Typed],
+) -> None:
+    """Refuse a frame rate that there is not, and what is told of a camera that there is not.
+
+    Args:
+        external: Whether the machine is somebody else's.
+        camera: Whether it has one.
+        composed: Whether frames come from a real camera's process.
+        frame_rate: Of the simulated camera.
+        pixels: What was typed of how a real camera's pixels are read.
+        others: What else was typed of camera and tracker.
+    """
     if frame_rate not in (None, 200, 1000):
         refuse(f"--frame-rate must be 200 or 1000, got {frame_rate}")
-    if clock and not camera:
-        refuse("--camera-clock-correction and --camera-clock-limit-ms need a camera")
+    if pixels and not (external or composed):
+        refuse(f"{_listed(pixels)} for the pictures of a real camera, not the simulated one's")
+    told = [key for typed in (pixels, *others) for key in typed]
+    if told and not camera:
+        refuse(f"{_listed(told, 'need', 'needs')} a camera")
+
+
+def _listed(keys: Iterable[str], many: str = "are", one: str = "is") -> str:
+    words = [spelled(key) for key in keys]
+    if len(words) == 1:
+        return f"{words[0]} {one}"
+    return f"{', '.join(words[:-1])} and {words[-1]} {many}"
 
 
 def check_page_and_file(page: bool, port: int | None, parameters: Path | None) -> None:
@@ -48,9 +77,22 @@ def check_page_and_file(page: bool, port: int | None, parameters: Path | None) -
         refuse(f"no parameter file at {parameters}")
 
 
-def lay_of(wanted: str | None, published: bool) -> str:
-    """Return where the cable shall lie; refuse a measurement that nobody published."""
-    lay = wanted or ("paper" if published else "fem")
+def lay_of(
+    wanted: str | None, *, published: bool, composed: bool, wish: Mapping[str, Value]
+) -> str:
+    """Return where the cable shall lie; refuse what nobody published or what is not shown.
+
+    Args:
+        wanted: What was typed.
+        published: Whether the paper measured it.
+        composed: Whether the camera runs in the tracker's process.
+        wish: Of the wanted lay, where it is controlled.
+    """
+    if wanted not in (None, "driven") and wish.get("control") == "drive":
+        refuse(f"--control drive moves the cable, and --lay {wanted} does not: use --lay driven")
+    lay = wanted or ("driven" if wish else "paper" if published else "fem")
+    if lay == "driven" and composed:
+        refuse("--lay driven is shown by the rig's own camera alone: leave out --compose")
     if lay == "paper" and not published:
         refuse("--lay paper is what the paper measured of cases 1 to 12; use --lay fem")
     return lay

@@ -99,6 +99,10 @@ def track(
     for file in (out, json_file, lay):
         check_output_file(file)
     with refused(OSError, ValueError):
+        belief = PoseBelief(
+            position=camera_position_sigma_mm * MILLIMETRE,
+            tilt=camera_tilt_sigma_mrad * MILLIRADIAN,
+        )
         wound = Condition.from_typed(typed, spelling=spelled, case=Condition.case)
         where = _built(CameraPlacement, placement)
         sought, read = _built(MarkerParameters, markers), _built(CameraPixels, pixels)
@@ -114,7 +118,7 @@ def track(
         settings = ClockSettings(
             correct=wanted.camera_clock_correction, limit=wanted.camera_clock_limit
         )
-        follower = LayFollower()
+        follower = LayFollower(belief)
         live = SynchronisedTracker(
             settings,
             EncoderHistory(longest_gap=math.inf, complete=True),
@@ -130,9 +134,6 @@ def track(
     if lay is not None and follower.lay is not None:
         with staged(lay) as place:
             write_lay(place, follower.lay.report())
-    belief = PoseBelief(
-        position=camera_position_sigma_mm * MILLIMETRE, tilt=camera_tilt_sigma_mrad * MILLIRADIAN
-    )
     fit, unrefined = _refined(tracker, lens, belief) if refined else (None, "")
     estimates = tracker.estimates()
     result = TrackedRecording(

@@ -11,6 +11,7 @@ from winding_core.cases import Case
 from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_core.published import published_markers
+from winding_rig_node.machine.stretch import neo_hookean_stretch
 
 FloatArray = NDArray[np.float64]
 _GRID_STEP = 0.02
@@ -109,19 +110,6 @@ def simulated_lay(case: Case, drive: DriveProfile, hidden: HiddenCable, end: flo
     marked = case.marker_spacing * np.arange(case.marker_count + 1)
     marker_theta = np.interp(marked, laid, theta, right=np.nan)
     return CableLay(path_theta=theta, path_z=law.z(theta), marker_theta=marker_theta)
-
-
-def neo_hookean_stretch(load: float) -> float:
-    """Return the stretch of an incompressible neo-Hookean bar under a nominal stress over E.
-
-    sigma / E = (lambda - lambda^-2) / 3.
-    """
-    stretch, before = 1.0, 0.0
-    # The curve is concave, so Newton's method climbs to the root and never passes it.
-    while stretch > before:
-        left = load - (stretch - stretch**-2) / 3.0
-        before, stretch = stretch, stretch + 3.0 * left / (1.0 + 2.0 * stretch**-3)
-    return before
 
 
 def _law(case: Case, drive: DriveProfile, free_length: float) -> FleetAngleLaw:
