@@ -16,6 +16,7 @@ X, Y, Z, SLIP, SLIP_Z, CONTACT_RADIUS, ROLL, REFERENCE, ARC, THETA = range(10)
 _ROWS = 10
 # Where the cable relaxes, elastic force and viscous forces of the element follow.
 _VISCOUS = _ROWS
+_NO_VISCOUS = np.zeros((0, 1))
 # Room is made for a fifth more, so that a node takes 96 bytes at most, unused room included.
 _GROWTH = 1.2
 _FEWEST = 64
@@ -119,7 +120,7 @@ class RestingCable:
         angle: float,
         cable: Points,
         reference: FloatArray,
-        viscous: FloatArray,
+        viscous: FloatArray = _NO_VISCOUS,
     ) -> None:
         """Lay nodes 1 to `nodes` of the integrated cable to rest.
 
