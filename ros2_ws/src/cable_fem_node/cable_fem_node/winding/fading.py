@@ -67,7 +67,7 @@ class Fading:
         """Return every branch's q after a time [s] at a held stretch [N], shape (terms, n).
 
         Args:
-            span: The time.
+            span: The time [s].
             rows: As `HeldCable.viscous`.
         """
         full = self.relax.share[:, None] * rows[0]

@@ -16,7 +16,6 @@ X, Y, Z, SLIP, SLIP_Z, CONTACT_RADIUS, ROLL, REFERENCE, ARC, THETA = range(10)
 _ROWS = 10
 # Where the cable relaxes, elastic force and viscous forces of the element follow.
 _VISCOUS = _ROWS
-_NO_VISCOUS = np.zeros((0, 1))
 # Room is made for a fifth more, so that a node takes 96 bytes at most, unused room included.
 _GROWTH = 1.2
 _FEWEST = 64
@@ -106,8 +105,8 @@ class RestingCable:
         """Return what the tension has faded by at a time [s], not before the last `fade` [N].
 
         Args:
-            t: When.
-            begin: Of the elements from this node on.
+            t: When [s].
+            begin: Count of the elements that are left out, from P0 on.
         """
         elements = self._rows[_VISCOUS:, begin + 1 : self.count]
         if self._fading is None:
@@ -120,7 +119,7 @@ class RestingCable:
         angle: float,
         cable: Points,
         reference: FloatArray,
-        viscous: FloatArray = _NO_VISCOUS,
+        viscous: FloatArray | None = None,
     ) -> None:
         """Lay nodes 1 to `nodes` of the integrated cable to rest.
 
@@ -129,7 +128,7 @@ class RestingCable:
             angle: Of the cylinder [rad].
             cable: Integrated nodes, touching the cylinder; node 0 rests already.
             reference: Reference lengths of its elements [m], shape (at least nodes,).
-            viscous: Elastic and viscous forces of its elements [N]; no rows for an elastic cable.
+            viscous: Elastic and viscous forces of its elements [N]; none of an elastic cable.
         """
         old, new = self.count, self.count + nodes
         self._reserve(new)
@@ -141,7 +140,8 @@ class RestingCable:
         rows[CONTACT_RADIUS] = cable.contact_radius[moved]
         rows[ROLL] = cable.roll[0, moved]
         rows[REFERENCE] = reference[elements]
-        rows[_VISCOUS:] = viscous[:, elements]
+        if viscous is not None:
+            rows[_VISCOUS:] = viscous[:, elements]
         self.count = new
         self._continue(old, reference[elements], cable.position[:2, : nodes + 1])
 

@@ -269,9 +269,9 @@ class RodWinding(WindingModel):
 
     def _records(self, begin: int) -> NDArray[np.void]:
         """Return the nodes from a resting one on as records of NODE_DTYPE."""
-        # A record tells of the element towards P0, so the node before is read too.
-        start = max(begin - 1, 0)
         resting = self._nodes.resting
+        # A node more than is wanted: its element is the one towards P0.
+        start = max(begin - 1, 0)
         records = np.zeros(self.nodes - start, dtype=NODE_DTYPE)
         first = resting.count - 1 - start
         x, y, z = resting.place()[:, start:]
