@@ -68,7 +68,7 @@ class Fading:
 
         Args:
             span: The time [s].
-            rows: As `HeldCable.viscous` [N], shape (terms + 1, n).
+            rows: As `HeldCable.viscous` [N], shape (1 + terms, n).
         """
         full = self.relax.share[:, None] * rows[0]
         left = np.exp(-span / self.relax.time)[:, None]
