@@ -270,25 +270,24 @@ class RodWinding(WindingModel):
     def _records(self, begin: int) -> NDArray[np.void]:
         """Return the nodes from a resting one on as records of NODE_DTYPE."""
         resting = self._nodes.resting
-        records = np.zeros(self.nodes - begin, dtype=NODE_DTYPE)
-        first = resting.count - 1 - begin
-        x, y, z = resting.place()[:, begin:]
+        # A node more than is wanted: its element is the one towards P0.
+        start = max(begin - 1, 0)
+        records = np.zeros(self.nodes - start, dtype=NODE_DTYPE)
+        first = resting.count - 1 - start
+        x, y, z = resting.place()[:, start:]
         records["x"][: first + 1], records["y"][: first + 1] = turned(self.cylinder_angle, x, y)
         records["z"][: first + 1] = z
         for name, values in zip("xyz", self._nodes.position, strict=True):
             records[name][first:] = values
-        records["s"] = self._nodes.path()[0][begin:]
-        # The element towards P0, which P0 itself does not have.
-        before = max(begin - 1, 0)
-        stretch = self._stretch_from(before)
-        tension = self._tension_from(before, stretch)
-        own = 1 if begin == 0 else 0
-        records["strain"][own:] = stretch - 1.0
-        records["tension"][own:] = tension
+        records["s"] = self._nodes.path()[0][start:]
+        stretch = self._stretch_from(start)
+        tension = self._tension_from(start, stretch)
+        records["strain"][1:] = stretch - 1.0
+        records["tension"][1:] = tension
         records["strain"][0], records["tension"][0] = stretch[0] - 1.0, tension[0]
-        records["roll"] = self._nodes.roll(begin)
-        self._fill_twist(records, self._laid_nodes() - begin)
-        return records
+        records["roll"] = self._nodes.roll(start)
+        self._fill_twist(records, self._laid_nodes() - start)
+        return records[begin - start :]
 
     def _stretch_from(self, node: int) -> FloatArray:
         """Return the stretch of the elements from a resting node on."""
