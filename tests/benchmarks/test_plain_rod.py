@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from floors.rod_in_c import OPTIONS, compiler
+from floors.rod_in_c import OPTIONS, REORDERED, compiler
 
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.winding_config import WindingConfig
@@ -40,20 +40,22 @@ def test_whole_run_beside_plain_c(bench: Any, tmp_path: Path) -> None:
     command = compiler()
     if command is None:
         pytest.skip("no C compiler (cc, gcc, clang) on this machine: the rod has no floor in C")
-    program = tmp_path / "plain_rod"
-    subprocess.run([command, *OPTIONS, "-o", program, SOURCE, "-lm"], check=True)
+    programs = [tmp_path / "plain_rod", tmp_path / "plain_rod_reordered"]
+    for program, further in zip(programs, ((), REORDERED), strict=True):
+        subprocess.run([command, *OPTIONS, *further, "-o", program, SOURCE, "-lm"], check=True)
     run = PlannedRun(config=WindingConfig(case=paper_case(4)))
     ours, floor = [], []
     for _ in range(REPEATS):
         result = run.wind(whole=False)
         ours.append(result.cpu_seconds)
-        said = subprocess.run(
-            [program, *arguments(run)], check=True, capture_output=True, text=True
-        )
-        seconds, *marks = map(float, said.stdout.split())
-        floor.append(seconds)
-    theta, z = np.reshape(marks, (-1, 2)).T
-    s = np.hypot(run.config.case.centreline_radius * theta, z)
-    np.testing.assert_allclose(s, result.markers["s"][1:], rtol=SAME_S)
+        for program in programs:
+            said = subprocess.run(
+                [program, *arguments(run)], check=True, capture_output=True, text=True
+            )
+            seconds, *marks = map(float, said.stdout.split())
+            floor.append(seconds)
+            theta, z = np.reshape(marks, (-1, 2)).T
+            s = np.hypot(run.config.case.centreline_radius * theta, z)
+            np.testing.assert_allclose(s, result.markers["s"][1:], rtol=SAME_S)
     row = bench.ratio("rod_over_plain_c_20_s", min(ours), min(floor), bar=ROD_OVER_C)
     assert row.met, row

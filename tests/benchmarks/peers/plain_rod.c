@@ -29,8 +29,8 @@ int main(int argc, char **argv) {
         }
         for (int i = 1; i < last; i++) {
             c[i] = t[0][i - 1] * t[0][i] + t[1][i - 1] * t[1][i] + t[2][i - 1] * t[2][i];
-            double phi = c[i] < 1.0 ? acos(c[i]) : 0.0;
-            s[i] = -2.0 * EI * (phi > 1e-6 ? phi / sin(phi) : 1.0) / (ref[i - 1] + ref[i]);
+            double u = 1.0 - c[i], over_sine = 1.0 + u * (1.0 / 3.0 + u * (2.0 / 15.0 + u * 2.0 / 35.0));
+            s[i] = -2.0 * EI * over_sine / (ref[i - 1] + ref[i]);
         }
         for (int i = 0; i < last; i++)
             for (int k = 0; k < 3; k++)

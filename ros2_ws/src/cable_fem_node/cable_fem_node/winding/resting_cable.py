@@ -105,7 +105,7 @@ class RestingCable:
         """Return what the tension has faded by at a time [s], not before the last `fade` [N].
 
         Args:
-            t: When.
+            t: When [s].
             begin: Of the elements from this node on.
         """
         elements = self._rows[_VISCOUS:, begin + 1 : self.count]
