@@ -17,7 +17,7 @@ _MEASURED_AT = 0.465
 # does, and what bending adds once its share of the tension has reached `_BENT` (120 random
 # conditions: cylinders of 8 to 300 mm, cables of 0.5 to 12 mm, 0.5 MPa to 36 GPa).
 _STRAIGHT_PCT, _CURVED_PCT, _BENDING_PCT, _BENT = 0.5, 1.0, 2.0, 0.15
-# Error of the wound tension per unit of the ratio and of the sine of the lift-off angle, in percent:
+# Error of the wound tension [%] per unit of the ratio and of the sine of the lift-off angle:
 # friction holds a stiff cable's element when its middle is still half its length away from where
 # it comes to lie. Set by a cable stretched to twice its length (0.35 % between elements of a ratio
 # of 0.165 and half of it, sine 0.32); elsewhere it is mostly below the other error.
