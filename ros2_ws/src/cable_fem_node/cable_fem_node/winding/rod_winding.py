@@ -18,7 +18,6 @@ from cable_fem_node.dynamics.points import WORK_TIE, FloatArray, Points
 from cable_fem_node.dynamics.surroundings import normal_forces
 from cable_fem_node.rod.rod_kernels import bending_energy, stored_energy
 from cable_fem_node.winding import resting_cable
-from cable_fem_node.winding.lift_off import lift_off_angle
 from cable_fem_node.winding.resting_cable import turned
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes
 from cable_fem_node.winding.stillness import Stillness
@@ -170,17 +169,11 @@ class RodWinding(WindingModel):
         """Return the normal force of the cylinder on every node [N], shape (nodes,)."""
         return normal_forces(self._whole()[0], self._constants.touch)
 
-    def lift_off(self) -> float:
-        """Return the azimuth [rad] at which the cable leaves the cylinder, see `lift_off_angle`."""
-        cable, reference = self._whole()
-        return lift_off_angle(cable.position[:2], reference[:-1], self._laid_nodes())
-
     @property
     def energy(self) -> EnergyLedger:
         """The energy ledger since the start."""
-        k = self._constants
+        k, entries = self._constants, self._ledger.copy()
         cable, reference = self._whole()
-        entries = self._ledger.copy()
         # What rests is driven by the surface alone: its energy of motion is the work of the tie.
         entries[WORK_TIE] += self._kinetic(cable, self._nodes.resting.count)
         return EnergyLedger.of(
