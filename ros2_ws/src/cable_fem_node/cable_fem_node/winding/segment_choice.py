@@ -17,15 +17,8 @@ _MEASURED_AT = 0.465
 # does, and what bending adds once its share of the tension has reached `_BENT` (120 random
 # conditions: cylinders of 8 to 300 mm, cables of 0.5 to 12 mm, 0.5 MPa to 36 GPa).
 _STRAIGHT_PCT, _CURVED_PCT, _BENDING_PCT, _BENT = 0.5, 1.0, 2.0, 0.15
-# Error of the wound tension [%] per unit of the ratio and of the sine of the lift-off angle:
-# friction holds a stiff cable's element when its middle is still half its length away from where
-# it comes to lie. Set by a cable stretched to twice its length (0.35 % between elements of a ratio
-# of 0.165 and half of it, sine 0.32); elsewhere it is mostly below the other error.
-_LANDING_PCT = 8.5
 # Of a stretch, between elements and those of half their length; 0.2 % is the bar.
 _ALLOWED_PCT = 0.17
-# Of the interval in which the ratio is sought.
-_HALVINGS = 40
 
 
 def stretch_error_pct(
@@ -34,8 +27,7 @@ def stretch_error_pct(
     """Return by how much elements of half their length would change the wound stretch [%].
 
     An element lands as a chord, whose ends move at changing speed; the tension that this makes
-    stays where friction holds the cable: an error that grows with the square of the ratio. That of
-    a stiff cable's landing grows with the ratio; the greater one counts.
+    stays where friction holds the cable. The error grows with the square of the ratio.
 
     Args:
         law: Of the cable.
@@ -44,12 +36,8 @@ def stretch_error_pct(
         ratio: Length of a stretched element per centreline radius of the wound cable.
     """
     at = _STRAIGHT_PCT if law.law == "linear" else _CURVED_PCT
-    chord_pct = at + _BENDING_PCT * min(1.0, bending_share / _BENT)
-    tension_pct = max(
-        chord_pct * (ratio / _MEASURED_AT) ** 2,
-        _LANDING_PCT * _sine_of_lift_off(bending_share) * ratio,
-    )
-    return _yielding(law, stretch) * tension_pct
+    tension_pct = at + _BENDING_PCT * min(1.0, bending_share / _BENT)
+    return _yielding(law, stretch) * tension_pct * (ratio / _MEASURED_AT) ** 2
 
 
 def chosen_segment(
@@ -64,20 +52,9 @@ def chosen_segment(
         radius: Centreline radius of the wound cable [m].
         free_length: Of the span [m].
     """
-    low, ratio = 0.0, _MEASURED_AT
-    if stretch_error_pct(law, stretch, bending_share, ratio) > _ALLOWED_PCT:
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + ratio)
-            if stretch_error_pct(law, stretch, bending_share, middle) > _ALLOWED_PCT:
-                ratio = middle
-            else:
-                low = middle
+    full = stretch_error_pct(law, stretch, bending_share, _MEASURED_AT)
+    ratio = _MEASURED_AT * min(1.0, math.sqrt(_ALLOWED_PCT / full)) if full > 0.0 else _MEASURED_AT
     return min(LONGEST, ratio * radius / stretch, 0.1 * free_length)
-
-
-def _sine_of_lift_off(bending_share: float) -> float:
-    """Return the sine of arccos(1 - share), at which a stiff cable leaves the cylinder."""
-    return math.sqrt(1.0 - (1.0 - min(bending_share, 1.0)) ** 2)
 
 
 def _yielding(law: MaterialLaw, stretch: float) -> float:
