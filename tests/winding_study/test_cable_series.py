@@ -18,7 +18,7 @@ from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_cli.commands.app import app
 from winding_core.cases import paper_case
-from winding_study.runs.cable_series import CableSampler, cable_with_twist
+from winding_study.runs.cable_series import CableSampler
 
 DURATION = 3.0
 PICTURES = 4
@@ -121,7 +121,7 @@ def test_twist_of_cable_that_does_not_roll_is_the_torsion_of_its_helix() -> None
     model = RodWinding(RUN.config)
     for i in range(1, 101):
         model.advance_to(0.1 * i, RUN.drive.reading_at(0.1 * i))
-    cable = cable_with_twist(model)
+    cable = model.cable()
     theta, z = model.wound_path()[1:]
     # Cable in the second turn, where the lay is steady: torsion slope / (slope^2 + rho^2), turned
     # against the cable's own direction.

@@ -16,7 +16,7 @@ from cable_fem_node.identification.tracked_run import TrackedRun
 _ANGLE_SHARE = 0.4e-4
 _BENDING_SHARE = 0.17
 _OFFSET = 0.7e-3
-_Z_SHARE = 1.0e-3
+_Z_SHARE = 0.6e-3
 _Z_OFFSET = 0.018e-3
 
 

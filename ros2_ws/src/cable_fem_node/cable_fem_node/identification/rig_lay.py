@@ -27,7 +27,7 @@ _THINNED = 2.0
 _LAG = 1.03
 # Where bending would take more than this, no cable lies on the cylinder any more.
 _MOST_BENT = 0.9
-# Between two places of the grid [rad]; angles are wrong by less than 0.3 mrad.
+# Between two places of the grid [rad]: against 0.01 no angle of 150 rigs moved by 0.15 mrad.
 _STEP = 0.2
 # Places of all rigs that are held at once; beyond, rigs come in turn.
 _AT_ONCE = 400_000

@@ -13,18 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.failure import EnergyBalanceError, ImpossibleResultError
 from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.winding.overlap import FULL_TURN, refuse_overlap, refuse_past_the_start
 from cable_fem_node.winding.validity import Check, checks_of, motion_check, refuse, rod_checks
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
-from winding_core.units import MILLIMETRE
 
 Progress = Callable[[float], None]
 Look = Callable[[WindingModel], None]
 Clock = Callable[[], float]
 
-FULL_TURN = 2.0 * math.pi
 # Times per second at which a run's markers are told [1/s].
 FRAME_RATE = 50.0
 
@@ -34,10 +33,6 @@ _SUSPECTS = "try shorter elements, less mass scaling, a steadier tension"
 
 # Energy that the ledger cannot explain, of what went in.
 BALANCE_LIMIT_PCT = 1.0
-
-
-class OverlapError(ValueError):
-    """The cable would be wound over itself, which the contact model does not cover."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,10 +47,10 @@ class Prediction:
         arc: Reference length from P0 along the wound cable [m], shape (k,).
         theta: Wound angle there [rad], shape (k,).
         z: Axial position there [m], shape (k,).
-        cable: Nodes at the end: x y z s tension strain, shape (nodes,).
+        cable: Nodes at the end: x y z s tension strain roll twist, shape (nodes,).
         energy: Ledger at the end.
         stretch: Mean stretch of the wound cable.
-        stretch_closed_form: The law's stretch at the wound tension F - EI l / (2 rho^2).
+        stretch_closed_form: The law's at the wound tension F - EI l / (2 rho^2), as it landed.
         span_stretch: The law's stretch at the span tension F.
         cpu_seconds: Processor time of the run [s].
         element_steps: Elements times steps.
@@ -97,6 +92,18 @@ class Prediction:
         """Complete turns of cable on the cylinder."""
         return int(self.theta[-1] / FULL_TURN)
 
+    def marker_roll(self) -> FloatArray:
+        """Return by what angle P0..Pn have turned about the cable's axis [rad], shape (n + 1,)."""
+        return self._at_markers("roll")
+
+    def marker_twist(self) -> FloatArray:
+        """Return the twist of the cable at P0..Pn [rad/m], shape (n + 1,)."""
+        return self._at_markers("twist")
+
+    def _at_markers(self, name: str) -> FloatArray:
+        place = self.config.case.marker_spacing * self.markers["id"]
+        return np.asarray(np.interp(place, self.cable["s"], self.cable[name]))
+
     def cable_per_turn(self) -> FloatArray:
         """Return the reference length of cable in each complete turn [m], shape (turns,)."""
         bounds = FULL_TURN * np.arange(self.turns + 1)
@@ -123,8 +130,8 @@ class PlannedRun:
 
     Raises:
         OverlapError: The feed would lay the cable over itself.
-        ValueError: The duration is not positive, the element is unknown or has no stiffness
-            factors.
+        ValueError: The cylinder turns back past the start, the duration is not positive, the
+            element is unknown or has no stiffness factors.
     """
 
     config: WindingConfig
@@ -137,15 +144,25 @@ class PlannedRun:
             raise ValueError(f"element must be {' or '.join(ELEMENTS)}, got {self.element!r}")
         _refuse_unless_positive("duration", self.duration)
         if self.element == "solid":
-            self.config.refuse_stiffness_factors()
+            self.config.refuse_rod_material()
         refuse(self.checks())
-        refuse_overlap(self.config, self.drive)
+        refuse_past_the_start(self._angles())
+        refuse_overlap(self.config, self.drive, self.duration)
 
     def checks(self) -> tuple[Check, ...]:
         """Return what decides whether the result can be right."""
         config = self.config
         own = rod_checks(config) if self.element == "rod" else checks_of(config, config.resolved)
         return (*own, motion_check(config, self.drive.angular_speed))
+
+    @property
+    def most_wound(self) -> float:
+        """Largest angle that the cylinder reaches [rad]."""
+        return float(self._angles().max())
+
+    def _angles(self, t: float | None = None) -> FloatArray:
+        times = np.linspace(0.0, self.duration if t is None else t, 2001)
+        return np.asarray(self.drive.positions(times)[0])
 
     def refuse_impossible(
         self, theta: FloatArray, tension: FloatArray, t: float | None = None
@@ -160,15 +177,15 @@ class PlannedRun:
         Raises:
             ImpossibleResultError: It did not follow the cylinder, or is tighter than the span.
         """
-        t = self.duration if t is None else t
-        turned, laid = self.drive.positions(t)[0], float(theta[-1])
+        angles = self._angles(t)
+        turned, laid = float(angles[-1]), float(theta[-1])
         if turned > FULL_TURN and laid < 0.5 * turned:
             raise ImpossibleResultError(
                 f"the cylinder turned by {turned:.4g} rad and the cable lies on {laid:.4g} rad of "
                 "it: it does not follow the cylinder; take shorter elements or more tension"
             )
         law, case = self.config.tension_law, self.config.case
-        arc = self.config.resolved.wound_radius * np.linspace(0.0, turned, 200)
+        arc = self.config.resolved.wound_radius * np.linspace(0.0, angles.max(), 200)
         highest = max(law(case.weight, case.cylinder_diameter, float(s)) for s in arc)
         # A section of the solid carries its bending in the same stress.
         rod = self.element == "rod" and tension.size > 0
@@ -243,7 +260,9 @@ class PlannedRun:
             cable=cable,
             energy=energy,
             stretch=model.wound_stretch(),
-            stretch_closed_form=self.config.resolved.wound_stretch(span),
+            stretch_closed_form=self.config.resolved.wound_stretch(
+                span, lambda: [self.drive.time_at_angle(x) for x in np.linspace(0.0, theta[-1], 50)]
+            ),
             span_stretch=self.config.resolved.stretch_at(span),
             cpu_seconds=cpu_seconds,
             element_steps=model.element_steps,
@@ -296,7 +315,7 @@ def _rod(run: PlannedRun) -> WindingModel:
 def _solid(run: PlannedRun) -> WindingModel:
     from cable_fem_node.winding.solid_winding import SolidWinding  # noqa: PLC0415
 
-    return SolidWinding(run.config, run.drive.positions(run.duration)[0])
+    return SolidWinding(run.config, float(run.most_wound))
 
 
 MODELS: dict[str, Callable[[PlannedRun], WindingModel]] = {"rod": _rod, "solid": _solid}
@@ -325,22 +344,4 @@ def refuse_open_balance(energy: EnergyLedger, t: float, checks: tuple[Check, ...
             f"(limit {BALANCE_LIMIT_PCT:g} %), kinetic over internal energy "
             f"{energy.kinetic_over_internal:.2g}; "
             + ("; ".join(check.sentence for check in checks if check.warned) or _SUSPECTS)
-        )
-
-
-def refuse_overlap(config: WindingConfig, drive: DriveProfile) -> None:
-    """Refuse a feed whose steady pitch is below the cable's diameter.
-
-    The first turns lie closer than the steady pitch because the cable lags behind the guide;
-    there neighbours may touch, as they do on the paper's stiffest cable, without riding up.
-
-    Raises:
-        OverlapError: The pitch is below the diameter of the stretched cable.
-    """
-    width = config.case.cable_diameter * config.resolved.lateral
-    if drive.pitch < width:
-        raise OverlapError(
-            f"the guide advances {drive.pitch / MILLIMETRE:.3g} mm per turn, less than the cable's "
-            f"{width / MILLIMETRE:.3g} mm: layers would overlap, "
-            "and cable-on-cable contact is not modelled"
         )

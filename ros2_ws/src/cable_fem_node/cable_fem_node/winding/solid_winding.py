@@ -47,7 +47,7 @@ class SolidWinding(WindingModel):
     """
 
     def __init__(self, config: WindingConfig, wind: float) -> None:
-        config.refuse_stiffness_factors()
+        config.refuse_rod_material()
         super().__init__(config)
         self._surface_step = 0.0
         resolved, case = config.resolved, config.case
@@ -162,7 +162,29 @@ class SolidWinding(WindingModel):
         records["tension"][1:] = (force * tangent).sum(axis=1)
         records["strain"][1:] = length / np.diff(self._bar.axial) - 1.0
         records["tension"][0], records["strain"][0] = records["tension"][1], records["strain"][1]
+        records["roll"] = self._roll(middle, tangent)
+        self._fill_twist(records, self._laid())
         return records
+
+    def _roll(self, middle: FloatArray, tangent: FloatArray) -> FloatArray:
+        """Return by what angle sections have turned about the cable [rad], shape (sections,).
+
+        Args:
+            middle: Centres of the sections [m], shape (sections, 3).
+            tangent: Directions between them, shape (sections - 1, 3).
+        """
+        rim = self._bar.rim
+        along = np.concatenate([tangent[:1], tangent])
+        # In the span the normal is that of the plane in which the cable comes.
+        laid = np.arange(middle.shape[0])[:, None] < self._laid()
+        normal = np.where(laid, middle * [1.0, 1.0, 0.0], [1.0, 0.0, 0.0])
+        normal = normal - (normal * along).sum(axis=1, keepdims=True) * along
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        across = np.cross(along, normal)
+        spoke = self._solid.points.position[:, rim].transpose(1, 2, 0) - middle[:, None, :]
+        u, v = self._bar.nodes[rim, 0], self._bar.nodes[rim, 1]
+        x, y = ((spoke * axis[:, None, :]).sum(axis=2) for axis in (normal, across))
+        return np.unwrap(np.arctan2((y * u - x * v).sum(axis=1), (x * u + y * v).sum(axis=1)))
 
     def wound_stretch(self) -> float:
         """Return the mean stretch between the laid sections."""

@@ -20,7 +20,9 @@ from cable_fem_node.winding.winding_state import (
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 from winding_core.readings import AxisReading
 
-NODE_DTYPE = np.dtype([(name, "<f8") for name in ("x", "y", "z", "s", "tension", "strain")])
+NODE_DTYPE = np.dtype(
+    [(name, "<f8") for name in ("x", "y", "z", "s", "tension", "strain", "roll", "twist")]
+)
 
 
 class WindingModel(ABC):
@@ -114,9 +116,12 @@ class WindingModel(ABC):
 
     @abstractmethod
     def cable(self) -> NDArray[np.void]:
-        """Return records of NODE_DTYPE from P0 on: x y z [m], s [m] (reference), tension [N].
+        """Return records of NODE_DTYPE from P0 on.
 
-        Tension and strain of a record are those of the element towards P0 (of P0: its own).
+        x y z [m], s [m] (reference), tension [N], strain; roll [rad] about the cable's axis, from
+        the surface's normal; twist [rad/m] of the sections, the helix's own included. Tension,
+        strain and twist of a record are those of the element towards P0 (of P0: its own). Roll and
+        twist turn right-handed about the direction away from P0.
         """
 
     @abstractmethod
@@ -144,6 +149,18 @@ class WindingModel(ABC):
     def _run(self, t: float, span: float, drive: FloatArray) -> None:
         """Advance by a span [s] to t, drive (7, 2) from its first to its second column."""
 
+    def _fill_twist(self, records: NDArray[np.void], laid: int) -> None:
+        """Fill the twist of records, shape (nodes,), of which the first are laid; roll is there."""
+        edges = np.array([np.diff(records[name]) for name in "xyz"])
+        own = geodesic_twist(edges / np.linalg.norm(edges, axis=0), self._contact_line)
+        own[max(laid - 1, 0) :] = 0.0
+        records["twist"][1:] = np.diff(records["roll"]) / np.diff(records["s"]) + own
+        records["twist"][0] = records["twist"][1]
+
+    @property
+    def _contact_line(self) -> float:
+        return self.config.resolved.constants.contact_line
+
     def _marker_records(
         self, arc: FloatArray, theta: FloatArray, z: FloatArray, wound_to: float
     ) -> Markers:
@@ -159,6 +176,11 @@ class WindingModel(ABC):
             cylinder_angle=self.cylinder_angle,
             flags=np.where(place > wound_to, int(MarkerFlag.NOT_WOUND), 0),
         )
+
+
+def geodesic_twist(tangent: FloatArray, radius: float) -> FloatArray:
+    """Return how fast the surface's normal turns about cable of directions (3, n) [rad/m]."""
+    return np.asarray(-tangent[2] * np.hypot(tangent[0], tangent[1]) / radius)
 
 
 def angle_steps(x: FloatArray, y: FloatArray) -> FloatArray:

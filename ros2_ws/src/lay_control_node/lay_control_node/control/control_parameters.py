@@ -92,9 +92,10 @@ class ControlParameters:
             solver_patience: Time without the solver before the drive programme is followed [s].
 
         Raises:
-            ValueError: Limits end before they begin.
+            ValueError: Limits end before they begin, or the cable's stress fades.
         """
         case = what.case
+        case.material.refuse_fading("the lay controller")
         law = LayOnLaw(
             case,
             MaterialLaw(

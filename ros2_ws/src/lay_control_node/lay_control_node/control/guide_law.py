@@ -13,7 +13,13 @@ _LARGEST_EXCURSION = 0.015
 
 @dataclass(frozen=True, kw_only=True)
 class WantedPoint:
-    """Wanted height z [m] at a wound angle with its first two derivatives [m/rad, m/rad^2]."""
+    """What is wanted at a wound angle.
+
+    Attributes:
+        z: Height [m].
+        slope: Its first derivative, dz/dtheta [m/rad].
+        curvature: Its second derivative [m/rad^2].
+    """
 
     z: float
     slope: float
@@ -30,7 +36,7 @@ class WantedLay(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class GuideCommand:
-    """Carriage position [m] and its change per wound angle [m/rad]."""
+    """Where the carriage has to be: `position` [m], and its change `per_radian` [m/rad]."""
 
     position: float
     per_radian: float

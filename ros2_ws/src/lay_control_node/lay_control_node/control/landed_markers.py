@@ -20,7 +20,15 @@ _COMMON_HEIGHT = 3.0e-5
 
 @dataclass(frozen=True, kw_only=True)
 class LandedMarker:
-    """Where a marker lies: number, wound angle [rad], z [m], and their standard deviations."""
+    """Where a marker lies.
+
+    Attributes:
+        number: Of the marker.
+        theta: Wound angle [rad].
+        z: Height [m].
+        sigma_theta: One standard deviation of theta [rad].
+        sigma_z: One standard deviation of z [m].
+    """
 
     number: int
     theta: float

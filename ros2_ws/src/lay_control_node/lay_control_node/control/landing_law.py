@@ -59,7 +59,12 @@ class PullBounds:
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How far the cable has been laid: wound angle [rad] and undeformed length from P0 [m]."""
+    """How far the cable has been laid.
+
+    Attributes:
+        theta: Wound angle [rad].
+        laid: Undeformed length from P0 [m].
+    """
 
     theta: float
     laid: float

@@ -32,6 +32,7 @@ class StretchedCable:
 
     def __post_init__(self) -> None:
         case = self.what.case
+        case.material.refuse_fading("a plan of the lay")
         law = MaterialLaw(
             law=self.what.law,
             young=case.material.young,

@@ -25,7 +25,15 @@ LEAST_STRENGTH = 0.1
 def signal_of(
     pixels: ByteArray, row: int, group: int, first: int, signal: FloatArray
 ) -> None:  # pragma: no cover
-    """Write the brightness of three rows, means of groups of columns from one on."""
+    """Write the brightness of three rows, means of groups of columns from one on.
+
+    Args:
+        pixels: Of the picture, shape (height, width, 3).
+        row: Middle one of the three.
+        group: Columns of a group.
+        first: Group at which the signal begins.
+        signal: Is written, shape (n,).
+    """
     share = 1.0 / group
     for u in range(signal.size):
         total = 0

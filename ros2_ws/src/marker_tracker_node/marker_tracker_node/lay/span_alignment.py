@@ -71,7 +71,12 @@ def aligned_rows(
 
 @called
 def column_of(z: FloatArray, wanted: float) -> float:  # pragma: no cover
-    """Return where rising places reach one, by linear interpolation, within them."""
+    """Return where rising places reach one, by linear interpolation, within them.
+
+    Args:
+        z: The places [m], shape (n,).
+        wanted: The one [m].
+    """
     low, high = 0, z.size - 1
     if wanted <= z[low]:
         return float(low)

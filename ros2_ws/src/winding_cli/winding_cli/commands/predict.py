@@ -215,7 +215,8 @@ def _print(result: Prediction, element: str) -> None:
         f"span {tension[-1]:.3f} N\nenergy [J]: kinetic {energy.kinetic:.3g}, "
         f"internal {energy.internal:.3g}, contact {energy.contact:.3g}, "
         f"external {energy.external:.3g}, friction {energy.friction:.3g}, "
-        f"damping {energy.damping:.3g}; balance open by {energy.balance_pct:.3g} %, "
+        f"damping {energy.damping:.3g}, relaxation {energy.relaxation:.3g}; "
+        f"balance open by {energy.balance_pct:.3g} %, "
         f"kinetic over internal {energy.kinetic_over_internal:.2g}\n"
         f"speed: {result.cpu_s_per_sim_s:.4f} CPU seconds per simulated second",
         highlight=False,
@@ -246,7 +247,15 @@ def _record(result: Prediction, element: str) -> dict[str, Any]:
         },
         "energy_j": {
             name: getattr(energy, name)
-            for name in ("kinetic", "internal", "contact", "external", "friction", "damping")
+            for name in (
+                "kinetic",
+                "internal",
+                "contact",
+                "external",
+                "friction",
+                "damping",
+                "relaxation",
+            )
         },
         "energy_balance_pct": energy.balance_pct,
         "kinetic_over_internal": energy.kinetic_over_internal,

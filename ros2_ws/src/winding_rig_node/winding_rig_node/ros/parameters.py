@@ -116,8 +116,10 @@ class RigParameters(MarkerLook, Condition):
         """Whether the lay follows what the machine does, rather than its drive programme.
 
         Raises:
-            ValueError: The camera, which shows it, is elsewhere.
+            ValueError: The camera, which shows it, is elsewhere, or the cable's stress fades.
         """
+        if self.lay == DRIVEN:
+            self.resolved().case.material.refuse_fading(f"lay {DRIVEN!r}")
         if self.lay == DRIVEN and self.camera_elsewhere:
             raise ValueError(
                 f"lay {DRIVEN!r} is shown by the rig's own camera alone: camera_elsewhere must be "

@@ -11,11 +11,6 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.winding_model import NODE_DTYPE
-
-# A node of the cable, and the twist of the element towards P0 (of P0: of its own) [rad/m].
-NODE_WITH_TWIST = np.dtype([*NODE_DTYPE.descr, ("twist", "<f8")])
 CableNodes = NDArray[np.void]
 
 # Columns of the table, with their units, and the fields that they hold.
@@ -27,26 +22,16 @@ COLUMNS = {
     "tension_n": "tension",
     "strain": "strain",
     "twist_rad_m": "twist",
+    "roll_rad": "roll",
 }
-_POINT_DATA = ("s", "tension", "strain", "twist")
+_POINT_DATA = ("s", "tension", "strain", "twist", "roll")
 
 
 class CableFile(Protocol):
     """Takes the cable at one time after another."""
 
     def add(self, t: float, cable: CableNodes) -> None:
-        """Add the cable at a time [s], records of NODE_WITH_TWIST from P0 to the guide."""
-
-
-def cable_with_twist(model: RodWinding) -> CableNodes:
-    """Return the nodes of a rod as records of NODE_WITH_TWIST."""
-    nodes = model.cable()
-    records = np.zeros(nodes.size, dtype=NODE_WITH_TWIST)
-    for name in NODE_DTYPE.names or ():
-        records[name] = nodes[name]
-    records["twist"][1:] = model.twist()
-    records["twist"][0] = records["twist"][1]
-    return records
+        """Add the cable at a time [s], records of NODE_DTYPE from P0 to the guide."""
 
 
 class CableSampler:
@@ -72,7 +57,7 @@ class CableSampler:
     def look(self, model: Any) -> None:
         """Take the cable if the rod stands at a chosen time."""
         if self._wanted and model.time >= self._wanted[0]:
-            cable = cable_with_twist(model)
+            cable = model.cable()
             for file in self._files:
                 file.add(self._wanted[0], cable)
             del self._wanted[0]
@@ -100,7 +85,7 @@ class CableTable:
 class VtkSeries:
     """A VTK file of each time, and the collection that ParaView opens as one series.
 
-    Points carry arc length s [m], tension [N], strain and twist [rad/m].
+    Points carry arc length s [m], tension [N], strain, twist [rad/m] and roll [rad].
 
     Args:
         folder: Of the files, which is made.
