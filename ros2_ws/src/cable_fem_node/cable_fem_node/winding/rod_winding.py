@@ -17,7 +17,6 @@ from cable_fem_node.dynamics.points import LOSS_RELAXATION, WORK_TIE, FloatArray
 from cable_fem_node.dynamics.surroundings import normal_forces
 from cable_fem_node.winding import resting_cable
 from cable_fem_node.winding.fading import Fading
-from cable_fem_node.winding.lift_off import lift_off_angle
 from cable_fem_node.winding.resting_cable import turned
 from cable_fem_node.winding.rod_energy import WholeRod, kinetic_energy
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes
@@ -166,11 +165,6 @@ class RodWinding(WindingModel):
     def contact_forces(self) -> FloatArray:
         """Return the normal force of the cylinder on every node [N], shape (nodes,)."""
         return normal_forces(self._whole().cable, self._constants.touch)
-
-    def lift_off(self) -> float:
-        """Return the azimuth [rad] at which the cable leaves the cylinder, see `lift_off_angle`."""
-        whole = self._whole()
-        return lift_off_angle(whole.cable.position[:2], whole.reference[:-1], self._laid_nodes())
 
     @property
     def energy(self) -> EnergyLedger:
