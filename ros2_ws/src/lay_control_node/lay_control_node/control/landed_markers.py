@@ -45,13 +45,19 @@ class LandedMarkers:
         self._told: set[int] = set()
 
     def take(self, markers: Markers) -> Iterator[LandedMarker]:
-        """Take the markers of a frame; yield those that have landed with it, in order."""
+        """Take the markers of a frame; yield those that have landed with it, in order.
+
+        A record with a number that is not finite is passed over.
+        """
         for record in np.sort(markers[markers["flags"] == 0], order="id"):
             number = int(record["id"])
             if number == 0 or number in self._told:
                 continue
+            frame = [float(record[n]) for n in ("theta", "z", "sigma_theta", "sigma_z")]
+            if not all(map(math.isfinite, frame)):
+                continue
             frames = self._frames.setdefault(number, [])
-            frames.append([float(record[n]) for n in ("theta", "z", "sigma_theta", "sigma_z")])
+            frames.append(frame)
             if len(frames) < _FRAMES:
                 continue
             if np.ptp([frame[0] for frame in frames]) > _SPREAD:

@@ -129,11 +129,11 @@ class LayController:
             pull: Pull at the guide [N].
         """
         theta = reading.cylinder_angle
+        slope, bend = self.wanted.at(theta).slope, self._bend_length(theta, pull)
         if self._before is None and theta > _UNWOUND:
-            self.lay.join(theta, reading.carriage_position)
+            self.lay.join(theta, reading.carriage_position, slope, bend)
             self.stretch.join(theta)
-        self.lay.advance(theta, reading.carriage_position, self._bend_length(theta, pull))
-        slope = self.wanted.at(theta).slope
+        self.lay.advance(theta, reading.carriage_position, bend)
         self.stretch.advance(theta, pull, slope)
         dt = 0.0 if self._before is None else t - self._before
         self._before = t

@@ -128,19 +128,28 @@ class LayFilter:
         self._now = self._copied(self._seen)
         self._since: deque[tuple[float, float, float]] = deque()
 
-    def join(self, theta: float, guide: float) -> None:
-        """Begin in mid-run, at a wound angle [rad] with the carriage at `guide` [m].
+    def join(self, theta: float, guide: float, slope: float, bend: float) -> None:
+        """Begin in mid-run, with a cable that has followed an even guide for long.
 
-        Where cable lands is known no better than that it follows the guide.
+        Where it lands is known no better than that.
+
+        Args:
+            theta: Wound angle [rad].
+            guide: Reading of the carriage [m].
+            slope: dz/dtheta of the lay [m/rad].
+            bend: Length l over which the end of the span is bent [m].
         """
         config = self.config
+        z = guide - slope * config.free_length / config.radius
+        bend = min(max(bend, _LEAST_BEND), _MOST_BEND * config.free_length)
+        near = slope * bend / config.radius
         variances = (_UNKNOWN**2, _UNKNOWN**2, config.sigma_length**2, config.sigma_offset**2)
         self._seen = _State(
-            mean=np.array([guide, guide, config.free_length, 0.0]),
+            mean=np.array([z, z + near, config.free_length, 0.0]),
             covariance=np.diag(variances),
             theta=theta,
             guide=guide,
-            bend=_LEAST_BEND,
+            bend=bend,
         )
         self._now = self._copied(self._seen)
         self._since.clear()
