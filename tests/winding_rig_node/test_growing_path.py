@@ -14,7 +14,7 @@ CASE = paper_case(4)
 
 
 def restless(angle):
-    """Where a carriage stands that winds to and fro, over the cylinder's angle [rad]."""
+    """Where a carriage stands that winds back and forth, over the cylinder's angle [rad]."""
     return 3.0e-3 * angle + 8.0e-3 * np.sin(0.7 * angle)
 
 
