@@ -40,7 +40,13 @@ def _node(name: str, description: str) -> Package:
     return Package(description=description, script=(name, f"{name}.__main__"), tests=(name,))
 
 
-NODES = ("cable_fem_node", "marker_tracker_node", "winding_rig_node", "correction_node")
+NODES = (
+    "cable_fem_node",
+    "marker_tracker_node",
+    "winding_rig_node",
+    "correction_node",
+    "lay_control_node",
+)
 PACKAGES = {
     "winding_core": Package(
         description="The condition that is wound, geometry, material laws, tables, markers.",
@@ -62,6 +68,10 @@ PACKAGES = {
     ),
     "correction_node": _node(
         "correction_node", "Learned correction of predicted lengths, with error bounds."
+    ),
+    "lay_control_node": _node(
+        "lay_control_node",
+        "Lay programs, and the motion of guide and brake that lays the cable where they want it.",
     ),
     "winding_recorder": Package(
         description="Records, checks, recovers, plays and replays rosbag2 recordings.",
@@ -116,6 +126,7 @@ PYPI_ONLY = {
         "dask",
         "distributed",
         "mcap",
+        "meshio",
         "nicegui",
         "numba",
         "pyarrow",

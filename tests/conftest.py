@@ -140,6 +140,7 @@ class ComposedGraph:
         namespace: Of the graph.
         direct_frames: Hand frames from rig to tracker within the process; camera/image_raw is
             silent then.
+        specs: The nodes, sinks first; the usual graph where nothing is said.
     """
 
     def __init__(
@@ -149,6 +150,7 @@ class ComposedGraph:
         *,
         namespace: str = "",
         direct_frames: bool = False,
+        specs: Any = None,
     ) -> None:
         from rclpy.lifecycle import TransitionCallbackReturn
         from rclpy.parameter import Parameter
@@ -159,7 +161,7 @@ class ComposedGraph:
 
         self._ros = ros
         self.nodes: dict[str, Any] = {}
-        for spec in graph.GRAPH:
+        for spec in specs or graph.GRAPH:
             module = importlib.import_module(f"{spec.package}.node")
             (node_class,) = (
                 item

@@ -159,3 +159,49 @@ def test_recorded_run_is_read_with_its_own_condition(recorded_run, tmp_path: Pat
     assert [row["id"] for row in found["residuals"]] == [1]
     assert found["residuals"][0]["theta"] == pytest.approx(6.28, abs=0.01)
     assert 4.0e6 < found["young_pa"] < 5.2e6
+
+
+def test_rig_comes_with_covariance_and_what_markers_do_not_tell(
+    markers: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "rig.json"
+    result = identify(markers, "--case", 4, "--use", 2, "--rig", "--json", out)
+    assert result.exit_code == 0, result.output
+    found = json.loads(out.read_text())
+    assert found["refused"] == ""
+    assert np.shape(found["covariance"]) == (len(found["names"]),) * 2
+    rig = found["rig"]
+    # The rod wound 198 mm and 2.6 MPa under the whole weight.
+    assert rig["free_length"]["low"] < 0.198 < rig["free_length"]["high"]
+    assert rig["effective_young"]["low"] < 2.6e6 < rig["effective_young"]["high"]
+    assert "load_share" in found["untold"]
+    assert [row["id"] for row in found["predicted"]] == [3, 4]
+    for row in found["predicted"]:
+        assert abs(row["s_measured_m"] - row["s_m"]) < row["half_width_90_m"]
+    assert "do not tell" in " ".join(result.output.split())
+
+
+def test_known_tension_is_known(markers: Path, tmp_path: Path) -> None:
+    out = tmp_path / "rig.json"
+    result = identify(markers, "--case", 4, "--rig", "--known-tension", "--json", out)
+    assert result.exit_code == 0, result.output
+    found = json.loads(out.read_text())
+    assert found["rig"]["load_share"]["deviation"] == 0.0
+    assert found["rig"]["young"]["low"] < 2.6e6 < found["rig"]["young"]["high"]
+    assert found["untold"] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--scatter-mm", 1), "need --rig"),
+        (("--rig", "--fixing-mm", -2), "fixing must not be negative, got -0.002"),
+        (("--rig", "--scatter-mm", "nan"), "scatter must be finite"),
+    ],
+)
+def test_rig_options_that_cannot_be_are_refused(
+    markers: Path, arguments: tuple[object, ...], said: str
+) -> None:
+    result = identify(markers, "--case", 4, *arguments)
+    assert result.exit_code == 2
+    assert said in result.output

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cable_fem_node.dynamics.points import empty_points
+from cable_fem_node.winding.resting_cable import RestingCable
 from cable_fem_node.winding.rod_nodes import RodNodes
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
@@ -185,6 +187,44 @@ def test_nothing_rests_once_everything_is_unwound() -> None:
     machine.agree()
 
 
+def test_newest_cable_is_the_end_of_the_whole(long_run: Machine) -> None:
+    model = long_run.resting
+    whole = model.cable()
+    for turns in (2.0, 5.5, 1000.0):
+        newest = model.newest_cable(turns)
+        np.testing.assert_array_equal(newest, whole[whole.size - newest.size :])
+        theta = model.wound_path()[1]
+        left_out = whole.size - newest.size
+        assert left_out == min(
+            int((theta < theta[-1] - math.tau * turns).sum()), model.nodes - model.live_nodes
+        )
+
+
+def test_newest_cable_brings_all_that_moves() -> None:
+    machine = Machine()
+    machine.wind(15.0)
+    machine.wind(0.5, speed=0.0)
+    before = machine.resting.cable()
+    told = machine.resting.newest_cable(0.5)
+    # Slip that goes through all that is wound, as in the test above.
+    machine.wind(0.3, speed=0.0, tension=0.1 * WEIGHT)
+    after, newest = machine.resting.cable(), machine.resting.newest_cable(0.5)
+    assert newest.size > told.size + 20
+    unsaid = after.size - newest.size
+    for name in ("x", "y", "z", "tension"):
+        np.testing.assert_array_equal(after[name][:unsaid], before[name][:unsaid])
+
+
+def test_node_at_rest_takes_a_hundred_bytes_at_most() -> None:
+    store = RestingCable(0.017)
+    cable, reference = empty_points(9), np.full(8, 5.0e-3)
+    cable.position[0], cable.position[1] = 0.017, -1.0e-3 * np.arange(9)
+    while store.count < 30000:
+        store.add(8, 0.0, cable, reference)
+        # Fewer nodes than there is room for at first are no matter.
+        assert store.count < 200 or store.bytes <= 100 * store.count
+
+
 def test_noise_of_the_load_wakes_nothing() -> None:
     model = RodWinding(CONFIG)
     rng = np.random.default_rng(1)
@@ -207,7 +247,7 @@ def test_cable_that_is_laid_to_rest_and_woken_is_as_it_was() -> None:
     nodes.touching[1:12] = 1
     nodes.wake(0, angle, rate * step, step)
     before, tie, touching = nodes.state.copy(), nodes.tie.copy(), nodes.touching.copy()
-    nodes.rest(7, angle, np.ones(11), np.ones(11))
+    nodes.rest(7, angle)
     assert nodes.live == 5
     assert nodes.total == 12
     assert nodes.tie_length == pytest.approx(10.0e-3)

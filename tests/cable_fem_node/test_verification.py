@@ -7,7 +7,14 @@ import pytest
 from cable_fem_node.verification.suite import PROBLEMS, references, run_problem
 
 # More than two seconds of processor time.
-SLOW = {"B07", "B08", "B10", "B11", "B17", "D03", "D10", "D10r", "W04"}
+SLOW = {"B07", "B08", "B10", "B11", "B17", "D03", "D10", "D10r", "V06", "V11", "W04"}
+# More than five.
+CAMPAIGN = {"V12", "V13"}
+
+
+def marks(name: str) -> list[pytest.MarkDecorator]:
+    slow = [pytest.mark.slow] if name in SLOW else []
+    return [pytest.mark.campaign] if name in CAMPAIGN else slow
 
 
 def test_every_problem_has_its_references():
@@ -15,11 +22,7 @@ def test_every_problem_has_its_references():
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name
-        for name in sorted(PROBLEMS)
-    ],
+    "name", [pytest.param(name, marks=marks(name)) for name in sorted(PROBLEMS)]
 )
 def test_problem_is_within_its_tolerances(name):
     failed = [row for row in run_problem(name) if not row.passed]

@@ -43,7 +43,11 @@ REFUSED: list[tuple[list[object], str]] = [
     (["--case", 4, "--namespace", "a b"], "namespace must be made of letters"),
     (["--case", 4, "--parameters", "absent.yaml"], "no parameter file at absent.yaml"),
     (["--case", 4, "--speed", -1], "parameter speed must be at least 0, got -1"),
-    (["--case", 4, "--lay", "silk"], "lay must be one of paper, fem, got 'silk'"),
+    (
+        ["--case", 4, "--lay", "driven", "--compose", "camera"],
+        "--lay driven is shown by the rig's own camera alone",
+    ),
+    (["--case", 4, "--lay", "silk"], "lay must be one of paper, fem, driven, got 'silk'"),
     (["--case", 4, "--weights", "nowhere"], "no trained weights at nowhere"),
     (["--case", 4, "--weights", "damaged"], "damaged/weights.safetensors does not match its card"),
     (["--case", 4, "--parameters", "unknown.yaml"], "cable_fem has no parameter frictoin; did you"),
@@ -52,6 +56,7 @@ REFUSED: list[tuple[list[object], str]] = [
     (["--case", 4, "--output", "a_file"], "a_file exists already; a run is never written over"),
     (["--case", 4, "--report", "a_file"], "a_file is not a folder"),
     (["--case", 4, "--json", "damaged"], "damaged is a folder, not a file"),
+    (["--case", 4, "--truth", "damaged"], "damaged is a folder, not a file"),
 ]
 
 

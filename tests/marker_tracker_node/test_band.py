@@ -1,5 +1,6 @@
 """The band model: where the visible half of a ring band appears."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -55,3 +56,25 @@ def test_without_the_model_a_band_would_be_misplaced(smooth_film, case, least):
     x, y, z = centre_point(body.rho, 1.0 + least, 0.0)
     _, beyond, _ = plane_of_point(view, x, y, z)
     assert b > beyond
+
+
+def test_a_touching_turn_hides_what_the_renderer_hides(smooth_film):
+    film = smooth_film(4, camera=SHARP)
+    view, body = view_and_body(film)
+    pitch = 2.0 * body.cable_radius
+    slope = pitch / (2.0 * math.pi)
+    touching = CablePath(theta=film.path.theta, z=slope * film.path.theta)
+    theta = film.theta[1]
+    # A turn after it has landed, a third of a right angle and more to the side.
+    azimuth = 2.0 * math.pi + 1.0
+    truth = film.renderer.visible_bands(film.scene(theta + azimuth, 0.1, path=touching))[1]
+    away = pitch * body.rho / math.hypot(body.rho, slope)
+    alone = Band(azimuth, slope * theta, slope)
+    off, more = [], []
+    for band in (alone, alone._replace(below=away, above=away)):
+        a, b, area = band_centroid(view, body, band)
+        off.append(abs(pixel_of_plane(view, a, b)[1] - truth["centroid"][1]))
+        more.append(area * view.fx * view.fy / truth["area"] - 1.0)
+    # Rays are taken for parallel over two turns, and the renderer's sections are chords of 3 px.
+    assert off[1] < min(0.12, 0.5 * off[0])
+    assert 0.0 < more[1] < 0.7 * more[0]

@@ -6,6 +6,7 @@ import inspect
 import pytest
 
 from winding_cli.commands.identify import identify
+from winding_cli.commands.plan import plan
 from winding_cli.commands.predict import predict
 from winding_cli.commands.run import run
 from winding_cli.commands.track import track
@@ -30,7 +31,7 @@ def test_every_node_takes_every_field() -> None:
         assert {item.name for item in declarations(parameters_of(spec))} >= NAMES, spec.name
 
 
-@pytest.mark.parametrize("command", [predict, run, track, identify], ids=lambda c: c.__name__)
+@pytest.mark.parametrize("command", [predict, plan, run, track, identify], ids=lambda c: c.__name__)
 def test_every_command_takes_every_option(command: object) -> None:
     assert set(inspect.signature(command).parameters) >= KEYS  # type: ignore[arg-type]
 

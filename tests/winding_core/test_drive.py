@@ -77,10 +77,23 @@ def test_without_a_ramp_full_speed_starts_at_once() -> None:
 
 
 @pytest.mark.parametrize("name", ["angular_speed", "feed_speed", "ramp_time"])
-@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_an_impossible_drive_is_refused_by_name(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=f"^{name} must"):
         DriveProfile(**{name: value})
+
+
+@pytest.mark.parametrize("name", ["angular_speed", "ramp_time"])
+def test_a_negative_speed_of_the_cylinder_or_ramp_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match=f"^{name} must"):
+        DriveProfile(**{name: -1.0})
+
+
+def test_a_feed_towards_minus_z_mirrors_the_carriage() -> None:
+    back = DriveProfile(feed_speed=-PAPER.feed_speed)
+    for t in (0.3, 1.0, 7.0):
+        assert back.positions(t) == (PAPER.positions(t)[0], -PAPER.positions(t)[1])
+        assert back.speeds(t) == (PAPER.speeds(t)[0], -PAPER.speeds(t)[1])
 
 
 def test_a_cylinder_that_stands_still_is_refused() -> None:

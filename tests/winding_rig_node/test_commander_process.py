@@ -4,10 +4,12 @@ import json
 import math
 import subprocess
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from lifecycle_msgs.msg import Transition
@@ -15,8 +17,13 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
 from winding_core.status import Level, Status
 from winding_core.units import MILLISECOND
+from winding_rig_node.camera import CameraConfig
+from winding_rig_node.camera.optics import project_points
 from winding_ros import topics
 from winding_ros.diagnostic_messages import decode_diagnostics
 from winding_ros.stamps import decode_stamp
@@ -131,6 +138,49 @@ def test_a_sine_from_another_process_is_followed(
     # Every sample of 1 kHz.
     assert len(errors) == 30_001
     assert max(errors) < MISSED
+
+
+def test_a_commanded_carriage_moves_the_lay_in_the_picture(bench: Bench, tmp_path: Path) -> None:
+    frames: deque[Any] = deque(maxlen=1)
+    topics.IMAGE.subscribe(bench.node, frames.append)
+    truth = tmp_path / "truth.json"
+    # P1 has landed and stands some 0.3 rad behind the contact line then.
+    end = 4.3
+    bench.wind(
+        lay="driven",
+        speed=0.0,
+        duration=end,
+        truth_file=truth,
+        pace_topics=topics.FEM_MARKERS.name,
+        max_lead=0.02 + MILLISECOND,
+    )
+    bench.command("sine by position")
+    bench.ros.spin_until(lambda: frames and decode_stamp(frames[-1].header.stamp) >= end - 1.0e-6)
+    bench.ros.spin_until(truth.exists)
+    told = json.loads(truth.read_text())
+    angle, theta, z = told["wound_angle"], told["markers"]["theta"][1], told["markers"]["z"][1]
+    case = paper_case(4)
+    law = FleetAngleLaw(
+        advance_per_radian=DriveProfile().advance_per_radian,
+        free_length=PAPER_FREE_LENGTH,
+        radius=case.centreline_radius,
+    )
+    # The carriage swayed about its start: nothing of the programme's feed is in the lay.
+    assert abs(z) < 0.5 * float(law.z(theta))
+    assert 0.0 < angle - theta < 0.5
+    message = frames[-1]
+    frame = np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, 3)
+    yellow = cv2.inRange(cv2.cvtColor(frame, cv2.COLOR_BGR2HSV), (18, 110, 30), (38, 255, 255))
+    # The outside of the cable, where the camera sees the band.
+    outside = case.centreline_radius + case.cable_radius
+    azimuth = angle - theta
+    place = np.array([[outside * math.cos(azimuth), outside * math.sin(azimuth), z]])
+    column, row = project_points(CameraConfig(), place)[0]
+    rows, columns = np.nonzero(yellow)
+    near = np.hypot(rows - row, columns - column) < 15.0
+    # A band of 6 by 4 mm at 4.2 px/mm; one that lay by the programme would be 10 px away and more.
+    assert near.sum() > 100
+    assert columns[near].mean() == pytest.approx(column, abs=2.0)
 
 
 def test_a_command_out_of_bounds_is_refused_in_one_sentence(bench: Bench) -> None:

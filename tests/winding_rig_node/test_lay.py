@@ -10,10 +10,10 @@ from winding_core.helix import curve_length
 from winding_core.published import published_markers
 from winding_rig_node.machine.lay import (
     HiddenCable,
-    neo_hookean_stretch,
     published_lay,
     simulated_lay,
 )
+from winding_rig_node.machine.stretch import neo_hookean_stretch
 
 END = 33.93
 

@@ -12,6 +12,7 @@ from winding_ros.graph import (
     RIG,
     as_mermaid,
     as_text,
+    controlled,
     expected_subscribers,
     pace_topics,
     parameters_of,
@@ -25,13 +26,15 @@ NAMESPACE = "/endpoints"
 
 
 def test_every_topic_has_a_publisher() -> None:
-    published = {topic for spec in GRAPH for topic in spec.publishes}
+    published = {topic for spec in controlled() for topic in spec.publishes}
     outside = set(topics.published_by(topics.COMMANDER))
     served = set(topics.published_by(topics.RUN_SERVER))
     shared = {
         topics.DIAGNOSTICS, topics.RECORDER_PROGRESS, topics.ROBOT_DESCRIPTION, topics.TRACE,
     }  # fmt: skip
-    assert set(topics.TOPICS) - published == shared | outside | served
+    # The controller of the lay is one of those who may command the axes.
+    assert published & outside == {topics.JOINT_TARGETS, topics.TENSION_COMMAND}
+    assert set(topics.TOPICS) - published == (shared | outside | served) - published
     assert outside <= set(RIG.subscribes)
 
 
@@ -49,6 +52,7 @@ def test_every_consumer_holds_time() -> None:
     assert answers == {
         "tracker/markers", "fem/markers", "correction/markers", "recorder/progress",
     }  # fmt: skip
+    assert {topic.name for topic in pace_topics(controlled())} == answers | {"lay_control/state"}
 
 
 def endpoints(node: Any) -> tuple[set[str], set[str]]:
@@ -70,11 +74,15 @@ def endpoints(node: Any) -> tuple[set[str], set[str]]:
 
 
 def test_nodes_really_have_the_endpoints_that_the_graph_states(ros: Any, compose: Any) -> None:
-    paced = ",".join(topic.name for topic in pace_topics())
+    specs = controlled()
+    paced = ",".join(topic.name for topic in pace_topics(specs))
     graph = compose(
-        ros, {topics.RIG: {"pace_topics": paced}}, namespace=NAMESPACE.removeprefix("/")
+        ros,
+        {topics.RIG: {"pace_topics": paced}},
+        namespace=NAMESPACE.removeprefix("/"),
+        specs=specs,
     )
-    for spec in GRAPH:
+    for spec in specs:
         node = graph.nodes[spec.name]
         stated = (
             {f"{NAMESPACE}/{topic.name.lstrip('/')}" for topic in spec.publishes},
@@ -94,6 +102,20 @@ def test_expected_subscribers_count_recorder_and_clock() -> None:
     assert expected["winding_rig"]["/clock"] == len(GRAPH) - 1
 
 
+def test_controller_of_the_lay_hears_all_and_is_heard_by_the_rig() -> None:
+    expected = expected_subscribers(frozenset(), controlled())
+    without = expected_subscribers(frozenset())
+    assert expected["lay_control"] == {
+        "lay_control/state": 1, "rig/joint_targets": 1, "rig/tension_command": 1,
+    }  # fmt: skip
+    for node, topic in (
+        ("winding_rig", "rig/joint_states"), ("winding_rig", "rig/tension"),
+        ("marker_tracker", "tracker/markers"), ("marker_tracker", "tracker/lay"),
+        ("cable_fem", "fem/markers"),
+    ):  # fmt: skip
+        assert expected[node][topic] == without[node][topic] + 1
+
+
 def test_text_names_every_node_and_topic() -> None:
     text = as_text()
     for spec in GRAPH:
@@ -103,7 +125,7 @@ def test_text_names_every_node_and_topic() -> None:
 
 
 def test_parameters_of_every_node_can_be_read_without_starting_it() -> None:
-    assert [parameters_of(spec)().resolved().case.number for spec in GRAPH] == [4, 4, 4, 4]
+    assert [parameters_of(spec)().resolved().case.number for spec in controlled()] == [4] * 5
 
 
 def test_readme_shows_this_graph() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.points import LEDGER_SIZE, Points
-from cable_fem_node.rod.rod_arrays import AxialResponse
+from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
 from cable_fem_node.winding.rod_state import REFERENCE, points_of
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_kernels import advance_winding
@@ -37,6 +37,7 @@ class RodState:
         ledger: Energies [J].
         constants: Of the run.
         response: Axial response of the cable.
+        relax: How its stress fades: not at all.
     """
 
     nodes: int
@@ -48,6 +49,7 @@ class RodState:
     ledger: FloatArray
     constants: Constants
     response: AxialResponse
+    relax: Relaxation
 
     @classmethod
     def of(cls, model: RodWinding, capacity: int) -> RodState:
@@ -68,6 +70,7 @@ class RodState:
             ledger=np.zeros(LEDGER_SIZE),
             constants=model._constants,
             response=model.config.resolved.axial,
+            relax=model.config.resolved.relaxation,
         )
 
     @property
@@ -124,6 +127,7 @@ def kernel_advance(state: RodState, drive: FloatArray, steps: int, dt: float) ->
         state.response,
         state.ledger,
         False,
+        state.relax,
     )
     assert (taken, status) == (steps, RUNNING)
     state.surface_step = rate * dt

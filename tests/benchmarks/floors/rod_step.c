@@ -1,10 +1,8 @@
 /* The explicit step of the wound rod in plain C, with the arithmetic of the project's kernel.
  *
- * A floor for that kernel's processor time: axial response from a table, bending between
- * neighbouring elements, contact with friction, damping in proportion to mass, the clamped first
- * node, cutting and giving back of elements at the guide, and the ledger of energies. The cable
- * does not roll. Arrays are (rows, capacity) in row order; SI units.
- */
+ * A floor for that kernel's processor time: axial response from a table, bending, contact with
+ * friction, damping in proportion to mass, the clamped first node, cutting and giving back of
+ * elements at the guide, and the ledger. The cable does not roll. Arrays (rows, capacity); SI. */
 #include <math.h>
 #include <stdint.h>
 
@@ -173,7 +171,8 @@ static void touch_cylinder(int64_t end, double dt, double turned, double turning
             continue;
         }
         double vx = v[i], vy = v[n + i], inverse = 1.0 / radius;
-        double nx = px * inverse, ny = py * inverse, inward = -(vx * nx + vy * ny);
+        double nx = px * inverse, ny = py * inverse, outward = vx * nx + vy * ny;
+        double inward = 0.5 * dt * (vx * vx + vy * vy) * inverse - outward;
         double elastic = k->normal_stiffness * depth;
         double normal = elastic + k->normal_damping * inward;
         normal = normal > 0.0 ? normal : 0.0;
@@ -209,20 +208,22 @@ static void touch_cylinder(int64_t end, double dt, double turned, double turning
     ledger[CONTACT] += bouncing * dt;
 }
 
-static double move_nodes(int64_t elements, double dt, double rate, double guide_speed,
-                         double *restrict x, double *restrict y, double *restrict z,
-                         double *restrict vx, double *restrict vy, double *restrict vz,
-                         const double *restrict fx, const double *restrict fy,
-                         const double *restrict fz, const int64_t *restrict touching,
+static double move_nodes(int64_t elements, double dt, double rate, double guide_speed, int64_t n,
+                         double *restrict x, double *restrict v, const double *restrict f,
+                         const double *restrict t, const int64_t *restrict touching,
                          const Constants *k) {
+    double *restrict y = x + n, *restrict z = y + n, *restrict vx = v, *restrict vy = v + n;
+    double *restrict vz = vy + n;
+    const double *fx = f, *fy = f + n, *fz = fy + n, *tx = t, *ty = t + n;
     const double half = 0.5 * k->damping_rate * dt, decay = (1.0 - half) / (1.0 + half);
-    const double push = dt / (k->mass * (1.0 + half)), feed = k->contact_line * rate;
+    const double push = dt / (k->mass * (1.0 + half)), feed = -0.5 * k->contact_line * rate;
     const double follow = -guide_speed / k->free_length;
     double loss = 0.0;
     for (int64_t i = 1; i < elements; i++) {
         double px = x[i], py = y[i];
-        int wound = (touching[i] == 1) | (py > 0.0);
-        double rx = wound ? -rate * py : 0.0, ry = wound ? rate * px : feed;
+        int wound = touching[i] == 1;
+        double rx = wound ? -rate * py : feed * (tx[i - 1] + tx[i]);
+        double ry = wound ? rate * px : feed * (ty[i - 1] + ty[i]);
         double rz = wound ? 0.0 : follow * py;
         double wx = vx[i] - rx, wy = vy[i] - ry, wz = vz[i] - rz;
         double ux = wx * decay + push * fx[i], uy = wy * decay + push * fy[i];
@@ -281,8 +282,7 @@ void advance(State *s, int64_t steps, double dt, const double *drive, const Arra
                        a->contact_radius, net, a->touching, k, ledger);
         double guide_speed = (next_guide - x[2 * n + elements]) / dt;
         ledger[DAMPING] +=
-            move_nodes(elements, dt, rate, guide_speed, x, x + n, x + 2 * n, v, v + n, v + 2 * n,
-                       net, net + n, net + 2 * n, a->touching, k);
+            move_nodes(elements, dt, rate, guide_speed, n, x, v, net, t, a->touching, k);
         ledger[SPAN] += dt * (force[end] * v[end] + force[n + end] * v[n + end] +
                               force[2 * n + end] * v[2 * n + end]);
 

@@ -13,6 +13,7 @@ from cable_fem_node.identification.live_material import LiveMaterial, MaterialUp
 from cable_fem_node.ros.background import BackgroundTask
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
+from cable_fem_node.ros.prediction_task import PredictionTask
 from winding_core.markers import MARKER_DTYPE
 from winding_core.material_report import MaterialReport, refused_material
 from winding_core.status import Level, Status
@@ -29,21 +30,23 @@ class CableFemNode(ManagedNode[FemParameters]):
     """Shadows the machine with the explicit rod, and predicts the whole run ahead.
 
     Subscribes to rig/joint_states, rig/tension and tracker/markers. Publishes fem/markers,
-    fem/cable, fem/cable_line in step with the machine, fem/prediction at activation, and
-    fem/material whenever a further marker has landed. With `take_up_material` model and
-    prediction go on with what is found, and fem/prediction comes again.
+    fem/cable, fem/cable_line in step with the machine, fem/prediction at activation and again as
+    more of a long run has been wound ahead, and fem/material whenever a further marker has
+    landed. With `take_up_material` model and prediction go on with what is found, and
+    fem/prediction comes again.
     """
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(graph.FEM, FemParameters, **kwargs)
         self._task: BackgroundTask[MaterialUpdate] | None = None
         self._live: LiveMaterial | None = None
+        self._ahead: PredictionTask | None = None
         self._looker: Timer | None = None
         self._report: tuple[float, MaterialReport] | None = None
 
     def configure(self) -> None:
         """Build the model; subscribe."""
-        self._handler = FemHandler(self.configuration, self.go_on)
+        self._handler = FemHandler(self.configuration, self.go_on, ahead_elsewhere=True)
         self.endpoints.connect(self._handler, beside={topics.TRACKED_MARKERS: self._on_tracked})
         # Wall time: an identification may end when the machine has stopped.
         self._looker = self.create_timer(
@@ -56,6 +59,7 @@ class CableFemNode(ManagedNode[FemParameters]):
         self._abandon()
         self._report = None
         self.publish(self._handler.begin(now))
+        self._ahead = PredictionTask(self._handler.ahead, now)
         self._live = LiveMaterial(
             self._handler.config,
             wanted.resolved().drive,
@@ -65,12 +69,12 @@ class CableFemNode(ManagedNode[FemParameters]):
         self.endpoints.publish(topics.FEM_MATERIAL, encode_material(now, None))
 
     def deactivate(self) -> None:
-        """Let go of an identification at work."""
+        """Let go of what is at work in the background."""
         self._abandon()
         self._live = None
 
     def cleanup(self) -> None:
-        """Let go of an identification at work."""
+        """Let go of what is at work in the background."""
         self._abandon()
         if self._looker is not None:
             self.destroy_timer(self._looker)
@@ -91,6 +95,10 @@ class CableFemNode(ManagedNode[FemParameters]):
             values |= {f"material {key}": value for key, value in report.status().values.items()}
             values["material updated at"] = f"{t:.3f}"
             message = f"{message}; material refused: {report.refusal}" if refused else message
+        if self._ahead is not None:
+            values["predicted_to"] = f"{self._ahead.reached:.1f}"
+            if self._ahead.failure:
+                refused, message = True, f"{message}; prediction: {self._ahead.failure}"
         return Status(
             name=topics.FEM,
             level=Level.WARN if refused or balance > 1.0 else Level.OK,
@@ -105,7 +113,9 @@ class CableFemNode(ManagedNode[FemParameters]):
             self._live.see(markers)
 
     def _look(self) -> None:
-        """Begin the identification that is due, or take what one has found."""
+        """Tell what is predicted; begin the identification that is due, or take what one found."""
+        if self._ahead is not None:
+            self._tell_ahead(self._ahead)
         live, task = self._live, self._task
         if live is None:
             return
@@ -118,6 +128,12 @@ class CableFemNode(ManagedNode[FemParameters]):
             self._task = None
             self._take(self._tracked_until, live, task)
 
+    def _tell_ahead(self, ahead: PredictionTask) -> None:
+        failed = bool(ahead.failure)
+        self.publish([self._handler.predicted(ahead.begun, found) for found in ahead.news()])
+        if ahead.failure and not failed:
+            self.get_logger().warning(f"prediction: {ahead.failure}")
+
     def _take(self, t: float, live: LiveMaterial, task: BackgroundTask[MaterialUpdate]) -> None:
         try:
             update = task.result()
@@ -127,7 +143,9 @@ class CableFemNode(ManagedNode[FemParameters]):
         live.learn(update)
         if update.model is not None and update.ahead is not None:
             self._handler.go_on_with(update.model)
-            self.publish([self._handler.predicted(t, update.ahead)])
+            if self._ahead is not None:
+                self._ahead.abandon()
+            self._ahead = PredictionTask(update.ahead, t)
         report = _reported(update, self._handler.config.law, self._markers_used)
         self._report = (t, report)
         self.endpoints.publish(topics.FEM_MATERIAL, encode_material(t, report))
@@ -138,6 +156,9 @@ class CableFemNode(ManagedNode[FemParameters]):
         if self._task is not None:
             self._task.abandon()
             self._task = None
+        if self._ahead is not None:
+            self._ahead.abandon()
+            self._ahead = None
 
 
 def _reported(update: MaterialUpdate, law: str, markers: tuple[int, ...]) -> MaterialReport:

@@ -13,8 +13,9 @@ if TYPE_CHECKING:
     from marker_tracker_node.lay.report import LayDefect, LayReport
     from marker_tracker_node.tracking.config import TrackerConfig
     from marker_tracker_node.tracking.pose_correction import PoseBelief
-    from marker_tracker_node.tracking.refinement import Refinement, Sightings, refine
+    from marker_tracker_node.tracking.refinement import Refinement, refine
     from marker_tracker_node.tracking.report import FrameFault, TrackerReport
+    from marker_tracker_node.tracking.sightings import Sightings
     from marker_tracker_node.tracking.tracker import Tracker
 
 __all__ = [
@@ -45,8 +46,9 @@ _PLACES = {
     "lay.report": {"LayDefect", "LayReport"},
     "tracking.config": {"TrackerConfig"},
     "tracking.pose_correction": {"PoseBelief"},
-    "tracking.refinement": {"Refinement", "Sightings", "refine"},
+    "tracking.refinement": {"Refinement", "refine"},
     "tracking.report": {"FrameFault", "TrackerReport"},
+    "tracking.sightings": {"Sightings"},
     "tracking.tracker": {"Tracker"},
 }
 

@@ -21,7 +21,7 @@ def wrong_axis(reading: AxisReading, elapsed: float, drive: DriveProfile) -> str
     """
     angle, way = reading.cylinder_angle, reading.carriage_position
     expected_angle, expected_way = drive.positions(elapsed)
-    slow = _FACTOR * float(expected_way)
+    slow = _FACTOR * abs(float(expected_way))
     if abs(way) > max(_DECISIVE[0], slow) and abs(angle) < max(slow, _DECISIVE[1]):
         return (
             f"cylinder and carriage are swapped: the carriage moved {way:.3g} m while the cylinder "
@@ -32,17 +32,18 @@ def wrong_axis(reading: AxisReading, elapsed: float, drive: DriveProfile) -> str
             f"the cylinder turned backwards, by {angle:.3g} rad: its joint counts the other way "
             "(a negative cylinder_scale) or the machine unwinds"
         )
-    if way < -_DECISIVE[1] and drive.feed_speed > 0.0:
+    if drive.feed_speed * way < 0.0 and abs(way) > _DECISIVE[1]:
+        towards = "-z" if way < 0.0 else "+z"
         return (
             f"the carriage moved backwards, by {way:.3g} m: its joint counts the other way "
-            "(a negative carriage_scale) or the machine winds towards -z"
+            f"(a negative carriage_scale) or the machine winds towards {towards}"
         )
     if angle > _DECISIVE[0] and angle > _FACTOR * float(expected_angle):
         return (
             f"the cylinder turned {angle:.3g} rad where {float(expected_angle):.3g} rad were "
             "expected: cylinder_scale must give radians"
         )
-    if way > _DECISIVE[1] and way > _FACTOR * float(expected_way) and drive.feed_speed > 0.0:
+    if drive.feed_speed != 0.0 and abs(way) > max(_DECISIVE[1], slow):
         return (
             f"the carriage moved {way:.3g} m where {float(expected_way):.3g} m were expected: "
             "carriage_scale must give metres"

@@ -11,6 +11,7 @@ from typing import Any
 from winding_core.cases import Case, Material, paper_case
 from winding_core.material_law import LAWS, MOONEY_RATIO
 from winding_core.parameters import ParameterError, parameter
+from winding_core.prony import PronySeries
 from winding_core.published import published_conditions
 from winding_core.units import DENSITY, FORCE, LENGTH, MILLIMETRE, PLAIN, STRESS
 
@@ -72,6 +73,13 @@ class CableParameters:
     bending_factor: float = parameter(
         Material.bending_factor, "factor on the bending stiffness EI", PLAIN, 1.0e-3, 1.0e3
     )
+    prony: str = parameter(
+        "",
+        "how the stress of the stretched cable fades: terms share:seconds joined by +, as "
+        "0.2:1.5+0.1:30, with the modulus at once as Young's; empty for an elastic cable",
+        PLAIN,
+        label="Relaxation share:seconds",
+    )
     law: str = parameter("linear", "material law", choices=LAWS, unit=PLAIN)
     mooney_ratio: float = parameter(
         MOONEY_RATIO,
@@ -114,6 +122,7 @@ class CableParameters:
             density=self.density,
             axial_factor=self.axial_factor,
             bending_factor=self.bending_factor,
+            prony=self._prony(spelled["prony"]),
         )
         if start is None:
             _refuse_missing(given, spelled)
@@ -122,6 +131,12 @@ class CableParameters:
         case = dataclasses.replace(start, **given)
         same = dataclasses.replace(case, marker_count=start.marker_count) == start
         return case if same else dataclasses.replace(case, number=0)
+
+    def _prony(self, name: str) -> PronySeries:
+        try:
+            return PronySeries.parse(self.prony)
+        except ValueError as error:
+            raise ParameterError(str(error).replace("prony", name, 1)) from error
 
 
 def published_case(number: object, name: str) -> Case:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from winding_core.prony import PronySeries
 from winding_core.published import published_conditions
 
 
@@ -18,6 +19,7 @@ class Material:
         density: Mass density [kg/m^3].
         axial_factor: Factor on the axial stiffness EA of the round section.
         bending_factor: Factor on its bending stiffness EI.
+        prony: How the axial stress fades; `young` is the modulus at once.
     """
 
     young: float = 2.6e6
@@ -25,6 +27,7 @@ class Material:
     density: float = 1337.0
     axial_factor: float = 1.0
     bending_factor: float = 1.0
+    prony: PronySeries = field(default_factory=PronySeries)
 
     def __post_init__(self) -> None:
         _positive("young", self.young, "Pa")
@@ -33,6 +36,18 @@ class Material:
         _positive("bending_factor", self.bending_factor)
         if not 0.0 <= self.poisson < 0.5:
             raise ValueError(f"poisson must lie in [0, 0.5), got {self.poisson}")
+
+    def refuse_fading(self, who: str) -> None:
+        """Refuse a Prony series where none is known.
+
+        Args:
+            who: What knows elastic cables alone, as the sentence begins.
+
+        Raises:
+            ValueError: There is a series.
+        """
+        if self.prony.shares:
+            raise ValueError(f"{who} knows elastic cables alone: leave out prony")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -105,9 +105,9 @@ class Condition(CableParameters):
     )
     feed_speed: float = parameter(
         PAPER_FEED_SPEED,
-        "carriage speed after the ramp",
+        "carriage speed after the ramp, negative towards -z",
         SPEED,
-        0.0,
+        -0.5,
         0.5,
         option="feed",
         label="Carriage speed",

@@ -22,7 +22,7 @@ class DriveProfile:
 
     Attributes:
         angular_speed: Cylinder speed after the ramp, omega_max [rad/s].
-        feed_speed: Carriage speed after the ramp, delta_max [m/s].
+        feed_speed: Carriage speed after the ramp, delta_max [m/s]; negative towards -z.
         ramp_time: Time in which both reach their maximum, T_s [s].
     """
 
@@ -37,8 +37,6 @@ class DriveProfile:
                 raise ValueError(f"{name} must be finite, got {value}")
         if self.angular_speed <= 0.0:
             raise ValueError(f"angular_speed must be positive, got {self.angular_speed} rad/s")
-        if self.feed_speed < 0.0:
-            raise ValueError(f"feed_speed must not be negative, got {self.feed_speed} m/s")
         if self.ramp_time < 0.0:
             raise ValueError(f"ramp_time must not be negative, got {self.ramp_time} s")
 

@@ -48,6 +48,13 @@ class MachineAxes:
         low=-1.0e9,
         high=1.0e9,
     )
+    carriage_speed: float = parameter(
+        0.0,
+        "largest speed of the carriage [m/s], where more than the drive programme moves it; 0 for "
+        "the feed speed",
+        low=0.0,
+        high=2.0,
+    )
     await_motion: bool = parameter(
         False, "whether a run begins with the machine's first motion instead of its first reading"
     )

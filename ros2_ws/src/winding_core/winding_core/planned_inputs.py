@@ -45,7 +45,7 @@ def continued_inputs(inputs: Inputs, angle: float, *, period: float = 0.02) -> I
     speed = float(inputs["angular_speed"].max())
     if left <= 0.0 or speed <= 0.0:
         return inputs
-    feed = float(inputs["feed_speed"].max())
+    feed = float(inputs["feed_speed"][np.abs(inputs["feed_speed"]).argmax()])
     count = math.ceil(left / (speed * period))
     after = period * np.arange(1, count + 1)
     more = np.zeros(count, dtype=INPUT_DTYPE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from winding_core.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
 from winding_core.readings import AxisReading
 
 # Rounding of stamps and the encoder's own step, as a way of each axis [rad, m].
@@ -16,8 +17,8 @@ class ReadingLimits:
 
     Attributes:
         weight: Dead weight on the cable [N].
-        angular_speed: Full speed of the cylinder [rad/s].
-        feed_speed: Full speed of the carriage [m/s].
+        angular_speed: Full speed of the cylinder [rad/s]; the sign does not count.
+        feed_speed: Full speed of the carriage [m/s]; the sign does not count.
         tension_factor: Largest tension, as a share of the weight.
         speed_factor: Largest speed, as a share of full speed.
     """
@@ -39,9 +40,10 @@ class ReadingLimits:
         self, t: float, reading: AxisReading, before: tuple[float, AxisReading] | None
     ) -> str:
         """Return why a reading at t [s] cannot follow the one before it, or nothing."""
+        # An axis that the programme lets stand may be moved by commands.
         axes = (
-            ("cylinder", reading.angular_speed, self.angular_speed),
-            ("carriage", reading.feed_speed, self.feed_speed),
+            ("cylinder", reading.angular_speed, abs(self.angular_speed) or PAPER_ANGULAR_SPEED),
+            ("carriage", reading.feed_speed, abs(self.feed_speed) or PAPER_FEED_SPEED),
         )
         for name, speed, full in axes:
             if abs(speed) > self.speed_factor * full:

@@ -9,6 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from winding_core.helix import FloatOrArray
+
 # The drum diameter in the middle of the two that were measured.
 REFERENCE_DIAMETER = 45.0e-3
 
@@ -30,9 +32,9 @@ class DeadWeight:
         return weight
 
     def along(
-        self, weight: float, cylinder_diameter: float, wound_lengths: NDArray[np.float64]
+        self, weight: FloatOrArray, cylinder_diameter: float, wound_lengths: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the tension [N] at every wound length [m], same shape."""
+        """Return the tension [N] at every wound length [m], same shape; a weight [N] for each."""
         return np.full(wound_lengths.shape, weight)
 
 
@@ -68,9 +70,9 @@ class RigTension:
         return max(0.0, final * (self.start_share + (1.0 - self.start_share) * built))
 
     def along(
-        self, weight: float, cylinder_diameter: float, wound_lengths: NDArray[np.float64]
+        self, weight: FloatOrArray, cylinder_diameter: float, wound_lengths: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the tension [N] at every wound length [m], same shape."""
+        """Return the tension [N] at every wound length [m], same shape; a weight [N] for each."""
         built = -np.expm1(-np.maximum(wound_lengths, 0.0) / self.build_up_length)
         final = self.final(weight, cylinder_diameter)
         return np.asarray(
@@ -84,7 +86,7 @@ class RigTension:
             self.start_share == 1.0
         )
 
-    def final(self, weight: float, cylinder_diameter: float) -> float:
+    def final(self, weight: FloatOrArray, cylinder_diameter: float) -> FloatOrArray:
         """Return F0 + a T_w + b (D / 45 mm - 1) [N], where the build-up ends."""
         return (
             self.offset

@@ -45,12 +45,13 @@ def machine_urdf(
     for name, colour in _COLOURS.items():
         ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=colour)
     case = what.case
-    way = float(what.drive.positions(what.duration)[1])
+    end = float(what.drive.positions(what.duration)[1])
+    way = abs(end)
     ET.SubElement(robot, "link", name=BASE)
 
     length = way + 2.0 * _MARGIN
     drum = _link(robot, CYLINDER, "drum", "cylinder", radius=case.cylinder_radius, length=length)
-    ET.SubElement(drum, "origin", xyz=_text([0.0, 0.0, 0.5 * way]), rpy=_text([0.0, 0.0, 0.0]))
+    ET.SubElement(drum, "origin", xyz=_text([0.0, 0.0, 0.5 * end]), rpy=_text([0.0, 0.0, 0.0]))
     turn = _sign("cylinder_scale", axes.cylinder_scale)
     joint = _joint(
         robot, axes.cylinder_joint, "continuous", BASE, CYLINDER,
@@ -75,7 +76,7 @@ def machine_urdf(
         lower=repr(offset - way - 1.0),
         upper=repr(offset + way + 1.0),
         effort=repr(case.weight),
-        velocity=repr(what.drive.feed_speed),
+        velocity=repr(abs(what.drive.feed_speed)),
     )
     ET.SubElement(robot, "link", name=LOAD_CELL)
     _joint(robot, "load_cell_joint", "fixed", GUIDE, LOAD_CELL, rpy=(0.0, 0.0, 0.5 * math.pi))

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from winding_core.cases import Case
 from winding_core.parameters import refuse_unknown
 from winding_core.status import Status
+from winding_rig_node.camera.shown_lay import GrowingLay, KnownLay, ShownLay
+from winding_rig_node.machine.driven_lay import DrivenLay
 from winding_rig_node.machine.faults import Faults
+from winding_rig_node.machine.hidden_rig import HiddenRig
+from winding_rig_node.machine.lay import CableLay
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import MachineConfig
 from winding_rig_node.machine.machine_state import PhaseError
 from winding_rig_node.machine.pace import Pace
+from winding_rig_node.machine.truth import truth_of, truth_path, write_truth
 from winding_rig_node.ros.camera import Camera, FrameListener
 from winding_rig_node.ros.command_input import take_commands
 from winding_rig_node.ros.fault_parameters import follow_fault_parameters, stated_faults
@@ -47,11 +54,13 @@ class RigNode(ManagedNode[RigParameters]):
         super().__init__(graph.RIG, RigParameters, **kwargs)
         self._camera: Camera | None = None
         self._loop: MachineLoop | None = None
+        self._lay: CableLay | DrivenLay
+        self._truth: Path | None = None
         for service, act in (
             (services.START, self._start),
             (services.STOP, lambda loop: loop.command(Machine.stop)),
             (services.QUICK_STOP, lambda loop: loop.command(Machine.quick_stop)),
-            (services.RESET, lambda loop: loop.command(Machine.reset)),
+            (services.RESET, lambda loop: loop.command(loop.reset)),
             (services.EMERGENCY_STOP, lambda loop: loop.command(Machine.emergency_stop)),
         ):
             service.serve(self, self._command(act))
@@ -66,9 +75,9 @@ class RigNode(ManagedNode[RigParameters]):
         what = wanted.resolved()
         case, drive = what.case, what.drive
         rng = np.random.default_rng(wanted.seed)
-        lay = wanted.laid(rng)
+        driven, shown = self._wind(case, rng)
         self._outputs = Outputs(self)
-        self._camera = None if wanted.camera_elsewhere else Camera(wanted, lay, self._outputs)
+        self._camera = None if wanted.camera_elsewhere else Camera(wanted, shown, self._outputs)
         self._loop = MachineLoop(
             wanted,
             Machine(
@@ -83,6 +92,8 @@ class RigNode(ManagedNode[RigParameters]):
             Pace(self._paced(), wanted.max_lead),
             self._outputs,
             self._camera,
+            driven,
+            finished=self._write_truth,
             warn=self.get_logger().error,
             fail=self.fail,
         )
@@ -110,6 +121,7 @@ class RigNode(ManagedNode[RigParameters]):
         """Bring the axes to rest and stop both threads."""
         if self._loop is not None:
             self._loop.end()
+            self._write_truth()
 
     def cleanup(self) -> None:
         """Forget the machine and its camera."""
@@ -125,7 +137,12 @@ class RigNode(ManagedNode[RigParameters]):
         if self._loop is None:
             return Status(name=topics.RIG, message="not configured")
         faults = str(self.get_parameter("inject_fault").value)
-        return rig_status(self._loop.machine, self._loop.pace, faults)
+        return rig_status(
+            self._loop.machine,
+            self._loop.pace,
+            faults,
+            "" if self.configuration.follows_commands else self.configuration.lay,
+        )
 
     def come_to_rest(self) -> None:
         """Stop both axes, and wait until they stand."""
@@ -136,6 +153,28 @@ class RigNode(ManagedNode[RigParameters]):
         """Stop the machine: somebody else speaks in its name."""
         if self._loop is not None:
             self._loop.stop_quickly(sentence)
+
+    def _wind(self, case: Case, rng: np.random.Generator) -> tuple[DrivenLay | None, ShownLay]:
+        """Return the lay that the machine makes, None for one known ahead, and what is shown."""
+        wanted = self.configuration
+        self._truth = truth_path(wanted.truth_file)
+        if not wanted.follows_commands:
+            self._lay = wanted.laid(rng)
+            return None, KnownLay(self._lay, wanted.free_length)
+        self._lay = driven = DrivenLay(case, HiddenRig.drawn(rng))
+        # The first step compiles its kernel: before time runs, not within it.
+        driven.advance(0.0, 0.0, case.weight)
+        driven.restart()
+        return driven, GrowingLay(driven.view())
+
+    def _write_truth(self) -> None:
+        if self._truth is None or self._loop is None:
+            return
+        try:
+            turned = self._loop.machine.state.cylinder.motor.position
+            write_truth(self._truth, truth_of(self._lay, turned))
+        except OSError as error:
+            self.get_logger().error(f"cannot write the truth of the run: {error}")
 
     def _start(self, loop: MachineLoop) -> None:
         if self.endpoints.rivals():

@@ -21,6 +21,7 @@ from winding_core.commands import (
     TensionCommand,
     Waypoint,
 )
+from winding_core.readings import CABLE_TENSION
 from winding_ros.message_error import MessageError
 from winding_ros.rig_messages import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, decode_tension
 from winding_ros.stamps import decode_stamp, encode_stamp
@@ -117,6 +118,15 @@ def decode_trajectory(message: TrajectoryMessage) -> tuple[float, JointTrajector
             waypoints[axis] += (Waypoint(t=t, position=position, speed=speed),)
     t = decode_stamp(message.header.stamp)
     return t, JointTrajectory(t=t, axes=waypoints)
+
+
+def encode_tension_command(command: TensionCommand) -> WrenchStamped:
+    """Return a pull that the brake shall have as a wrench."""
+    message = WrenchStamped()
+    message.header.stamp = encode_stamp(command.t)
+    message.header.frame_id = CABLE_TENSION.sensor
+    message.wrench.force.x = command.force
+    return message
 
 
 def decode_tension_command(message: WrenchStamped) -> tuple[float, TensionCommand]:

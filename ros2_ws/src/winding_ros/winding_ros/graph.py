@@ -119,8 +119,30 @@ RIG = NodeSpec(
         *(topic for topic in topics.TOPICS if topic.answer),
     ),
 )
+LAY_CONTROL = NodeSpec(
+    name=topics.LAY_CONTROL,
+    package="lay_control_node",
+    parameters_class="LayControlParameters",
+    handler_class="LayControlHandler",
+    inputs=(
+        topics.TENSION,
+        topics.FEM_MARKERS,
+        topics.TRACKED_LAY,
+        topics.TRACKED_MARKERS,
+        topics.JOINT_STATES,
+    ),
+    policy=Policy.RESTART,
+    says=(topics.LAY_CONTROL_STATE, topics.JOINT_TARGETS, topics.TENSION_COMMAND),
+)
 # Sinks first, the rig last: who listens is awake before anybody speaks.
 GRAPH: tuple[NodeSpec, ...] = (CORRECTION, FEM, TRACKER, RIG)
+
+
+def controlled(graph: tuple[NodeSpec, ...] = GRAPH) -> tuple[NodeSpec, ...]:
+    """Return a graph with the controller of the lay, which hears all and is heard by the rig."""
+    others = tuple(spec for spec in graph if spec is not RIG)
+    return (*others, LAY_CONTROL, *(spec for spec in graph if spec is RIG))
+
 
 CAMERA_TOPICS = (topics.IMAGE, topics.CAMERA_INFO, topics.PREVIEW)
 # The simulated camera where it runs in the tracker's process.

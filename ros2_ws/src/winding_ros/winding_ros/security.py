@@ -11,7 +11,7 @@ from pathlib import Path
 
 from winding_ros import topics
 from winding_ros.environment import enclave
-from winding_ros.graph import GRAPH, PAGE, NodeSpec
+from winding_ros.graph import GRAPH, PAGE, NodeSpec, controlled
 from winding_ros.heartbeat import heartbeat_topic
 from winding_ros.services import QUICK_STOP, SERVICES, STOP, served_by
 from winding_ros.topics import ORCHESTRATOR
@@ -48,7 +48,7 @@ class SecurityError(ValueError):
     """The graph cannot be run with security."""
 
 
-def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = GRAPH) -> str:
+def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = controlled()) -> str:
     """Return the graph's access policy as SROS2 policy XML (version 0.2.0).
 
     Every node may publish, hear and serve what the graph says, and ask the machine to stop. Only

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import SetBool, Trigger
 
-from winding_ros.topics import RECORDER, RIG, RUN_SERVER
+from winding_ros.topics import LAY_CONTROL, RECORDER, RIG, RUN_SERVER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +70,15 @@ SET_CAMERA_INFO = _service(
     SetCameraInfo,
     RIG,
     "take a new calibration; every later camera_info carries it",
+)
+LAY_CONTROL_OFF = _service(
+    "lay_control/off", Trigger, LAY_CONTROL, "command nothing; the machine goes on as it was told"
+)
+LAY_CONTROL_WATCH = _service(
+    "lay_control/watch", Trigger, LAY_CONTROL, "command nothing, say what would be commanded"
+)
+LAY_CONTROL_DRIVE = _service(
+    "lay_control/drive", Trigger, LAY_CONTROL, "command guide and brake from where they are"
 )
 # Served by the recorder of a run that an operator conducts.
 RECORD = _service(

@@ -16,6 +16,7 @@ from std_msgs.msg import Header, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker
 
+from winding_core.lay_control_records import LAY_CONTROL_DTYPE
 from winding_core.lay_records import LAY_DTYPE
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
 from winding_core.readings import CABLE_TENSION, Quantity
@@ -90,6 +91,7 @@ def _records(dtype: np.dtype[np.void]) -> Callable[[Any], tuple[float, Any]]:
 
 
 RIG, TRACKER, FEM, CORRECTION = "winding_rig", "marker_tracker", "cable_fem", "correction"
+LAY_CONTROL = "lay_control"
 RECORDER, DASHBOARD, ORCHESTRATOR = "recorder", "dashboard", "orchestrator"
 # Takes goals of a cell controller, each of which is a run.
 RUN_SERVER = "run_server"
@@ -190,7 +192,7 @@ FEM_CABLE = _topic(
     PointCloud2,
     20.0,
     FEM,
-    "centreline with tension and strain",
+    "centreline with tension and strain: the span, all that moves, the newest twelve turns",
     _records(CABLE_DTYPE),
 )
 FEM_CABLE_LINE = _topic(
@@ -198,7 +200,7 @@ FEM_CABLE_LINE = _topic(
     Marker,
     20.0,
     FEM,
-    "centreline as a LINE_STRIP for RViz",
+    "centreline of the same nodes as a LINE_STRIP for RViz",
     decode_line_width,
 )
 FEM_PREDICTION = _topic(
@@ -206,7 +208,7 @@ FEM_PREDICTION = _topic(
     PointCloud2,
     None,
     FEM,
-    "final markers of the run, ahead of it",
+    "markers of the run, ahead of it: as far as it is predicted, in the end all",
     _records(MARKER_DTYPE),
     latched=True,
 )
@@ -236,6 +238,15 @@ CORRECTION_CASE = _topic(
     "known condition that this run resembles, with its share of votes",
     decode_case_votes,
     latched=True,
+)
+LAY_CONTROL_STATE = _topic(
+    "lay_control/state",
+    PointCloud2,
+    50.0,
+    LAY_CONTROL,
+    "where the cable lands, where it is wanted, and what is commanded for it, or would be",
+    _records(LAY_CONTROL_DTYPE),
+    answer=True,
 )
 TRACE = _topic(
     "trace",

@@ -18,6 +18,7 @@ from winding_ros.graph import (
     TRACKER,
     NodeSpec,
     composed,
+    controlled,
     pace_topics,
     parameters_of,
 )
@@ -54,6 +55,7 @@ class RunConfig:
         trace: Whether the nodes note the way of each corrected length.
         compose: What opens a camera in the tracker's process, as MODULE:FUNCTION; empty for one
             that publishes its frames.
+        lay_control: Whether the controller of the lay is one of the nodes.
     """
 
     directory: Path
@@ -71,6 +73,7 @@ class RunConfig:
     page: Mapping[str, object] | None = None
     trace: bool = False
     compose: str = ""
+    lay_control: bool = False
 
     @property
     def log_directory(self) -> Path:
@@ -84,6 +87,8 @@ class RunConfig:
         if self.machine is not None:
             camera = self.machine.camera
             graph = tuple(s for s in GRAPH if s is not RIG and (camera or s is not TRACKER))
+        if self.lay_control:
+            graph = controlled(graph)
         return composed(graph, self.compose) if self.compose else graph
 
     def own_parameters(
@@ -103,7 +108,9 @@ class RunConfig:
             for spec in self.graph
         }
         if topics.RIG in parameters:
-            parameters[topics.RIG]["pace_topics"] = ",".join(topic.name for topic in pace_topics())
+            parameters[topics.RIG]["pace_topics"] = ",".join(
+                topic.name for topic in pace_topics(self.graph)
+            )
             parameters[topics.RIG]["supervisor_timeout"] = _SUPERVISOR_TIMEOUT
             if self.compose:
                 parameters[topics.RIG]["camera_elsewhere"] = True

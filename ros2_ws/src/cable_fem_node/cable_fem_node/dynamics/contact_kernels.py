@@ -87,7 +87,10 @@ def touch_cylinder(
         vx, vy = v[0, i], v[1, i]
         inverse = 1.0 / radius
         nx, ny = px * inverse, py * inverse
-        inward = -(vx * nx + vy * ny)
+        # The velocity is half a step old: on a turning surface it points off the tangent here. The
+        # dashpot acts on the rate of the radius itself, which is zero for a node that lies still.
+        outward = vx * nx + vy * ny
+        inward = 0.5 * dt * (vx * vx + vy * vy) * inverse - outward
         elastic = k.normal_stiffness * depth
         normal = elastic + k.normal_damping * inward
         normal = max(normal, 0.0)
@@ -121,7 +124,7 @@ def touch_cylinder(
         net[1, i] += normal * ny + ft * nx
         net[2, i] += fz
         gained = 0.5 * dt / mass[i]
-        bouncing += (normal - elastic) * (inward - gained * (net[0, i] * nx + net[1, i] * ny))
+        bouncing -= (normal - elastic) * (outward + gained * (net[0, i] * nx + net[1, i] * ny))
         if grip > 0.0:
             along = gained * dt * (net[1, i] * nx - net[0, i] * ny)
             along -= 0.5 * (turning - turned) * radius

@@ -11,6 +11,7 @@ from cable_fem_node.dynamics.points import (
     LOSS_CONTACT,
     LOSS_DAMPING,
     LOSS_FRICTION,
+    LOSS_RELAXATION,
     WORK_INFLOW,
     WORK_SPAN,
     WORK_SURFACE,
@@ -32,6 +33,7 @@ class EnergyLedger:
         friction: Turned to heat by sliding.
         damping: Taken by mass-proportional damping, contact dashpots, viscosity.
         initial: Energy stored at the start.
+        relaxation: Turned to heat in the cable, whose stress fades.
     """
 
     kinetic: float
@@ -41,6 +43,7 @@ class EnergyLedger:
     friction: float
     damping: float
     initial: float = 0.0
+    relaxation: float = 0.0
 
     @classmethod
     def of(
@@ -62,13 +65,15 @@ class EnergyLedger:
             friction=float(entries[LOSS_FRICTION]),
             damping=float(entries[LOSS_CONTACT] + entries[LOSS_DAMPING]),
             initial=initial,
+            relaxation=float(entries[LOSS_RELAXATION]),
         )
 
     @property
     def residual(self) -> float:
         """Energy that the ledger cannot explain [J]."""
         present = self.kinetic + self.internal + self.contact
-        return present + self.friction + self.damping - self.external - self.initial
+        heat = self.friction + self.damping + self.relaxation
+        return present + heat - self.external - self.initial
 
     @property
     def balance_pct(self) -> float:
@@ -82,6 +87,7 @@ class EnergyLedger:
                 self.friction,
                 self.damping,
                 self.initial,
+                self.relaxation,
             )
         )
         return 100.0 * abs(self.residual) / greatest if greatest > 0.0 else 0.0

@@ -15,7 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.points import LEDGER_SIZE, FloatArray, Points, empty_points
-from cable_fem_node.dynamics.surroundings import CylinderContact, Surroundings, Touch, penalty
+from cable_fem_node.dynamics.surroundings import (
+    CylinderContact,
+    Surroundings,
+    Touch,
+    normal_forces,
+    penalty,
+)
 
 AXES = "xyz"
 
@@ -113,9 +119,7 @@ class ExplicitModel(ABC):
         """Return the normal force of the cylinder on each node, shape (n,) [N]."""
         if self._contact is None:
             return np.zeros(self.mass.size)
-        radius = np.hypot(self.points.position[0], self.points.position[1])
-        depth = np.where(self.touching, self.points.contact_radius - radius, 0.0)
-        return np.asarray(self._touch_constants().normal_stiffness * np.maximum(depth, 0.0))
+        return normal_forces(self.points, self._touch_constants())
 
     @abstractmethod
     def internal_forces(self, nodes: ArrayLike | None = None) -> FloatArray:

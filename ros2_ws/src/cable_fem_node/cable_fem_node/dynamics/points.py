@@ -19,8 +19,9 @@ IntArray = NDArray[np.int64]
     LOSS_FRICTION,
     LOSS_CONTACT,
     LOSS_DAMPING,
-) = range(7)
-LEDGER_SIZE = 7
+    LOSS_RELAXATION,
+) = range(8)
+LEDGER_SIZE = 8
 
 
 class Points(NamedTuple):

@@ -6,7 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from cable_fem_node.dynamics.points import FloatArray
+import numpy as np
+
+from cable_fem_node.dynamics.points import FloatArray, Points
 from winding_core.condition import Condition
 
 
@@ -73,3 +75,10 @@ def penalty(
         friction=friction,
         cable_radius=cable_radius,
     )
+
+
+def normal_forces(points: Points, touch: Touch) -> FloatArray:
+    """Return with which force [N] the penalty spring of every node pushes, shape (nodes,)."""
+    radius = np.hypot(points.position[0], points.position[1])
+    depth = np.where(points.touching == 1, points.contact_radius - radius, 0.0)
+    return np.asarray(touch.normal_stiffness * np.maximum(depth, 0.0))

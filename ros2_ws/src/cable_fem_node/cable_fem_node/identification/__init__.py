@@ -1,4 +1,4 @@
-"""From where markers lie back to the material of the cable."""
+"""From where markers lie back to the material of the cable and the rig that wound it."""
 
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.fit import Fit, MarkerResidual
@@ -7,6 +7,8 @@ from cable_fem_node.identification.modulus import (
     identify_modulus,
     with_young,
 )
+from cable_fem_node.identification.rig import KNOWN_TENSION, RigPrior
+from cable_fem_node.identification.rig_posterior import RigPosterior, identify_rig
 from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import (
     DEFAULT_SIGMA_THETA,
@@ -18,13 +20,17 @@ from cable_fem_node.identification.tracked_run import (
 __all__ = [
     "DEFAULT_SIGMA_THETA",
     "DEFAULT_SIGMA_Z",
+    "KNOWN_TENSION",
     "Fit",
     "FitConfig",
     "IdentificationError",
     "MarkerResidual",
     "ModulusEstimate",
     "Readings",
+    "RigPosterior",
+    "RigPrior",
     "TrackedRun",
     "identify_modulus",
+    "identify_rig",
     "with_young",
 ]

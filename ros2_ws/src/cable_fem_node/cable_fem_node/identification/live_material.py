@@ -19,11 +19,13 @@ from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
 from cable_fem_node.identification.tracked_run import Readings, TrackedRun
 from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.run_ahead import RunAhead
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.drive import DriveProfile
 from winding_core.markers import Markers
 from winding_core.planned_inputs import planned_rest
 from winding_core.run_history import Inputs, RunHistory
+from winding_core.run_inputs import RunInputs
 
 # Beside a machine that winds, a call of the rod is dear. After a step within the standard error it
 # would move the estimate by less than a fifth of that, and the next marker brings it anyway.
@@ -63,14 +65,14 @@ class MaterialUpdate:
         config: The model with the estimate; None with a refusal.
         model: The rod with the estimate, wound up to the last of the task's inputs; None unless
             it was wanted.
-        ahead: Markers at the end of the run with the estimate; None unless they were wanted.
+        ahead: The rest of the run with the estimate, not yet wound; None unless it was wanted.
     """
 
     estimate: ModulusEstimate | None
     refusal: str
     config: WindingConfig | None = None
     model: RodWinding | None = None
-    ahead: Markers | None = None
+    ahead: RunAhead | None = None
 
 
 class LiveMaterial:
@@ -134,7 +136,7 @@ class LiveMaterial:
 
 
 def work_out(task: MaterialTask, going: Callable[[], bool] = lambda: True) -> MaterialUpdate:
-    """Identify the modulus and, where wanted, wind the run again with it.
+    """Identify the modulus and, where wanted, wind the run so far again with it.
 
     Takes a processor second or two; nothing that it touches is shared.
 
@@ -157,8 +159,8 @@ def work_out(task: MaterialTask, going: Callable[[], bool] = lambda: True) -> Ma
         replay(task.inputs, model, going)
         # The model itself stays where the run is.
         end = copy.deepcopy(model)
-        replay(planned_rest(task.inputs, task.drive, task.duration), end, going)
-        ahead = end.markers()
+        rest = RunInputs(samples=planned_rest(task.inputs, task.drive, task.duration))
+        ahead = RunAhead(end, rest)
     except (ValueError, SolverError) as error:
         return MaterialUpdate(
             estimate=estimate, refusal=f"the run cannot be wound with it: {error}"

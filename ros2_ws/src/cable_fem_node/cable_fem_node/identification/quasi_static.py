@@ -39,7 +39,7 @@ def lay(run: TrackedRun, law: MaterialLaw) -> tuple[FloatArray, FloatArray]:
     longest = float(run.readings.ids[-1]) * case.marker_spacing
     top = _stretch_at(law, np.array([run.highest_tension]) / case.axial_area)[0]
     reach = 1.05 * longest * top / case.cylinder_radius + 0.5
-    inputs = _turning(continued_inputs(run.inputs, reach))
+    inputs = turning(continued_inputs(run.inputs, reach))
     theta = inputs["cylinder_angle"]
     pull = run.tensions(inputs)
     stretch = _stretch_at(law, pull / case.axial_area)
@@ -72,12 +72,12 @@ def strain(run: TrackedRun, law: MaterialLaw) -> float:
 def softest_young(run: TrackedRun, law: str) -> float:
     """Return the smallest Young's modulus [Pa] that carries the run's greatest tension."""
     config = run.config
-    _, stress, _ = _unit_law(law, config.case.material.poisson, config.mooney_ratio)
+    _, stress, _ = unit_law(law, config.case.material.poisson, config.mooney_ratio)
     return run.highest_tension / config.case.axial_area / (_TABLE_SHARE * float(stress[-1]))
 
 
 def _stretch_at(law: MaterialLaw, stress: FloatArray) -> FloatArray:
-    stretch, unit_stress, _ = _unit_law(law.law, law.poisson, law.mooney_ratio)
+    stretch, unit_stress, _ = unit_law(law.law, law.poisson, law.mooney_ratio)
     return np.interp(stress / law.young, unit_stress, stretch)
 
 
@@ -87,21 +87,21 @@ def _radius(config: WindingConfig, law: MaterialLaw, stretch: FloatArray) -> Flo
     thins = law.law != "linear" if config.thinning is None else config.thinning
     if not thins:
         return np.full_like(stretch, case.centreline_radius)
-    grid, _, lateral = _unit_law(law.law, law.poisson, law.mooney_ratio)
+    grid, _, lateral = unit_law(law.law, law.poisson, law.mooney_ratio)
     return np.asarray(case.cylinder_radius + case.cable_radius * np.interp(stretch, grid, lateral))
 
 
 @lru_cache(maxsize=64)
-def _unit_law(
+def unit_law(
     law: str, poisson: float, mooney_ratio: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (stretch, nominal stress over E, lateral stretch) up to the law's limit."""
+    """Return (stretch, nominal stress over E, lateral stretch) up to the law's limit, (k,) each."""
     bar = MaterialLaw(law=law, young=1.0, poisson=poisson, mooney_ratio=mooney_ratio)
     stretch = np.linspace(_LOWEST_STRETCH, min(bar.limit()[1], TABLE_HIGH), _STRETCHES)
     return stretch, bar.nominal_stress(stretch), bar.lateral_stretch(stretch)
 
 
-def _turning(inputs: Inputs) -> Inputs:
+def turning(inputs: Inputs) -> Inputs:
     """Keep the samples at which the cylinder has turned further than ever before."""
     angle = inputs["cylinder_angle"]
     before = np.concatenate([[-np.inf], np.maximum.accumulate(angle)[:-1]])

@@ -82,6 +82,11 @@ class TrackedRun:
     readings: Readings
 
     def __post_init__(self) -> None:
+        if self.config.case.material.prony.shares:
+            raise IdentificationError(
+                "a modulus is identified of an elastic cable: leave out prony, and take the "
+                "estimate for the modulus of the time that a run takes"
+            )
         if self.inputs.size < 2:
             raise IdentificationError(
                 f"a run needs at least two samples of the machine, got {self.inputs.size}"

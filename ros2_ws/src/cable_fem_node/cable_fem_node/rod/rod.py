@@ -109,6 +109,21 @@ class Rod(ExplicitModel):
         if self._curved:
             self._take_shape()
 
+    def turn(self, end: str, angle: float) -> None:
+        """Turn the clamp of the "start" or "end" of a rod with `twist` about its direction.
+
+        Args:
+            end: Which one.
+            angle: From where it was clamped [rad].
+
+        Raises:
+            ValueError: The end is not clamped, or the rod has no twist.
+        """
+        side, _ = _side(end, self.mass.size)
+        if not (self.framed and self._ends.clamped[side]):
+            raise ValueError(f"only a clamped end of a rod with twist=True can be turned: {end}")
+        self._scratch.angle[0 if side == 0 else -1] = angle
+
     def apply_moment(self, end: str, moment: ArrayLike) -> None:
         """Load an end with a moment vector (3,) [N m] at amplitude one."""
         side, _ = _side(end, self.mass.size)

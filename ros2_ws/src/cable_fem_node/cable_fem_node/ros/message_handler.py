@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.ros.parameters import FemParameters
-from cable_fem_node.winding.prediction import predict
+from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.run_ahead import FIRST_STEPS, RunAhead
 from winding_core.markers import CABLE_DTYPE, Markers
 from winding_core.motion_start import MotionStart
 from winding_core.reading_limits import ReadingLimits
@@ -27,18 +28,25 @@ from winding_ros.message_handler import Answer
 from winding_ros.rig_messages import JointStateReader, decode_tension
 from winding_ros.topic import Topic
 
+# Wound cable that every fem/cable brings. What lies still is told for long enough that who
+# misses some messages has it nevertheless, and no message grows with what is wound.
+_TOLD_TURNS = 12.0
+
 
 class FemHandler:
     """Shadows the machine with the explicit rod.
 
-    Making it predicts the whole run; `begin` says the prediction.
+    Making it winds the first piece of the run ahead, or the beginning of that; `begin` says what
+    was found.
 
     Args:
         wanted: What to wind.
-        go_on: Called now and then while a whole run is predicted or replayed; raises to end that.
+        go_on: Called now and then while a run is predicted or replayed; raises to end that.
+        ahead_elsewhere: Whether its owner winds `ahead` to its end; otherwise `begin` does.
 
     Attributes:
         config: The model that every run begins with.
+        ahead: The run as planned, wound ahead.
         model: The rod of this run; None before `begin`.
         history: The inputs of this run so far.
         following: Whether the machine has been heard.
@@ -46,7 +54,13 @@ class FemHandler:
             run begins with this node.
     """
 
-    def __init__(self, wanted: FemParameters, go_on: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self,
+        wanted: FemParameters,
+        go_on: Callable[[], None] = lambda: None,
+        *,
+        ahead_elsewhere: bool = False,
+    ) -> None:
         self.config = wanted.winding_config()
         self._axes = wanted
         self._follow_tension = wanted.follow_tension
@@ -55,13 +69,15 @@ class FemHandler:
         self._limits = ReadingLimits(
             weight=self.config.case.weight,
             angular_speed=drive.angular_speed,
-            feed_speed=drive.feed_speed,
+            feed_speed=max(drive.feed_speed, wanted.carriage_speed),
         )
         self._before: tuple[float, AxisReading] | None = None
         self._go_on = go_on
-        self._prediction = predict(
-            self.config, drive, wanted.duration, progress=lambda _share: go_on()
+        self._ahead_elsewhere = ahead_elsewhere
+        self.ahead = RunAhead.of(
+            PlannedRun(config=self.config, drive=drive, duration=wanted.duration)
         )
+        self.ahead.wind_piece(self._going, FIRST_STEPS)
         self._replay = Path(wanted.replay) if wanted.replay else None
         self.replayed: float | None = None
         self.model: RodWinding | None = None
@@ -74,7 +90,7 @@ class FemHandler:
         return self._start is not None
 
     def begin(self, t: float) -> Iterator[Answer]:
-        """Begin a new run at a time [s]; yield its prediction."""
+        """Begin a new run at a time [s]; yield its prediction as far as it is known."""
         self.model = RodWinding(self.config)
         self.history = RunHistory()
         self._start = None
@@ -87,7 +103,11 @@ class FemHandler:
             self._catch_up(self.model, RunInputs.read(self._replay))
             # The run after this one begins with its own start.
             self._replay = None
-        yield self.predicted(t, self._prediction.markers)
+        for markers in tuple(self.ahead.found):
+            yield self.predicted(t, markers)
+        if not self._ahead_elsewhere:
+            for markers in self.ahead.wind_on(self._going):
+                yield self.predicted(t, markers)
 
     def take(self, topic: Topic, data: bytes) -> Iterator[Answer]:
         """Take a joint state or a tension; yield what is due.
@@ -112,7 +132,7 @@ class FemHandler:
                 yield from self._follow(self.model, loaded)
 
     def predicted(self, t: float, markers: Markers) -> Answer:
-        """Return a prediction of the run's final markers, made at a time [s]."""
+        """Return a prediction of the run's markers, made from what was known at a time [s]."""
         return Answer(topic=topics.FEM_PREDICTION, message=encode_cloud(t, markers))
 
     def go_on_with(self, model: RodWinding) -> None:
@@ -123,6 +143,10 @@ class FemHandler:
         """
         replay(self.history.inputs, model)
         self.model = model
+
+    def _going(self) -> bool:
+        self._go_on()
+        return True
 
     def _new_motion(self) -> MotionStart[LoadedReading]:
         return MotionStart(awaited=self._axes.await_motion)
@@ -138,7 +162,7 @@ class FemHandler:
             yield Answer(topic=topics.FEM_MARKERS, message=encode_cloud(t, model.markers()))
         if t >= self._cable_due:
             self._cable_due += _due_period(topics.FEM_CABLE)
-            cable = _published(model.cable())
+            cable = _published(model.newest_cable(_TOLD_TURNS))
             yield Answer(topic=topics.FEM_CABLE, message=encode_cloud(t, cable))
             points = np.stack([cable["x"], cable["y"], cable["z"]], axis=1).astype(float)
             width = self.config.case.cable_diameter

@@ -14,7 +14,9 @@ from cable_fem_node.verification import (
     rod_dynamics,
     rod_statics,
     solids,
+    winding_rod,
     winding_runs,
+    winding_solid,
 )
 from cable_fem_node.verification.references import Values, references
 
@@ -60,6 +62,17 @@ PROBLEMS: dict[str, Callable[[], Values]] = {
     "M07": laws.simple_shear,
     "M09": laws.hydrostatic,
     "M10": laws.biot,
+    "V01": winding_rod.longitudinal,
+    "V02": winding_rod.transverse,
+    "V03": winding_rod.bending,
+    "V04": winding_rod.capstan,
+    "V05": winding_rod.contact,
+    "V06": winding_rod.lift_off,
+    "V07": winding_rod.ring,
+    "V08": winding_rod.lag,
+    "V11": winding_solid.longitudinal,
+    "V12": winding_solid.capstan,
+    "V13": winding_solid.lag,
     "W01": winding_runs.helix,
     "W02": winding_runs.drive,
     "W03": winding_runs.fleet_angle,

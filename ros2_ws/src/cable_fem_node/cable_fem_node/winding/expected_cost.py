@@ -90,7 +90,7 @@ def _rod_elements(run: PlannedRun) -> float:
     resolved = run.config.resolved
     length = resolved.segment * resolved.stretch
     t = np.linspace(0.0, run.duration, 400)
-    angle, speed = run.drive.positions(t)[0], run.drive.speeds(t)[0]
+    angle, speed = run.drive.positions(t)[0], np.abs(run.drive.speeds(t)[0])
     laid = resolved.wound_radius * angle / length
     if run.config.rests:
         landing = resolved.wound_radius * speed / length

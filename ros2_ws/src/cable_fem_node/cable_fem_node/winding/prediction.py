@@ -13,17 +13,19 @@ from numpy.typing import ArrayLike, NDArray
 from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.failure import EnergyBalanceError, ImpossibleResultError
 from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.winding.overlap import FULL_TURN, refuse_overlap, refuse_past_the_start
 from cable_fem_node.winding.validity import Check, checks_of, motion_check, refuse, rod_checks
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
-from winding_core.units import MILLIMETRE
 
 Progress = Callable[[float], None]
+Look = Callable[[WindingModel], None]
 Clock = Callable[[], float]
 
-FULL_TURN = 2.0 * math.pi
+# Times per second at which a run's markers are told [1/s].
+FRAME_RATE = 50.0
 
 # Cable lies with the tension of the span that laid it, which may change by a rig's law.
 _TIGHTER_PCT = 2.0
@@ -31,10 +33,6 @@ _SUSPECTS = "try shorter elements, less mass scaling, a steadier tension"
 
 # Energy that the ledger cannot explain, of what went in.
 BALANCE_LIMIT_PCT = 1.0
-
-
-class OverlapError(ValueError):
-    """The cable would be wound over itself, which the contact model does not cover."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,10 +47,10 @@ class Prediction:
         arc: Reference length from P0 along the wound cable [m], shape (k,).
         theta: Wound angle there [rad], shape (k,).
         z: Axial position there [m], shape (k,).
-        cable: Nodes at the end: x y z s tension strain, shape (nodes,).
+        cable: Nodes at the end: x y z s tension strain roll twist, shape (nodes,).
         energy: Ledger at the end.
         stretch: Mean stretch of the wound cable.
-        stretch_closed_form: The law's stretch at the wound tension F - EI l / (2 rho^2).
+        stretch_closed_form: The law's at the wound tension F - EI l / (2 rho^2), as it landed.
         span_stretch: The law's stretch at the span tension F.
         cpu_seconds: Processor time of the run [s].
         element_steps: Elements times steps.
@@ -94,6 +92,18 @@ class Prediction:
         """Complete turns of cable on the cylinder."""
         return int(self.theta[-1] / FULL_TURN)
 
+    def marker_roll(self) -> FloatArray:
+        """Return by what angle P0..Pn have turned about the cable's axis [rad], shape (n + 1,)."""
+        return self._at_markers("roll")
+
+    def marker_twist(self) -> FloatArray:
+        """Return the twist of the cable at P0..Pn [rad/m], shape (n + 1,)."""
+        return self._at_markers("twist")
+
+    def _at_markers(self, name: str) -> FloatArray:
+        place = self.config.case.marker_spacing * self.markers["id"]
+        return np.asarray(np.interp(place, self.cable["s"], self.cable[name]))
+
     def cable_per_turn(self) -> FloatArray:
         """Return the reference length of cable in each complete turn [m], shape (turns,)."""
         bounds = FULL_TURN * np.arange(self.turns + 1)
@@ -120,8 +130,8 @@ class PlannedRun:
 
     Raises:
         OverlapError: The feed would lay the cable over itself.
-        ValueError: The duration is not positive, the element is unknown or has no stiffness
-            factors.
+        ValueError: The cylinder turns back past the start, the duration is not positive, the
+            element is unknown or has no stiffness factors.
     """
 
     config: WindingConfig
@@ -134,9 +144,10 @@ class PlannedRun:
             raise ValueError(f"element must be {' or '.join(ELEMENTS)}, got {self.element!r}")
         _refuse_unless_positive("duration", self.duration)
         if self.element == "solid":
-            self.config.refuse_stiffness_factors()
+            self.config.refuse_rod_material()
         refuse(self.checks())
-        refuse_overlap(self.config, self.drive)
+        refuse_past_the_start(self._angles())
+        refuse_overlap(self.config, self.drive, self.duration)
 
     def checks(self) -> tuple[Check, ...]:
         """Return what decides whether the result can be right."""
@@ -144,24 +155,37 @@ class PlannedRun:
         own = rod_checks(config) if self.element == "rod" else checks_of(config, config.resolved)
         return (*own, motion_check(config, self.drive.angular_speed))
 
-    def refuse_impossible(self, theta: FloatArray, tension: FloatArray) -> None:
-        """Refuse cable that cannot lie so at the end of the run.
+    @property
+    def most_wound(self) -> float:
+        """Largest angle that the cylinder reaches [rad]."""
+        return float(self._angles().max())
+
+    def _angles(self, t: float | None = None) -> FloatArray:
+        times = np.linspace(0.0, self.duration if t is None else t, 2001)
+        return np.asarray(self.drive.positions(times)[0])
+
+    def refuse_impossible(
+        self, theta: FloatArray, tension: FloatArray, t: float | None = None
+    ) -> None:
+        """Refuse cable that cannot lie so.
 
         Args:
             theta: Wound angles of the cable on the cylinder [rad], shape (k,).
             tension: Of its elements [N], shape (k - 1,).
+            t: When [s]; the end of the run by default.
 
         Raises:
             ImpossibleResultError: It did not follow the cylinder, or is tighter than the span.
         """
-        turned, laid = self.drive.positions(self.duration)[0], float(theta[-1])
+        angles = self._angles(t)
+        turned, laid = float(angles[-1]), float(theta[-1])
         if turned > FULL_TURN and laid < 0.5 * turned:
             raise ImpossibleResultError(
                 f"the cylinder turned by {turned:.4g} rad and the cable lies on {laid:.4g} rad of "
                 "it: it does not follow the cylinder; take shorter elements or more tension"
             )
         law, case = self.config.tension_law, self.config.case
-        arc = self.config.resolved.wound_radius * np.linspace(0.0, turned, 200)
+        arc = self.config.resolved.wound_radius * np.linspace(0.0, angles.max(), 200)
         highest = max(law(case.weight, case.cylinder_diameter, float(s)) for s in arc)
         # A section of the solid carries its bending in the same stress.
         rod = self.element == "rod" and tension.size > 0
@@ -171,6 +195,11 @@ class PlannedRun:
                 f"most ({highest:.4g} N); take shorter elements or less mass scaling"
             )
 
+    def frame_times(self, rate: float = FRAME_RATE) -> FloatArray:
+        """Return the times [s] to which the model is advanced, from 0 to the end of the run."""
+        frames = max(1, math.ceil(self.duration * rate - 1.0e-9))
+        return np.asarray(self.duration * np.arange(frames + 1) / frames)
+
     def model(self) -> WindingModel:
         """Return the model at the start of the run, its machine code loaded or built."""
         return MODELS[self.element](self)
@@ -179,8 +208,9 @@ class PlannedRun:
         self,
         progress: Progress | None = None,
         *,
-        rate: float = 50.0,
+        rate: float = FRAME_RATE,
         whole: bool = True,
+        look: Look = lambda _model: None,
         cpu_clock: Clock = time.process_time,
     ) -> Prediction:
         """Take the model along the machine's plan from start to finish.
@@ -189,6 +219,7 @@ class PlannedRun:
             progress: Called with the share done, 0..1.
             rate: Marker records per second [1/s].
             whole: Keep the records of all times; else of the end alone, after the same steps.
+            look: Called with the model at every of these times, the start included.
             cpu_clock: Processor time [s], for the speed that is reported.
 
         Raises:
@@ -199,14 +230,16 @@ class PlannedRun:
         """
         _refuse_unless_positive("rate", rate)
         model = self.model()
-        frames = max(1, math.ceil(self.duration * rate - 1.0e-9))
-        times = self.duration * np.arange(frames + 1) / frames
+        times = self.frame_times(rate)
+        frames = times.size - 1
         records = [model.markers()] if whole else []
+        look(model)
         started = cpu_clock()
         for i, t in enumerate(times[1:].tolist(), start=1):
             model.advance_to(t, self.drive.reading_at(t))
             if whole or i == frames:
                 records.append(model.markers())
+            look(model)
             if progress is not None:
                 progress(i / frames)
         cpu_seconds = cpu_clock() - started
@@ -227,7 +260,9 @@ class PlannedRun:
             cable=cable,
             energy=energy,
             stretch=model.wound_stretch(),
-            stretch_closed_form=self.config.resolved.wound_stretch(span),
+            stretch_closed_form=self.config.resolved.wound_stretch(
+                span, lambda: [self.drive.time_at_angle(x) for x in np.linspace(0.0, theta[-1], 50)]
+            ),
             span_stretch=self.config.resolved.stretch_at(span),
             cpu_seconds=cpu_seconds,
             element_steps=model.element_steps,
@@ -241,7 +276,7 @@ def predict(
     progress: Progress | None = None,
     *,
     element: str = "rod",
-    rate: float = 50.0,
+    rate: float = FRAME_RATE,
     cpu_clock: Clock = time.process_time,
 ) -> Prediction:
     """Wind a whole run ahead.
@@ -280,7 +315,7 @@ def _rod(run: PlannedRun) -> WindingModel:
 def _solid(run: PlannedRun) -> WindingModel:
     from cable_fem_node.winding.solid_winding import SolidWinding  # noqa: PLC0415
 
-    return SolidWinding(run.config, run.drive.positions(run.duration)[0])
+    return SolidWinding(run.config, float(run.most_wound))
 
 
 MODELS: dict[str, Callable[[PlannedRun], WindingModel]] = {"rod": _rod, "solid": _solid}
@@ -309,22 +344,4 @@ def refuse_open_balance(energy: EnergyLedger, t: float, checks: tuple[Check, ...
             f"(limit {BALANCE_LIMIT_PCT:g} %), kinetic over internal energy "
             f"{energy.kinetic_over_internal:.2g}; "
             + ("; ".join(check.sentence for check in checks if check.warned) or _SUSPECTS)
-        )
-
-
-def refuse_overlap(config: WindingConfig, drive: DriveProfile) -> None:
-    """Refuse a feed whose steady pitch is below the cable's diameter.
-
-    The first turns lie closer than the steady pitch because the cable lags behind the guide;
-    there neighbours may touch, as they do on the paper's stiffest cable, without riding up.
-
-    Raises:
-        OverlapError: The pitch is below the diameter of the stretched cable.
-    """
-    width = config.case.cable_diameter * config.resolved.lateral
-    if drive.pitch < width:
-        raise OverlapError(
-            f"the guide advances {drive.pitch / MILLIMETRE:.3g} mm per turn, less than the cable's "
-            f"{width / MILLIMETRE:.3g} mm: layers would overlap, "
-            "and cable-on-cable contact is not modelled"
         )

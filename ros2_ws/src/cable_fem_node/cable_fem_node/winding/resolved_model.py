@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cable_fem_node.dynamics.surroundings import penalty
-from cable_fem_node.rod.rod_arrays import AxialResponse, axial_response
+from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation, axial_response, relaxation
 from cable_fem_node.winding.segment_choice import chosen_segment
 from cable_fem_node.winding.winding_state import MERGE_AT, Constants
-from winding_core.material_law import TABLE_HIGH, MaterialLaw
+from winding_core.material_law import TABLE_HIGH, MaterialLaw, NoEquilibriumError
 
 if TYPE_CHECKING:
     from cable_fem_node.winding.winding_config import WindingConfig
@@ -94,6 +96,7 @@ class ResolvedModel:
         )
         tension = config.tension_law(case.weight, case.cylinder_diameter, 0.0)
         stretch = law.stretch_at(tension / case.axial_area)
+        _refuse_endless_creep(law, case, tension)
         lateral = float(law.lateral_stretch(stretch))
         thins = config.law != "linear" if config.thinning is None else config.thinning
         radius = case.cylinder_radius + case.cable_radius * (lateral if thins else 1.0)
@@ -123,6 +126,15 @@ class ResolvedModel:
         return axial_response(self.law, self.case.axial_area)
 
     @cached_property
+    def relaxation(self) -> Relaxation:
+        """How the axial stress fades, for the kernels."""
+        return relaxation(self.law, self.case.axial_area, self.case.material.prony)
+
+    def elastic_tension(self, stretch: float) -> float:
+        """Return what the law carries at once at a stretch [N]."""
+        return self.case.axial_area * float(self.law.nominal_stress(stretch))
+
+    @cached_property
     def responses(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
         """Tensions [N] up to the law's limit, their stretches and landing radii [m].
 
@@ -139,6 +151,41 @@ class ResolvedModel:
         half = np.minimum(0.5 * length / radius, 1.5)
         landing = radius * half / np.sin(half) + wound * length / radius / k.touch.normal_stiffness
         return tuple(tension.tolist()), tuple(stretch.tolist()), tuple(landing.tolist())
+
+    def response_at(self, tension: float) -> tuple[float, float]:
+        """Return (stretch of the span, radius at which its nodes land [m]) at a tension [N].
+
+        The radius makes up for the chords and for the depth to which the penalty lets the
+        wound cable sink.
+
+        Raises:
+            ValueError: The tension stretches the cable beyond the tables.
+        """
+        pulls, stretches, radii = self.responses
+        if not pulls[0] <= tension <= pulls[-1]:
+            self.stretch_at(tension)
+            raise ValueError(f"tension {tension:.4g} N stretches the cable beyond the tables")
+        i = max(bisect_left(pulls, tension), 1)
+        u = (tension - pulls[i - 1]) / (pulls[i] - pulls[i - 1])
+        return (
+            stretches[i - 1] + u * (stretches[i] - stretches[i - 1]),
+            radii[i - 1] + u * (radii[i] - radii[i - 1]),
+        )
+
+    def crept_landing(self, tension: float, faded: float) -> float:
+        """Return the radius at which the nodes of a span land that has crept [m].
+
+        Args:
+            tension: Of the span [N].
+            faded: What more its stretch would carry at once [N].
+
+        Raises:
+            ValueError: The cable has crept beyond the tables.
+        """
+        k = self.constants
+        stretch, landing = self.response_at(tension + faded)
+        # The table takes the whole force for tension, under which the wound cable sinks in.
+        return landing - faded * stretch * k.segment / (k.contact_line * k.touch.normal_stiffness)
 
     def stretch_at(self, tension: float) -> float:
         """Return the stretch of straight cable under a tension [N]."""
@@ -159,9 +206,34 @@ class ResolvedModel:
         radius = self.radius_at(stretch)
         return span_tension - 0.5 * self.case.bending_stiffness * stretch / radius**2
 
-    def wound_stretch(self, span_tension: float) -> float:
-        """Return the closed-form stretch of the wound cable under a span tension [N]."""
-        return self.stretch_at(self.wound_tension(span_tension))
+    def wound_stretch(
+        self, span_tension: float, landed: Callable[[], Sequence[float]] = tuple
+    ) -> float:
+        """Return the closed-form mean stretch of the wound cable under a span tension [N].
+
+        Args:
+            span_tension: Constant over the run [N].
+            landed: Says when cable landed [s], evenly along it; asked for cable that creeps.
+        """
+        at_once = self.stretch_at(self.wound_tension(span_tension))
+        if not self.case.material.prony.shares:
+            return at_once
+        loads = span_tension * self.case.material.prony.creep(landed())
+        crept = [self.stretch_at(self.wound_tension(load)) for load in loads.tolist()]
+        return float(np.mean(crept)) if crept else at_once
+
+
+def _refuse_endless_creep(law: MaterialLaw, case: Case, tension: float) -> None:
+    left = case.material.prony.left
+    if left == 1.0:
+        return
+    try:
+        law.stretch_at(tension / (left * case.axial_area))
+    except ValueError as error:
+        raise NoEquilibriumError(
+            f"prony leaves {left:.4g} of the stress, so {tension:.4g} N end as "
+            f"{tension / left:.4g} N would at once: {error}"
+        ) from error
 
 
 def _constants(

@@ -7,25 +7,18 @@ import math
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray, Points
+from cable_fem_node.winding.fading import Fading, HeldCable
 from cable_fem_node.winding.winding_model import angle_steps
 
-# Rows of the store; reference length, stretch and tension are those of the element towards P0.
-(
-    X,
-    Y,
-    Z,
-    SLIP,
-    SLIP_Z,
-    CONTACT_RADIUS,
-    TOUCHING,
-    ROLL,
-    REFERENCE,
-    STRETCH,
-    TENSION,
-    ARC,
-    THETA,
-) = range(13)
-_ROWS = 13
+# Rows of the store; the reference length is that of the element towards P0. What follows from
+# them is not kept: a node at rest touches, and its stretch is the length over the reference.
+X, Y, Z, SLIP, SLIP_Z, CONTACT_RADIUS, ROLL, REFERENCE, ARC, THETA = range(10)
+_ROWS = 10
+# Where the cable relaxes, elastic force and viscous forces of the element follow.
+_VISCOUS = _ROWS
+# Room is made for a fifth more, so that a node takes 96 bytes at most, unused room included.
+_GROWTH = 1.2
+_FEWEST = 64
 PATH = (ARC, THETA, Z)
 # How a node is held where it rests: the rows that go into the arrays that are integrated.
 _PLACE = slice(X, Z + 1)
@@ -45,15 +38,24 @@ class RestingCable:
 
     Args:
         radius: Of P0 [m].
+        fading: How its tension fades; None for an elastic cable.
 
     Attributes:
         count: Number of nodes.
     """
 
-    def __init__(self, radius: float) -> None:
+    def __init__(self, radius: float, fading: Fading | None = None) -> None:
         self.count = 1
-        self._rows = np.zeros((_ROWS, 256))
+        self._fading = fading
+        self._faded_to = 0.0
+        more = 0 if fading is None else fading.rows
+        self._rows = np.zeros((_ROWS + more, _FEWEST))
         self._rows[X, 0] = radius
+
+    @property
+    def bytes(self) -> int:
+        """Memory that the nodes take [B], unused room included."""
+        return self._rows.nbytes
 
     def row(self, name: int) -> FloatArray:
         """Return a row, one value per resting node, shape (count,)."""
@@ -73,24 +75,60 @@ class RestingCable:
         edge = self._rows[_PLACE, self.count - 1] - self._rows[_PLACE, self.count - 2]
         return np.asarray(edge / math.sqrt(float(edge @ edge)))
 
+    def stretch(self, begin: int = 0) -> FloatArray:
+        """Return the stretch of the elements from a node on, shape (count - 1 - begin,)."""
+        edges = np.diff(self._rows[_PLACE, begin : self.count], axis=1)
+        reference = self._rows[REFERENCE, begin + 1 : self.count]
+        return np.asarray(np.sqrt((edges**2).sum(axis=0)) / reference)
+
+    def fade(self, t: float) -> float:
+        """Let the tension fade until a time [s]; return the energy that has become heat [J].
+
+        Friction holds the cable at its length, so nothing moves.
+        """
+        span, self._faded_to = t - self._faded_to, t
+        if self._fading is None or self.count == 1 or not span > 0.0:
+            return 0.0
+        rows = self._rows[:, 1 : self.count]
+        return self._fading.fade(
+            span,
+            HeldCable(
+                stretch=self.stretch(),
+                reference=rows[REFERENCE],
+                viscous=rows[_VISCOUS:],
+                radius=np.hypot(rows[X], rows[Y]),
+                contact_radius=rows[CONTACT_RADIUS],
+            ),
+        )
+
+    def faded(self, t: float, begin: int = 0) -> FloatArray:
+        """Return what the tension has faded by at a time [s], not before the last `fade` [N].
+
+        Args:
+            t: When [s].
+            begin: Count of the elements that are left out, from P0 on.
+        """
+        elements = self._rows[_VISCOUS:, begin + 1 : self.count]
+        if self._fading is None:
+            return np.zeros(elements.shape[1])
+        return np.asarray(self._fading.viscous(t - self._faded_to, elements).sum(axis=0))
+
     def add(
         self,
         nodes: int,
         angle: float,
         cable: Points,
         reference: FloatArray,
-        stretch: FloatArray,
-        tension: FloatArray,
+        viscous: FloatArray | None = None,
     ) -> None:
         """Lay nodes 1 to `nodes` of the integrated cable to rest.
 
         Args:
             nodes: How many.
             angle: Of the cylinder [rad].
-            cable: Integrated nodes; node 0 rests already.
+            cable: Integrated nodes, touching the cylinder; node 0 rests already.
             reference: Reference lengths of its elements [m], shape (at least nodes,).
-            stretch: Of its elements, shape (at least nodes,).
-            tension: Of its elements [N], shape (at least nodes,).
+            viscous: Elastic and viscous forces of its elements [N]; none of an elastic cable.
         """
         old, new = self.count, self.count + nodes
         self._reserve(new)
@@ -100,11 +138,10 @@ class RestingCable:
         rows[Z] = cable.position[2, moved]
         rows[_SLIPS] = cable.slip[:, moved]
         rows[CONTACT_RADIUS] = cable.contact_radius[moved]
-        rows[TOUCHING] = cable.touching[moved]
         rows[ROLL] = cable.roll[0, moved]
         rows[REFERENCE] = reference[elements]
-        rows[STRETCH] = stretch[elements]
-        rows[TENSION] = tension[elements]
+        if viscous is not None:
+            rows[_VISCOUS:] = viscous[:, elements]
         self.count = new
         self._continue(old, reference[elements], cable.position[:2, : nodes + 1])
 
@@ -116,6 +153,7 @@ class RestingCable:
         dt: float,
         cable: Points,
         reference: FloatArray,
+        viscous: FloatArray,
     ) -> None:
         """Write the last nodes as they are now, moving as the surface does.
 
@@ -126,6 +164,7 @@ class RestingCable:
             dt: Length of that step [s].
             cable: Filled.
             reference: Filled with the lengths of the elements [m].
+            viscous: Filled with their elastic and viscous forces [N]; no rows for an elastic cable.
         """
         rows = self._rows[:, self.count - nodes - 1 : self.count]
         to = slice(0, nodes + 1)
@@ -137,10 +176,14 @@ class RestingCable:
         cable.velocity[2, to] = 0.0
         cable.slip[:, to] = rows[_SLIPS]
         cable.contact_radius[to] = rows[CONTACT_RADIUS]
-        cable.touching[to] = rows[TOUCHING]
+        # P0 is held by its clamp, all others by the surface.
+        cable.touching[to] = 1
+        if nodes == self.count - 1:
+            cable.touching[0] = 0
         cable.roll[0, to] = rows[ROLL]
         cable.roll[1, to] = 0.0
         reference[:nodes] = rows[REFERENCE, 1:]
+        viscous[:, :nodes] = rows[_VISCOUS:, 1:]
 
     def let_go(self, nodes: int) -> None:
         """Count the last nodes no longer as resting."""
@@ -175,6 +218,7 @@ class RestingCable:
 
     def _reserve(self, capacity: int) -> None:
         if capacity > self._rows.shape[1]:
-            grown = np.zeros((_ROWS, 2 * capacity))
+            room = max(_FEWEST, math.ceil(_GROWTH * capacity))
+            grown = np.zeros((self._rows.shape[0], room))
             grown[:, : self.count] = self._rows[:, : self.count]
             self._rows = grown

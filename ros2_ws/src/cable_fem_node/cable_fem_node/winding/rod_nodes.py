@@ -6,8 +6,9 @@ import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray, Points, empty_points
 from cable_fem_node.winding import resting_cable
+from cable_fem_node.winding.fading import Fading
 from cable_fem_node.winding.resting_cable import RestingCable, turned
-from cable_fem_node.winding.rod_state import REFERENCE, STATE_ROWS, points_of
+from cable_fem_node.winding.rod_state import REFERENCE, STATE_ROWS, VISCOUS, points_of
 from cable_fem_node.winding.winding_state import TIE_ALONG, TIE_PLACE, TIE_WATCHED
 
 # The integrated node whose motion over the surface tells that the cable before it must wake: far
@@ -21,6 +22,8 @@ class RodNodes:
     Args:
         position: Of all nodes [m], shape (3, n); only P0 rests.
         reference: Reference lengths of the elements [m], shape (n - 1,).
+        fading: How held cable fades; None for an elastic cable.
+        elastic: Force that the law carries in every element at the start [N].
 
     Attributes:
         live: Number of integrated nodes; the first one is the last of those that rest.
@@ -31,13 +34,21 @@ class RodNodes:
         tie_length: Reference length that bends about that node, twice the mean of both sides [m].
     """
 
-    def __init__(self, position: FloatArray, reference: FloatArray) -> None:
+    def __init__(
+        self,
+        position: FloatArray,
+        reference: FloatArray,
+        fading: Fading | None = None,
+        elastic: float = 0.0,
+    ) -> None:
         self.live = int(position.shape[1])
-        self.state = np.zeros((STATE_ROWS, 2 * self.live + 64))
+        more = 0 if fading is None else fading.rows
+        self.state = np.zeros((STATE_ROWS + more, 2 * self.live + 64))
+        self.state[VISCOUS : VISCOUS + 1, : reference.size] = elastic
         self.touching = np.zeros(2 * self.live + 64, dtype=np.int64)
         self.points.position[:, : self.live] = position
         self.reference[: reference.size] = reference
-        self.resting = RestingCable(float(position[0, 0]))
+        self.resting = RestingCable(float(position[0, 0]), fading)
         self.tie = np.zeros((3, 3))
         self._hold(0.0)
 
@@ -50,6 +61,11 @@ class RodNodes:
     def reference(self) -> FloatArray:
         """Reference lengths of the integrated elements [m], as a view."""
         return np.asarray(self.state[REFERENCE])
+
+    @property
+    def viscous(self) -> FloatArray:
+        """Elastic and viscous forces of the integrated elements [N], as a view; rows as VISCOUS."""
+        return np.asarray(self.state[VISCOUS:])
 
     @property
     def total(self) -> int:
@@ -81,20 +97,27 @@ class RodNodes:
         x, y, z = self.state[0:3, :nodes]
         return np.stack([*turned(-angle, x, y), z])
 
+    def roll(self, begin: int = 0) -> FloatArray:
+        """Return the roll angle of the nodes from a resting one on [rad], shape (total - begin,).
+
+        The guide lets the cable spin.
+        """
+        resting = self.resting.row(resting_cable.ROLL)[begin:-1]
+        live = self.points.roll[0, : self.live - 1]
+        return np.concatenate([resting, live, live[-1:]])
+
     def path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (s [m], theta [rad], z [m]) of all nodes, as views that the next call changes."""
         return self.resting.path(self.reference[: self.live - 1], self.position)
 
-    def rest(self, nodes: int, angle: float, stretch: FloatArray, tension: FloatArray) -> None:
+    def rest(self, nodes: int, angle: float) -> None:
         """Lay the first integrated nodes to rest.
 
         Args:
             nodes: How many; the last of them becomes the first that is integrated.
             angle: Of the cylinder [rad].
-            stretch: Of the integrated elements, shape (at least nodes,).
-            tension: Of the integrated elements [N], shape (at least nodes,).
         """
-        self.resting.add(nodes, angle, self.points, self.reference, stretch, tension)
+        self.resting.add(nodes, angle, self.points, self.reference, self.viscous)
         left = self.live - nodes
         for values in (self.state, self.touching):
             values[..., :left] = values[..., nodes : self.live]
@@ -115,20 +138,21 @@ class RodNodes:
             self.grow(2 * longer)
         for values in (self.state, self.touching):
             values[..., nodes:longer] = values[..., : self.live].copy()
-        self.resting.put(nodes, angle, back, dt, self.points, self.reference)
+        self.resting.put(nodes, angle, back, dt, self.points, self.reference, self.viscous)
         self.resting.let_go(nodes)
         self.live = longer
         self._hold(angle)
 
     def grow(self, capacity: int) -> None:
         """Make room for so many integrated nodes."""
-        state, touching = np.zeros((STATE_ROWS, capacity)), np.zeros(capacity, dtype=np.int64)
+        state = np.zeros((self.state.shape[0], capacity))
+        touching = np.zeros(capacity, dtype=np.int64)
         used = self.touching.size
         state[:, :used], touching[:used] = self.state, self.touching
         self.state, self.touching = state, touching
 
-    def whole(self, angle: float, back: float, dt: float) -> tuple[Points, FloatArray]:
-        """Return the state of all nodes and the reference lengths of all elements.
+    def whole(self, angle: float, back: float, dt: float) -> tuple[Points, FloatArray, FloatArray]:
+        """Return the state of all nodes, and reference lengths and viscous rows of all elements.
 
         Args:
             angle: Of the cylinder [rad].
@@ -136,12 +160,14 @@ class RodNodes:
             dt: Length of that step [s].
         """
         points, reference = empty_points(self.total), np.zeros(self.total)
+        viscous = np.zeros((self.viscous.shape[0], self.total))
         first = self.resting.count - 1
-        self.resting.put(first, angle, back, dt, points, reference)
+        self.resting.put(first, angle, back, dt, points, reference, viscous)
         for all_nodes, integrated in zip(points, self.points, strict=True):
             all_nodes[..., first:] = integrated[..., : self.live]
         reference[first:] = self.reference[: self.live]
-        return points, reference
+        viscous[:, first:] = self.viscous[:, : self.live]
+        return points, reference, viscous
 
     def _hold(self, angle: float) -> None:
         """Tie the first integrated node to the cylinder as it is, at an angle [rad]."""

@@ -5,9 +5,11 @@ from __future__ import annotations
 from cable_fem_node.dynamics.compile import called
 from cable_fem_node.dynamics.points import FloatArray, IntArray, Points
 
-# Rows of the state: what `points_of` takes, and the reference lengths of the elements.
+# Rows of the state: what `points_of` takes, the reference lengths of the elements, and where the
+# cable relaxes the elements' elastic force and one viscous force per term.
 STATE_ROWS = 12
 REFERENCE = 11
+VISCOUS = 12
 
 
 @called

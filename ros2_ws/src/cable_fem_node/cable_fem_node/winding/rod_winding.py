@@ -7,17 +7,18 @@ plane x = R + r; P0 stands at azimuth Theta, z = 0.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import WORK_TIE, FloatArray, Points
-from cable_fem_node.rod.rod_kernels import bending_energy, stored_energy
+from cable_fem_node.dynamics.points import LOSS_RELAXATION, WORK_TIE, FloatArray, Points
+from cable_fem_node.dynamics.surroundings import normal_forces
 from cable_fem_node.winding import resting_cable
+from cable_fem_node.winding.fading import Fading
 from cable_fem_node.winding.resting_cable import turned
+from cable_fem_node.winding.rod_energy import WholeRod, kinetic_energy
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes
 from cable_fem_node.winding.stillness import Stillness
 from cable_fem_node.winding.validity import refuse, rod_checks
@@ -29,6 +30,7 @@ from cable_fem_node.winding.winding_state import (
     DIVERGED,
     EMPTY,
     FULL,
+    LANDING,
     STIRRED,
     TENSION,
     part_way,
@@ -72,13 +74,19 @@ class RodWinding(WindingModel):
         position[0] = self._constants.contact_line
         position[0, 0] = self._constants.start_radius
         position[1] = -along
-        self._nodes = RodNodes(position, np.diff(along) / stretch)
+        self._relaxes = bool(config.case.material.prony.shares)
+        self._nodes = RodNodes(
+            position,
+            np.diff(along) / stretch,
+            Fading.of(resolved) if self._relaxes else None,
+            resolved.elastic_tension(stretch),
+        )
         self._surface_rate = 0.0
         self._last_step = self.step_limit
         self._stillness = Stillness(resolved.still)
         # The free span's nodes, those that stay awake, and as many as are worth being moved.
         self._enough = count + AWAKE + WATCHED + FEWEST_TO_REST
-        self._initial_energy = self._stored_energy(*self._whole())
+        self._initial_energy = self._stored(self._whole())
 
     @property
     def nodes(self) -> int:
@@ -118,30 +126,29 @@ class RodWinding(WindingModel):
 
     def cable(self) -> NDArray[np.void]:
         """Return the nodes as records of NODE_DTYPE, see `WindingModel.cable`."""
-        records = np.zeros(self.nodes, dtype=NODE_DTYPE)
+        return self._records(0)
+
+    def newest_cable(self, turns: float) -> NDArray[np.void]:
+        """Return the cable's end: its last turns on the cylinder, all that moves, the span.
+
+        What it leaves out lies still on the cylinder. The cost does not grow with that.
+
+        Args:
+            turns: Count of turns, from where the cable lands.
+        """
         resting = self._nodes.resting
-        first = resting.count - 1
-        x, y, z = resting.place()
-        records["x"][: first + 1], records["y"][: first + 1] = turned(self.cylinder_angle, x, y)
-        records["z"][: first + 1] = z
-        for name, values in zip("xyz", self._nodes.position, strict=True):
-            records[name][first:] = values
-        records["s"] = self._nodes.path()[0]
-        stretch = self.stretch()
-        tension = self._tension_of(stretch)
-        records["strain"][1:] = stretch - 1.0
-        records["tension"][1:] = tension
-        records["strain"][0], records["tension"][0] = stretch[0] - 1.0, tension[0]
-        return records
+        _, theta, _ = self._nodes.path()
+        oldest = float(theta[self._laid_nodes() - 1]) - math.tau * turns
+        begin = int(np.searchsorted(resting.row(resting_cable.THETA), oldest))
+        return self._records(min(begin, resting.count - 1))
 
     def stretch(self) -> FloatArray:
         """Return the stretch of every element, shape (nodes - 1,)."""
-        resting = self._nodes.resting.row(resting_cable.STRETCH)[1:]
-        return np.concatenate([resting, self._nodes.live_stretch()])
+        return self._stretch_from(0)
 
     def tension(self) -> FloatArray:
         """Return the tension [N] of every element, shape (nodes - 1,)."""
-        return self._tension_of(self.stretch())
+        return self._tension_from(0, self.stretch())
 
     def wound_path(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return (s reference arc length [m], theta [rad], z [m]) of the laid nodes from P0 on."""
@@ -155,23 +162,32 @@ class RodWinding(WindingModel):
         wound = stretch[: self._laid_nodes() - 1]
         return float(wound.mean()) if wound.size else float(stretch[0])
 
+    def contact_forces(self) -> FloatArray:
+        """Return the normal force of the cylinder on every node [N], shape (nodes,)."""
+        return normal_forces(self._whole().cable, self._constants.touch)
+
     @property
     def energy(self) -> EnergyLedger:
         """The energy ledger since the start."""
         k = self._constants
-        cable, reference = self._whole()
+        self._ledger[LOSS_RELAXATION] += self._nodes.resting.fade(self.time)
+        whole = self._whole()
+        cable = whole.cable
         entries = self._ledger.copy()
         # What rests is driven by the surface alone: its energy of motion is the work of the tie.
         entries[WORK_TIE] += self._kinetic(cable, self._nodes.resting.count)
         return EnergyLedger.of(
             entries,
             kinetic=self._kinetic(cable, self.nodes - 1),
-            internal=self._stored_energy(cable, reference),
+            internal=self._stored(whole),
             contact=contact_energy(cable, k.touch),
             initial=self._initial_energy,
         )
 
     def _run(self, t: float, span: float, drive: FloatArray) -> None:
+        if self._relaxes:
+            faded = float(self._nodes.viscous[1:, self._nodes.live - 2].sum())
+            drive[LANDING, 1] = self.config.resolved.crept_landing(drive[TENSION, 1], faded)
         total = max(1, math.ceil(span / self.step_limit))
         dt = span / total
         self._last_step = dt
@@ -194,6 +210,7 @@ class RodWinding(WindingModel):
                 self.config.resolved.axial,
                 self._ledger,
                 self.config.rolling,
+                self.config.resolved.relaxation,
             )
             done += taken
             self.element_steps += taken * (nodes.live - 1)
@@ -214,7 +231,8 @@ class RodWinding(WindingModel):
                 if status == FULL:
                     nodes.grow(2 * nodes.live)
                 else:
-                    self._wake(t, float(part[ANGLE, 0]))
+                    now = t - (total - done) * dt
+                    self._wake(t, now, float(part[ANGLE, 0]))
         if nodes.live >= self._enough and self.config.rests and self._stillness.due(t):
             self._look(t, float(drive[ANGLE, 1]))
 
@@ -227,86 +245,75 @@ class RodWinding(WindingModel):
         still = self._stillness.look(t, nodes.place(held, angle))
         resting = still - 1 - WATCHED
         if resting >= FEWEST_TO_REST:
-            stretch = nodes.live_stretch()[:resting]
             before = self._kinetic(nodes.points, resting + 1)
-            nodes.rest(resting, angle, stretch, self._tension_at(stretch))
+            self._ledger[LOSS_RELAXATION] += nodes.resting.fade(t)
+            nodes.rest(resting, angle)
             self._ledger[WORK_TIE] -= before
             self._stillness.begin_anew()
 
-    def _wake(self, t: float, angle: float) -> None:
-        """Integrate the last nodes again that were laid to rest."""
+    def _wake(self, t: float, now: float, angle: float) -> None:
+        """Integrate the last nodes again that were laid to rest, as they are now."""
         nodes = self._nodes
         woken = min(WOKEN, nodes.resting.count - 1)
         back = self._surface_rate * self._last_step
+        self._ledger[LOSS_RELAXATION] += nodes.resting.fade(now)
         nodes.wake(woken, angle, back, self._last_step)
         self._ledger[WORK_TIE] += self._kinetic(nodes.points, woken + 1)
         self._stillness.woken(t)
 
-    def _tension_of(self, stretch: FloatArray) -> FloatArray:
-        """Return the tension [N] of every element at its stretch, shape (nodes - 1,)."""
-        resting = self._nodes.resting.row(resting_cable.TENSION)[1:]
-        tension = np.concatenate([resting, self._tension_at(stretch[resting.size :])])
+    def _records(self, begin: int) -> NDArray[np.void]:
+        """Return the nodes from a resting one on as records of NODE_DTYPE."""
+        resting = self._nodes.resting
+        # A node more than is wanted: its element is the one towards P0.
+        start = max(begin - 1, 0)
+        records = np.zeros(self.nodes - start, dtype=NODE_DTYPE)
+        first = resting.count - 1 - start
+        x, y, z = resting.place()[:, start:]
+        records["x"][: first + 1], records["y"][: first + 1] = turned(self.cylinder_angle, x, y)
+        records["z"][: first + 1] = z
+        for name, values in zip("xyz", self._nodes.position, strict=True):
+            records[name][first:] = values
+        records["s"] = self._nodes.path()[0][start:]
+        stretch = self._stretch_from(start)
+        tension = self._tension_from(start, stretch)
+        records["strain"][1:] = stretch - 1.0
+        records["tension"][1:] = tension
+        records["strain"][0], records["tension"][0] = stretch[0] - 1.0, tension[0]
+        records["roll"] = self._nodes.roll(start)
+        self._fill_twist(records, self._laid_nodes() - start)
+        return records[begin - start :]
+
+    def _stretch_from(self, node: int) -> FloatArray:
+        """Return the stretch of the elements from a resting node on."""
+        return np.concatenate([self._nodes.resting.stretch(node), self._nodes.live_stretch()])
+
+    def _tension_from(self, node: int, stretch: FloatArray) -> FloatArray:
+        """Return the tension [N] of the elements from a resting node on, at their stretch."""
+        area, law = self.config.case.axial_area, self.config.resolved.law
+        tension = np.asarray(area * law.nominal_stress(stretch))
+        if self._relaxes:
+            nodes = self._nodes
+            live = nodes.viscous[1:, : nodes.live - 1].sum(axis=0)
+            tension -= np.concatenate([nodes.resting.faded(self.time, node), live])
         tension[-1] = self._drive[TENSION]
         return tension
 
-    def _tension_at(self, stretch: FloatArray) -> FloatArray:
-        return np.asarray(
-            self.config.case.axial_area * self.config.resolved.law.nominal_stress(stretch)
-        )
-
     def _response(self, tension: float) -> tuple[float, float]:
-        """Return (stretch of the span, radius at which its nodes land [m]) at a tension [N].
+        """Return (stretch of the span, radius at which its nodes land [m]) at a tension [N]."""
+        return self.config.resolved.response_at(tension)
 
-        The radius makes up for the chords and for the depth to which the penalty lets the
-        wound cable sink.
-        """
-        resolved = self.config.resolved
-        pulls, stretches, radii = resolved.responses
-        if not pulls[0] <= tension <= pulls[-1]:
-            resolved.stretch_at(tension)
-            raise ValueError(f"tension {tension:.4g} N stretches the cable beyond the tables")
-        i = max(bisect_left(pulls, tension), 1)
-        u = (tension - pulls[i - 1]) / (pulls[i] - pulls[i - 1])
-        return (
-            stretches[i - 1] + u * (stretches[i] - stretches[i - 1]),
-            radii[i - 1] + u * (radii[i] - radii[i - 1]),
+    def _whole(self) -> WholeRod:
+        back = self._surface_rate * self._last_step
+        cable, reference, viscous = self._nodes.whole(self.cylinder_angle, back, self._last_step)
+        return WholeRod(
+            cable=cable, reference=reference, viscous=viscous, angle=self.cylinder_angle
         )
 
-    def _whole(self) -> tuple[Points, FloatArray]:
-        back = self._surface_rate * self._last_step
-        return self._nodes.whole(self.cylinder_angle, back, self._last_step)
+    def _stored(self, whole: WholeRod) -> float:
+        return whole.stored(self.config.resolved, rolling=self.config.rolling)
 
     def _kinetic(self, cable: Points, end: int) -> float:
-        """Return the kinetic energy [J] of nodes 1 to `end` - 1."""
-        k, moving = self._constants, slice(1, end)
-        return 0.5 * k.mass * float((cable.velocity[:, moving] ** 2).sum()) + (
-            0.5 * k.roll_inertia * float((cable.roll[1, moving] ** 2).sum())
-        )
-
-    def _stored_energy(self, cable: Points, reference: FloatArray) -> float:
-        """Return what stretching, bending and torsion store in the whole cable [J]."""
-        k, axial = self._constants, self.config.resolved.axial
-        elements = cable.touching.size - 2
-        stretching = stored_energy(elements, cable.position, reference, axial)
-        edges = np.diff(cable.position, axis=1)
-        tangents = edges / np.sqrt((edges**2).sum(axis=0))
-        cosine = np.ones(elements + 2)
-        cosine[1:-1] = (tangents[:, 1:] * tangents[:, :-1]).sum(axis=0)
-        angle = self.cylinder_angle
-        clamp = math.sin(angle) * tangents[0, 0] - math.cos(angle) * tangents[1, 0]
-        turned_by = math.acos(min(1.0, clamp)) ** 2
-        clamped = k.bending * turned_by / float(reference[0])
-        bending = bending_energy(elements + 1, reference, k.bending, cosine) + clamped
-        return stretching + bending + self._torsion_energy(cable, tangents)
-
-    def _torsion_energy(self, cable: Points, tangent: FloatArray) -> float:
-        if not self.config.rolling:
-            return 0.0
-        k = self._constants
-        geodesic = tangent[2] * np.hypot(tangent[0], tangent[1]) / k.contact_line
-        wound = (cable.touching[:-1] == 1) & (cable.touching[1:] == 1)
-        twist = np.diff(cable.roll[0]) / k.segment - np.where(wound, geodesic, 0.0)
-        return 0.5 * k.torsion * k.segment * float((twist[:-1] ** 2).sum())
+        return kinetic_energy(cable, self.config.resolved, end)
 
     def _laid_nodes(self) -> int:
         return self._nodes.resting.count - 1 + self._nodes.laid()

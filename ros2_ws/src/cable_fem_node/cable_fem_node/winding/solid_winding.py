@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.dynamics.surroundings import penalty
+from cable_fem_node.dynamics.surroundings import normal_forces, penalty
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import round_bar
@@ -47,7 +47,7 @@ class SolidWinding(WindingModel):
     """
 
     def __init__(self, config: WindingConfig, wind: float) -> None:
-        config.refuse_stiffness_factors()
+        config.refuse_rod_material()
         super().__init__(config)
         self._surface_step = 0.0
         resolved, case = config.resolved, config.case
@@ -162,11 +162,57 @@ class SolidWinding(WindingModel):
         records["tension"][1:] = (force * tangent).sum(axis=1)
         records["strain"][1:] = length / np.diff(self._bar.axial) - 1.0
         records["tension"][0], records["strain"][0] = records["tension"][1], records["strain"][1]
+        records["roll"] = self._roll(middle, tangent)
+        self._fill_twist(records, self._laid())
         return records
+
+    def _roll(self, middle: FloatArray, tangent: FloatArray) -> FloatArray:
+        """Return by what angle sections have turned about the cable [rad], shape (sections,).
+
+        Args:
+            middle: Centres of the sections [m], shape (sections, 3).
+            tangent: Directions between them, shape (sections - 1, 3).
+        """
+        rim = self._bar.rim
+        along = np.concatenate([tangent[:1], tangent])
+        # In the span the normal is that of the plane in which the cable comes.
+        laid = np.arange(middle.shape[0])[:, None] < self._laid()
+        normal = np.where(laid, middle * [1.0, 1.0, 0.0], [1.0, 0.0, 0.0])
+        normal = normal - (normal * along).sum(axis=1, keepdims=True) * along
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        across = np.cross(along, normal)
+        spoke = self._solid.points.position[:, rim].transpose(1, 2, 0) - middle[:, None, :]
+        u, v = self._bar.nodes[rim, 0], self._bar.nodes[rim, 1]
+        x, y = ((spoke * axis[:, None, :]).sum(axis=2) for axis in (normal, across))
+        return np.unwrap(np.arctan2((y * u - x * v).sum(axis=1), (x * u + y * v).sum(axis=1)))
 
     def wound_stretch(self) -> float:
         """Return the mean stretch between the laid sections."""
         return float(self.cable()["strain"][1 : max(2, self._laid())].mean() + 1.0)
+
+    def contact_forces(self) -> FloatArray:
+        """Return the normal force of the cylinder on every section [N], shape (sections,)."""
+        forces = normal_forces(self._solid.points, self._touch)
+        return np.asarray(forces[self._bar.sections].sum(axis=1))
+
+    def sink(self) -> FloatArray:
+        """Return how far the touching nodes of every section have sunk in [m], shape (sections,).
+
+        Zero where a section does not touch.
+        """
+        touching = self._solid.points.touching[self._bar.sections].sum(axis=1)
+        stiffness = self._touch.normal_stiffness * np.maximum(touching, 1)
+        return np.asarray(self.contact_forces() / stiffness)
+
+    @property
+    def solid(self) -> Solid:
+        """The elements, in the state that they are wound in."""
+        return self._solid
+
+    @property
+    def hourglass_energy(self) -> float:
+        """Energy of the hourglass control after the last step [J]."""
+        return float(self._report[1])
 
     @property
     def energy(self) -> EnergyLedger:

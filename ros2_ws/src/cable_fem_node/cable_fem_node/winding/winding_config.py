@@ -68,11 +68,11 @@ class WindingConfig:
         """What follows from the configuration, computed once."""
         return ResolvedModel.of(self)
 
-    def refuse_stiffness_factors(self) -> None:
-        """Refuse factors on the stiffnesses, which a solid element does not have.
+    def refuse_rod_material(self) -> None:
+        """Refuse what a solid element does not have: factors on stiffnesses, a Prony series.
 
         Raises:
-            ValueError: A factor is not 1.
+            ValueError: A factor is not 1, or there is a series.
         """
         material = self.case.material
         for name in ("axial_factor", "bending_factor"):
@@ -81,6 +81,7 @@ class WindingConfig:
                 raise ValueError(
                     f"the solid element has no separate stiffnesses: {name} must be 1, got {value}"
                 )
+        material.refuse_fading("the solid element")
 
 
 @dataclass(frozen=True, kw_only=True)

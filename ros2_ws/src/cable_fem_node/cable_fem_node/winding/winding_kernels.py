@@ -17,14 +17,15 @@ from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.contact_kernels import touch_cylinder
 from cable_fem_node.dynamics.points import (
     LOSS_DAMPING,
+    LOSS_RELAXATION,
     WORK_INFLOW,
     WORK_SPAN,
     WORK_TIE,
     FloatArray,
     IntArray,
-    Points,
 )
-from cable_fem_node.rod.rod_arrays import AxialResponse, Work
+from cable_fem_node.rod.relaxation import branch_energy, decays, strain_under
+from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
 from cable_fem_node.rod.rod_kernels import (
     bend_end,
     bend_nodes,
@@ -33,7 +34,9 @@ from cable_fem_node.rod.rod_kernels import (
     stretch_elements,
 )
 from cable_fem_node.rod.rod_scratch import empty_work
-from cable_fem_node.winding.rod_state import REFERENCE, points_of
+from cable_fem_node.winding.motion_kernels import move_nodes, roll_nodes
+from cable_fem_node.winding.rod_relaxation import relax_elements
+from cable_fem_node.winding.rod_state import REFERENCE, VISCOUS, points_of
 from cable_fem_node.winding.winding_state import (
     ANGLE,
     CUT_AT,
@@ -64,76 +67,6 @@ def hermite(a: float, b: float, da: float, db: float, u: float) -> float:
     return a + u * (da + u * (3.0 * step - 2.0 * da - db + u * (da + db - 2.0 * step)))
 
 
-@called
-def move_nodes(
-    elements: int,
-    dt: float,
-    rate: float,
-    guide_speed: float,
-    cable: Points,
-    net: FloatArray,
-    k: Constants,
-) -> float:
-    """Take one central-difference step of the inner nodes; return the damping loss [J].
-
-    Mass-proportional damping acts on the velocity relative to the motion that is meant: with
-    the surface where the cable lies on it, with the feed in the span. Damping towards the lab
-    frame would add false tension.
-    """
-    x, v = cable.position, cable.velocity
-    half = 0.5 * k.damping_rate * dt
-    decay = (1.0 - half) / (1.0 + half)
-    push = dt / (k.mass * (1.0 + half))
-    feed = k.contact_line * rate
-    follow = -guide_speed / k.free_length
-    loss = 0.0
-    for i in range(1, elements):
-        px, py = x[0, i], x[1, i]
-        wound = cable.touching[i] == 1 or py > 0.0
-        rx = -rate * py if wound else 0.0
-        ry = rate * px if wound else feed
-        rz = 0.0 if wound else follow * py
-        wx, wy, wz = v[0, i] - rx, v[1, i] - ry, v[2, i] - rz
-        ux = wx * decay + push * net[0, i]
-        uy = wy * decay + push * net[1, i]
-        uz = wz * decay + push * net[2, i]
-        mx, my, mz = 0.5 * (ux + wx), 0.5 * (uy + wy), 0.5 * (uz + wz)
-        loss += mx * (mx + rx) + my * (my + ry) + mz * (mz + rz)
-        v[0, i] = ux + rx
-        v[1, i] = uy + ry
-        v[2, i] = uz + rz
-        x[0, i] = px + dt * v[0, i]
-        x[1, i] = py + dt * v[1, i]
-        x[2, i] += dt * v[2, i]
-    return k.mass * k.damping_rate * dt * loss
-
-
-@called
-def roll_nodes(elements: int, dt: float, cable: Points, work: Work, k: Constants) -> None:
-    """Take one step of the cable's rotation about its own axis.
-
-    The roll angle counts from the surface normal, so a wound helix twists by its geodesic
-    torsion even where the cable does not roll. Node 0 is held, the guide lets the cable spin.
-    """
-    roll, touching, tangent = cable.roll, cable.touching, work.tangent
-    decay = 1.0 - k.damping_rate * dt
-    before = 0.0
-    for i in range(elements):
-        after = 0.0
-        if i < elements - 1:
-            twist = (roll[0, i + 1] - roll[0, i]) / k.segment
-            if touching[i] == 1 and touching[i + 1] == 1:
-                level = math.sqrt(tangent[0, i] ** 2 + tangent[1, i] ** 2)
-                twist -= tangent[2, i] * level / k.contact_line
-            after = k.torsion * twist
-        if i > 0:
-            torque = work.couple[i] + after - before
-            roll[1, i] = decay * roll[1, i] + dt * torque / k.roll_inertia
-        before = after
-    for i in range(1, elements):
-        roll[0, i] += dt * roll[1, i]
-
-
 @kernel
 def advance_winding(
     nodes: int,
@@ -150,6 +83,7 @@ def advance_winding(
     response: AxialResponse,
     ledger: FloatArray,
     rolling: bool,
+    relax: Relaxation,
 ) -> tuple[int, int, float, int, int]:
     """Advance the cable by equal steps while the drive runs from its first to its second column.
 
@@ -168,11 +102,16 @@ def advance_winding(
         response: Axial response of the cable.
         ledger: Energies [J], added to in place.
         rolling: Let the cable roll on the surface about its own axis.
+        relax: How the axial stress fades; with terms the last element stands for the cable before
+            the guide, which the span's tension has loaded since the run began.
 
     Returns:
         nodes, steps taken, the last step's angular speed, status, element at fault.
     """
-    cable, reference = points_of(state, touching), state[REFERENCE]
+    cable, reference, viscous = points_of(state, touching), state[REFERENCE], state[VISCOUS:]
+    terms = relax.share.shape[0]
+    decay, ramp = np.zeros(terms), np.zeros(terms)
+    decays(dt, relax, decay, ramp)
     x, v = cable.position, cable.velocity
     capacity = touching.shape[0]
     work = empty_work(capacity)
@@ -204,6 +143,16 @@ def advance_winding(
         end = elements - 1
 
         stretch_elements(elements, x, reference, response, work)
+        if terms > 0:
+            ledger[LOSS_RELAXATION] += relax_elements(
+                elements, cable, reference, viscous, decay, ramp, relax, k, work
+            )
+            held = pull
+            for j in range(1, terms + 1):
+                held += viscous[j, end]
+            if not held < relax.high:
+                return nodes, step + 1, surface_rate, DIVERGED, end
+            pulled = 1.0 + strain_under(held, relax)
         work.tension[end] = pull
         bend_nodes(elements, reference, k.bending, work)
         first[0] = cosine * tie[TIE_ALONG, 0] - sine * tie[TIE_ALONG, 1]
@@ -235,7 +184,7 @@ def advance_winding(
             roll_nodes(elements, dt, cable, work, k)
         guide_speed = (next_guide - x[2, elements]) / dt
         ledger[WORK_SPAN] += 0.5 * dt * power(force, v, end)
-        ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, net, k)
+        ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, tangent, net, k)
         ledger[WORK_SPAN] += 0.5 * dt * power(force, v, end)
 
         # Prescribed ends: node 0 and its clamp turn with the surface, the guide follows the feed.
@@ -279,12 +228,17 @@ def advance_winding(
             cable.touching[nodes] = 0
             reference[end] = k.segment
             reference[elements] = last - k.segment
-            ledger[WORK_INFLOW] += inflow(x, v, end, elements, k, response)
+            for j in range(viscous.shape[0]):
+                viscous[j, elements] = viscous[j, end]
+            ledger[WORK_INFLOW] += inflow(x, v, end, elements, k, response, viscous[:, end], relax)
             nodes += 1
         elif last < MERGE_AT * k.segment:
             if nodes < 4:
                 return nodes, step + 1, surface_rate, EMPTY, end
-            ledger[WORK_INFLOW] -= inflow(x, v, end - 1, end, k, response)
+            given_back = inflow(x, v, end - 1, end, k, response, viscous[:, end - 1], relax)
+            ledger[WORK_INFLOW] -= given_back
+            for j in range(viscous.shape[0]):
+                viscous[j, end - 1] = viscous[j, end]
             for c in range(3):
                 x[c, end] = x[c, elements]
                 v[c, end] = v[c, elements]
@@ -317,7 +271,14 @@ def power(force: FloatArray, velocity: FloatArray, i: int) -> float:
 
 @called
 def inflow(
-    x: FloatArray, v: FloatArray, a: int, b: int, k: Constants, response: AxialResponse
+    x: FloatArray,
+    v: FloatArray,
+    a: int,
+    b: int,
+    k: Constants,
+    response: AxialResponse,
+    column: FloatArray,
+    relax: Relaxation,
 ) -> float:
     """Return the energy [J] of one segment between nodes a and b: strain, and motion of b or a."""
     ex = x[0, b] - x[0, a]
@@ -327,4 +288,6 @@ def inflow(
     motion = v[0, b] ** 2 + v[1, b] ** 2 + v[2, b] ** 2
     strain = law_energy(stretch, response)
     energy: float = response.area * k.segment * strain + 0.5 * k.mass * motion
+    if relax.share.shape[0] > 0:
+        energy += k.segment * branch_energy(stretch - 1.0, column, response, relax)
     return energy

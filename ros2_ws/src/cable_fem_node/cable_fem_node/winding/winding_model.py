@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.points import LEDGER_SIZE, FloatArray
+from cable_fem_node.winding.lift_off import lift_off_angle
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_state import (
     ANGLE,
@@ -19,7 +20,9 @@ from cable_fem_node.winding.winding_state import (
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 from winding_core.readings import AxisReading
 
-NODE_DTYPE = np.dtype([(name, "<f8") for name in ("x", "y", "z", "s", "tension", "strain")])
+NODE_DTYPE = np.dtype(
+    [(name, "<f8") for name in ("x", "y", "z", "s", "tension", "strain", "roll", "twist")]
+)
 
 
 class WindingModel(ABC):
@@ -113,9 +116,12 @@ class WindingModel(ABC):
 
     @abstractmethod
     def cable(self) -> NDArray[np.void]:
-        """Return records of NODE_DTYPE from P0 on: x y z [m], s [m] (reference), tension [N].
+        """Return records of NODE_DTYPE from P0 on.
 
-        Tension and strain of a record are those of the element towards P0 (of P0: its own).
+        x y z [m], s [m] (reference), tension [N], strain; roll [rad] about the cable's axis, from
+        the surface's normal; twist [rad/m] of the sections, the helix's own included. Tension,
+        strain and twist of a record are those of the element towards P0 (of P0: its own). Roll and
+        twist turn right-handed about the direction away from P0.
         """
 
     @abstractmethod
@@ -126,6 +132,15 @@ class WindingModel(ABC):
     def wound_stretch(self) -> float:
         """Return the mean stretch of the laid cable; of the first element before any is laid."""
 
+    def lift_off(self) -> float:
+        """Return the azimuth [rad] at which the cable leaves the cylinder, see `lift_off_angle`.
+
+        Raises:
+            ValueError: It cannot be seen between these elements.
+        """
+        cable, laid = self.cable(), self.wound_path()[0].size
+        return lift_off_angle(np.stack([cable["x"], cable["y"]]), np.diff(cable["s"]), laid)
+
     @abstractmethod
     def _response(self, tension: float) -> tuple[float, float]:
         """Return (stretch of the span, radius at which it lands [m]) at a tension [N]."""
@@ -133,6 +148,18 @@ class WindingModel(ABC):
     @abstractmethod
     def _run(self, t: float, span: float, drive: FloatArray) -> None:
         """Advance by a span [s] to t, drive (7, 2) from its first to its second column."""
+
+    def _fill_twist(self, records: NDArray[np.void], laid: int) -> None:
+        """Fill the twist of records, shape (nodes,), of which the first are laid; roll is there."""
+        edges = np.array([np.diff(records[name]) for name in "xyz"])
+        own = geodesic_twist(edges / np.linalg.norm(edges, axis=0), self._contact_line)
+        own[max(laid - 1, 0) :] = 0.0
+        records["twist"][1:] = np.diff(records["roll"]) / np.diff(records["s"]) + own
+        records["twist"][0] = records["twist"][1]
+
+    @property
+    def _contact_line(self) -> float:
+        return self.config.resolved.constants.contact_line
 
     def _marker_records(
         self, arc: FloatArray, theta: FloatArray, z: FloatArray, wound_to: float
@@ -149,6 +176,11 @@ class WindingModel(ABC):
             cylinder_angle=self.cylinder_angle,
             flags=np.where(place > wound_to, int(MarkerFlag.NOT_WOUND), 0),
         )
+
+
+def geodesic_twist(tangent: FloatArray, radius: float) -> FloatArray:
+    """Return how fast the surface's normal turns about cable of directions (3, n) [rad/m]."""
+    return np.asarray(-tangent[2] * np.hypot(tangent[0], tangent[1]) / radius)
 
 
 def angle_steps(x: FloatArray, y: FloatArray) -> FloatArray:

@@ -17,6 +17,8 @@ from winding_core.compiling import called, compiled
 
 ALONG_NODES, ALONG_WEIGHTS = np.polynomial.legendre.leggauss(2)
 AROUND_NODES, AROUND_WEIGHTS = np.polynomial.legendre.leggauss(5)
+# A turn so many radii beside a band hides nothing of it, whatever the camera's side.
+HIDING_REACH = 3.0
 SOLVE_STEPS = 8
 SOLVE_TOLERANCE = 2.0e-6
 
@@ -88,6 +90,37 @@ def surface_point(
     return x + c * ex - s * tangential * ey, y + c * ey + s * tangential * ex, z + s * axial
 
 
+@called
+def visible_arc(
+    body: Body, band: Band, facing: float, reach: float
+) -> tuple[float, float]:  # pragma: no cover
+    """Return between which angles around the section a band is seen [rad].
+
+    Args:
+        body: What the band is painted on.
+        band: With the turns beside it.
+        facing: Angle around the section that faces the camera [rad].
+        reach: How far to either side the cable alone is seen [rad].
+    """
+    first = max(facing - reach, band.low, -body.half_around)
+    last = min(facing + reach, band.high, body.half_around)
+    # The turn on the camera's side stands before the part next to it.
+    beside = band.above if facing > 0.0 else band.below
+    r = body.cable_radius
+    if beside > HIDING_REACH * r:
+        return first, last
+    edge = beside * math.cos(facing) / r - 1.0
+    nearer = beside * math.sin(abs(facing)) / r
+    # A limb that lies behind the band's own surface ends nothing: there the two meet in a crease.
+    if -1.0 < edge < 1.0 and nearer * nearer > 1.0 - edge * edge:
+        hidden = abs(facing) + math.asin(edge)
+        if facing > 0.0:
+            last = min(last, hidden)
+        else:
+            first = max(first, -hidden)
+    return first, last
+
+
 @compiled
 def band_centroid(
     view: CameraView, body: Body, band: Band
@@ -118,8 +151,7 @@ def band_centroid(
         along_b = vx * bx + vy * by + vz * bz
         facing = math.atan2(along_b, along_e)
         reach = math.acos(min(r / math.hypot(along_e, along_b), 1.0))
-        first = max(facing - reach, band.low, -body.half_around)
-        last = min(facing + reach, band.high, body.half_around)
+        first, last = visible_arc(body, band, facing, reach)
         if last <= first:
             continue
         middle, spread = 0.5 * (first + last), 0.5 * (last - first)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import CameraView, pixel_of_plane, plane_of_point
-from marker_tracker_node.detection.band import Band, Body, surface_point
+from marker_tracker_node.detection.band import Band, Body, surface_point, visible_arc
 from marker_tracker_node.detection.gate import (
     Gates,
     Picture,
@@ -183,8 +183,7 @@ def _draw(
     along_b = (vy * ex - vx * ey) * band.slope / norm + vz * rho / norm
     facing = math.atan2(along_b, along_e)
     reach = math.acos(min(r / math.hypot(along_e, along_b), 1.0))
-    first = max(facing - reach, band.low, -body.half_around)
-    last = min(facing + reach, band.high, body.half_around)
+    first, last = visible_arc(body, band, facing, reach)
     way = half / norm
     for k in range(NODES):
         psi = first + (last - first) * k / (NODES - 1)

@@ -14,6 +14,7 @@ from marker_tracker_node.detection.gate import (
     Gates,
     Picture,
     empty_gates,
+    gate_sides,
     seeking,
     several_colours,
 )
@@ -222,6 +223,9 @@ def _measure(
     out.azimuth[k, n] = azimuth - turned_since(setup, shutter, azimuth, z)
     out.seen_height[k, n], out.slope[k, n] = z, band.slope
     out.low[k, n], out.high[k, n] = band.low, band.high
+    out.below[k, n], out.above[k, n] = band.below, band.above
     if found.outcome == PARTLY:
         out.sigma_theta[k, n], out.sigma_height[k, n] = found.azimuth_factor, found.z_factor
+    else:
+        out.left[k, n], out.right[k, n] = gate_sides(gates, n)
     return found.outcome

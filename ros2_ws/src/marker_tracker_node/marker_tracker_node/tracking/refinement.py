@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCamera
-from marker_tracker_node.detection.band import Band, Body, band_centroid
+from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.mask_bias import CUT_SCATTER, bias_shapes, cut_off
 from marker_tracker_node.tracking.pose_correction import PoseBelief, carried_correction
+from marker_tracker_node.tracking.sightings import GatedBands, Sightings
 from marker_tracker_node.tracking.uncertainty import BENT_OVER_RUN, bent_height
-from winding_core.compiling import compiled
 
 FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 LEAST_SIGHTINGS = 20
 # More sightings say nothing new: what they have wrong together is not averaged out.
 MOST_SIGHTINGS = 4000
 POSE_SIZE = 6
-# What the mask has wrong in all frames [px]: of a marker, and as the band turns to the side. In
-# random scenes of the simulated camera the mean over a run is off by that much.
-MASK_BIAS = 0.05
 # Prior of the encoder's zero [rad].
 SHIFT_SIGMA = 0.02
 # Least deviation of a single sighting [px], and how many of its deviations make an outlier.
@@ -33,41 +29,6 @@ OUTLIER = 2.5
 STEPS = 12
 SETTLED = 1.0e-7
 SMALL = np.array([1.0e-6] * 3 + [1.0e-6] * 3 + [1.0e-6, 1.0e-7])
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sightings:
-    """Every measured band of a run, one row each.
-
-    Attributes:
-        marker: Number n, shape (k,).
-        angle: Cylinder angle of its frame [rad], shape (k,).
-        azimuth: As seen with `pose` [rad], unwrapped, shape (k,).
-        z: As seen with `pose` [m], shape (k,).
-        slope: dz/dtheta of the cable there [m/rad], shape (k,).
-        low: Cut by the neighbouring turn at -z, see `Band` [rad], shape (k,).
-        high: The same at +z, shape (k,).
-        pose: Of the camera with which azimuth and z were computed.
-        mean_theta: Run mean of each marker's wound angle from P0 [rad], shape (markers,), nan for
-            one that is not known.
-        mean_z: Run mean of z from P0 [m], likewise.
-    """
-
-    marker: IndexArray
-    angle: FloatArray
-    azimuth: FloatArray
-    z: FloatArray
-    slope: FloatArray
-    low: FloatArray
-    high: FloatArray
-    pose: CameraPose
-    mean_theta: FloatArray
-    mean_z: FloatArray
-
-    def every(self, stride: int) -> Sightings:
-        """Return one sighting in `stride`."""
-        rows = ("marker", "angle", "azimuth", "z", "slope", "low", "high")
-        return replace(self, **{name: getattr(self, name)[::stride] for name in rows})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +105,8 @@ class _Fit:
     """Least squares of pose (6), shift, wound angles, heights and mask biases."""
 
     def __init__(self, config: TrackerConfig, camera: PinholeCamera, sightings: Sightings) -> None:
-        self._camera, self._body, self._sightings = camera, config.body, sightings
+        self._body, self._sightings = config.body, sightings
+        self._bands = GatedBands(camera, config.body, sightings)
         self._count = config.marker_count + 1
         self._focal = math.sqrt(camera.k[0, 0] * camera.k[1, 1]) / camera.binning
         marker = sightings.marker
@@ -152,15 +114,15 @@ class _Fit:
         place = np.zeros(self._count, int)
         place[self._seen] = np.arange(1, self._seen.size + 1)
         self._row = place[marker]
-        self._goal = self._focal * _pictures(
-            camera.view(sightings.pose), self._body, sightings.azimuth, sightings.z, sightings
-        )
+        self._goal = self._focal * self._bands.measured
         self._first = POSE_SIZE + 1
         self._second = self._first + self._seen.size
         self._third = self._second + self._seen.size
         self._weight = np.ones(marker.size)
+        cuts = cut_off(sightings, config.cable_radius)
+        self._cut = cuts[0] | cuts[1]
         self._variance = LEAST_SCATTER**2
-        self._biases = self._bias_shapes()
+        self._biases, self._bias_sigmas = bias_shapes(sightings, self._row, cuts)
 
     def start(self) -> FloatArray:
         """Return the unknowns with the pose of the sightings."""
@@ -212,7 +174,7 @@ class _Fit:
         matrix, vector = slopes.T @ weighted, weighted.T @ off
         prior = np.zeros(x.size)
         prior[POSE_SIZE] = SHIFT_SIGMA**-2
-        prior[self._third :] = MASK_BIAS**-2
+        prior[self._third :] = self._bias_sigmas**-2
         matrix[np.diag_indices(x.size)] += prior
         return matrix, vector - prior * x
 
@@ -245,34 +207,15 @@ class _Fit:
             sightings=total,
         )
 
-    def _bias_shapes(self) -> FloatArray:
-        """Return what each unit of bias adds to the pictures, shape (2 k, biases).
-
-        A constant and two shapes over the azimuth, for each marker and for all in common, along
-        both axes of the picture.
-        """
-        azimuth = np.sin(self._sightings.azimuth)
-        shapes = [np.ones(azimuth.size), azimuth, 2.0 * azimuth**2 - 1.0]
-        groups = [np.ones(azimuth.size)]
-        groups += [(self._row == i).astype(float) for i in range(self._seen.size + 1)]
-        columns = []
-        for group in groups:
-            for shape in shapes:
-                for axis in range(2):
-                    column = np.zeros((azimuth.size, 2))
-                    column[:, axis] = group * shape
-                    columns.append(column.ravel())
-        return np.column_stack(columns)
-
     def _model(self, x: FloatArray, nudge: int = -1) -> FloatArray:
         """Return the pictures in pixels, shape (k, 2), one of pose, azimuth and z nudged."""
         s = self._sightings
         change = np.where(np.arange(SMALL.size) == nudge, SMALL, 0.0)
         theta = np.concatenate([[0.0], x[self._first : self._second]])[self._row]
         z = np.concatenate([[0.0], x[self._second : self._third]])[self._row]
-        view = self._camera.view(_moved(s.pose, x[:POSE_SIZE] + change[:POSE_SIZE]))
+        pose = _moved(s.pose, x[:POSE_SIZE] + change[:POSE_SIZE])
         azimuth = s.angle + x[POSE_SIZE] - theta + change[POSE_SIZE]
-        return self._focal * _pictures(view, self._body, azimuth, z + change[POSE_SIZE + 1], s)
+        return self._focal * self._bands.pictures(pose, azimuth, z + change[POSE_SIZE + 1])
 
     def _residuals(self, x: FloatArray) -> FloatArray:
         off = (self._goal - self._model(x)).ravel()
@@ -294,8 +237,9 @@ class _Fit:
         """Estimate the scatter of single sightings and let outliers count less."""
         off = self._residuals(x).reshape(-1, 2)
         self._variance = max(LEAST_SCATTER, 1.4826 * float(np.median(np.abs(off)))) ** 2
-        far = np.hypot(off[:, 0], off[:, 1]) / math.sqrt(2.0 * self._variance)
-        self._weight = np.minimum(1.0, OUTLIER / np.maximum(far, OUTLIER))
+        trust = np.where(self._cut, self._variance / (self._variance + CUT_SCATTER**2), 1.0)
+        far = np.hypot(off[:, 0], off[:, 1]) * np.sqrt(trust / (2.0 * self._variance))
+        self._weight = trust * np.minimum(1.0, OUTLIER / np.maximum(far, OUTLIER))
 
 
 def _moved(pose: CameraPose, change: FloatArray) -> CameraPose:
@@ -310,27 +254,3 @@ def _difference(pose: CameraPose, base: CameraPose) -> FloatArray:
     """Return tilt and position of a pose less those of another, shape (6,)."""
     change = np.array([*pose.tilt, *pose.position]) - np.array([*base.tilt, *base.position])
     return np.asarray(change, dtype=float)
-
-
-def _pictures(
-    view: CameraView, body: Body, azimuth: FloatArray, z: FloatArray, sightings: Sightings
-) -> FloatArray:
-    return _band_pictures(view, body, azimuth, z, sightings.slope, sightings.low, sightings.high)
-
-
-@compiled
-def _band_pictures(
-    view: CameraView,
-    body: Body,
-    azimuth: FloatArray,
-    z: FloatArray,
-    slope: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-) -> FloatArray:  # pragma: no cover
-    """Return plane coordinates of the visible centroid of each sighting, shape (k, 2)."""
-    out = np.empty((azimuth.size, 2))
-    for k in range(azimuth.size):
-        band = Band(azimuth[k], z[k], slope[k], low[k], high[k], math.inf, math.inf)
-        out[k, 0], out[k, 1], _area = band_centroid(view, body, band)
-    return out

@@ -199,6 +199,11 @@ class Output(NamedTuple):
         slope: dz/dtheta of the cable [m/rad].
         low: See `Band` [rad].
         high: See `Band` [rad].
+        below: See `Band` [m].
+        above: See `Band` [m].
+        left: Column where the gate ends on the side of -z, in the row of its centre [px]; nan where
+            light hid a part, whose outline is fitted beyond the gate.
+        right: The same on the side of +z.
     """
 
     angle: FloatArray
@@ -212,3 +217,7 @@ class Output(NamedTuple):
     slope: FloatArray
     low: FloatArray
     high: FloatArray
+    below: FloatArray
+    above: FloatArray
+    left: FloatArray
+    right: FloatArray

@@ -14,11 +14,11 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame_update import update_burst
 from marker_tracker_node.tracking.guide_readings import guide_doubt
 from marker_tracker_node.tracking.lay_check import height_ratio, missing_markers
-from marker_tracker_node.tracking.refinement import Sightings
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.run_evidence import RunEvidence
 from marker_tracker_node.tracking.run_means import mean_variances
 from marker_tracker_node.tracking.run_start import RunStart
+from marker_tracker_node.tracking.sightings import Sightings
 from marker_tracker_node.tracking.state import Output
 from marker_tracker_node.tracking.tracker_state import OutputRoom, TrackerState, setup_numbers
 from winding_core.markers import MarkerFlag, Markers, wound_markers
@@ -56,7 +56,7 @@ class Tracker:
             config: Machine, cable and camera pose.
             camera: What CameraInfo says.
             colour: Of the markers; None to learn it from P0.
-            remember: Whether to keep every sighting for `sightings`; 80 bytes a marker and frame.
+            remember: Whether to keep every sighting for `sightings`; 112 bytes a marker and frame.
         """
         self.config = config
         self.camera = camera
@@ -211,17 +211,15 @@ class Tracker:
         seen = Output(*map(np.concatenate, zip(nothing, *self._memory, strict=True)))
         frame, marker = np.nonzero(np.isfinite(seen.azimuth))
         means = self.estimates()
+        rows = {name: getattr(seen, name)[frame, marker] for name in _ROWS}
         return Sightings(
             marker=marker,
             angle=seen.angle[frame],
-            azimuth=seen.azimuth[frame, marker],
             z=seen.seen_height[frame, marker],
-            slope=seen.slope[frame, marker],
-            low=seen.low[frame, marker],
-            high=seen.high[frame, marker],
             pose=self.pose,
             mean_theta=means["theta"],
             mean_z=means["z"],
+            **rows,
         )
 
     def report(self) -> TrackerReport:
@@ -330,6 +328,8 @@ class Tracker:
         )
 
 
+# Of a sighting that are kept as they are in `Output`.
+_ROWS = ("azimuth", "slope", "low", "high", "below", "above", "left", "right")
 _UNSEEN = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)
 
 

@@ -209,4 +209,7 @@ def output_of(
         flags: See `OutputRoom`, shape (frames, markers).
         f: Its fields, shape (fields, frames, markers).
     """
-    return Output(angle, f[0], f[1], f[2], f[3], flags, f[4], f[5], f[6], f[7], f[8])
+    return Output(
+        angle, f[0], f[1], f[2], f[3], flags, f[4], f[5], f[6], f[7], f[8], f[9], f[10],
+        f[11], f[12],
+    )  # fmt: skip

@@ -19,6 +19,9 @@ SAID = {
     "predict": (
         "Predict where every marker ends up, how much cable is used, and how far to trust it."
     ),
+    "plan": (
+        "Plan the machine's motion that lays a program, and say what is out of reach, and why."
+    ),
     "sweep": "Wind every combination of parameters that a file describes and tabulate the results.",
     "identify": (
         "Identify the cable's material from tracked markers by inverse winding, or from a test."

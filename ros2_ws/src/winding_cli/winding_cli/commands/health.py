@@ -22,16 +22,17 @@ def health(
     patience_s: Annotated[float, typer.Option(help="How long to listen for silent nodes.")] = 10.0,
 ) -> None:
     """Listen to /diagnostics; exit 1 when a node is silent or in error."""
-    from winding_ros.graph import GRAPH
+    from winding_ros.graph import GRAPH, LAY_CONTROL
     from winding_supervisor.node_health import complaints, listen
 
     if not 0.0 < patience_s < math.inf:
         refuse(f"patience must be positive and finite, got {patience_s} s")
-    known = [spec.name for spec in GRAPH]
+    usual = [spec.name for spec in GRAPH]
+    known = [*usual, LAY_CONTROL.name]
     for name in nodes or ():
         if name not in known:
             refuse(f"no node {name!r} in the graph; there are {', '.join(known)}")
-    wanted = nodes or known
+    wanted = nodes or usual
     with joined(domain):
         found = complaints(wanted, listen(wanted, namespace, patience_s))
     if found:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from winding_cli.commands.cable_files import cable_files
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import progress_bar, result_console
 from winding_cli.commands.output_path import check_output_file, write_json
@@ -19,7 +21,8 @@ from winding_core.units import MILLIMETRE
 from winding_study.runs.run_parameters import RunParameters
 
 if TYPE_CHECKING:
-    from cable_fem_node.winding.prediction import PlannedRun, Prediction
+    from cable_fem_node.winding.discretisation import DiscretisationError
+    from cable_fem_node.winding.prediction import Look, PlannedRun, Prediction
 
 # A run of so few steps takes seconds, and is not timed beforehand.
 _FEW_STEPS = 1.0e6
@@ -37,23 +40,56 @@ def predict(
     check: Annotated[
         bool, typer.Option("--check", help="Only check whether the solver can be right about it.")
     ] = False,
+    csv_file: Annotated[
+        Path | None,
+        typer.Option("--csv", help="Also write path, tension and twist over time to this table."),
+    ] = None,
+    vtk_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--vtk",
+            help="Also write them for ParaView: this file, ending in .pvd, and a folder beside it.",
+        ),
+    ] = None,
+    pictures: Annotated[
+        int, typer.Option(help="How many times over the run --csv and --vtk tell; 2 or more.")
+    ] = 201,
+    richardson: Annotated[
+        bool,
+        typer.Option(
+            "--richardson",
+            help="Also estimate the discretisation error of S and theta, from winding again with "
+            "elements of half the length; takes five times as long.",
+        ),
+    ] = False,
 ) -> None:
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
     from cable_fem_node.dynamics.failure import SolverError
 
-    check_output_file(json_file)
+    for file in (json_file, csv_file, vtk_file):
+        check_output_file(file)
+    if vtk_file is not None and vtk_file.suffix != ".pvd":
+        refuse(f"--vtk needs a file whose name ends in .pvd, got {vtk_file}")
+    if pictures < 2:
+        refuse(f"--pictures must be 2 or more, got {pictures}")
     try:
         run = RunParameters.from_typed(typed, spelling=spelled).plan()
         if check:
             _print_checks(run)
             return
+        if run.element != "rod" and (csv_file or vtk_file):
+            raise ValueError(f"--csv and --vtk tell of a rod, not of element {run.element}")
         _announce(run)
-        result = _wind(run)
+        with cable_files(csv_file, vtk_file, run.frame_times(), pictures) as look:
+            result = _wind(run, look)
+        error_of = _discretisation(run, result) if richardson else None
     except (ValueError, SolverError) as error:
         refuse(error)
     _print(result, run.element)
+    if error_of is not None:
+        result_console().print(_error_table(error_of))
     if json_file is not None:
-        write_json(json_file, _record(result, run.element))
+        write_json(json_file, _record(result, run.element) | _error_record(error_of))
 
 
 def _print_checks(run: PlannedRun) -> None:
@@ -91,14 +127,14 @@ def _announce(run: PlannedRun) -> None:
     )
 
 
-def _wind(run: PlannedRun) -> Prediction:
+def _wind(run: PlannedRun, look: Look) -> Prediction:
     from cable_fem_node.dynamics.compile import is_compiled
 
     console = Console(stderr=True)
     if not is_compiled():
         console.print("compiling the solver's kernels: once after installation, a minute at most")
     if not console.is_terminal:
-        return run.wind(whole=False)
+        return run.wind(whole=False, look=look)
     from rich.progress import TaskProgressColumn, TimeElapsedColumn
 
     with progress_bar(TaskProgressColumn(), TimeElapsedColumn()) as bar:
@@ -107,7 +143,43 @@ def _wind(run: PlannedRun) -> Prediction:
         def show(share: float) -> None:
             bar.update(task, completed=share)
 
-        return run.wind(show, whole=False)
+        return run.wind(show, whole=False, look=look)
+
+
+def _discretisation(run: PlannedRun, result: Prediction) -> DiscretisationError:
+    from cable_fem_node.winding.discretisation import discretisation_error
+
+    return discretisation_error(run, result)
+
+
+def _error_table(error: DiscretisationError) -> Table:
+    table = Table(
+        title=f"Estimated discretisation error, elements of {error.segment / MILLIMETRE:.3g} mm "
+        f"against {error.finer_segment / MILLIMETRE:.3g} mm"
+    )
+    for column in ("marker", "theta, mrad", "S, mm"):
+        table.add_column(column, justify="right")
+    for n, (theta, s) in enumerate(zip(error.theta, error.s, strict=True), start=1):
+        known = math.isfinite(theta)
+        table.add_row(
+            f"P{n}",
+            f"{1.0e3 * theta:+.3f}" if known else "not wound",
+            f"{s / MILLIMETRE:+.4f}" if known else "not wound",
+        )
+    return table
+
+
+def _error_record(error: DiscretisationError | None) -> dict[str, Any]:
+    if error is None:
+        return {}
+    return {
+        "discretisation_error": {
+            "segment_m": error.segment,
+            "finer_segment_m": error.finer_segment,
+            "theta_rad": [value if math.isfinite(value) else None for value in error.theta],
+            "s_m": [value if math.isfinite(value) else None for value in error.s],
+        }
+    }
 
 
 def _print(result: Prediction, element: str) -> None:
@@ -143,7 +215,8 @@ def _print(result: Prediction, element: str) -> None:
         f"span {tension[-1]:.3f} N\nenergy [J]: kinetic {energy.kinetic:.3g}, "
         f"internal {energy.internal:.3g}, contact {energy.contact:.3g}, "
         f"external {energy.external:.3g}, friction {energy.friction:.3g}, "
-        f"damping {energy.damping:.3g}; balance open by {energy.balance_pct:.3g} %, "
+        f"damping {energy.damping:.3g}, relaxation {energy.relaxation:.3g}; "
+        f"balance open by {energy.balance_pct:.3g} %, "
         f"kinetic over internal {energy.kinetic_over_internal:.2g}\n"
         f"speed: {result.cpu_s_per_sim_s:.4f} CPU seconds per simulated second",
         highlight=False,
@@ -174,7 +247,15 @@ def _record(result: Prediction, element: str) -> dict[str, Any]:
         },
         "energy_j": {
             name: getattr(energy, name)
-            for name in ("kinetic", "internal", "contact", "external", "friction", "damping")
+            for name in (
+                "kinetic",
+                "internal",
+                "contact",
+                "external",
+                "friction",
+                "damping",
+                "relaxation",
+            )
         },
         "energy_balance_pct": energy.balance_pct,
         "kinetic_over_internal": energy.kinetic_over_internal,

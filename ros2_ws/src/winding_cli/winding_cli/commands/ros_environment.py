@@ -34,13 +34,14 @@ def check_namespace(namespace: str) -> None:
         refuse(f"namespace must be made of letters, digits, _ and /, got {namespace!r}")
 
 
-def refuse_open(namespace: str, *, dashboard: bool) -> None:
+def refuse_open(namespace: str, *, dashboard: bool, lay_control: bool = False) -> None:
     """Refuse a graph whose nodes, and page where there is one, are not held to their policies."""
-    from winding_ros.graph import GRAPH, PAGE
+    from winding_ros.graph import GRAPH, PAGE, controlled
     from winding_ros.security import SecurityError, check_security
 
     with refused(SecurityError):
-        check_security(namespace, graph=(*GRAPH, PAGE) if dashboard else GRAPH)
+        graph = controlled() if lay_control else GRAPH
+        check_security(namespace, graph=(*graph, PAGE) if dashboard else graph)
 
 
 @contextmanager

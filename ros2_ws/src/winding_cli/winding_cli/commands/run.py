@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -28,11 +27,14 @@ from winding_cli.commands.run_checks import (
 )
 from winding_cli.commands.run_results import deliver, show, write_trace
 from winding_cli.commands.termination import end
+from winding_cli.commands.wanted_lay import controlled_nodes, wish_of
+from winding_cli.output.progress_lines import ProgressLines, print_sentence
 from winding_core.camera_clock import CameraClockParameters
 from winding_core.camera_pixels import CameraPixels
 from winding_core.camera_placement import CameraPlacement
 from winding_core.condition import Condition
 from winding_core.lay_parameters import LayParameters
+from winding_core.lay_wish import LayWish
 from winding_core.machine_axes import MachineAxes
 from winding_core.marker_parameters import MarkerParameters
 from winding_core.options import typed_values
@@ -53,6 +55,7 @@ _FIRST_WORDS = "starting the nodes; the first start after an install compiles ke
     CameraPlacement,
     CameraPixels,
     LayParameters,
+    LayWish,
 )
 def run(
     typed: Typed,
@@ -62,10 +65,18 @@ def run(
     placement: Typed,
     pixels: Typed,
     measured: Typed,
+    wish: Typed,
     *,
     lay: Annotated[
         str | None,
-        typer.Option(help="paper: the published measurement; fem: a cable with hidden properties."),
+        typer.Option(
+            help="paper: the published measurement; fem: a cable with hidden properties; driven: "
+            "what the machine's own motion lays, for runs under commands."
+        ),
+    ] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(help="JSON file of where the simulated cable truly lay, and what was hidden."),
     ] = None,
     speed: Annotated[
         float | None,
@@ -175,6 +186,7 @@ def run(
             **typed_values(LayParameters, measured, spelled),
         }
         look = look_of(markers)
+        wished = wish_of(wish, condition)
     except ValueError as error:
         refuse(error)
     check_namespace(namespace)
@@ -194,6 +206,7 @@ def run(
         simulated={
             "speed": speed,
             "lay": lay,
+            "truth": truth,
             "seed": seed,
             "frame-rate": frame_rate,
             "camera-noise": camera_noise,
@@ -209,14 +222,19 @@ def run(
     )
     camera_source = composed_camera(compose, external, attach=attach, secure=secure)
     if secure:
-        refuse_open(namespace, dashboard=dashboard)
-    lay = lay_of(lay, wound.is_published)
+        refuse_open(namespace, dashboard=dashboard, lay_control=bool(wished))
+    lay = lay_of(lay, published=wound.is_published, composed=bool(camera_source), wish=wished)
     from winding_cli.commands.page_options import operated_condition, page_parameters
     from winding_ros import topics
     from winding_supervisor.run_config import RunConfig
 
     simulated = _given(
-        speed=speed, lay=lay, seed=seed, frame_rate=frame_rate, camera_noise=camera_noise
+        speed=speed,
+        lay=lay,
+        seed=seed,
+        frame_rate=frame_rate,
+        camera_noise=camera_noise,
+        truth_file=None if truth is None else str(truth.absolute()),
     )
     config = RunConfig(
         directory=output
@@ -226,8 +244,9 @@ def run(
         machine=external,
         own={
             **({} if external else {topics.RIG: look | simulated}),
-            topics.TRACKER: tracker,
+            topics.TRACKER: tracker | ({"measure_lay": True} if wished else {}),
             topics.CORRECTION: _given(weights=weights),
+            **(controlled_nodes(wished) if wished else {}),
         },
         duration=condition.duration,
         bag=bag,
@@ -239,9 +258,10 @@ def run(
         page=page_parameters(dashboard_port, parameters, namespace, where) if dashboard else None,
         trace=trace is not None,
         compose=camera_source,
+        lay_control=bool(wished),
     )
     check_output_folder(report)
-    for file in (json, trace):
+    for file in (json, trace, truth):
         check_output_file(file, make_folder=True)
     directory, result, failure = _wind(config, condition)
     if dashboard and config.machine is None:
@@ -299,7 +319,11 @@ def _wind(
             import_early("winding_study.reports.report")
             try:
                 if not console.is_terminal:
-                    return directory, run.wind(_ProgressLines(config.duration), _say), None
+                    return (
+                        directory,
+                        run.wind(ProgressLines(config.duration, _FIRST_WORDS), print_sentence),
+                        None,
+                    )
                 with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
 
                     def view(buffer: RunBuffer, wall: float) -> None:
@@ -322,27 +346,3 @@ def _wind(
         refuse(error)
     except OSError as error:
         refuse(error, FAILED)
-
-
-def _say(sentence: str) -> None:
-    print(sentence, flush=True)
-
-
-class _ProgressLines:
-    """Progress for a log file: a line for every tenth of the run."""
-
-    def __init__(self, duration: float) -> None:
-        self._duration = duration
-        self._printed = 0
-        print(_FIRST_WORDS, file=sys.stderr, flush=True)
-
-    def __call__(self, buffer: RunBuffer, wall: float) -> None:
-        t = buffer.time
-        tenth = int(10.0 * t / self._duration)
-        if tenth > self._printed:
-            self._printed = tenth
-            print(
-                f"{t:6.2f} of {self._duration:.2f} s simulated, {wall:.1f} s on the clock",
-                file=sys.stderr,
-                flush=True,
-            )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,9 +77,22 @@ def check_page_and_file(page: bool, port: int | None, parameters: Path | None) -
         refuse(f"no parameter file at {parameters}")
 
 
-def lay_of(wanted: str | None, published: bool) -> str:
-    """Return where the cable shall lie; refuse a measurement that nobody published."""
-    lay = wanted or ("paper" if published else "fem")
+def lay_of(
+    wanted: str | None, *, published: bool, composed: bool, wish: Mapping[str, Value]
+) -> str:
+    """Return where the cable shall lie; refuse what nobody published or what is not shown.
+
+    Args:
+        wanted: What was typed.
+        published: Whether the paper measured it.
+        composed: Whether the camera runs in the tracker's process.
+        wish: Of the wanted lay, where it is controlled.
+    """
+    if wanted not in (None, "driven") and wish.get("control") == "drive":
+        refuse(f"--control drive moves the cable, and --lay {wanted} does not: use --lay driven")
+    lay = wanted or ("driven" if wish else "paper" if published else "fem")
+    if lay == "driven" and composed:
+        refuse("--lay driven is shown by the rig's own camera alone: leave out --compose")
     if lay == "paper" and not published:
         refuse("--lay paper is what the paper measured of cases 1 to 12; use --lay fem")
     return lay

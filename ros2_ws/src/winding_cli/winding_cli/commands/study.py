@@ -65,6 +65,15 @@ def study(
         bool,
         typer.Option("--calibrate-rig", help="Fit the rig's span tension to the measured angles."),
     ] = False,
+    closed_loop: Annotated[
+        bool,
+        typer.Option(
+            "--closed-loop",
+            help="Instead: drive the guide so that the cable lands on an even helix, under hidden "
+            "rigs, and print how far it lies from there beside the open loop.",
+        ),
+    ] = False,
+    draws: Annotated[int, typer.Option(help="Hidden rigs of each case, with --closed-loop.")] = 3,
 ) -> None:
     """Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models."""
     from cable_fem_node.winding.prediction import ELEMENTS
@@ -89,6 +98,12 @@ def study(
     check_output_file(json)
     check_output_file(lengths)
     check_output_folder(report)
+    if closed_loop:
+        from winding_cli.commands import study_closed_loop
+
+        with refused(ValueError):
+            study_closed_loop.closed_loop(_cases(cases), draws, processes, json)
+        return
     if calibrate_rig:
         if lengths is not None or report is not None:
             refuse("--calibrate-rig winds nothing, so it has no --lengths and no --report")

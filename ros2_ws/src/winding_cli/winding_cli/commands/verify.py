@@ -6,11 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.progress import MofNCompleteColumn, TimeElapsedColumn
 from rich.table import Table
 
 from winding_cli.commands.console import progress_bar, result_console
+from winding_cli.commands.external import (
+    announce_compilation,
+    compare_external,
+    external_record,
+)
 from winding_cli.commands.output_path import check_output_file, write_json
 from winding_cli.commands.refusal import FAILED, refuse
 
@@ -20,39 +24,49 @@ if TYPE_CHECKING:
 
 def verify(
     problems: Annotated[
-        list[str] | None, typer.Argument(help="Names of problems, e.g. B07 W04; all by default.")
+        list[str] | None,
+        typer.Argument(help="Names of problems, e.g. B07 W04, or experiments; all by default."),
+    ] = None,
+    external: Annotated[
+        Path | None,
+        typer.Option(
+            help="Other people's experiments instead: a results folder of cosseratbench.",
+        ),
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Also write the rows to this file.")
     ] = None,
 ) -> None:
     """Compare the solver with closed forms and reference solutions; exit code 1 if one fails."""
-    from cable_fem_node.dynamics.compile import is_compiled
     from cable_fem_node.verification.suite import PROBLEMS, run_suite
 
+    check_output_file(json_file)
+    if external is not None:
+        rows = compare_external(external, problems or [])
+        if json_file is not None:
+            write_json(json_file, [external_record(row) for row in rows])
+        if not all(row.passed for row in rows):
+            raise typer.Exit(FAILED)
+        return
     names = (
         list(PROBLEMS) if not problems else [name.upper().replace("R", "r") for name in problems]
     )
     unknown = [name for name in names if name not in PROBLEMS]
     if unknown:
         refuse(f"no problem named {', '.join(unknown)}; there are {', '.join(PROBLEMS)}")
-    if not is_compiled():
-        Console(stderr=True).print(
-            "compiling the solver's kernels: once after installation, a minute at most"
-        )
-    check_output_file(json_file)
-    rows: list[Row] = []
+    announce_compilation()
+    own: list[Row] = []
     with progress_bar(MofNCompleteColumn(), TimeElapsedColumn()) as bar:
         task = bar.add_task("verifying", total=len(names))
         for name, found in run_suite(names):
-            rows += found
+            own += found
             bar.update(task, advance=1, description=f"verified {name}")
     console = result_console()
-    console.print(_table(rows))
-    failed = [row for row in rows if not row.passed]
-    console.print(f"{len(rows) - len(failed)} of {len(rows)} quantities within their tolerance")
+    console.print(_table(own))
+    failed = [row for row in own if not row.passed]
+    console.print(f"{len(own) - len(failed)} of {len(own)} quantities within their tolerance")
     if json_file is not None:
-        write_json(json_file, [_record(row) for row in rows])
+        write_json(json_file, [_record(row) for row in own])
     if failed:
         raise typer.Exit(FAILED)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from winding_core.parameters import Declaration, declarations
-from winding_ros.graph import GRAPH, PAGE, parameters_of
+from winding_ros.graph import PAGE, controlled, parameters_of
 from winding_ros.heartbeat import LEASE, PERIOD, heartbeat_topic
 from winding_ros.services import SERVICES
 from winding_ros.topics import TOPICS
@@ -48,7 +48,7 @@ def _services() -> list[str]:
 
 def _parameters() -> list[str]:
     lines = []
-    for spec in (*reversed(GRAPH), PAGE):
+    for spec in (*reversed(controlled()), PAGE):
         lines += [
             f"### Parameters of `{spec.name}`",
             "",

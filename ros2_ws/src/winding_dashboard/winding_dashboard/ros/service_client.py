@@ -35,7 +35,7 @@ _ANSWER = 3.0
 _QUICK = 0.9
 _TAKE_UP = "take_up_material"
 _CANNOT = "cannot "
-_LAY, _OWN_LAY = "lay", "fem"
+_LAY, _MEASURED_LAY, _OWN_LAY = "lay", "paper", "fem"
 # Discovery takes a second on a busy machine; readers of other tools may never come back.
 _MATCHING = 10.0
 _LOOK = 0.1
@@ -174,7 +174,8 @@ class ServiceClient:
         if lay is None:
             return {}
         self._first_lay = self._first_lay or str(lay)
-        return {_LAY: self._first_lay if case.is_published else _OWN_LAY}
+        measured = self._first_lay == _MEASURED_LAY and not case.is_published
+        return {_LAY: _OWN_LAY if measured else self._first_lay}
 
     def _readers(self) -> dict[str, int]:
         """Return how many subscribers the nodes' publishers say they have, by topic."""

@@ -28,7 +28,7 @@ def label(key: str) -> str:
 
 def hint(item: Declaration) -> str:
     """Return what an empty field stands for."""
-    return "" if item.default == 0.0 else f"{item.default:g}"
+    return "" if item.default in (0.0, "") else f"{item.default:g}"
 
 
 def filled_condition(case: int, law: str, filled: Mapping[str, object]) -> Condition:

@@ -53,13 +53,13 @@ class SetupPanel:
                     {law: law.replace("_", " ") for law in LAWS}, label="Material law", value=None
                 ).props("dense outlined")
             with ui.element("div").classes("row own") as form:
-                self._fields = {key: self._number(key) for key in OWN_FIELDS}
+                self._fields = {key: self._field(key) for key in OWN_FIELDS}
             form.bind_visibility_from(self._case, "value", value=_OWN)
             with (
                 ui.expansion("Material, contact, span and drive").props("dense"),
                 ui.element("div").classes("row own"),
             ):
-                self._fields |= {key: self._number(key) for key in FIELDS if key not in OWN_FIELDS}
+                self._fields |= {key: self._field(key) for key in FIELDS if key not in OWN_FIELDS}
             self._take_up = ui.checkbox("Go on with the identified modulus").props("dense")
             with ui.element("div").classes("row"):
                 self._button = ui.button("Prepare", on_click=self._ask).props(
@@ -84,8 +84,10 @@ class SetupPanel:
         self._refused = ""
         ui.timer(1.0, self._ask_choice)
 
-    def _number(self, key: str) -> ui.number:
+    def _field(self, key: str) -> ui.number | ui.input:
         item = FIELDS[key]
+        if isinstance(item.default, str):
+            return ui.input(label(key), on_change=lambda: self._refuse("")).props("dense outlined")
         return ui.number(
             label(key), placeholder=hint(item), on_change=lambda: self._refuse("")
         ).props(f"dense outlined min={item.low:g} max={item.high:g} step=any")

@@ -7,7 +7,7 @@ import importlib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, islice
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -101,7 +101,9 @@ def replay(
         # A real machine goes on when the nodes have ended.
         open_ended = getattr(configuration, "await_motion", False)
         first, last = _span(recorded)
-        run.answer(handler.begin(decode_stamp(Time(sec=first // _NANO, nanosec=first % _NANO))))
+        begun = handler.begin(decode_stamp(Time(sec=first // _NANO, nanosec=first % _NANO)))
+        # What is wound ahead piece by piece, and was ended with the run, is not wound further.
+        run.answer(islice(begun, max(1, _said_at(recorded, first))))
         for topic, data in _inputs(reader, spec.inputs, links, first, last if open_ended else None):
             run.put(topic, data)
     if run.inputs == 0:
@@ -170,6 +172,12 @@ def _span(recorded: Mapping[str, Mapping[int, Any]]) -> tuple[int, int]:
     """Return the stamps [ns] of the node's first word and of its last."""
     said = [stream for stream in recorded.values() if stream]
     return min(map(min, said), default=0), max(map(max, said), default=0)
+
+
+def _said_at(recorded: Mapping[str, Mapping[int, Sequence[bytes]]], stamp: int) -> int:
+    """Return how many messages of a stamp [ns] that are told on change were recorded."""
+    on_change = {topic.name for topic in topics.TOPICS if topic.rate is None}
+    return sum(len(stream.get(stamp, ())) for name, stream in recorded.items() if name in on_change)
 
 
 def _inputs(

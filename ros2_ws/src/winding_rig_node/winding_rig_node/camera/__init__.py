@@ -8,6 +8,7 @@ from winding_rig_node.camera.config import (
     SensorNoise,
     Window,
 )
+from winding_rig_node.camera.growing_path import GrowingPath
 from winding_rig_node.camera.preview import encode_jpeg
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Paint, Scene, paint_of_hue
@@ -17,6 +18,7 @@ __all__ = [
     "CablePath",
     "CameraCalibration",
     "CameraConfig",
+    "GrowingPath",
     "Light",
     "Paint",
     "Patch",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,23 @@ class PathTable(NamedTuple):
     first: IndexArray
     lowest: FloatArray
     highest: FloatArray
+
+
+class WoundPath(Protocol):
+    """Where wound cable lies, as a scene needs it."""
+
+    @property
+    def table(self) -> PathTable:
+        """The path with the bounds of blocks of turns, for the renderer."""
+        ...
+
+    def height(self, theta: FloatArray) -> FloatArray:
+        """Return z [m] at wound angles [rad], of their shape; nan for nan."""
+        ...
+
+    def lifted(self, theta: FloatArray) -> FloatArray:
+        """Return the lift [m] at wound angles [rad], of their shape."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

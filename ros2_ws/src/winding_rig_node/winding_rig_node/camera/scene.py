@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.camera.cable_path import CablePath
+from winding_rig_node.camera.cable_path import WoundPath
 
 FloatArray = NDArray[np.float64]
 Colour = tuple[float, float, float]
@@ -71,7 +71,7 @@ class Scene:
     cylinder_radius: float
     cable_radius: float
     cylinder_angle: float
-    path: CablePath
+    path: WoundPath
     marker_theta: FloatArray
     guide_z: float
     free_length: float

@@ -11,6 +11,8 @@ from winding_core.cases import Case
 from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_core.published import published_markers
+from winding_core.units import MILLIMETRE
+from winding_rig_node.machine.stretch import neo_hookean_stretch
 
 FloatArray = NDArray[np.float64]
 _GRID_STEP = 0.02
@@ -68,8 +70,13 @@ def published_lay(case: Case, drive: DriveProfile, free_length: float, end: floa
         end: Wound angle up to which the path is needed [rad].
 
     Raises:
-        ValueError: The case is not a published one.
+        ValueError: The case is not a published one, or the feed does not lead to +z.
     """
+    if not drive.feed_speed > 0.0:
+        raise ValueError(
+            "lay 'paper' was measured with a feed to +z, got "
+            f"{drive.feed_speed / MILLIMETRE:g} mm/s; use lay 'fem'"
+        )
     if not case.is_published:
         raise ValueError(
             "lay 'paper' needs a case of 1 to 12 with its own cable and markers, "
@@ -90,7 +97,8 @@ def simulated_lay(case: Case, drive: DriveProfile, hidden: HiddenCable, end: flo
     """Return the lay of a sticking neo-Hookean cable with hidden properties.
 
     The span tension and with it the stretch lambda are frozen in at lay-on, so the undeformed
-    length laid per angle is hypot(R + r, dz/dtheta) / lambda.
+    length laid per angle is hypot(R + r, dz/dtheta) / lambda. A cable with a Prony series creeps
+    under its weight until it lands.
 
     Args:
         case: What is wound.
@@ -101,8 +109,8 @@ def simulated_lay(case: Case, drive: DriveProfile, hidden: HiddenCable, end: flo
     law = _law(case, drive, hidden.free_length)
     tension = hidden.drag + hidden.load_factor * case.weight
     young = case.material.young * case.material.axial_factor
-    stretch = neo_hookean_stretch(tension / (case.section_area * young))
     theta = _grid(end, np.empty(0))
+    stretch = _stretches(case, drive, tension / (case.section_area * young), theta)
     way = np.hypot(case.centreline_radius, law.slope(theta)) / stretch
     pieces = 0.5 * (way[1:] + way[:-1]) * np.diff(theta)
     laid = np.concatenate([[0.0], np.cumsum(pieces)])
@@ -111,17 +119,14 @@ def simulated_lay(case: Case, drive: DriveProfile, hidden: HiddenCable, end: flo
     return CableLay(path_theta=theta, path_z=law.z(theta), marker_theta=marker_theta)
 
 
-def neo_hookean_stretch(load: float) -> float:
-    """Return the stretch of an incompressible neo-Hookean bar under a nominal stress over E.
-
-    sigma / E = (lambda - lambda^-2) / 3.
-    """
-    stretch, before = 1.0, 0.0
-    # The curve is concave, so Newton's method climbs to the root and never passes it.
-    while stretch > before:
-        left = load - (stretch - stretch**-2) / 3.0
-        before, stretch = stretch, stretch + 3.0 * left / (1.0 + 2.0 * stretch**-3)
-    return before
+def _stretches(
+    case: Case, drive: DriveProfile, load: float, theta: FloatArray
+) -> float | FloatArray:
+    series = case.material.prony
+    if not series.shares:
+        return neo_hookean_stretch(load)
+    loads = load * series.creep([drive.time_at_angle(angle) for angle in theta.tolist()])
+    return np.array([neo_hookean_stretch(crept) for crept in loads.tolist()])
 
 
 def _law(case: Case, drive: DriveProfile, free_length: float) -> FleetAngleLaw:

@@ -70,6 +70,15 @@ class Machine:
         return self.state.time
 
     @property
+    def pull(self) -> float:
+        """Pull on the cable at the guide [N]: the weight and its acceleration, or the brake's."""
+        if self.commander.brake is not None:
+            return self.commander.brake.pull
+        angular = self.config.drive.angular_speed * self.state.fraction_rate
+        acceleration = angular * self.config.case.centreline_radius
+        return self.config.case.weight * (1.0 + acceleration / _GRAVITY)
+
+    @property
     def moving(self) -> bool:
         """Whether simulated time has work to do."""
         if self.state.phase is Phase.EMERGENCY:
@@ -132,7 +141,8 @@ class Machine:
                 raise CommandError(
                     f"commands are taken while the machine winds, it is in {self.state.phase.value}"
                 )
-            self.commander.take(command, self.time, self._setpoints.as_taken_over(), self._pull())
+            standing = self._setpoints.as_taken_over()
+            self.commander.take(command, self.time, standing, self._resting_pull())
         except CommandError as error:
             self.commander.refuse(str(error))
             raise
@@ -216,13 +226,10 @@ class Machine:
     def tension(self) -> float | None:
         """Return one load cell sample [N], or None when the load cell says nothing that can be.
 
-        It is the weight and its acceleration, or the brake's pull, noise and the converter's steps.
+        It is the pull on the cable with noise and the converter's steps.
         """
-        angular = self.config.drive.angular_speed * self.state.fraction_rate
-        acceleration = angular * self.config.case.centreline_radius
-        force = self.config.case.weight * (1.0 + acceleration / _GRAVITY)
+        force = self.pull
         if self.commander.brake is not None:
-            force = self._pull()
             self.plausibility.config = replace(self.plausibility.config, weight=force)
         noisy = force + self.config.force_noise * self._rng.standard_normal()
         step = self.config.force_resolution
@@ -254,13 +261,13 @@ class Machine:
         return stood is not None and self.time - stood >= self.config.settling_time
 
     def _axes(self) -> tuple[tuple[AxisConfig, AxisState, float, str], ...]:
-        load = self._pull() * self.config.case.centreline_radius
+        load = self._resting_pull() * self.config.case.centreline_radius
         return (
             (self.config.cylinder, self.state.cylinder, load, CYLINDER_ENCODER_SIGNAL),
             (self.config.carriage, self.state.carriage, 0.0, CARRIAGE_ENCODER_SIGNAL),
         )
 
-    def _pull(self) -> float:
+    def _resting_pull(self) -> float:
         brake = self.commander.brake
         return self.config.case.weight if brake is None else brake.pull
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from winding_core.cases import Case
-from winding_core.drive import DriveProfile
+from winding_core.drive import PAPER_FEED_SPEED, DriveProfile
 from winding_rig_node.machine.axis import AxisConfig, tuned_pid
 from winding_rig_node.machine.commander import CommandLimits
 from winding_rig_node.machine.encoder import CARRIAGE_ENCODER, CYLINDER_ENCODER
@@ -73,6 +73,8 @@ def sensor_limits(
         full_speeds: Of cylinder and carriage [rad/s, m/s]; those of the drive programme by default.
     """
     cylinder, carriage = full_speeds or (config.drive.angular_speed, config.drive.feed_speed)
+    # A carriage that stands is judged as one of the paper's speed.
+    carriage = abs(carriage) or PAPER_FEED_SPEED
     return PlausibilityConfig(
         axes=(
             AxisLimits(

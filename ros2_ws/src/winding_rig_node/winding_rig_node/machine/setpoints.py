@@ -70,7 +70,7 @@ class Setpoints:
         """Return how fast cylinder [rad/s] and carriage [m/s] may go now."""
         under = self._commander.axes
         return tuple(
-            max(full, under[name].limits.speed) if name in under else full
+            max(abs(full), under[name].limits.speed) if name in under else abs(full)
             for name, full in self._programme.items()
         )
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from winding_core.cases import Case
 from winding_core.marker_parameters import DOT
 from winding_core.readings import ImageWindow
-from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import CameraCalibration, CameraConfig, SensorNoise
 from winding_rig_node.camera.preview import encode_jpeg
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Paint, Scene, paint_of_hue
+from winding_rig_node.camera.shown_lay import ShownLay
+from winding_rig_node.machine.driven_lay import DrivenLay, LayView
 from winding_rig_node.machine.faults import Faults
-from winding_rig_node.machine.lay import CableLay
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SAMPLE_RATE
 from winding_rig_node.ros.outputs import due
@@ -47,6 +47,7 @@ class Exposure:
         cylinder_angle: [rad].
         angular_speed: [rad/s].
         guide_z: [m].
+        lay: What the machine has wound by then; None for a lay that is known ahead.
     """
 
     t: float
@@ -54,6 +55,7 @@ class Exposure:
     cylinder_angle: float
     angular_speed: float
     guide_z: float
+    lay: LayView | None = None
 
 
 class Shown(Protocol):
@@ -81,11 +83,10 @@ class Camera:
         listener: When set, takes every frame instead of camera/image_raw.
     """
 
-    def __init__(self, wanted: RigParameters, lay: CableLay, outputs: Shown) -> None:
+    def __init__(self, wanted: RigParameters, lay: ShownLay, outputs: Shown) -> None:
         self._wanted = wanted
         self._case: Case = wanted.resolved().case
-        self._path = CablePath(theta=lay.path_theta, z=lay.path_z)
-        self._marker_theta = lay.marker_theta
+        self._lay = lay
         self._outputs = outputs
         self._rng = np.random.default_rng([wanted.seed, 1])
         camera = CameraConfig(noise=SensorNoise(read=wanted.camera_noise))
@@ -162,16 +163,17 @@ class Camera:
             self._outputs.preview(t, encode_jpeg(frame, self._wanted.preview_quality))
 
     def _render(self, exposure: Exposure) -> NDArray[np.uint8]:
+        seen = self._lay.at(exposure.guide_z, exposure.lay)
         return self._renderer.render(
             Scene(
                 cylinder_radius=self._case.cylinder_radius,
                 cable_radius=self._case.cable_radius,
                 cylinder_angle=exposure.cylinder_angle,
                 cylinder_speed=exposure.angular_speed,
-                path=self._path,
-                marker_theta=self._marker_theta,
-                guide_z=exposure.guide_z,
-                free_length=self._wanted.free_length,
+                path=seen.path,
+                marker_theta=seen.marker_theta,
+                guide_z=seen.guide_z,
+                free_length=seen.free_length,
                 band_width=self._wanted.band_width,
                 dot_size=self._wanted.dot_size if self._wanted.marker_kind == DOT else 0.0,
                 paint=self._paint,
@@ -180,14 +182,15 @@ class Camera:
         )
 
 
-def exposure_of(machine: Machine) -> Exposure:
-    """Return what a frame shows that is taken of a machine now."""
+def exposure_of(machine: Machine, lay: DrivenLay | None) -> Exposure:
+    """Return what a frame shows that is taken of a machine, and of the lay it winds, now."""
     return Exposure(
         t=machine.time,
         index=machine.state.drive_sample,
         cylinder_angle=machine.state.cylinder.motor.position,
         angular_speed=machine.state.cylinder.motor.speed,
         guide_z=machine.state.carriage.motor.position,
+        lay=None if lay is None else lay.view(),
     )
 
 

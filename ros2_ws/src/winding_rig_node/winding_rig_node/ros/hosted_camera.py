@@ -14,6 +14,7 @@ from rclpy.node import Node
 
 from winding_core.machine_axes import MachineAxes
 from winding_core.readings import AxisReading
+from winding_rig_node.camera.shown_lay import KnownLay
 from winding_rig_node.machine.machine_config import SAMPLE_RATE
 from winding_rig_node.ros.asked_parameters import asked_parameters
 from winding_rig_node.ros.camera import Camera, Exposure
@@ -64,7 +65,8 @@ def open_camera(port: Port) -> Iterator[None]:
     closing = threading.Event()
     try:
         wanted = asked_parameters(node)
-        camera = Camera(wanted, wanted.laid(np.random.default_rng(wanted.seed)), _Handover(port))
+        lay = wanted.laid(np.random.default_rng(wanted.seed))
+        camera = Camera(wanted, KnownLay(lay, wanted.free_length), _Handover(port))
         port.calibrate(encode_camera_info(0.0, camera.calibration))
         joints, read = PolledTopic(node, topics.JOINT_STATES), JointStateReader(MachineAxes())
 

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from winding_rig_node.machine.driven_lay import DrivenLay
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SAMPLE_RATE
 from winding_rig_node.machine.machine_state import Phase
@@ -44,7 +45,9 @@ class MachineLoop:
         pace: Pace,
         outputs: Outputs,
         camera: Camera | None,
+        lay: DrivenLay | None,
         *,
+        finished: Callable[[], None],
         warn: Callable[[str], None],
         fail: Callable[[Exception], None],
     ) -> None:
@@ -56,6 +59,8 @@ class MachineLoop:
             pace: What the readers have answered.
             outputs: Publishers.
             camera: Takes its pictures in a second thread; None for a camera elsewhere.
+            lay: What the machine winds; None for a lay that is known ahead.
+            finished: Called, from the machine's thread, when a run has reached its end.
             warn: Receives the sentence of a stop that nobody asked for.
             fail: Receives what ended a thread.
         """
@@ -64,6 +69,8 @@ class MachineLoop:
         self._wanted = wanted
         self._outputs = outputs
         self._camera = camera
+        self._lay = lay
+        self._finished = finished
         self._warn = warn
         self._fail = fail
         self._frame_period = wanted.frame_period
@@ -81,6 +88,9 @@ class MachineLoop:
     def begin(self) -> None:
         """Start the threads; time waits for the machine to be started."""
         self._quit = False
+        if self._lay is not None:
+            # What was exposed last before a halt may not have reached the camera.
+            self._lay.path.tell_anew()
         self._threads = [threading.Thread(target=self._guard(self._run), name="machine")]
         camera = self._camera
         if camera is not None:
@@ -116,6 +126,12 @@ class MachineLoop:
         if machine.state.phase is not Phase.WINDING:
             self.pace.begin(machine.time)
         machine.start()
+
+    def reset(self, machine: Machine) -> None:
+        """Go back to the start of a run, with a bare cylinder; for `command`."""
+        machine.reset()
+        if self._lay is not None:
+            self._lay.restart()
 
     def answer(self, topic: str, t: float) -> None:
         """Note that the publisher of a paced topic has dealt with everything up to t [s]."""
@@ -178,10 +194,20 @@ class MachineLoop:
             deadline = self._wait_for_deadline(deadline)
             with self._changed:
                 known = machine.state.reason
-                machine.step()
+                self._step()
             if machine.state.reason != known:
                 self._warn(f"stopped both axes: {machine.state.reason}")
             self._emit()
+            if machine.state.phase is Phase.FINISHED:
+                self._finished()
+
+    def _step(self) -> None:
+        """Move the machine on by a sample, and the cable with it."""
+        self.machine.step()
+        if self._lay is not None:
+            state = self.machine.state
+            angle, carriage = state.cylinder.motor.position, state.carriage.motor.position
+            self._lay.advance(angle, carriage, self.machine.pull)
 
     def _check_supervisor(self) -> None:
         limit = self._wanted.supervisor_timeout
@@ -219,4 +245,4 @@ class MachineLoop:
         self._outputs.sample(self.machine)
         if self._camera is None or self.machine.state.drive_sample % self._frame_period:
             return
-        self._camera.expose(exposure_of(self.machine), self._going)
+        self._camera.expose(exposure_of(self.machine, self._lay), self._going)

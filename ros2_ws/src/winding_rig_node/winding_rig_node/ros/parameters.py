@@ -12,6 +12,8 @@ from winding_core.parameters import parameter
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS, CommandLimits
 from winding_rig_node.machine.lay import CableLay, HiddenCable, published_lay, simulated_lay
 
+DRIVEN = "driven"
+
 
 @dataclass(frozen=True, kw_only=True)
 class RigParameters(MarkerLook, Condition):
@@ -19,8 +21,10 @@ class RigParameters(MarkerLook, Condition):
 
     lay: str = parameter(
         "paper",
-        "where the cable lies: the published measurement, or a cable model with hidden properties",
-        choices=("paper", "fem"),
+        "where the cable lies: the published measurement; what a cable with hidden properties "
+        "makes of the drive programme; or what a rig with hidden properties makes of its own "
+        "motion and pull, whatever is commanded",
+        choices=("paper", "fem", DRIVEN),
     )
     speed: float = parameter(
         1.0,
@@ -44,6 +48,11 @@ class RigParameters(MarkerLook, Condition):
     frame_rate: int = parameter(200, "frames per simulated second: 200 or 1000", low=200, high=1000)
     camera_elsewhere: bool = parameter(
         False, "whether the camera runs in another process and this one shows no frames"
+    )
+    truth_file: str = parameter(
+        "",
+        "file of where the cable truly lies and of what was hidden, written at the end of the "
+        "run and on deactivation (JSON); empty for none",
     )
     preview_quality: int = parameter(80, "JPEG quality of the preview", low=1, high=100)
     supervisor_timeout: float = parameter(
@@ -102,8 +111,27 @@ class RigParameters(MarkerLook, Condition):
         read_only=False,
     )
 
+    @property
+    def follows_commands(self) -> bool:
+        """Whether the lay follows what the machine does, rather than its drive programme.
+
+        Raises:
+            ValueError: The camera, which shows it, is elsewhere, or the cable's stress fades.
+        """
+        if self.lay == DRIVEN:
+            self.resolved().case.material.refuse_fading(f"lay {DRIVEN!r}")
+        if self.lay == DRIVEN and self.camera_elsewhere:
+            raise ValueError(
+                f"lay {DRIVEN!r} is shown by the rig's own camera alone: camera_elsewhere must be "
+                "false"
+            )
+        return self.lay == DRIVEN
+
     def laid(self, rng: np.random.Generator) -> CableLay:
-        """Return where the cable will lie; a hidden cable is drawn first of all from rng."""
+        """Return where the cable will lie that the drive programme lays.
+
+        A hidden cable is drawn first of all from rng.
+        """
         what = self.resolved()
         end = what.drive.positions(self.duration)[0]
         if self.lay == "paper":

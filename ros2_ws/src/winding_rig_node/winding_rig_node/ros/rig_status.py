@@ -9,17 +9,21 @@ from winding_rig_node.machine.pace import Pace
 from winding_ros import topics
 
 
-def rig_status(machine: Machine, pace: Pace, faults: str) -> Status:
+def rig_status(machine: Machine, pace: Pace, faults: str, known_lay: str) -> Status:
     """Return the machine's phase and time, and how far its readers are behind.
 
     Args:
         machine: The machine.
         pace: What the readers have answered.
         faults: The faults that are put in on purpose, as text.
+        known_lay: Name of the lay that the camera shows whatever is commanded; empty for none.
     """
     state = machine.state
     commander = machine.commander
-    level = Level.WARN if state.reason or faults or commander.refusal else Level.OK
+    unseen = ""
+    if known_lay and (commander.axes or commander.brake is not None):
+        unseen = f"the camera shows lay {known_lay!r}, which does not follow commands"
+    level = Level.WARN if state.reason or faults or commander.refusal or unseen else Level.OK
     if state.phase in (Phase.EMERGENCY, Phase.PROTECTIVE):
         level = Level.ERROR
     values = {
@@ -48,6 +52,8 @@ def rig_status(machine: Machine, pace: Pace, faults: str) -> Status:
     return Status(
         name=topics.RIG,
         level=level,
-        message=": ".join(filter(None, (state.phase.value, state.reason or commander.refusal))),
+        message=": ".join(
+            filter(None, (state.phase.value, state.reason or commander.refusal or unseen))
+        ),
         values=values,
     )

@@ -1,0 +1,110 @@
+"""A winding rig as an identification sees it: what pulls and guides the cable, and what it was."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.identification.failure import IdentificationError
+
+FloatArray = NDArray[np.float64]
+
+# What an estimate has, in the order of every vector and matrix.
+NAMES = ("young", "free_length", "load_share", "guide_drag", "start_share", "build_up_length")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rigs:
+    """Many rigs at once; the span's tension is (a T + d) [1 - (1 - f) exp(-s / L_c)].
+
+    T is the tension that the run states: measured, or the dead weight's; s is the wound length.
+
+    Attributes:
+        young: E of the cable [Pa], shape (n,).
+        free_length: Tangent span between contact line and guide [m], shape (n,).
+        load_share: a, share of the stated tension that reaches the cylinder, shape (n,).
+        guide_drag: d [N], shape (n,).
+        start_share: f, share of the tension at the start, shape (n,).
+        build_up_length: L_c [m] of wound cable, shape (n,).
+    """
+
+    young: FloatArray
+    free_length: FloatArray
+    load_share: FloatArray
+    guide_drag: FloatArray
+    start_share: FloatArray
+    build_up_length: FloatArray
+
+    def table(self) -> FloatArray:
+        """Return all numbers in the order of NAMES, shape (n, 6)."""
+        return np.column_stack([getattr(self, name) for name in NAMES])
+
+
+def rigs_of(table: FloatArray) -> Rigs:
+    """Return rigs from their numbers in the order of NAMES, shape (n, 6)."""
+    return Rigs(**dict(zip(NAMES, table.T, strict=True)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigPrior:
+    """What the construction of the machine and the data sheet say before a marker has landed.
+
+    Ranges are even; two equal ends state that a number is known.
+
+    Attributes:
+        young_factor: E lies within this factor of the configured one two times in three.
+        free_length: Range as shares of the configured free length.
+        load_share: Range of a. Guide and pulleys take between a tenth and a half.
+        guide_drag: Range of d [N].
+        steady: Probability that the tension does not build up: f is 1.
+        start_share: Range of f where it does; the span may start nearly slack.
+        build_up_length: Range of L_c [m]; even in its logarithm.
+        fixing: Standard deviation of where P0 was fixed, along the cable [m].
+        scatter: Standard deviation of every other marker's place beyond the tracker's [m].
+    """
+
+    young_factor: float = 2.0
+    free_length: tuple[float, float] = (0.8, 1.2)
+    load_share: tuple[float, float] = (0.5, 0.9)
+    guide_drag: tuple[float, float] = (0.0, 0.3)
+    steady: float = 0.5
+    start_share: tuple[float, float] = (0.05, 1.1)
+    build_up_length: tuple[float, float] = (0.03, 0.6)
+    fixing: float = 0.0
+    scatter: float = 0.0
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            values = np.atleast_1d(getattr(self, item.name))
+            if not np.isfinite(values).all():
+                raise IdentificationError(f"{item.name} must be finite, got {values.tolist()}")
+            if values.size == 2 and values[0] > values[1]:
+                raise IdentificationError(f"{item.name} must ascend, got {values.tolist()}")
+        for name in ("free_length", "load_share", "start_share", "build_up_length"):
+            if not getattr(self, name)[0] > 0.0:
+                raise IdentificationError(f"{name} must be positive, got {getattr(self, name)[0]}")
+        for name in ("fixing", "scatter"):
+            if getattr(self, name) < 0.0:
+                raise IdentificationError(f"{name} must not be negative, got {getattr(self, name)}")
+        if self.guide_drag[0] < 0.0:
+            raise IdentificationError(
+                f"guide_drag must not be negative, got {self.guide_drag[0]} N"
+            )
+        if not self.young_factor > 1.0:
+            raise IdentificationError(f"young_factor must exceed 1, got {self.young_factor}")
+        if not 0.0 <= self.steady <= 1.0:
+            raise IdentificationError(f"steady must lie in [0, 1], got {self.steady}")
+
+    @property
+    def young_deviation(self) -> float:
+        """Standard deviation of ln E."""
+        return math.log(self.young_factor)
+
+
+# The tension at the cylinder is the stated one: a load cell in the span.
+KNOWN_TENSION = RigPrior(
+    load_share=(1.0, 1.0), guide_drag=(0.0, 0.0), steady=1.0, build_up_length=(0.2, 0.2)
+)

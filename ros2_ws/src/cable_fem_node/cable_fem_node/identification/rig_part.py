@@ -1,0 +1,83 @@
+"""One run of a rig that is sought: what its used markers say of any rig."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.identification.rig import RigPrior, Rigs
+from cable_fem_node.identification.rig_deviations import RigDeviations, deviations_of
+from cable_fem_node.identification.rig_lay import RigLay
+from cable_fem_node.identification.tracked_run import TrackedRun
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigPart:
+    """One run: its closed form, its used markers, and the whitening of their residuals.
+
+    Attributes:
+        run: Inputs and readings.
+        lay: Its closed form.
+        used: Index of each used marker among P1, P2, ..., shape (m,).
+        deviations: Of model and machine.
+        white_theta: Makes residuals of angles standard normal, shape (m, m).
+        white_z: The same of z, shape (m, m).
+    """
+
+    run: TrackedRun
+    lay: RigLay
+    used: NDArray[np.intp]
+    deviations: RigDeviations
+    white_theta: FloatArray
+    white_z: FloatArray
+
+    @classmethod
+    def of(cls, run: TrackedRun, lay: RigLay, prior: RigPrior) -> RigPart:
+        """Return the part of a run."""
+        readings = run.readings
+        used = readings.ids - 1
+        every = np.arange(1, lay.arc.size + 1)
+        known = np.concatenate([[0], readings.ids])
+        # About where all markers lie, those to come at the slope of the last ones.
+        theta, z = (
+            np.interp(every, known, np.concatenate([[0.0], values]))
+            * np.maximum(1.0, every / readings.ids[-1])
+            for values in (readings.theta, readings.z)
+        )
+        deviations = deviations_of(run, prior, theta, z)
+        pick = np.ix_(used, used)
+        return cls(
+            run=run,
+            lay=lay,
+            used=used,
+            deviations=deviations,
+            white_theta=_whitening(deviations.theta[pick] + np.diag(readings.sigma_theta**2)),
+            white_z=_whitening(deviations.z[pick] + np.diag(readings.sigma_z**2)),
+        )
+
+    def residuals(self, rigs: Rigs) -> FloatArray:
+        """Return standard normal residuals of angles and then of z, shape (n, 2 m)."""
+        theta, z = self.lay(rigs, int(self.used[-1]) + 1)
+        readings = self.run.readings
+        return np.hstack(
+            [
+                (theta[:, self.used] - readings.theta) @ self.white_theta.T,
+                (z[:, self.used] - readings.z) @ self.white_z.T,
+            ]
+        )
+
+    def worst_share(self, theta: FloatArray, weights: FloatArray) -> float:
+        """Return the greatest residual of a used marker's mean angle relative to the angle.
+
+        Args:
+            theta: Of all markers on each rig [rad], shape (n, m).
+            weights: Of the rigs, sum one, shape (n,).
+        """
+        return float(np.abs(weights @ theta[:, self.used] / self.run.readings.theta - 1.0).max())
+
+
+def _whitening(covariance: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))

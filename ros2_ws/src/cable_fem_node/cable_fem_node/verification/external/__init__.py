@@ -1,0 +1,1 @@
+"""Other people's experiments, from files that stay where they are."""

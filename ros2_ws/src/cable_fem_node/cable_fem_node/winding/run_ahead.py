@@ -1,0 +1,120 @@
+"""A run wound ahead piece by piece, so that nobody waits for its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from cable_fem_node.winding.prediction import PlannedRun, refuse_open_balance
+from cable_fem_node.winding.replay import AbandonedError
+from cable_fem_node.winding.rod_winding import RodWinding
+from winding_core.markers import Markers, is_wound
+from winding_core.readings import AxisReading
+
+# Simulated time of a piece [s]: as long as the paper's runs, whose prediction is one piece.
+PIECE = 20.0
+# Elements times steps after which a first piece is left for later: two processor seconds.
+FIRST_STEPS = 5.0e7
+
+Planned = Iterable[tuple[float, AxisReading, float | None]]
+
+
+class RunAhead:
+    """Winds a rod along planned inputs, and keeps what it finds at the ends of pieces.
+
+    What is found depends on the plan alone, not on when or in how many calls it is wound.
+
+    Args:
+        model: Where the plan begins; nobody else may advance it.
+        planned: (t [s], reading, tension [N] or None), ascending in time.
+        check: Called with the model at the end of every piece; raises to refuse.
+        piece: Simulated time of a piece [s].
+
+    Attributes:
+        model: As far as it is wound.
+        done: Whether the plan is wound to its end.
+        found: Records of P0..Pn: one whenever further markers have been wound by the end of a
+            piece, and the last at the end of the plan.
+    """
+
+    def __init__(
+        self,
+        model: RodWinding,
+        planned: Planned,
+        check: Callable[[RodWinding], None] = lambda _model: None,
+        *,
+        piece: float = PIECE,
+    ) -> None:
+        self.model = model
+        self.done = False
+        self.found: list[Markers] = []
+        self._planned = iter(planned)
+        self._step = next(self._planned, None)
+        self._check = check
+        self._wound = 1
+        self._piece = piece
+        self._end = model.time + piece
+
+    @classmethod
+    def of(cls, run: PlannedRun, *, piece: float = PIECE) -> RunAhead:
+        """Return a run of the rod that is to be wound as planned, from its start."""
+        model = RodWinding(run.config)
+        model.compile()
+
+        def check(model: RodWinding) -> None:
+            refuse_open_balance(model.energy, model.time, run.checks())
+            arc, theta, _ = model.wound_path()
+            run.refuse_impossible(theta, model.tension()[: arc.size - 1], model.time)
+
+        times = run.frame_times()[1:].tolist()
+        planned = ((t, run.drive.reading_at(t), None) for t in times)
+        return cls(model, planned, check, piece=piece)
+
+    def wind_piece(
+        self, going: Callable[[], bool] = lambda: True, most_steps: float = float("inf")
+    ) -> Markers | None:
+        """Wind to the end of the piece that is begun.
+
+        Args:
+            going: Asked before every step whether to go on; what it raises goes through.
+            most_steps: Count of elements times steps after which the rest of the piece is left to a
+                further call.
+
+        Returns:
+            What has been added to `found`; None if nothing has.
+
+        Raises:
+            AbandonedError: `going` said no; a further call goes on from there.
+            SolverError: The run cannot be wound, or not rightly; says when and why.
+        """
+        limit = self.model.element_steps + most_steps
+        while self.model.time < self._end and self.model.element_steps < limit:
+            if not going():
+                raise AbandonedError(f"given up at t = {self.model.time:.6g} s")
+            if self._step is not None:
+                self.model.advance_to(*self._step)
+                self._step = next(self._planned, None)
+            if self._step is None:
+                self.done = True
+                break
+        self._check(self.model)
+        if self.model.time >= self._end:
+            self._end += self._piece
+        elif not self.done:
+            return None
+        return self._find()
+
+    def wind_on(self, going: Callable[[], bool] = lambda: True) -> Iterator[Markers]:
+        """Wind to the end of the plan; yield what is added to `found`, as `wind_piece`."""
+        while not self.done:
+            found = self.wind_piece(going)
+            if found is not None:
+                yield found
+
+    def _find(self) -> Markers | None:
+        markers = self.model.markers()
+        wound = int(is_wound(markers).sum())
+        if wound == self._wound and not self.done:
+            return None
+        self._wound = wound
+        self.found.append(markers)
+        return markers

@@ -1,0 +1,167 @@
+"""What a user may say of the controller, and the controller that follows from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from lay_control_node.control.guide_law import GuideLaw, WantedLay
+from lay_control_node.control.landing_law import LandingLaw, PullBounds
+from lay_control_node.control.lay_controller import ControllerConfig, LayController
+from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
+from lay_control_node.control.lay_on import LayOnLaw
+from lay_control_node.control.motion_bounds import AxisBounds
+from lay_control_node.control.stretch_filter import StretchFilter, StretchFilterConfig
+from winding_core.condition import ResolvedCondition
+from winding_core.lay_control_records import ControlMode
+from winding_core.material_law import MaterialLaw
+from winding_core.parameters import parameter
+from winding_core.tension import RigTension
+
+# Share of the friction coefficient by which ln(pull) may change per radian: below 1, nothing slips.
+_HOLDING_SHARE = 0.9
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlParameters:
+    """How the lay is controlled: what is believed beforehand, and what may be commanded."""
+
+    control_gain: float = parameter(
+        1.0,
+        "rate at which an error of the lay is made up, per wound angle [1/rad]",
+        low=0.1,
+        high=5.0,
+    )
+    free_length_sigma: float = parameter(
+        0.02, "standard deviation of the free length that is believed [m]", low=1.0e-4, high=1.0
+    )
+    eye_sigma: float = parameter(
+        3.0e-4,
+        "standard deviation of the cable's eye against the carriage [m]",
+        low=1.0e-6,
+        high=0.05,
+    )
+    guide_play: float = parameter(
+        3.0e-4, "play of the cable's eye on the carriage [m]", low=0.0, high=0.05
+    )
+    load_share: float = parameter(
+        0.7, "believed share of the pull at the guide that reaches the cylinder", low=0.05, high=2.0
+    )
+    load_share_sigma: float = parameter(
+        0.12, "standard deviation of that share", low=0.001, high=1.0
+    )
+    drag: float = parameter(0.15, "believed constant pull of the guide [N]", low=-2.0, high=10.0)
+    drag_sigma: float = parameter(0.09, "standard deviation of that pull [N]", low=0.001, high=10.0)
+    start_share: float = parameter(
+        0.27, "believed share of the tension where the cable begins", low=0.0, high=1.5
+    )
+    start_share_sigma: float = parameter(
+        0.06, "standard deviation of that share", low=0.001, high=1.0
+    )
+    guide_speed_limit: float = parameter(
+        0.08, "largest speed that is commanded of the carriage [m/s]", low=1.0e-4, high=2.0
+    )
+    guide_acceleration_limit: float = parameter(
+        0.5, "largest acceleration that is commanded of the carriage [m/s^2]", low=0.01, high=20.0
+    )
+    guide_travel: list[float] = parameter(
+        [-0.1, 1.0], "start and end of the travel that is commanded [m]", low=-10.0, high=10.0
+    )
+    pull_range: list[float] = parameter(
+        [0.3, 1.5], "smallest and largest pull, as shares of the weight", low=0.01, high=20.0
+    )
+
+    def controller(
+        self,
+        what: ResolvedCondition,
+        wanted: WantedLay,
+        *,
+        markers: Mapping[int, float],
+        mode: ControlMode,
+        solver_patience: float = math.inf,
+    ) -> LayController:
+        """Return the controller of a condition.
+
+        Args:
+            what: What is wound.
+            wanted: The lay that is wanted.
+            markers: Wound angle at which a marker is wanted [rad], by marker; none without
+                a brake.
+            mode: What it begins in.
+            solver_patience: Time without the solver before the drive programme is followed [s].
+
+        Raises:
+            ValueError: Limits end before they begin, or the cable's stress fades.
+        """
+        case = what.case
+        case.material.refuse_fading("the lay controller")
+        law = LayOnLaw(
+            case,
+            MaterialLaw(
+                law=what.law,
+                young=case.material.young * case.material.axial_factor,
+                poisson=case.material.poisson,
+                mooney_ratio=what.mooney_ratio,
+            ),
+        )
+        radius = case.centreline_radius
+        landing = None
+        if markers:
+            landing = LandingLaw(
+                law,
+                spacing=case.marker_spacing,
+                radius=radius,
+                markers=markers,
+                wanted=wanted,
+                bounds=PullBounds(
+                    low=self.pull_range[0] * case.weight,
+                    high=self.pull_range[1] * case.weight,
+                    per_radian=_HOLDING_SHARE * what.friction,
+                ),
+            )
+        return LayController(
+            config=ControllerConfig(
+                advance_per_radian=what.drive.advance_per_radian,
+                bending_stiffness=case.bending_stiffness,
+                guide=AxisBounds(
+                    low=self.guide_travel[0],
+                    high=self.guide_travel[1],
+                    speed=self.guide_speed_limit,
+                    acceleration=self.guide_acceleration_limit,
+                ),
+                solver_patience=solver_patience,
+            ),
+            wanted=wanted,
+            law=GuideLaw(radius=radius, gain=self.control_gain),
+            lay=LayFilter(
+                LayFilterConfig(
+                    radius=radius,
+                    free_length=what.free_length,
+                    sigma_length=self.free_length_sigma,
+                    sigma_offset=self.eye_sigma,
+                    play=self.guide_play,
+                )
+            ),
+            stretch=StretchFilter(
+                law,
+                spacing=case.marker_spacing,
+                radius=radius,
+                build_up_length=_build_up_length(what),
+                config=StretchFilterConfig(
+                    share=self.load_share,
+                    sigma_share=self.load_share_sigma,
+                    drag=self.drag,
+                    sigma_drag=self.drag_sigma,
+                    start=self.start_share,
+                    sigma_start=self.start_share_sigma,
+                ),
+            ),
+            landing=landing,
+            mode=mode,
+        )
+
+
+def _build_up_length(what: ResolvedCondition) -> float:
+    law = what.tension_law
+    return law.build_up_length if isinstance(law, RigTension) else RigTension().build_up_length

@@ -1,0 +1,196 @@
+"""The controller of the lay: what has landed, what is wanted, and what is commanded for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lay_control_node.control.guide_law import GuideLaw, WantedLay
+from lay_control_node.control.landed_markers import LandedMarkers
+from lay_control_node.control.landing_law import LandingLaw, Progress
+from lay_control_node.control.lay_filter import LayEstimate, LayFilter
+from lay_control_node.control.motion_bounds import AxisBounds, BoundedMotion
+from lay_control_node.control.stretch_filter import StretchEstimate, StretchFilter
+from winding_core.lay_control_records import ControlBasis, ControlMode
+from winding_core.lay_records import LayFlag, LayRecords
+from winding_core.markers import Markers
+from winding_core.readings import AxisReading
+
+# Cable that lies on less than this has nothing on the cylinder that could slip [rad].
+_UNWOUND = 0.2
+# A span is believed to carry this at least [N].
+_LEAST_TENSION = 1.0e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerConfig:
+    """How the controller goes on when a node is silent.
+
+    Attributes:
+        advance_per_radian: Guide advance of the drive programme [m/rad].
+        bending_stiffness: EI of the cable [N m^2].
+        guide: Bounds of the carriage.
+        unseen_angle: Wound angle without a measured height after which the lay counts as
+            unseen [rad].
+        solver_patience: Time without the solver after which the guide follows the drive
+            programme [s]; infinite where no solver is listened to.
+    """
+
+    advance_per_radian: float
+    bending_stiffness: float
+    guide: AxisBounds
+    unseen_angle: float = 3.0 * math.pi
+    solver_patience: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setpoint:
+    """What is commanded, or would be.
+
+    Attributes:
+        t: When it holds [s].
+        theta: Wound angle then [rad].
+        guide: Carriage position [m].
+        guide_speed: Its rate [m/s].
+        pull: Pull of the brake [N]; None where none is commanded.
+        wanted_z: Wanted height at the contact line [m].
+        lay: What is believed of the lay there.
+        stretch: What is believed of the tension at lay-on.
+        basis: What it rests on.
+        limited: Whether a bound of the guide held it back.
+    """
+
+    t: float
+    theta: float
+    guide: float
+    guide_speed: float
+    pull: float | None
+    wanted_z: float
+    lay: LayEstimate
+    stretch: StretchEstimate
+    basis: ControlBasis
+    limited: bool
+
+
+@dataclass(kw_only=True)
+class LayController:
+    """Follows machine, markers and lay; says where guide and brake have to be.
+
+    Attributes:
+        config: Bounds and patience.
+        wanted: The lay that is wanted.
+        law: Of the guide.
+        lay: Estimate of the lay.
+        stretch: Estimate of the tension at lay-on.
+        landing: Law of the brake; None where there is none or no marker has a wanted angle.
+        mode: What is done with the result.
+        innovations: Of measured heights, in standard deviations, the newest last.
+    """
+
+    config: ControllerConfig
+    wanted: WantedLay
+    law: GuideLaw
+    lay: LayFilter
+    stretch: StretchFilter
+    landing: LandingLaw | None = None
+    mode: ControlMode = ControlMode.WATCH
+    innovations: list[float] = field(default_factory=list)
+    _landed: LandedMarkers = field(default_factory=LandedMarkers)
+    _guide: BoundedMotion | None = None
+    _pull: float | None = None
+    _before: float | None = None
+    _solver_heard: float | None = None
+
+    def take_markers(self, markers: Markers) -> None:
+        """Take the tracked markers of one frame."""
+        for landed in self._landed.take(markers):
+            self._measure(landed.theta, landed.z, landed.sigma_z)
+            self.stretch.land(landed.number, landed.theta, landed.sigma_theta)
+
+    def take_lay(self, places: LayRecords) -> None:
+        """Take the measured places of the wound cable; those that say nothing new do nothing."""
+        new = places[places["theta"] > self.lay.measured_to]
+        new = new[(new["flags"] & (LayFlag.OVERLAP | LayFlag.CLIMB)) == 0]
+        for place in np.sort(new, order="theta"):
+            self._measure(float(place["theta"]), float(place["z"]), float(place["sigma_z"]))
+
+    def take_solver(self, t: float) -> None:
+        """Note that the solver has answered for a time [s]."""
+        self._solver_heard = t
+
+    def advance(self, t: float, reading: AxisReading, pull: float) -> Setpoint:
+        """Take the machine's present state; return what is to be commanded for it.
+
+        Args:
+            t: Time of the reading [s].
+            reading: Both axes, theta 0 where P0 lies on the contact line.
+            pull: Pull at the guide [N].
+        """
+        theta = reading.cylinder_angle
+        slope, bend = self.wanted.at(theta).slope, self._bend_length(theta, pull)
+        if self._before is None and theta > _UNWOUND:
+            self.lay.join(theta, reading.carriage_position, slope, bend)
+            self.stretch.join(theta)
+        self.lay.advance(theta, reading.carriage_position, bend)
+        self.stretch.advance(theta, pull, slope)
+        dt = 0.0 if self._before is None else t - self._before
+        self._before = t
+        # What does not drive stands ready to take over without a step.
+        if self._guide is None or self.mode is not ControlMode.DRIVE or dt <= 0.0:
+            self._guide = BoundedMotion(
+                self.config.guide, reading.carriage_position, reading.feed_speed
+            )
+            self._pull = pull
+        basis = self._basis(t)
+        guide, lay = self._guide, self.lay.estimate()
+        wanted = self.wanted.at(theta)
+        if basis is ControlBasis.RAMP:
+            guide.go(self.config.advance_per_radian * reading.angular_speed, max(dt, 1.0e-9))
+        else:
+            command = self.law.command(wanted, lay)
+            rate = command.per_radian * reading.angular_speed
+            guide.follow(command.position, rate, max(dt, 1.0e-9))
+        return Setpoint(
+            t=t,
+            theta=theta,
+            guide=guide.position,
+            guide_speed=guide.speed,
+            pull=self._commanded_pull(theta),
+            wanted_z=wanted.z,
+            lay=lay,
+            stretch=self.stretch.estimate,
+            basis=basis,
+            limited=guide.limited,
+        )
+
+    def _bend_length(self, theta: float, pull: float) -> float:
+        """Return sqrt(EI / T) [m] of the span under a pull at the guide [N]."""
+        tension = self.stretch.estimate.tension(pull, self.law.radius * max(theta, 0.0))
+        return math.sqrt(self.config.bending_stiffness / max(float(tension), _LEAST_TENSION))
+
+    def _measure(self, theta: float, z: float, sigma: float) -> None:
+        score = self.lay.measure(theta, z, sigma)
+        if score is not None:
+            self.innovations = [*self.innovations[-99:], score]
+
+    def _basis(self, t: float) -> ControlBasis:
+        patience = self.config.solver_patience
+        if math.isfinite(patience) and t - (self._solver_heard or 0.0) > patience:
+            return ControlBasis.RAMP
+        seen = self.lay.estimate().theta - self.lay.measured_to <= self.config.unseen_angle
+        return ControlBasis.MEASURED if seen else ControlBasis.MODEL
+
+    def _commanded_pull(self, theta: float) -> float | None:
+        if self.landing is None or self._pull is None or not self.stretch.known:
+            return None
+        stretch = self.stretch
+        self._pull = self.landing.pull(
+            Progress(theta=theta, laid=stretch.landed * self.landing.spacing + stretch.laid()),
+            stretch.estimate,
+            self._pull,
+            landed=stretch.landed,
+            free=theta <= _UNWOUND,
+        )
+        return self._pull

@@ -1,0 +1,288 @@
+"""Where the cable lands now: a Kalman filter over the wound angle, fed by what the camera saw."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Steps of the wound angle between which the guide is taken as moving evenly [rad].
+_STEP = 0.01
+# The span's end counts as bent over this at least [m].
+_LEAST_BEND = 5.0e-4
+# Its largest share of the free length.
+_MOST_BEND = 0.3
+_CHANGE = 1.0e-4
+# How far the cable may land from the guide where nothing is known [m].
+_UNKNOWN = 0.03
+Z, HEADED, LENGTH, OFFSET = range(4)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayFilterConfig:
+    """What is believed before anything has landed, and how much it may drift.
+
+    Attributes:
+        radius: Centreline radius R + r [m].
+        free_length: Tangent span between cylinder and guide, as believed [m].
+        sigma_length: One standard deviation of that belief [m].
+        sigma_offset: Of the place of the cable's eye against the carriage's reading [m].
+        drift_z: Of what the law of the lag leaves out, per square root of a radian [m].
+        drift_length: Of the effective free length, per square root of a radian [m].
+        drift_offset: Of the eye's place, per square root of a radian [m].
+        play: Play of the eye on its carriage [m]; the eye is somewhere in it after a reversal.
+        correlated: Part of a measured height that its neighbours have in common [m].
+    """
+
+    radius: float
+    free_length: float
+    sigma_length: float = 0.02
+    sigma_offset: float = 3.0e-4
+    drift_z: float = 3.0e-5
+    drift_length: float = 1.0e-3
+    drift_offset: float = 3.0e-5
+    play: float = 3.0e-4
+    correlated: float = 3.0e-5
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "free_length", "sigma_length", "sigma_offset"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} must be positive, got {value} m")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayEstimate:
+    """The lay at the contact line.
+
+    Attributes:
+        theta: Wound angle [rad].
+        z: Where the cable lands [m].
+        headed: Where the span points to behind its bent end, z + l z' [m].
+        free_length: Length L of the span [m].
+        bend_length: Length l over which its end is bent [m].
+        offset: Place of the eye beside the carriage's reading [m].
+        covariance: Of z, headed, free length and offset [m^2], shape (4, 4).
+    """
+
+    theta: float
+    z: float
+    headed: float
+    free_length: float
+    bend_length: float
+    offset: float
+    covariance: Array
+
+    @property
+    def sigma_z(self) -> float:
+        """One standard deviation of z [m]."""
+        return math.sqrt(self.covariance[Z, Z])
+
+    @property
+    def sigma_length(self) -> float:
+        """One standard deviation of the free length [m]."""
+        return math.sqrt(self.covariance[LENGTH, LENGTH])
+
+
+@dataclass(kw_only=True)
+class _State:
+    """Mean (4,), covariance (4, 4), wound angle [rad] and guide [m] up to which they hold."""
+
+    mean: Array
+    covariance: Array
+    theta: float
+    guide: float
+    bend: float
+    heading: float = 0.0
+
+
+class LayFilter:
+    """Estimates z at the contact line with free length and eye offset, from delayed heights.
+
+    The span with bending stiffness obeys z + L z' + l (L - l) z'' = g + b, z' being the rise per
+    way (R + r) Theta and l = sqrt(EI / T): a lag of L - l and one of l in a row, with h between
+    them. The state is z, h, L and b, an extended Kalman filter in the wound angle: a standing
+    cylinder lays nothing. Two states are kept. One stands where the
+    last measured height is and moves on with the next; the other is that state carried on to the
+    present along the guide's way since.
+
+    Args:
+        config: What is believed before.
+    """
+
+    def __init__(self, config: LayFilterConfig) -> None:
+        self.config = config
+        variances = (1.0e-10, 1.0e-10, config.sigma_length**2, config.sigma_offset**2)
+        self._seen = _State(
+            mean=np.array([0.0, 0.0, config.free_length, 0.0]),
+            covariance=np.diag(variances),
+            theta=0.0,
+            guide=0.0,
+            bend=_LEAST_BEND,
+        )
+        self._now = self._copied(self._seen)
+        self._since: deque[tuple[float, float, float]] = deque()
+
+    def join(self, theta: float, guide: float, slope: float, bend: float) -> None:
+        """Begin in mid-run, with a cable that has followed an even guide for long.
+
+        Where it lands is known no better than that.
+
+        Args:
+            theta: Wound angle [rad].
+            guide: Reading of the carriage [m].
+            slope: dz/dtheta of the lay [m/rad].
+            bend: Length l over which the end of the span is bent [m].
+        """
+        config = self.config
+        z = guide - slope * config.free_length / config.radius
+        bend = min(max(bend, _LEAST_BEND), _MOST_BEND * config.free_length)
+        near = slope * bend / config.radius
+        variances = (_UNKNOWN**2, _UNKNOWN**2, config.sigma_length**2, config.sigma_offset**2)
+        self._seen = _State(
+            mean=np.array([z, z + near, config.free_length, 0.0]),
+            covariance=np.diag(variances),
+            theta=theta,
+            guide=guide,
+            bend=bend,
+        )
+        self._now = self._copied(self._seen)
+        self._since.clear()
+
+    def advance(self, theta: float, guide: float, bend: float = 0.0) -> None:
+        """Carry the estimate on to a wound angle [rad] at which the carriage reads `guide` [m].
+
+        Angles that are not ahead are passed over: a cylinder that turns back lays nothing.
+
+        Args:
+            theta: Wound angle [rad].
+            guide: Reading of the carriage [m].
+            bend: Length l over which the end of the span is bent [m].
+        """
+        if theta < self._now.theta + _STEP:
+            if theta <= self._now.theta:
+                self._now.guide = guide
+            return
+        place = (theta, guide, max(bend, _LEAST_BEND))
+        self._carry(self._now, *place)
+        self._since.append(place)
+
+    def measure(self, theta: float, z: float, sigma: float) -> float | None:
+        """Take the height z [m] of cable at a wound angle [rad] with its deviation [m].
+
+        Returns:
+            Its innovation in standard deviations; None where it says nothing new, because cable
+            further on has been measured already or this has not been laid yet.
+        """
+        seen = self._seen
+        if not (seen.theta < theta <= self._now.theta and math.isfinite(z) and sigma > 0.0):
+            return None
+        while self._since and self._since[0][0] <= theta:
+            self._carry(seen, *self._since.popleft())
+        if self._since:
+            self._carry(seen, theta, self._between(theta), self._since[0][2])
+        column = seen.covariance[:, Z]
+        spread = column[Z] + sigma**2 + self.config.correlated**2
+        innovation = z - seen.mean[Z]
+        score = float(innovation / math.sqrt(spread))
+        gain = column / spread
+        seen.mean = seen.mean + gain * innovation
+        seen.covariance = seen.covariance - np.outer(gain, column)
+        self._bound(seen)
+        self._now = self._copied(seen)
+        for place in self._since:
+            self._carry(self._now, *place)
+        return score
+
+    @property
+    def measured_to(self) -> float:
+        """Wound angle up to which cable has been measured [rad]."""
+        return self._seen.theta
+
+    def estimate(self) -> LayEstimate:
+        """Return the lay now."""
+        state = self._now
+        z, headed, length, offset = map(float, state.mean)
+        return LayEstimate(
+            theta=state.theta,
+            z=z,
+            headed=headed,
+            free_length=length,
+            bend_length=min(state.bend, _MOST_BEND * length),
+            offset=offset,
+            covariance=state.covariance.copy(),
+        )
+
+    def _carry(self, state: _State, theta: float, guide: float, bend: float) -> None:
+        config = self.config
+        step = theta - state.theta
+        moved = guide - state.guide
+        middle = 0.5 * (guide + state.guide)
+        z, headed, length, offset = map(float, state.mean)
+        turned = step * config.radius
+        after = _landed(z, headed, length, middle + offset, turned, bend)
+        longer = _landed(z, headed, length + _CHANGE, middle + offset, turned, bend)
+        slow, fast, mixed = _kept(length, turned, bend)
+        change = np.eye(4)
+        # What is kept of z and of h, what L changes, and the rest comes from the eye.
+        change[Z] = (fast, mixed, (longer[0] - after[0]) / _CHANGE, 1.0 - fast - mixed)
+        change[HEADED] = (0.0, slow, (longer[1] - after[1]) / _CHANGE, 1.0 - slow)
+        state.mean = np.array([*after, length, offset])
+        drifts = (config.drift_z, config.drift_z, config.drift_length, config.drift_offset)
+        noise = np.array(drifts) ** 2 * step
+        # The eye lags behind its carriage by the play once that turns back.
+        if moved and moved * state.heading < 0.0:
+            noise[OFFSET] += config.play**2 / 3.0
+        if moved:
+            state.heading = moved
+        state.covariance = change @ state.covariance @ change.T + np.diag(noise)
+        state.theta, state.guide, state.bend = theta, guide, bend
+
+    def _between(self, theta: float) -> float:
+        """Return the carriage's reading [m] at an angle between the last one taken and the next."""
+        later, guide, _ = self._since[0]
+        seen = self._seen
+        share = (theta - seen.theta) / (later - seen.theta)
+        return seen.guide + share * (guide - seen.guide)
+
+    def _bound(self, state: _State) -> None:
+        """Keep the free length within what a machine can be: half to twice of what is believed."""
+        believed = self.config.free_length
+        state.mean[LENGTH] = min(max(state.mean[LENGTH], 0.5 * believed), 2.0 * believed)
+
+    @staticmethod
+    def _copied(state: _State) -> _State:
+        return _State(
+            mean=state.mean.copy(),
+            covariance=state.covariance.copy(),
+            theta=state.theta,
+            guide=state.guide,
+            bend=state.bend,
+            heading=state.heading,
+        )
+
+
+def _kept(length: float, turned: float, bend: float) -> tuple[float, float, float]:
+    """Return what is left of h - eye and of z - eye, and what z - eye gets of h - eye.
+
+    Args:
+        length: Of the span [m].
+        turned: Way of the cylinder's surface [m].
+        bend: Length over which the end of the span is bent [m].
+    """
+    bend = min(bend, _MOST_BEND * length)
+    slow, fast = math.exp(-turned / (length - bend)), math.exp(-turned / bend)
+    return slow, fast, (length - bend) / (length - 2.0 * bend) * (slow - fast)
+
+
+def _landed(
+    z: float, headed: float, length: float, eye: float, turned: float, bend: float
+) -> tuple[float, float]:
+    """Return z and h [m] after a way of the surface [m] with the eye at a place [m]."""
+    slow, fast, mixed = _kept(length, turned, bend)
+    return eye + (z - eye) * fast + (headed - eye) * mixed, eye + (headed - eye) * slow

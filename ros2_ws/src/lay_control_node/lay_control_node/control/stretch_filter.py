@@ -1,0 +1,223 @@
+"""How much of the pull at the guide reaches the cylinder, from where markers have landed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lay_control_node.control.lay_on import LayOnLaw
+
+Array = NDArray[np.float64]
+
+# Steps of the wound angle over which tension and slope are taken as constant [rad].
+_STEP = 0.02
+_ITERATIONS = 4
+# What share, drag [N] and start may be, and by how much they are moved for a derivative.
+_LOW, _HIGH = (0.05, -2.0, 0.0), (2.0, 5.0, 1.5)
+_CHANGE = 1.0e-3
+# An equation further off than this many deviations counts as a bad one and is given less weight.
+_OUTLYING = 3.0
+SHARE, DRAG, START = range(3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StretchFilterConfig:
+    """What is believed of the tension at lay-on before a marker has landed.
+
+    Attributes:
+        share: Share of the pull at the guide that reaches the cylinder.
+        sigma_share: One standard deviation of it.
+        drag: Constant addition of the guide [N].
+        sigma_drag: One standard deviation of it [N].
+        start: Share of the tension at the start of the build-up.
+        sigma_start: One standard deviation of it.
+        drift_share: Change of the share from marker to marker, one standard deviation.
+        model_error: What the closed form leaves out of a segment's length, relative.
+    """
+
+    share: float = 0.7
+    sigma_share: float = 0.15
+    drag: float = 0.15
+    sigma_drag: float = 0.1
+    start: float = 1.0
+    sigma_start: float = 0.1
+    drift_share: float = 0.01
+    model_error: float = 0.003
+
+
+@dataclass(frozen=True, kw_only=True)
+class StretchEstimate:
+    """The tension at lay-on as (share pull + drag) (start + (1 - start)(1 - exp(-s / L_c))).
+
+    Attributes:
+        share: Share of the pull at the guide.
+        drag: Constant addition [N].
+        start: Share of the tension at the start of the build-up.
+        build_up_length: L_c [m] of wound cable.
+        covariance: Of share, drag and start, shape (3, 3).
+    """
+
+    share: float
+    drag: float
+    start: float
+    build_up_length: float
+    covariance: Array
+
+    def built(self, wound: float | Array) -> Array:
+        """Return the share of the tension that has built up after wound lengths [m]."""
+        left = np.exp(-np.maximum(wound, 0.0) / self.build_up_length)
+        return np.asarray(1.0 - (1.0 - self.start) * left)
+
+    def tension(self, pull: float | Array, wound: float | Array) -> Array:
+        """Return the tension at lay-on [N] under pulls [N] after wound lengths [m]."""
+        final = np.maximum(self.share * np.asarray(pull) + self.drag, 0.0)
+        return np.asarray(self.built(wound) * final)
+
+    def pull_for(self, tension: float, wound: float) -> float:
+        """Return the pull [N] that gives a tension at lay-on [N] after a wound length [m]."""
+        return float((tension / self.built(wound) - self.drag) / self.share)
+
+
+class StretchFilter:
+    """Estimates share and drag from the undeformed length between landed markers.
+
+    Between two markers lies one spacing of undeformed cable, laid at `LayOnLaw.density` over the
+    angle between them. An iterated extended Kalman filter takes one such equation per marker.
+
+    Args:
+        law: Lay-on of the cable.
+        spacing: Undeformed cable between markers [m].
+        radius: Centreline radius R + r [m].
+        build_up_length: Wound length over which the tension builds up from its start [m].
+        config: What is believed before.
+    """
+
+    def __init__(
+        self,
+        law: LayOnLaw,
+        *,
+        spacing: float,
+        radius: float,
+        build_up_length: float,
+        config: StretchFilterConfig | None = None,
+    ) -> None:
+        config = config or StretchFilterConfig()
+        self.config = config
+        self._law, self._spacing, self._radius = law, spacing, radius
+        self._build_up_length = build_up_length
+        self._mean = np.array([config.share, config.drag, config.start])
+        sigmas = (config.sigma_share, config.sigma_drag, config.sigma_start)
+        self._covariance = np.diag(np.square(sigmas))
+        # End angle, pull [N], slope [m/rad] of every step since the last landed marker.
+        self._steps: list[tuple[float, float, float]] = []
+        self._from = 0.0
+        self._sigma_from = 0.0
+        self._joined = False
+        self.landed = 0
+
+    @property
+    def estimate(self) -> StretchEstimate:
+        """What is believed now."""
+        return self._believed(self._mean)
+
+    @property
+    def landed_at(self) -> float:
+        """Wound angle of the newest marker that was taken [rad]."""
+        return self._from
+
+    def join(self, theta: float) -> None:
+        """Begin in mid-run at a wound angle [rad]: the next marker says how much is laid."""
+        self._steps.clear()
+        self._from, self._joined = theta, True
+
+    @property
+    def known(self) -> bool:
+        """Whether it is known how much cable has been laid."""
+        return not self._joined
+
+    def advance(self, theta: float, pull: float, slope: float) -> None:
+        """Note the pull at the guide [N] and dz/dtheta [m/rad] under which cable lands at theta."""
+        last = self._steps[-1][0] if self._steps else self._from
+        if theta >= last + _STEP:
+            self._steps.append((theta, pull, slope))
+
+    def laid(self, estimate: StretchEstimate | None = None) -> float:
+        """Return the undeformed length laid since the newest marker that was taken [m]."""
+        return self._length(self._steps, estimate or self.estimate)
+
+    def land(self, number: int, theta: float, sigma: float) -> None:
+        """Take where marker `number` lies: wound angle and its deviation [rad].
+
+        A marker that is not ahead of the last one taken is passed over. One that was missed
+        makes the segment as many spacings long.
+        """
+        count = number - self.landed
+        if self._joined and theta > self._from:
+            self._keep_after(theta)
+            self._sigma_from, self.landed, self._joined = sigma, number, False
+            return
+        if count < 1 or theta <= self._from or not self._steps:
+            return
+        steps = [step for step in self._steps if step[0] < theta]
+        following = next((step for step in self._steps if step[0] >= theta), self._steps[-1])
+        steps.append((theta, *following[1:]))
+        self._update(steps, count, sigma)
+        self._keep_after(theta)
+        self._sigma_from, self.landed = sigma, number
+
+    def _keep_after(self, theta: float) -> None:
+        self._steps = [step for step in self._steps if step[0] > theta]
+        self._from = theta
+
+    def _update(self, steps: list[tuple[float, float, float]], count: int, sigma: float) -> None:
+        config = self.config
+        wanted = count * self._spacing
+        covariance = self._covariance + np.diag([config.drift_share**2, 0.0, 0.0])
+        angle = steps[-1][0] - self._from
+        noise = (wanted / angle) ** 2 * (sigma**2 + self._sigma_from**2)
+        noise += (config.model_error * wanted) ** 2
+        length, row = self._linearised(steps, self._mean)
+        spread = row @ covariance @ row
+        off = (wanted - length) ** 2 / (spread + noise)
+        if off > _OUTLYING**2:
+            noise = (wanted - length) ** 2 / _OUTLYING**2 - spread
+        prior, mean, gain = self._mean, self._mean, np.zeros(3)
+        for _ in range(_ITERATIONS):
+            length, row = self._linearised(steps, mean)
+            gain = covariance @ row / (row @ covariance @ row + noise)
+            mean = prior + gain * (wanted - length - row @ (prior - mean))
+            mean = np.clip(mean, _LOW, _HIGH)
+        self._mean = mean
+        self._covariance = covariance - np.outer(gain, row @ covariance)
+
+    def _linearised(
+        self, steps: list[tuple[float, float, float]], mean: Array
+    ) -> tuple[float, Array]:
+        """Return the length [m] of steps under (share, drag, start) and its derivatives (3,)."""
+        length = self._length(steps, self._believed(mean))
+        row = np.empty(3)
+        for index in range(3):
+            moved = mean.copy()
+            moved[index] += _CHANGE
+            row[index] = (self._length(steps, self._believed(moved)) - length) / _CHANGE
+        return length, row
+
+    def _believed(self, mean: Array) -> StretchEstimate:
+        share, drag, start = map(float, mean)
+        return StretchEstimate(
+            share=share,
+            drag=drag,
+            start=start,
+            build_up_length=self._build_up_length,
+            covariance=self._covariance.copy(),
+        )
+
+    def _length(self, steps: list[tuple[float, float, float]], estimate: StretchEstimate) -> float:
+        if not steps:
+            return 0.0
+        theta, pull, slope = np.array(steps).T
+        wide = np.diff(theta, prepend=self._from)
+        tension = estimate.tension(pull, self._radius * (theta - 0.5 * wide))
+        return float(np.sum(self._law.density(tension, slope) * wide))

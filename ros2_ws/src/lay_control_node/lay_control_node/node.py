@@ -1,0 +1,85 @@
+"""ROS adapter of the lay controller: what the graph says in, commands of guide and brake out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from lay_control_node.ros.message_handler import LayControlHandler
+from lay_control_node.ros.parameters import LayControlParameters
+from winding_core.lay_control_records import ControlBasis, ControlMode
+from winding_core.status import Level, Status
+from winding_ros import graph, services, topics
+from winding_ros.managed_node import ManagedNode
+
+
+class LayControlNode(ManagedNode[LayControlParameters]):
+    """Commands guide and brake so that the cable lands where the lay program wants it.
+
+    Subscribes to rig/joint_states, rig/tension, tracker/markers, tracker/lay and fem/markers.
+    Publishes lay_control/state at 50 Hz and, while it drives, rig/joint_targets and
+    rig/tension_command. Its three services switch what it does.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(graph.LAY_CONTROL, LayControlParameters, **kwargs)
+        for service, mode in (
+            (services.LAY_CONTROL_OFF, ControlMode.OFF),
+            (services.LAY_CONTROL_WATCH, ControlMode.WATCH),
+            (services.LAY_CONTROL_DRIVE, ControlMode.DRIVE),
+        ):
+            service.serve(self, self._switched(mode))
+
+    def configure(self) -> None:
+        """Read the program, make the controller; subscribe."""
+        self._handler = LayControlHandler(self.configuration)
+        self.endpoints.connect(self._handler)
+
+    def activate(self) -> None:
+        """Begin a new run."""
+        self.publish(self._handler.begin(self.get_clock().now().nanoseconds * 1e-9))
+
+    def status(self) -> Status:
+        """Return what the controller does, and what it knows."""
+        handler: LayControlHandler | None = getattr(self, "_handler", None)
+        if handler is None:
+            return Status(name=topics.LAY_CONTROL, message="not configured")
+        mode, newest = handler.controller.mode, handler.newest
+        if newest is None:
+            return Status(name=topics.LAY_CONTROL, message=f"{mode.name.lower()}; waiting")
+        lay = newest.lay
+        fallen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.RAMP
+        said = {
+            ControlBasis.MEASURED: "by the measured lay",
+            ControlBasis.MODEL: "by the model: no lay has been measured for more than a turn",
+            ControlBasis.RAMP: "by the drive programme: the solver is silent",
+        }[newest.basis]
+        unseen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.MODEL
+        return Status(
+            name=topics.LAY_CONTROL,
+            level=Level.WARN if fallen or unseen else Level.OK,
+            message=f"{mode.name.lower()}, {said}",
+            values={
+                "mode": mode.name.lower(),
+                "basis": newest.basis.name.lower(),
+                "error_mm": f"{1e3 * (lay.z - newest.wanted_z):.3f}",
+                "sigma_mm": f"{1e3 * lay.sigma_z:.3f}",
+                "free_length_mm": f"{1e3 * lay.free_length:.1f}",
+                "free_length_sigma_mm": f"{1e3 * lay.sigma_length:.1f}",
+                "load_share": f"{newest.stretch.share:.3f}",
+                "drag_n": f"{newest.stretch.drag:.3f}",
+            },
+        )
+
+    def _switched(self, mode: ControlMode) -> Callable[[Any, Any], Any]:
+        def serve(_request: Any, response: Any) -> Any:
+            handler: LayControlHandler | None = getattr(self, "_handler", None)
+            if handler is None or not self.active:
+                response.message = f"{topics.LAY_CONTROL} is not active"
+                return response
+            handler.switch(mode)
+            response.success = True
+            response.message = f"the controller of the lay is set to {mode.name.lower()}"
+            return response
+
+        return serve

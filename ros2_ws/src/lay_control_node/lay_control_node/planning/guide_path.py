@@ -1,0 +1,66 @@
+"""Where the guide must stand over the wound angle so that the cable lands on a program."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
+from winding_core.lay_program import LayProgram
+
+# The first and the last piece are looked at so far before and behind the corners [rad].
+_BEYOND = 1.0e3
+
+
+def guide_path(program: LayProgram, lag: float, width: float) -> SmoothedLine:
+    """Return g = z + lag dz/dtheta of a program's rounded z.
+
+    Cable lands by dz/dtheta = (g - z) / lag; a corner of z is a step of g.
+
+    Args:
+        program: What is wanted.
+        lag: Free length over centreline radius [rad].
+        width: Of the kernel [rad].
+    """
+    line = smoothed_program(program, width)
+    return replace(line, steps=lag * line.bends, value=line.value + lag * line.slope)
+
+
+def within(line: SmoothedLine, low: float, high: float) -> SmoothedLine:
+    """Return a path that stays on its way but within the carriage's travel [m].
+
+    What is rounded never leaves the range of the straight pieces.
+
+    Args:
+        line: The path.
+        low: Start of the travel [m].
+        high: Its end [m].
+    """
+    first = float(line.theta[0]) if line.theta.size else 0.0
+    last = float(line.theta[-1]) if line.theta.size else 0.0
+    ends = np.concatenate([[min(first, 0.0) - _BEYOND], line.theta, [last + _BEYOND]])
+    starts, values, slopes = [], [], []
+    for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+        at_a = float(line.unrounded(np.array([a]))[0])
+        slope = float(line.unrounded(np.array([a]), 1)[0])
+        cuts = [a]
+        if slope != 0.0:
+            crossed = sorted(a + (limit - at_a) / slope for limit in (low, high))
+            cuts += [cut for cut in crossed if a < cut < b]
+        for start, end in zip(cuts, [*cuts[1:], b], strict=True):
+            middle = at_a + slope * (0.5 * (start + end) - a)
+            inside = low < middle < high
+            starts.append(start)
+            values.append(min(max(at_a + slope * (start - a), low), high))
+            slopes.append(slope if inside else 0.0)
+    theta, value, slope_of = np.array(starts), np.array(values), np.array(slopes)
+    arriving = value[:-1] + slope_of[:-1] * np.diff(theta)
+    return SmoothedLine(
+        theta=theta[1:],
+        bends=np.diff(slope_of),
+        steps=value[1:] - arriving,
+        value=float(value[0] - slope_of[0] * theta[0]),
+        slope=float(slope_of[0]),
+        width=line.width,
+    )

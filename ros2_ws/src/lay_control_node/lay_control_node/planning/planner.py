@@ -1,0 +1,158 @@
+"""From a program to the machine's motion: path, rounding, motion, lay, pulls, in this order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lay_control_node.planning.corners import corners
+from lay_control_node.planning.guide_path import guide_path, within
+from lay_control_node.planning.kernel_width import (
+    USED,
+    demands,
+    needed_width,
+    width_within,
+    width_without_slip,
+)
+from lay_control_node.planning.lag import lay_of
+from lay_control_node.planning.lay_plan import LayPlan
+from lay_control_node.planning.limits import PlanLimits
+from lay_control_node.planning.marker_pulls import PullPlan, PullPlanner, Track
+from lay_control_node.planning.motion import motion_along
+from lay_control_node.planning.out_of_reach import sentences_of
+from lay_control_node.planning.smoothed_line import smoothed_program
+from lay_control_node.planning.stretched_cable import StretchedCable
+from lay_control_node.programs.overlap import refuse_overlap
+from lay_control_node.programs.travel import refuse_beyond
+from winding_core.condition import ResolvedCondition
+from winding_core.lay_program import LayProgram, LayProgramError
+
+Array = NDArray[np.float64]
+
+# Share of a residual limit that rounding may take.
+_OF_LIMIT = 0.95
+# The pull is planned on samples so far apart [rad].
+_TRACK_STEP = 0.02
+_STANDING_SAMPLES = 50
+
+
+def plan_lay(
+    program: LayProgram,
+    what: ResolvedCondition,
+    limits: PlanLimits,
+    *,
+    residual_limit: float | None = None,
+    together: bool = False,
+    lag: float | None = None,
+) -> LayPlan:
+    """Return the motion that lays a program, with what will lie where.
+
+    The cylinder keeps the condition's speed, and corners are rounded as much as the carriage needs
+    at that speed and friction holds. It is slower where no rounding helps, and, with a residual
+    limit, at corners.
+
+    Args:
+        program: What is wanted.
+        what: What is wound, and how fast at most.
+        limits: Of the machine.
+        residual_limit: By how much a corner may be rounded [m]; the cylinder is slowed for it.
+        together: Whether guide and cylinder start together, or the guide takes its place first.
+        lag: Of the lay behind the guide [rad]; None for free length over centreline radius.
+
+    Raises:
+        LayProgramError: Turns would overlap, or the program leaves the carriage's travel or asks
+            for a marker that is not on the cable.
+        UnreachableError: No motion keeps the limits.
+        ValueError: The residual limit is not positive.
+    """
+    if residual_limit is not None and not residual_limit > 0.0:
+        raise ValueError(f"the residual limit must be positive, got {residual_limit} m")
+    case = what.case
+    refuse_overlap(program, case.cable_diameter)
+    refuse_beyond(program, *limits.travel)
+    if program.markers and max(program.markers) > case.marker_count:
+        raise LayProgramError(
+            f"the program wants marker {max(program.markers)} to land, the cable has "
+            f"{case.marker_count} markers"
+        )
+    cable = StretchedCable(what=what)
+    lag = what.free_length / cable.wound_radius if lag is None else lag
+    straight = guide_path(program, lag, 0.0)
+    path = within(straight, *limits.travel)
+    speed = _steady_speed(program, what.drive.angular_speed, limits)
+    by_carriage = needed_width(path, speed, limits)
+    line = smoothed_program(program, by_carriage)
+    by_friction = width_without_slip(line, cable.wound_radius, what.friction)
+    full = max(by_carriage, by_friction)
+    line = replace(line, width=full)
+    width = full
+    if residual_limit is not None:
+        width = width_within(line, _OF_LIMIT * residual_limit, full)
+    path = replace(path, width=width)
+    motion = motion_along(path, program.end, speed, what.drive.ramp_time, limits, together=together)
+    t, theta, guide = motion.grid()
+    predicted = lay_of(theta, guide, lag)
+    slope = (guide - predicted) / lag
+    track, pulls = _pulls(program, cable, limits, (t, theta, slope))
+    rounded = replace(line, width=width)
+    at_half = width / full * max(needed_width(path, 0.5 * speed, limits), by_friction)
+    plan = LayPlan(
+        program=program,
+        what=what,
+        limits=limits,
+        lag=lag,
+        radius=cable.wound_radius,
+        width=width,
+        speed=speed,
+        motion=motion,
+        theta=theta,
+        predicted=predicted,
+        uncompensated=lay_of(theta, program.z_at(theta), lag),
+        corners=corners(rounded, replace(line, width=at_half)),
+        track=track,
+        pulls=pulls,
+        sentences=(),
+    )
+    shares = demands(path, speed, limits)
+    if by_friction > by_carriage:
+        shares["friction"] = width / full
+    return replace(plan, sentences=sentences_of(plan, shares, straight))
+
+
+def _steady_speed(program: LayProgram, wanted: float, limits: PlanLimits) -> float:
+    """Return the cylinder's speed [rad/s] at which the carriage follows the steepest helix."""
+    steepest = float(np.abs(np.diff(program.z) / np.diff(program.theta)).max())
+    speed = min(wanted, USED * limits.cylinder_speed)
+    if steepest * speed > USED**2 * limits.carriage_speed:
+        speed = USED**2 * limits.carriage_speed / steepest
+    return speed
+
+
+def _pulls(
+    program: LayProgram,
+    cable: StretchedCable,
+    limits: PlanLimits,
+    grid: tuple[Array, Array, Array],
+) -> tuple[Track, PullPlan]:
+    t, theta, slope = grid
+    # The brake settles while the cylinder stands.
+    standing = int(np.searchsorted(theta, 0.0, side="right")) - 1
+    turning = np.searchsorted(theta, np.arange(0.0, theta[-1], _TRACK_STEP))
+    before = np.linspace(0, max(standing, 0), _STANDING_SAMPLES).astype(int)
+    kept = np.unique(np.concatenate([before, turning, [theta.size - 1]]))
+    track = Track(t=t[kept], theta=theta[kept], slope=slope[kept])
+    weight = cable.what.case.weight
+    given = program.tension_at(track.theta)
+    given = np.where(np.isnan(given), weight, given)
+    reach = None
+    if limits.brake is None:
+        given = np.full(given.shape, weight)
+    else:
+        given = np.clip(given, *limits.brake)
+        low, high = (share * weight for share in limits.pull_share)
+        high = cable.highest_pull(min(high, limits.brake[1]))
+        reach = (min(max(low, limits.brake[0]), high), high)
+    planner = PullPlanner(cable, track, given, limits.brake_time, reach)
+    return track, planner.plan(dict(program.markers))

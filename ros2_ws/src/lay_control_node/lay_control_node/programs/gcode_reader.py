@@ -1,0 +1,162 @@
+"""G-code of filament winding: X the carriage, A the mandrel's angle; the format only.
+
+The carriage of such a program is taken for where the cable is wanted, because the programs know
+neither a lag nor a stretch. Times and feed rates say nothing: the plan has its own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from lay_control_node.programs.gcode_words import Word, words_of
+from lay_control_node.programs.points import PointList
+from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.units import MILLIMETRE
+
+INCH = 25.4 * MILLIMETRE
+_DEGREE = math.pi / 180.0
+# Planes, compensation off, a coordinate system, path modes, feed modes: nothing moves by them.
+_WITHOUT_EFFECT = {17.0, 18.0, 19.0, 40.0, 49.0, 54.0, 61.0, 64.0, 80.0, 93.0, 94.0, 95.0}
+_ENDS = {2.0, 30.0}
+# Letters of which nothing is used, and what they say.
+_IGNORED = {"B": "the head B", "C": "the axis C", "E": "the extruder E", "F": "feed rates F",
+            "S": "speeds S", "T": "tools T", "P": "pauses P"}  # fmt: skip
+_TINY = 1.0e-9
+
+
+@dataclass(kw_only=True)
+class _Machine:
+    """Where the program has taken the machine: `x` [m] and `a` [rad], and its modes."""
+
+    name: str
+    x: float = 0.0
+    a: float = 0.0
+    unit: float = MILLIMETRE
+    absolute: bool = True
+    zero_x: float = 0.0
+    zero_a: float = 0.0
+    moving: bool = False
+    ignored: dict[str, int] = field(default_factory=dict)
+
+
+def parse_gcode(text: str, *, radius: float, name: str) -> LayProgram:
+    """Read G0 and G1 moves of X and A, absolute or relative, in millimetres or inches.
+
+    The program begins where the mandrel first turns; the direction of that turn is the winding's.
+
+    Args:
+        text: The program.
+        radius: Of the laid cable's centreline [m].
+        name: Of the program.
+
+    Raises:
+        LayProgramError: A line asks for what is not read, or for cable that cannot lie so.
+    """
+    machine = _Machine(name=name)
+    points = PointList(radius=radius)
+    sense, start = 0.0, (0.0, 0.0)
+    remarks = []
+    for number, words in words_of(text, name):
+        place = f"line {number} of {name}"
+        x, a = machine.x, machine.a
+        if _take(machine, words, place):
+            break
+        turned, went = machine.a - a, machine.x - x
+        if abs(turned) <= _TINY:
+            if abs(went) > _TINY and sense:
+                points_end = "the carriage moves while the mandrel stands"
+                raise LayProgramError(
+                    f"{place}: {points_end} ({went / MILLIMETRE:.4g} mm): no cable lies so"
+                )
+            continue
+        if not sense:
+            sense, start = math.copysign(1.0, turned), (x, a)
+            points.add(0.0, 0.0, math.nan, place)
+            if sense < 0.0:
+                remarks.append("A descends: the winding is read in that direction")
+            if abs(x) > _TINY:
+                remarks.append(
+                    f"z is counted from X {x / MILLIMETRE:.4g} mm, where the mandrel first turns"
+                )
+        if turned * sense < 0.0:
+            raise LayProgramError(
+                f"{place}: the mandrel turns back by {abs(turned) / _DEGREE:.4g} degrees"
+            )
+        points.add(sense * (machine.a - start[1]), machine.x - start[0], math.nan, place)
+    if not sense:
+        raise LayProgramError(f"{name} never turns the mandrel (A)")
+    if machine.ignored:
+        said = ", ".join(f"{what} ({count} x)" for what, count in sorted(machine.ignored.items()))
+        remarks.append(f"ignored: {said}")
+    return points.program(name, remarks)
+
+
+def _take(machine: _Machine, words: list[Word], place: str) -> bool:
+    """Do what a line says; return whether the program ends."""
+    axes: dict[str, float] = {}
+    sets_place = False
+    for letter, value in words:
+        if letter == "G":
+            sets_place = _mode(machine, value, place) or sets_place
+        elif letter == "M":
+            if value in _ENDS:
+                return True
+            _ignore(machine, f"M{value:g}")
+        elif letter in "XA":
+            if letter in axes:
+                raise LayProgramError(f"{place} says {letter} twice")
+            axes[letter] = value
+        elif letter in _IGNORED:
+            _ignore(machine, _IGNORED[letter])
+        else:
+            raise LayProgramError(
+                f"{place} has {letter}{value:g}; X is the carriage and A the mandrel's angle, "
+                "B may turn the head, and nothing else is read"
+            )
+    if sets_place:
+        _set_place(machine, axes)
+    elif axes:
+        _move(machine, axes, place)
+    return False
+
+
+def _mode(machine: _Machine, code: float, place: str) -> bool:
+    """Take a G word; return whether it sets the place (G92)."""
+    if code in (0.0, 1.0):
+        machine.moving = True
+    elif code in (20.0, 21.0):
+        machine.unit = INCH if code == 20.0 else MILLIMETRE
+    elif code in (90.0, 91.0):
+        machine.absolute = code == 90.0
+    elif code == 92.0:
+        return True
+    elif code == 4.0:
+        _ignore(machine, "pauses G4")
+    elif code not in _WITHOUT_EFFECT:
+        raise LayProgramError(f"{place} has G{code:g}; read are G0, G1, G20, G21, G90, G91 and G92")
+    return False
+
+
+def _move(machine: _Machine, axes: dict[str, float], place: str) -> None:
+    if not machine.moving:
+        raise LayProgramError(f"{place} moves before any G0 or G1")
+    if "X" in axes:
+        base = machine.zero_x if machine.absolute else machine.x
+        machine.x = base + machine.unit * axes["X"]
+    if "A" in axes:
+        base = machine.zero_a if machine.absolute else machine.a
+        machine.a = base + _DEGREE * axes["A"]
+    if not (math.isfinite(machine.x) and math.isfinite(machine.a)):
+        raise LayProgramError(f"{place} moves beyond any number")
+
+
+def _set_place(machine: _Machine, axes: dict[str, float]) -> None:
+    if "X" in axes:
+        machine.zero_x = machine.x - machine.unit * axes["X"]
+    if "A" in axes:
+        machine.zero_a = machine.a - _DEGREE * axes["A"]
+
+
+def _ignore(machine: _Machine, what: str) -> None:
+    machine.ignored[what] = machine.ignored.get(what, 0) + 1

@@ -1,0 +1,81 @@
+"""Parameters of the lay controller's node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from lay_control_node.control.control_parameters import ControlParameters
+from lay_control_node.control.lay_controller import LayController
+from lay_control_node.control.wanted_program import WantedProgram
+from lay_control_node.planning.limits import PlanLimits
+from lay_control_node.programs.points import FULL_TURN
+from lay_control_node.programs.reading import read_program
+from lay_control_node.programs.simple_programs import even_helix, with_markers_every_turn
+from winding_core.condition import Condition, ResolvedCondition
+from winding_core.lay_control_records import ControlMode
+from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay_wish import LayWish
+from winding_core.machine_axes import MachineAxes
+from winding_core.parameters import parameter
+
+# Turns that an even helix goes on beyond what the drive winds in the condition's time.
+_BEYOND = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayControlParameters(ControlParameters, LayWish, MachineAxes, Condition):
+    """What is wound, what is wanted of the lay, and how it is brought about."""
+
+    solver_patience: float = parameter(
+        1.0,
+        "time without the solver after which the guide follows the drive programme [s]",
+        low=0.1,
+        high=60.0,
+    )
+
+    def wanted(self, what: ResolvedCondition) -> LayProgram:
+        """Return the lay that is wanted.
+
+        Raises:
+            LayProgramError: The program cannot be read or used.
+        """
+        if self.program and self.pitch:
+            raise LayProgramError("give program or pitch, not both")
+        if self.program:
+            program = read_program(Path(self.program), radius=what.case.centreline_radius)
+        else:
+            turns = what.drive.positions(what.duration)[0] / FULL_TURN + _BEYOND
+            program = even_helix(self.pitch or what.drive.pitch, turns)
+        if self.markers_every_turn:
+            program = with_markers_every_turn(program, what.case.marker_count)
+        if program.markers and not self.brake:
+            raise LayProgramError("the program says where markers shall land, which needs a brake")
+        return program
+
+    def new_controller(self) -> LayController:
+        """Return the controller of a run.
+
+        Raises:
+            ValueError: The condition, the limits or the program cannot be used.
+        """
+        what = self.resolved()
+        program = self.wanted(what)
+        acceleration = self.guide_acceleration_limit
+        limits = PlanLimits(
+            cylinder_speed=max(what.drive.angular_speed, 1.0),
+            cylinder_acceleration=1.0e3,
+            carriage_speed=self.guide_speed_limit,
+            carriage_acceleration=acceleration,
+            carriage_jerk=1.0e3 * acceleration,
+            travel=(self.guide_travel[0], self.guide_travel[1]),
+            brake=None,
+            brake_time=0.0,
+        )
+        return self.controller(
+            what,
+            WantedProgram.of(program, what, limits),
+            markers=program.markers if self.brake else {},
+            mode=ControlMode[self.control.upper()],
+            solver_patience=self.solver_patience,
+        )

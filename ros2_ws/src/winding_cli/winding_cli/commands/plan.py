@@ -1,0 +1,188 @@
+"""`winding plan`: the machine motion that lays a program, and what is out of reach."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from winding_cli.commands.condition_options import Typed, spelled, with_options
+from winding_cli.commands.console import result_console
+from winding_cli.commands.output_path import check_output_file, staged, write_json
+from winding_cli.commands.refusal import FAILED, refuse
+from winding_core.units import MILLIMETRE
+from winding_study.lay.plan_parameters import PlanParameters
+from winding_study.runs.run_parameters import RunParameters
+
+if TYPE_CHECKING:
+    from lay_control_node.planning.lay_plan import LayPlan
+    from winding_core.condition import ResolvedCondition
+    from winding_core.lay_program import LayProgram
+    from winding_study.lay.solver_check import SolverLay
+
+STARTS = ("first", "together")
+
+
+@with_options(RunParameters, PlanParameters)
+def plan(
+    typed: Typed,
+    typed_limits: Typed,
+    *,
+    program: Annotated[
+        Path | None,
+        typer.Argument(help="Lay program: .csv, .yaml, or .gcode, .nc, .ngc; see lay-control.md."),
+    ] = None,
+    even: Annotated[
+        bool, typer.Option("--even", help="An even helix of the condition's own pitch.")
+    ] = False,
+    pitch_mm: Annotated[
+        float | None, typer.Option(help="An even helix of this pitch, in mm.")
+    ] = None,
+    turns: Annotated[
+        float | None,
+        typer.Option(help="Turns of an even helix; otherwise those of the condition's duration."),
+    ] = None,
+    markers_every_turn: Annotated[
+        bool, typer.Option("--markers-every-turn", help="Marker n is wanted after n turns.")
+    ] = False,
+    start: Annotated[
+        str,
+        typer.Option(
+            help="Whether the guide takes its place ahead of the cable before the cylinder turns, "
+            "or while it ramps: first, together."
+        ),
+    ] = "first",
+    tolerance_mm: Annotated[
+        float | None,
+        typer.Option(help="Exit code 1 where the cable would lie further off, in mm."),
+    ] = None,
+    slow_down: Annotated[
+        bool,
+        typer.Option("--slow-down", help="Slow the cylinder at corners to keep the tolerance."),
+    ] = False,
+    solver: Annotated[
+        bool, typer.Option("--solver/--no-solver", help="Wind the plan with the rod as well.")
+    ] = True,
+    picture: Annotated[Path | None, typer.Option(help="Draw the plan: .png, .svg or .pdf.")] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Also write the plan to this file.")
+    ] = None,
+    csv_file: Annotated[
+        Path | None,
+        typer.Option("--csv", help="Write t_s, cylinder_rad, guide_m, tension_n for a PLC."),
+    ] = None,
+    period_ms: Annotated[float, typer.Option(help="Time between rows of the CSV, in ms.")] = 10.0,
+) -> None:
+    """Plan the machine's motion that lays a program, and say what is out of reach, and why."""
+    from cable_fem_node.dynamics.failure import SolverError
+    from lay_control_node.planning.plan_files import plan_record
+    from lay_control_node.planning.planner import plan_lay
+    from winding_cli.output.lay_plan import print_plan, solver_record, verdict
+
+    for path in (picture, json_file, csv_file):
+        check_output_file(path)
+    _check_options(start, tolerance_mm, slow_down, picture, period_ms)
+    laid: SolverLay | None = None
+    try:
+        parameters = RunParameters.from_typed(typed, spelling=spelled, case=None)
+        if solver and parameters.element != "rod":
+            refuse(f"a plan is wound with the rod, not with the element {parameters.element}")
+        what = parameters.resolved(spelled)
+        limits = PlanParameters.from_typed(typed_limits, spelling=spelled).limits()
+        config = parameters.config_of(what, mass_scaling=1.0)
+        wanted = _wanted(program, what, even, pitch_mm, turns, markers_every_turn)
+        plan_with = functools.partial(
+            plan_lay,
+            wanted,
+            what,
+            limits,
+            residual_limit=tolerance_mm * MILLIMETRE if tolerance_mm and slow_down else None,
+            together=start == "together",
+        )
+        if solver:
+            from winding_study.lay.solver_check import plan_with_solver
+
+            planned, laid = plan_with_solver(lambda lag: plan_with(lag=lag), config)
+        else:
+            planned = plan_with()
+    except (ValueError, SolverError) as error:
+        refuse(error)
+    print_plan(result_console(), planned, laid)
+    missed = verdict(planned, laid, tolerance_mm)
+    record = plan_record(planned)
+    record |= {"solver": solver_record(laid), "tolerance_mm": tolerance_mm, "missed": missed}
+    _write(planned, laid, csv_file, picture, 1.0e-3 * period_ms)
+    if json_file is not None:
+        write_json(json_file, record)
+    if missed:
+        refuse(missed, FAILED)
+
+
+def _check_options(
+    start: str, tolerance: float | None, slow_down: bool, picture: Path | None, period: float
+) -> None:
+    from winding_study.lay.plan_picture import PICTURE_KINDS
+
+    if start not in STARTS:
+        refuse(f"--start must be {' or '.join(STARTS)}, got {start!r}")
+    if tolerance is not None and not 0.0 < tolerance < 1.0e6:
+        refuse(f"--tolerance-mm must be positive and finite, got {tolerance:g}")
+    if slow_down and tolerance is None:
+        refuse("--slow-down needs --tolerance-mm")
+    if not 1.0 <= period <= 1000.0:
+        refuse(f"--period-ms must lie in 1 to 1000, got {period:g}")
+    if picture is not None and picture.suffix.lower() not in PICTURE_KINDS:
+        refuse(f"--picture ends in {', '.join(PICTURE_KINDS)}, got {picture.name!r}")
+
+
+def _wanted(
+    file: Path | None,
+    what: ResolvedCondition,
+    even: bool,
+    pitch_mm: float | None,
+    turns: float | None,
+    markers_every_turn: bool,
+) -> LayProgram:
+    from lay_control_node.planning.lay_plan import FULL_TURN
+    from lay_control_node.programs import even_helix, read_program, with_markers_every_turn
+    from winding_core.lay_program import LayProgramError
+
+    given = [file is not None, even, pitch_mm is not None]
+    if sum(given) != 1:
+        raise LayProgramError(
+            "say once what is wanted: a program file, --even or --pitch-mm, "
+            f"got {sum(given)} of them"
+        )
+    if file is not None:
+        if turns is not None:
+            raise LayProgramError("--turns goes with --even or --pitch-mm, a file has its own")
+        program = read_program(file, radius=what.case.centreline_radius)
+    else:
+        if turns is None:
+            turns = float(what.drive.positions(what.duration)[0]) / FULL_TURN
+        pitch = what.drive.pitch if pitch_mm is None else MILLIMETRE * pitch_mm
+        program = even_helix(pitch, turns, name=f"helix of {pitch / MILLIMETRE:.4g} mm")
+    if markers_every_turn:
+        program = with_markers_every_turn(program, what.case.marker_count)
+    return program
+
+
+def _write(
+    planned: LayPlan,
+    laid: SolverLay | None,
+    csv_file: Path | None,
+    picture: Path | None,
+    period: float,
+) -> None:
+    from lay_control_node.planning.plan_files import csv_text
+
+    if csv_file is not None:
+        with staged(csv_file) as place:
+            place.write_text(csv_text(planned, period), encoding="utf-8")
+    if picture is not None:
+        from winding_study.lay.plan_picture import write_plan_picture
+
+        with staged(picture) as place:
+            write_plan_picture(planned, laid, place, picture.suffix.lower())

@@ -1,0 +1,62 @@
+"""What `winding study --closed-loop` prints and writes."""
+
+from __future__ import annotations
+
+import json as json_format
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from winding_study.closed_loop.study import ClosedLoopRow
+
+
+def closed_loop(cases: tuple[int, ...], draws: int, processes: int, json: Path | None) -> None:
+    """Wind the cases under hidden rigs, closed and open loop; print percentiles.
+
+    Args:
+        cases: Rows of Table 1.
+        draws: Hidden rigs of each.
+        processes: Runs at a time.
+        json: File of every run; None for none.
+    """
+    from winding_study.closed_loop.study import ClosedLoopConfig, closed_loop_study
+
+    config = ClosedLoopConfig(cases=cases, draws=draws)
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("runs with hidden rigs", total=None)
+
+        def show(done: int, runs: int) -> None:
+            bar.update(task, completed=done, total=runs)
+
+        rows = closed_loop_study(config, processes=processes, progress=show)
+    Console().print(_table(rows, draws))
+    if json is not None:
+        json.write_text(json_format.dumps([row.record() for row in rows], indent=1) + "\n")
+
+
+def _table(rows: list[ClosedLoopRow], draws: int) -> Table:
+    from winding_study.closed_loop.study import summary
+
+    cases = len({row.case for row in rows})
+    table = Table(
+        title=f"|z - even helix| in mm over {cases} cases and {draws} hidden rigs of each: "
+        "median, 95th percentile, worst",
+        show_lines=True,
+    )
+    table.add_column("true cable")
+    table.add_column("loop")
+    found = summary(rows)
+    names = max((list(parts) for parts in found.values()), key=len)
+    for name in names:
+        table.add_column("turns 3 and on" if name == "turns" else name, justify="right")
+    for (truth, mode), parts in found.items():
+        cells = [
+            "\n".join(f"{1.0e3 * value:.2f}" for value in parts[name]) if name in parts else ""
+            for name in names
+        ]
+        table.add_row(truth, mode, *cells)
+    return table

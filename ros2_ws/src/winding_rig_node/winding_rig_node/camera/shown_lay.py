@@ -1,0 +1,90 @@
+"""The lay as the camera sees it: one that is known ahead, or one that is wound as it goes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_rig_node.camera.cable_path import CablePath, WoundPath
+from winding_rig_node.camera.growing_path import GrowingPath
+from winding_rig_node.machine.driven_lay import LayView
+from winding_rig_node.machine.lay import CableLay
+
+FloatArray = NDArray[np.float64]
+
+
+class SeenLay(NamedTuple):
+    """What a `Scene` needs of a lay; see there.
+
+    Attributes:
+        path: Axial position of the wound cable.
+        marker_theta: Wound angle of each marker [rad], shape (m,).
+        guide_z: Axial position of the guide's eye [m].
+        free_length: Distance of the eye before the contact line [m].
+    """
+
+    path: WoundPath
+    marker_theta: FloatArray
+    guide_z: float
+    free_length: float
+
+
+class ShownLay(Protocol):
+    """A lay before the camera."""
+
+    def at(self, carriage: float, view: LayView | None) -> SeenLay:
+        """Return what is seen of it with the carriage at a place [m]."""
+        ...
+
+
+class KnownLay:
+    """A lay that is known ahead, whatever the machine does; the eye stands on the carriage.
+
+    Args:
+        lay: The lay.
+        free_length: Distance of the eye before the contact line [m].
+    """
+
+    def __init__(self, lay: CableLay, free_length: float) -> None:
+        self._path = CablePath(theta=lay.path_theta, z=lay.path_z)
+        self._marker_theta = lay.marker_theta
+        self._free_length = free_length
+
+    def at(self, carriage: float, view: LayView | None) -> SeenLay:
+        """Return what is seen of it with the carriage at a place [m]; there are no views of it."""
+        return SeenLay(
+            path=self._path,
+            marker_theta=self._marker_theta,
+            guide_z=carriage,
+            free_length=self._free_length,
+        )
+
+
+class GrowingLay:
+    """A lay that is wound as the machine goes, told view by view.
+
+    Args:
+        first: Its first view.
+    """
+
+    def __init__(self, first: LayView) -> None:
+        self._path = GrowingPath()
+        self._seen = self._after(first)
+
+    def at(self, carriage: float, view: LayView | None) -> SeenLay:
+        """Return what is seen of it after a view; as it was seen last without one."""
+        if view is not None:
+            self._seen = self._after(view)
+        return self._seen
+
+    def _after(self, view: LayView) -> SeenLay:
+        self._path.grow(*view.growth)
+        self._path.end(view.theta, view.z, view.slope)
+        return SeenLay(
+            path=self._path,
+            marker_theta=view.marker_theta,
+            guide_z=view.eye,
+            free_length=view.free_length,
+        )

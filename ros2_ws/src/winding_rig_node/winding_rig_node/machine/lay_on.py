@@ -1,0 +1,191 @@
+"""How a cable lies down while the cylinder turns by a small angle."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_core.cases import Case
+from winding_core.compiling import called, compiled
+from winding_rig_node.machine.hidden_rig import HiddenRig
+from winding_rig_node.machine.stretch import neo_hookean_stretch
+
+FloatArray = NDArray[np.float64]
+
+_stretched = called(neo_hookean_stretch)
+
+# Angle between points of a path that are kept [rad].
+GRID_STEP = 0.02
+# The bent end of the span is short beside the span; a slack cable would make it endless.
+_LONGEST_BENT_END = 0.25
+
+Record = NDArray[np.void]
+
+
+class Contact(NamedTuple):
+    """A cable at its contact line.
+
+    Attributes:
+        angle: Of the cylinder [rad].
+        eye: Where the eye of the guide stands [m].
+        pull: On the cable behind the brake's friction [N]; nan before the first.
+        z: Axial position of the lay [m].
+        slope: Its rise, dz/dTheta [m/rad].
+        length: Undeformed length since P0 [m].
+        tension: Of the span [N].
+        span_stretch: Of the span.
+        stretch: Of what is laid.
+        next: Number of the marker that lands next.
+        last: Wound angle of the last point of the path that was kept [rad].
+    """
+
+    angle: float = 0.0
+    eye: float = 0.0
+    pull: float = math.nan
+    z: float = 0.0
+    slope: float = 0.0
+    length: float = 0.0
+    tension: float = 0.0
+    span_stretch: float = 1.0
+    stretch: float = 1.0
+    next: float = 1.0
+    last: float = 0.0
+
+
+class _Cable(NamedTuple):
+    """What does not change while a case is wound on a rig.
+
+    Attributes:
+        rho: Radius of the centre line [m].
+        axial: EA [N].
+        bending: EI [N m^2].
+        spacing: Of the markers along the undeformed cable [m].
+        free_length: Of the span [m].
+        load_share: Of the pull at the guide that reaches the cylinder.
+        drag: Of the guide [N].
+        start_share: Share of the tension at P0.
+        build_up_length: Wound length over which it builds up [m].
+        half_play: Of the guide, to either side [m].
+        friction: Share of the pull that the brake holds back, to either side.
+    """
+
+    rho: float
+    axial: float
+    bending: float
+    spacing: float
+    free_length: float
+    load_share: float
+    drag: float
+    start_share: float
+    build_up_length: float
+    half_play: float
+    friction: float
+
+
+def contact_at_start() -> Record:
+    """Return a cable of which P0 stands at the contact line, fields of `Contact`, shape (1,)."""
+    return _record(Contact())
+
+
+def cable_of(case: Case, hidden: HiddenRig) -> Record:
+    """Return what does not change while a case is wound on a rig, shape (1,)."""
+    return _record(
+        _Cable(
+            rho=case.centreline_radius,
+            axial=case.axial_area * case.material.young,
+            bending=hidden.bending * case.bending_stiffness,
+            spacing=case.marker_spacing,
+            free_length=hidden.free_length,
+            load_share=hidden.load_share,
+            drag=hidden.drag,
+            start_share=hidden.start_share,
+            build_up_length=hidden.build_up_length,
+            half_play=0.5 * hidden.guide_play,
+            friction=hidden.brake_friction,
+        )
+    )
+
+
+def _record(values: Contact | _Cable) -> Record:
+    """Return values as an array that a kernel can change, shape (1,)."""
+    return np.array([tuple(values)], dtype=[(name, "<f8") for name in values._fields])
+
+
+@compiled
+def lay_on(
+    contacts: Any, cables: Any, markers: FloatArray, angle: float, carriage: float, pull: float
+) -> bool:  # pragma: no cover
+    """Go on by a small angle forwards, by none, or backwards behind P0.
+
+    Args:
+        contacts: The cable at its contact line, see `contact_at_start`; changed.
+        cables: What does not change, see `cable_of`.
+        markers: Wound angle of each marker [rad], shape (n,); written where one lands.
+        angle: Of the cylinder now [rad].
+        carriage: Its position now [m].
+        pull: On the cable at the guide now [N].
+
+    Returns:
+        Whether the lay has gone on by `GRID_STEP` since the last point that was kept.
+    """
+    contact, cable = contacts[0], cables[0]
+    eye_before, start = contact.eye, max(contact.angle, 0.0)
+    contact.eye = min(max(eye_before, carriage - cable.half_play), carriage + cable.half_play)
+    held = pull if math.isnan(contact.pull) else contact.pull
+    held = min(max(held, (1.0 - cable.friction) * pull), (1.0 + cable.friction) * pull)
+    contact.pull = max(held, 0.0)
+    contact.angle = angle
+    turned = angle - start
+    if turned <= 0.0:
+        return False
+    _stretch(contact, cable, start + 0.5 * turned)
+    before = contact.z
+    _follow(contact, cable, turned, eye_before)
+    laid = math.hypot(cable.rho * turned, contact.z - before) / contact.stretch
+    while contact.next < markers.size:
+        left = contact.next * cable.spacing - contact.length
+        if left > laid:
+            break
+        markers[int(contact.next)] = start + turned * left / laid
+        contact.next += 1.0
+    contact.length += laid
+    if angle - contact.last < GRID_STEP:
+        return False
+    contact.last = angle
+    return True
+
+
+@called
+def _stretch(contact: Any, cable: Any, theta: float) -> None:  # pragma: no cover
+    """Set tension and stretches of the cable at a wound angle [rad]."""
+    wound = cable.rho * theta
+    built = 1.0 - (1.0 - cable.start_share) * math.exp(-wound / cable.build_up_length)
+    contact.tension = (cable.drag + cable.load_share * contact.pull) * built
+    load = contact.tension / cable.axial
+    contact.span_stretch = _stretched(load, contact.span_stretch)
+    bent = 0.5 * cable.bending * contact.span_stretch / (cable.rho**2 * cable.axial)
+    contact.stretch = _stretched(load - bent, contact.stretch)
+
+
+@called
+def _follow(contact: Any, cable: Any, turned: float, eye: float) -> None:  # pragma: no cover
+    """Have the contact line follow the eye, which goes evenly from where it stood [m]."""
+    advance = (contact.eye - eye) / turned
+    bent_end = _LONGEST_BENT_END * cable.free_length
+    if contact.tension * bent_end**2 > cable.bending:
+        bent_end = math.sqrt(cable.bending / contact.tension)
+    slow, quick = (cable.free_length - bent_end) / cable.rho, bent_end / cable.rho
+    # Where the lay runs in the end is exact; two differences from it die away.
+    lag = advance * (slow + quick)
+    off, short, rate = contact.z - eye + lag, 0.0, 0.0
+    if quick > 0.0:
+        short = -((contact.slope - advance) * slow + off) * quick / (slow - quick)
+    off = (off - short) * math.exp(-turned / slow)
+    if quick > 0.0:
+        short *= math.exp(-turned / quick)
+        rate = short / quick
+    contact.z = contact.eye - lag + off + short
+    contact.slope = advance - off / slow - rate

@@ -1,0 +1,1 @@
+"""Does the cable land where it is commanded? Machine, truth, camera and controller without DDS."""

@@ -1,0 +1,279 @@
+"""What the lay controller answers to encoded messages: commands in the joint's own unit, modes."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lay_control_node.ros.message_handler import LayControlHandler
+from lay_control_node.ros.parameters import LayControlParameters
+from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
+from winding_core.lay_records import LAY_DTYPE
+from winding_core.machine_axes import MachineAxes
+from winding_core.markers import MARKER_DTYPE
+from winding_core.readings import AxisReading
+from winding_ros import topics
+from winding_ros.cloud_messages import decode_cloud, encode_cloud
+from winding_ros.message_error import MessageError
+from winding_ros.rig_messages import encode_joint_state, encode_tension
+
+PERIOD = 1.0e-3
+COMMANDS_PERIOD = 0.02
+# Joints of a carriage that counts millimetres, backwards, and stands at 1234.5 at the start.
+AXES: dict[str, Any] = {"carriage_scale": -1.0e-3, "carriage_offset": 1234.5}
+DRIVE = LayControlParameters().resolved().drive
+
+
+def begun(**parameters: Any) -> LayControlHandler:
+    handler = LayControlHandler(LayControlParameters(**{"control": "drive", **parameters}))
+    list(handler.begin(0.0))
+    return handler
+
+
+def joint_state(t: float, reading: AxisReading, **axes: Any) -> bytes:
+    """Return the message of a machine whose joints have scales and offsets of their own."""
+    machine = MachineAxes(**axes)
+    return encode_joint_state(
+        t,
+        AxisReading(
+            cylinder_angle=reading.cylinder_angle / machine.cylinder_scale
+            + machine.cylinder_offset,
+            angular_speed=reading.angular_speed / machine.cylinder_scale,
+            carriage_position=reading.carriage_position / machine.carriage_scale
+            + machine.carriage_offset,
+            feed_speed=reading.feed_speed / machine.carriage_scale,
+        ),
+    )
+
+
+def instants(start: float, end: float) -> Iterable[float]:
+    return (start + PERIOD * k for k in range(round((end - start) / PERIOD)))
+
+
+def wind(
+    handler: LayControlHandler, start: float, end: float, *, solver: bool = True, **axes: Any
+) -> list[Any]:
+    """Give a handler the drive programme's joint states; return what it answers."""
+    answers = []
+    for t in instants(start, end):
+        if solver:
+            assert not list(
+                handler.take(topics.FEM_MARKERS, encode_cloud(t, np.zeros(0, dtype=MARKER_DTYPE)))
+            )
+        answers += handler.take(topics.JOINT_STATES, joint_state(t, DRIVE.reading_at(t), **axes))
+    return answers
+
+
+def on(topic: Any, answers: Iterable[Any]) -> list[Any]:
+    return [answer.message for answer in answers if answer.topic is topic]
+
+
+def said(answers: Iterable[Any]) -> np.ndarray:
+    """Return the records of lay_control/state."""
+    clouds = [
+        decode_cloud(message, LAY_CONTROL_DTYPE)[1]
+        for message in on(topics.LAY_CONTROL_STATE, answers)
+    ]
+    return np.concatenate(clouds)
+
+
+def test_targets_are_in_the_joints_own_unit_sign_and_offset() -> None:
+    plain = wind(begun(), 0.0, 1.0)
+    other = wind(begun(**AXES), 0.0, 1.0, **AXES)
+    targets = on(topics.JOINT_TARGETS, other)
+    assert len(targets) == len(on(topics.JOINT_TARGETS, plain)) == round(1.0 / COMMANDS_PERIOD)
+    for mine, his in zip(on(topics.JOINT_TARGETS, plain), targets, strict=True):
+        # Rounding of 1234.5 mm in double precision, and of what was computed with it.
+        assert his.position[0] == pytest.approx(1234.5 - 1.0e3 * mine.position[0], abs=1.0e-7)
+        assert his.velocity[0] == pytest.approx(-1.0e3 * mine.velocity[0], abs=1.0e-6)
+    assert targets[-1].position[0] < 1234.5
+
+
+def test_target_names_the_machines_own_joint_and_no_other() -> None:
+    handler = begun(carriage_joint="carriage_joint", cylinder_joint="cylinder_joint")
+    names = {tuple(target.name) for target in on(topics.JOINT_TARGETS, wind(handler, 0.0, 0.1))}
+    assert names == {("carriage_joint",)}
+
+
+def test_state_is_said_at_its_rate_whatever_the_encoders_rate() -> None:
+    answers = wind(begun(), 0.0, 1.0)
+    assert len(on(topics.LAY_CONTROL_STATE, answers)) == round(1.0 / COMMANDS_PERIOD)
+
+
+@pytest.mark.parametrize("mode", ["off", "watch"])
+def test_nothing_is_commanded_by_a_controller_that_does_not_drive(mode: str) -> None:
+    answers = wind(begun(control=mode, brake=True, markers_every_turn=True), 0.0, 1.0)
+    assert {answer.topic for answer in answers} == {topics.LAY_CONTROL_STATE}
+    assert set(said(answers)["mode"]) == {int(ControlMode[mode.upper()])}
+
+
+def test_pull_is_commanded_of_a_machine_with_a_brake_alone() -> None:
+    with_brake = wind(begun(brake=True, markers_every_turn=True), 0.0, 1.0)
+    assert on(topics.TENSION_COMMAND, with_brake)
+    assert not on(topics.TENSION_COMMAND, wind(begun(), 0.0, 1.0))
+
+
+def stood_still(handler: LayControlHandler, start: float, end: float) -> list[Any]:
+    """Give a handler joint states of a machine that stopped at an instant [s], till another."""
+    stopped = DRIVE.reading_at(start)
+    standing = AxisReading(
+        cylinder_angle=stopped.cylinder_angle,
+        angular_speed=0.0,
+        carriage_position=stopped.carriage_position,
+        feed_speed=0.0,
+    )
+    answers: list[Any] = []
+    for t in instants(start, end):
+        answers += handler.take(topics.JOINT_STATES, encode_joint_state(t, standing))
+    return answers
+
+
+def test_machine_that_stands_after_a_stop_is_not_commanded() -> None:
+    handler = begun()
+    wind(handler, 0.0, 2.0)
+    stood_still(handler, 2.0, 2.3)
+    later = stood_still(handler, 2.3, 3.0)
+    assert on(topics.JOINT_TARGETS, later) == []
+    assert len(on(topics.LAY_CONTROL_STATE, later)) == round(0.7 / COMMANDS_PERIOD)
+
+
+def test_controller_that_starts_beside_a_standing_machine_soon_leaves_it_alone() -> None:
+    handler = begun()
+    stood_still(handler, 2.0, 2.3)
+    assert on(topics.JOINT_TARGETS, stood_still(handler, 2.3, 3.0)) == []
+
+
+def test_restart_in_mid_run_takes_the_guide_over_where_it_is() -> None:
+    targets = on(topics.JOINT_TARGETS, wind(begun(), 5.0, 6.0))
+    guide = [target.position[0] for target in targets]
+    first = DRIVE.reading_at(5.0)
+    # Within the first period a carriage moves no further than at its largest speed.
+    limit = LayControlParameters().guide_speed_limit * COMMANDS_PERIOD
+    assert abs(guide[0] - first.carriage_position) < limit
+    acceleration = LayControlParameters().guide_acceleration_limit
+    # Second differences of places that follow one another at the acceleration's limit.
+    assert np.abs(np.diff(guide, 2)).max() <= acceleration * COMMANDS_PERIOD**2 * (1.0 + 1.0e-6)
+
+
+def test_restart_beside_a_guide_that_is_where_it_should_be_leaves_it_there() -> None:
+    handler = begun()
+    what = LayControlParameters().resolved()
+    pitch = DRIVE.pitch / (2.0 * math.pi)
+    lead = pitch * what.free_length / what.case.centreline_radius
+    answers: list[Any] = []
+    for t in instants(5.0, 6.0):
+        reading = DRIVE.reading_at(t)
+        ahead = replace(reading, carriage_position=pitch * reading.cylinder_angle + lead)
+        answers += handler.take(topics.JOINT_STATES, encode_joint_state(t, ahead))
+    targets = on(topics.JOINT_TARGETS, answers)
+    # The last command is of 5.98 s. The end of the span grows 4 % less bent as the tension builds
+    # up; the lay moves by 0.02 mm with it, and the law moves the guide by 11 times that.
+    there = pitch * DRIVE.reading_at(5.98).cylinder_angle + lead
+    assert targets[-1].position[0] == pytest.approx(there, abs=4.0e-4)
+
+
+def test_restart_in_mid_run_owns_that_it_knows_little_of_the_lay() -> None:
+    state = said(wind(begun(), 5.0, 5.1))
+    assert state["sigma_z"][0] > 0.01
+    assert state["theta"][0] == pytest.approx(DRIVE.reading_at(5.0).cylinder_angle)
+
+
+def test_modes_are_switched_without_a_step_of_the_guide() -> None:
+    handler = begun(control="watch")
+    wind(handler, 0.0, 3.0)
+    handler.switch(ControlMode.DRIVE)
+    targets = on(topics.JOINT_TARGETS, wind(handler, 3.0, 3.5))
+    guide = np.array([target.position[0] for target in targets])
+    assert guide.size == round(0.5 / COMMANDS_PERIOD)
+    limits = LayControlParameters()
+    there = DRIVE.reading_at(3.0).carriage_position
+    assert abs(guide[0] - there) < limits.guide_speed_limit * COMMANDS_PERIOD
+    # Rounding of places of some 10 mm.
+    step = limits.guide_speed_limit * COMMANDS_PERIOD * (1.0 + 1.0e-9)
+    assert np.abs(np.diff(guide)).max() <= step
+    handler.switch(ControlMode.OFF)
+    assert on(topics.JOINT_TARGETS, wind(handler, 3.5, 4.0)) == []
+
+
+def test_mode_that_was_switched_stays_in_the_next_run() -> None:
+    handler = begun(control="watch")
+    handler.switch(ControlMode.DRIVE)
+    list(handler.begin(0.0))
+    assert on(topics.JOINT_TARGETS, wind(handler, 0.0, 0.1))
+
+
+def test_silent_solver_leaves_the_drive_programme() -> None:
+    state = said(wind(begun(solver_patience=0.5), 0.0, 1.5, solver=False))
+    assert state["basis"][0] != ControlBasis.RAMP
+    assert state["basis"][-1] == ControlBasis.RAMP
+    programme = DRIVE.reading_at(1.4).feed_speed
+    # The setpoint goes at the feed speed of the drive programme, as the encoder says its speed.
+    assert state["guide_speed"][-1] == pytest.approx(programme, rel=0.01)
+
+
+def test_measured_lay_makes_the_estimate_surer() -> None:
+    handler = begun()
+    before = said(wind(handler, 0.0, 4.0))[-1]
+    angle = DRIVE.reading_at(4.0).cylinder_angle
+    places = np.zeros(20, dtype=LAY_DTYPE)
+    places["theta"] = np.linspace(0.2, angle - 0.5, 20)
+    places["z"] = before["z"] * places["theta"] / angle
+    places["sigma_z"] = 1.0e-4
+    assert list(handler.take(topics.TRACKED_LAY, encode_cloud(4.0, places))) == []
+    after = said(wind(handler, 4.0, 4.1))[-1]
+    assert after["sigma_free_length"] < before["sigma_free_length"]
+    assert after["basis"] == ControlBasis.MEASURED
+
+
+def bad_messages() -> list[Any]:
+    reading = DRIVE.reading_at(1.0)
+    nowhere = AxisReading(
+        cylinder_angle=math.nan,
+        angular_speed=reading.angular_speed,
+        carriage_position=reading.carriage_position,
+        feed_speed=reading.feed_speed,
+    )
+    good = encode_joint_state(1.0, reading)
+    wrong = encode_cloud(1.0, np.zeros(1, dtype=[("x", "<f4"), ("y", "<f4")]))
+    return [
+        pytest.param(topics.JOINT_STATES, encode_joint_state(1.0, nowhere), id="no angle"),
+        pytest.param(topics.JOINT_STATES, good[: len(good) // 2], id="half a joint state"),
+        pytest.param(topics.JOINT_STATES, b"", id="empty joint state"),
+        pytest.param(topics.TENSION, encode_tension(1.0, math.inf), id="infinite pull"),
+        pytest.param(topics.TENSION, b"\x00\x01", id="short pull"),
+        pytest.param(topics.TRACKED_MARKERS, wrong, id="markers of other fields"),
+        pytest.param(topics.TRACKED_LAY, wrong, id="lay of other fields"),
+        pytest.param(topics.FEM_MARKERS, b"\xff" * 40, id="markers of noise"),
+    ]
+
+
+@pytest.mark.parametrize(("topic", "data"), bad_messages())
+def test_message_that_cannot_be_used_changes_nothing(topic: Any, data: bytes) -> None:
+    hurt, unhurt = begun(), begun()
+    for handler in (hurt, unhurt):
+        wind(handler, 0.0, 1.0)
+    with pytest.raises(MessageError):
+        list(hurt.take(topic, data))
+    after, expected = (said(wind(handler, 1.001, 1.2)) for handler in (hurt, unhurt))
+    assert after.tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize("field", ["theta", "z", "sigma_z"])
+def test_place_that_is_not_a_number_moves_nothing(field: str) -> None:
+    handler = begun()
+    wind(handler, 0.0, 4.0)
+    places = np.zeros(3, dtype=LAY_DTYPE)
+    places["theta"], places["z"], places["sigma_z"] = (1.0, 2.0, 3.0), 0.003, 1.0e-4
+    places[field] = math.nan
+    list(handler.take(topics.TRACKED_LAY, encode_cloud(4.0, places)))
+    markers = np.zeros(1, dtype=MARKER_DTYPE)
+    markers["id"], markers["theta"], markers["z"], markers["sigma_z"] = 1, 4.0, 0.01, 1.0e-4
+    markers[field] = math.nan
+    for k in range(40):
+        list(handler.take(topics.TRACKED_MARKERS, encode_cloud(4.0 + 0.005 * k, markers)))
+    state = said(wind(handler, 4.0, 4.2))
+    for name in ("z", "guide", "guide_speed", "free_length", "load_share"):
+        assert np.isfinite(state[name]).all(), name

@@ -1,0 +1,52 @@
+"""What is written of a run's truth, for who judges it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from winding_core.cases import paper_case
+from winding_core.drive import DriveProfile
+from winding_core.fleet_angle import PAPER_FREE_LENGTH
+from winding_rig_node.machine.driven_lay import DrivenLay
+from winding_rig_node.machine.hidden_rig import HiddenRig
+from winding_rig_node.machine.lay import published_lay
+from winding_rig_node.machine.truth import truth_of, truth_path, write_truth
+
+CASE = paper_case(4)
+
+
+def test_the_truth_of_a_driven_lay_is_the_lay_and_what_was_hidden(tmp_path):
+    hidden = HiddenRig.drawn(np.random.default_rng(2))
+    lay = DrivenLay(CASE, hidden)
+    for angle in np.arange(0.01, 14.0, 0.01):
+        lay.advance(angle, 3.0e-3 * angle, CASE.weight)
+    write_truth(tmp_path / "truth.json", truth_of(lay, 99.0))
+    told = json.loads((tmp_path / "truth.json").read_text())
+    assert HiddenRig(**told["hidden"]) == hidden
+    assert told["wound_angle"] == lay.wound_angle == told["path"]["theta"][-1]
+    theta = np.array(told["path"]["theta"])
+    np.testing.assert_array_equal(told["path"]["z"], lay.z_at(theta))
+    np.testing.assert_array_equal(told["path"]["length"], lay.length_at(theta))
+    assert told["markers"]["theta"] == [*lay.marker_theta[:3].tolist(), None, None]
+    assert told["markers"]["z"][3:] == [None, None]
+    assert [path.name for path in tmp_path.iterdir()] == ["truth.json"]
+
+
+def test_the_truth_of_a_known_lay_ends_where_the_cylinder_stands():
+    lay = published_lay(CASE, DriveProfile(), PAPER_FREE_LENGTH, 33.93)
+    told = truth_of(lay, 8.0)
+    assert told["hidden"] == {}
+    assert max(told["path"]["theta"]) <= 8.0
+    assert told["markers"]["theta"] == [0.0, lay.marker_theta[1], None, None, None]
+
+
+def test_an_empty_name_is_no_file():
+    assert truth_path("") is None
+
+
+@pytest.mark.parametrize("name", ["absent/truth.json", "."])
+def test_a_file_that_cannot_be_is_refused(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match=f"a file in a folder that exists, got '{name}'"):
+        truth_path(name)
