@@ -187,7 +187,7 @@ def posed(dice, belief):
     )
 
 
-def scores(seed, belief, **told):
+def scores(seed, belief):
     """Return errors of z over what is told of them, the camera not quite where it is thought."""
     dice = np.random.default_rng(seed)
     radius, cable = dice.uniform(0.015, 0.05), dice.uniform(0.001, 0.003)
@@ -195,8 +195,6 @@ def scores(seed, belief, **told):
     tracker, _ = lay.measured(
         posed(dice, belief), 0.12, seed, pose=CameraPose(position=SMALL.position), belief=belief
     )
-    for name, value in told.items():
-        setattr(tracker, name, value)
     errors, sigma = lay.errors(tracker.records())
     return errors / sigma
 
