@@ -67,8 +67,8 @@ class Fading:
         """Return every branch's q after a time [s] at a held stretch [N], shape (terms, n).
 
         Args:
-            span: The time.
-            rows: As `HeldCable.viscous`.
+            span: The time [s].
+            rows: As `HeldCable.viscous` [N], shape (1 + terms, n).
         """
         full = self.relax.share[:, None] * rows[0]
         left = np.exp(-span / self.relax.time)[:, None]

@@ -105,8 +105,8 @@ class RestingCable:
         """Return what the tension has faded by at a time [s], not before the last `fade` [N].
 
         Args:
-            t: When.
-            begin: Of the elements from this node on.
+            t: When [s].
+            begin: Count of the elements that are left out, from P0 on.
         """
         elements = self._rows[_VISCOUS:, begin + 1 : self.count]
         if self._fading is None:
@@ -119,7 +119,7 @@ class RestingCable:
         angle: float,
         cable: Points,
         reference: FloatArray,
-        viscous: FloatArray,
+        viscous: FloatArray | None = None,
     ) -> None:
         """Lay nodes 1 to `nodes` of the integrated cable to rest.
 
@@ -128,7 +128,7 @@ class RestingCable:
             angle: Of the cylinder [rad].
             cable: Integrated nodes, touching the cylinder; node 0 rests already.
             reference: Reference lengths of its elements [m], shape (at least nodes,).
-            viscous: Elastic and viscous forces of its elements [N]; no rows for an elastic cable.
+            viscous: Elastic and viscous forces of its elements [N]; none of an elastic cable.
         """
         old, new = self.count, self.count + nodes
         self._reserve(new)
@@ -140,7 +140,8 @@ class RestingCable:
         rows[CONTACT_RADIUS] = cable.contact_radius[moved]
         rows[ROLL] = cable.roll[0, moved]
         rows[REFERENCE] = reference[elements]
-        rows[_VISCOUS:] = viscous[:, elements]
+        if viscous is not None:
+            rows[_VISCOUS:] = viscous[:, elements]
         self.count = new
         self._continue(old, reference[elements], cable.position[:2, : nodes + 1])
 

@@ -17,7 +17,6 @@ from cable_fem_node.dynamics.points import LOSS_RELAXATION, WORK_TIE, FloatArray
 from cable_fem_node.dynamics.surroundings import normal_forces
 from cable_fem_node.winding import resting_cable
 from cable_fem_node.winding.fading import Fading
-from cable_fem_node.winding.lift_off import lift_off_angle
 from cable_fem_node.winding.resting_cable import turned
 from cable_fem_node.winding.rod_energy import WholeRod, kinetic_energy
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes
@@ -167,11 +166,6 @@ class RodWinding(WindingModel):
         """Return the normal force of the cylinder on every node [N], shape (nodes,)."""
         return normal_forces(self._whole().cable, self._constants.touch)
 
-    def lift_off(self) -> float:
-        """Return the azimuth [rad] at which the cable leaves the cylinder, see `lift_off_angle`."""
-        whole = self._whole()
-        return lift_off_angle(whole.cable.position[:2], whole.reference[:-1], self._laid_nodes())
-
     @property
     def energy(self) -> EnergyLedger:
         """The energy ledger since the start."""
@@ -270,25 +264,24 @@ class RodWinding(WindingModel):
     def _records(self, begin: int) -> NDArray[np.void]:
         """Return the nodes from a resting one on as records of NODE_DTYPE."""
         resting = self._nodes.resting
-        records = np.zeros(self.nodes - begin, dtype=NODE_DTYPE)
-        first = resting.count - 1 - begin
-        x, y, z = resting.place()[:, begin:]
+        # A node more than is wanted: its element is the one towards P0.
+        start = max(begin - 1, 0)
+        records = np.zeros(self.nodes - start, dtype=NODE_DTYPE)
+        first = resting.count - 1 - start
+        x, y, z = resting.place()[:, start:]
         records["x"][: first + 1], records["y"][: first + 1] = turned(self.cylinder_angle, x, y)
         records["z"][: first + 1] = z
         for name, values in zip("xyz", self._nodes.position, strict=True):
             records[name][first:] = values
-        records["s"] = self._nodes.path()[0][begin:]
-        # The element towards P0, which P0 itself does not have.
-        before = max(begin - 1, 0)
-        stretch = self._stretch_from(before)
-        tension = self._tension_from(before, stretch)
-        own = 1 if begin == 0 else 0
-        records["strain"][own:] = stretch - 1.0
-        records["tension"][own:] = tension
+        records["s"] = self._nodes.path()[0][start:]
+        stretch = self._stretch_from(start)
+        tension = self._tension_from(start, stretch)
+        records["strain"][1:] = stretch - 1.0
+        records["tension"][1:] = tension
         records["strain"][0], records["tension"][0] = stretch[0] - 1.0, tension[0]
-        records["roll"] = self._nodes.roll(begin)
-        self._fill_twist(records, self._laid_nodes() - begin)
-        return records
+        records["roll"] = self._nodes.roll(start)
+        self._fill_twist(records, self._laid_nodes() - start)
+        return records[begin - start :]
 
     def _stretch_from(self, node: int) -> FloatArray:
         """Return the stretch of the elements from a resting node on."""

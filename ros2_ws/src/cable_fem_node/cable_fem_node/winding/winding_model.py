@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.points import LEDGER_SIZE, FloatArray
+from cable_fem_node.winding.lift_off import lift_off_angle
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_state import (
     ANGLE,
@@ -130,6 +131,15 @@ class WindingModel(ABC):
     @abstractmethod
     def wound_stretch(self) -> float:
         """Return the mean stretch of the laid cable; of the first element before any is laid."""
+
+    def lift_off(self) -> float:
+        """Return the azimuth [rad] at which the cable leaves the cylinder, see `lift_off_angle`.
+
+        Raises:
+            ValueError: It cannot be seen between these elements.
+        """
+        cable, laid = self.cable(), self.wound_path()[0].size
+        return lift_off_angle(np.stack([cable["x"], cable["y"]]), np.diff(cable["s"]), laid)
 
     @abstractmethod
     def _response(self, tension: float) -> tuple[float, float]:

@@ -106,11 +106,14 @@ def visible_arc(
     last = min(facing + reach, band.high, body.half_around)
     # The turn on the camera's side stands before the part next to it.
     beside = band.above if facing > 0.0 else band.below
-    if beside > HIDING_REACH * body.cable_radius:
+    r = body.cable_radius
+    if beside > HIDING_REACH * r:
         return first, last
-    room = beside * math.cos(facing) / body.cable_radius - 1.0
-    if room < 1.0:
-        hidden = abs(facing) + math.asin(max(room, -1.0))
+    edge = beside * math.cos(facing) / r - 1.0
+    nearer = beside * math.sin(abs(facing)) / r
+    # A limb that lies behind the band's own surface ends nothing: there the two meet in a crease.
+    if -1.0 < edge < 1.0 and nearer * nearer > 1.0 - edge * edge:
+        hidden = abs(facing) + math.asin(edge)
         if facing > 0.0:
             last = min(last, hidden)
         else:

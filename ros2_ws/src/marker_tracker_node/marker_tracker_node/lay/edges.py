@@ -23,14 +23,14 @@ LEAST_STRENGTH = 0.1
 
 @called
 def signal_of(
-    pixels: ByteArray, row: int, group: int, first: int, signal: FloatArray
+    pixels: ByteArray, row: int, group: int, signal: FloatArray
 ) -> None:  # pragma: no cover
-    """Write the brightness of three rows, means of groups of columns from one on."""
+    """Write the brightness of three rows, means of groups of columns, shape (groups,)."""
     share = 1.0 / group
     for u in range(signal.size):
         total = 0
         for v in range(row - 1, row + 2):
-            for k in range((first + u) * group, (first + u + 1) * group):
+            for k in range(u * group, (u + 1) * group):
                 total += int(pixels[v, k, 0]) + int(pixels[v, k, 1]) + int(pixels[v, k, 2])
         signal[u] = total * share
 

@@ -56,7 +56,6 @@ def measure_row(
     pixels: ByteArray,
     rows: RowTables,
     k: int,
-    window: tuple[int, int],
     slant: float,
     found: FloatArray,
 ) -> int:  # pragma: no cover
@@ -66,21 +65,18 @@ def measure_row(
         pixels: Blue-green-red, shape (rows, columns, 3).
         rows: What the rows look at.
         k: Which of them is measured.
-        window: First group that counts, and the first that does not any more.
         slant: Expected dz per way around the cylinder.
         found: To be written, shape (MOST_EDGES, NUMBERS): place (azimuth [rad], or way on the free
             span [m]), z [m] as of a turn on the cylinder, its standard deviation [m], the visible
             width over the cable's, steepness and reach of the ray (`RowTables`), and the kind
             (`segments`).
     """
-    begin, end = window
-    columns = end - begin
+    columns = rows.z.shape[1]
     signal, strength = np.empty(columns), np.empty(columns)
     sums = np.empty(columns + 1)
     where, plain, creased = np.empty(MOST_EDGES), np.empty(MOST_EDGES), np.empty(MOST_EDGES)
-    signal_of(pixels, rows.row[k], rows.group, begin, signal)
-    half, all_z = rows.half[k, begin:end], rows.z[k, begin:end]
-    all_places = rows.place[k, begin:end]
+    signal_of(pixels, rows.row[k], rows.group, signal)
+    half, all_z, all_places = rows.half[k], rows.z[k], rows.place[k]
     count, half_contrast = edges_of(signal, half, sums, strength, where, plain, creased)
     count = _moved_to_rims(signal, half, where, plain, creased, count)
     if count < 2:
@@ -145,8 +141,8 @@ def measure_row(
         found[number, Z] = z
         found[number, SIGMA] = per_column * math.hypot(sigma, SYSTEMATIC)
         found[number, WIDTH] = wide / (2.0 * own)
-        found[number, STEEP] = rows.steep[k, begin + u]
-        found[number, REACH] = rows.reach[k, begin + u]
+        found[number, STEEP] = rows.steep[k, u]
+        found[number, REACH] = rows.reach[k, u]
         found[number, KIND] = kind
         number += 1
     return number

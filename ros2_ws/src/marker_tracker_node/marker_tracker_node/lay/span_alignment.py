@@ -44,9 +44,9 @@ def aligned_rows(
     columns, halves, scales = np.empty(number), np.empty(number), np.empty(number)
     slope = math.tan(span.angle)
     for k in range(number):
-        signal_of(pixels, rows.row[k], rows.group, 0, signals[k])
+        signal_of(pixels, rows.row[k], rows.group, signals[k])
         way = rows.place[k, groups // 2]
-        columns[k] = column_of(rows.z[k], span.contact_z + slope * way)
+        columns[k] = _column_of(rows.z[k], span.contact_z + slope * way)
         u = min(max(int(columns[k]), 0), groups - 2)
         seen[0, k] = rows.place[k, u]
         halves[k] = rows.half[k, u] / math.cos(span.angle)
@@ -70,7 +70,7 @@ def aligned_rows(
 
 
 @called
-def column_of(z: FloatArray, wanted: float) -> float:  # pragma: no cover
+def _column_of(z: FloatArray, wanted: float) -> float:  # pragma: no cover
     """Return where rising places reach one, by linear interpolation, within them."""
     low, high = 0, z.size - 1
     if wanted <= z[low]:

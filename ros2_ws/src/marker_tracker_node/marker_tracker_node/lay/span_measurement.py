@@ -17,8 +17,8 @@ from marker_tracker_node.lay.free_span import (
 )
 from marker_tracker_node.lay.row_measurement import MOST_EDGES, NUMBERS, SYSTEMATIC, measure_row
 from marker_tracker_node.lay.rows import RowTables
-from marker_tracker_node.lay.span_alignment import aligned_rows, column_of
-from winding_core.compiling import called, compiled
+from marker_tracker_node.lay.span_alignment import aligned_rows
+from winding_core.compiling import compiled
 
 ByteArray = NDArray[np.uint8]
 
@@ -27,8 +27,6 @@ ByteArray = NDArray[np.uint8]
 SOUGHT, EXPECTED = 0.6, 0.5
 # The same of a straight cable to the guide, where nothing else is known.
 STRAIGHT = 0.4
-# What lies farther from the expected line is not looked at, in cable diameters.
-AROUND = 3.0
 
 
 @compiled
@@ -50,36 +48,10 @@ def span_in(
         guide_z: Where the guide stands [m].
         machine: Cylinder and cable.
     """
-    around, span = AROUND * machine.diameter, NO_SPAN
-    if not math.isfinite(start):
-        around = math.inf
-    while True:
-        span = _span_near(pixels, rows, start, slope, guide_z, machine, around)
-        if span.rows > 0 or around == math.inf:
-            return span
-        around = math.inf
-
-
-@called
-def _span_near(
-    pixels: ByteArray,
-    rows: RowTables,
-    start: float,
-    slope: float,
-    guide_z: float,
-    machine: Machine,
-    around: float,
-) -> FreeSpan:  # pragma: no cover
-    """Return what `span_in` does from what lies so far around the line that is expected [m]."""
     number, groups = rows.z.shape
     found, counts = np.empty((number, MOST_EDGES, NUMBERS)), np.empty(number, dtype=np.int64)
     for k in range(number):
-        begin, end = 0, groups
-        if around < math.inf:
-            z = start + slope * rows.place[k, groups // 2]
-            begin = math.floor(column_of(rows.z[k], z - around))
-            end = math.ceil(column_of(rows.z[k], z + around)) + 1
-        counts[k] = measure_row(pixels, rows, k, (begin, end), 0.0, found[k])
+        counts[k] = measure_row(pixels, rows, k, 0.0, found[k])
     if not math.isfinite(start):
         limit = STRAIGHT * machine.diameter
         start = towards_guide(found, counts, guide_z, machine.free_length, limit, machine.onward)

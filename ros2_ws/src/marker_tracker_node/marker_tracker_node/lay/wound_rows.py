@@ -51,8 +51,7 @@ def take_row(
         moment: Where they stand.
     """
     found = np.empty((MOST_EDGES, NUMBERS))
-    whole = (0, rows.z.shape[1])
-    found = found[: measure_row(pixels, rows, k, whole, moment.slope / machine.rho, found)]
+    found = found[: measure_row(pixels, rows, k, moment.slope / machine.rho, found)]
     numbers = np.empty(found.shape[0], dtype=np.int64)
     number_turns(found, places, machine, moment, numbers)
     half = rows.half[k]

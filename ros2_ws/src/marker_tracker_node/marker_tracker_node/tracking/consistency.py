@@ -8,13 +8,19 @@ tests their spacing. One number at a time is thought to be wrong.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.geometry_signature import Signature
+from marker_tracker_node.tracking.contradiction import Contradiction, Evidence, size_in_words
+from marker_tracker_node.tracking.geometry_check import (
+    CHANCE,
+    LEAST_MOTION,
+    SIGMA,
+    USUAL,
+    sized_wrongly,
+    wrong_geometry,
+)
 from marker_tracker_node.tracking.passings import (
     TURN,
     Passing,
@@ -27,17 +33,6 @@ from marker_tracker_node.tracking.sighting_log import SightingLog
 
 FloatArray = NDArray[np.float64]
 
-# Innocent runs (twelve of the paper, by 4 to 10 px/mm): bands seem to move 0.1 to 0.5 % faster and
-# to be 1 to 5 % smaller than they are, for their edges are mixed pixels; turns are right to 0.05 %.
-_USUAL = Signature(0.003, -0.03)
-_SIGMA = Signature(0.003, 0.03)
-_LEAST_TURN_SHARE, _LEAST_MOTION = 0.0015, 0.009
-# Blur, highlights and exposure change the area of bands that move as they should by up to this.
-_LEAST_AREA = 0.2
-# Farther than this many deviations from every number alone, none of them explains the bands.
-_EXPLAINED = 3.0
-# What chance alone may do, in deviations of the fit.
-_CHANCE = 4.0
 # So many frames must have had a marker in sight that should have come back.
 _LEAST_AWAITED = 4
 # A marker that comes back in fewer frames than this share has not come back.
@@ -50,63 +45,25 @@ _BETTER = 1.15
 _SAME = 2.0e-4
 # Grey levels of a picture that fell to less than this share of the beginning's.
 _DARKER = 0.75
+_LEAST_TURN_SHARE = 0.0015
 # Gaps between markers relative to expected ones: no modulus is told so wrongly.
 _GAPS = (0.72, 1.5)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Contradiction:
-    """A told number that the pictures speak against.
-
-    Attributes:
-        number: Its name: encoder_scale, frame_times, encoder_or_times, cylinder_diameter,
-            cable_diameter, focal_length, band_width, geometry, marker_spacing, marker_colour or
-            light.
-        share: By how much it is told too large, relative; nan where that is not known.
-        sigma: Standard error of the share; nan where it is not known.
-        sentence: In words.
-    """
-
-    number: str
-    share: float
-    sigma: float
-    sentence: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Evidence:
-    """What is judged.
-
-    Attributes:
-        log: Sightings of the run.
-        area: Measured over expected area of the known bands.
-        effects: See `signatures`.
-        gaps: Wound angle between known neighbours over the expected one, by the first's number.
-        known: Numbers of the known markers after P0.
-        between: Numbers of the markers after which a band lies that has no number.
-    """
-
-    log: SightingLog
-    area: FloatArray
-    effects: Mapping[str, Signature]
-    gaps: Mapping[int, float]
-    known: tuple[int, ...]
-    between: tuple[int, ...]
 
 
 def contradictions(evidence: Evidence) -> tuple[Contradiction, ...]:
     """Return what speaks against the told numbers; empty for an innocent run."""
     passings = passings_of(evidence.log)
-    turning = _of_light(evidence) or _of_turns(evidence.log, passings)
+    turning = _of_light(evidence) or _of_turns(evidence, passings)
     if turning is not None:
         # Where bands lie tells nothing while their turns, or the picture, are in doubt.
         return (turning,)
-    found = (_of_geometry(evidence, passings) or _of_colour(evidence.log), _of_spacing(evidence))
+    found = (wrong_geometry(evidence, passings) or _of_colour(evidence.log), _of_spacing(evidence))
     return tuple(item for item in found if item is not None)
 
 
-def _of_turns(log: SightingLog, passings: list[Passing]) -> Contradiction | None:
+def _of_turns(evidence: Evidence, passings: list[Passing]) -> Contradiction | None:
     """Judge scale and times by when markers come back, or by how bands move that do not."""
+    log = evidence.log
     ahead = {(item.marker, item.lap): item.ahead for item in passings}
     pairs = np.array(
         [
@@ -127,10 +84,12 @@ def _of_turns(log: SightingLog, passings: list[Passing]) -> Contradiction | None
     else:
         if motion is None or _returned(log) >= _RETURNED or not _awaited(log):
             return None
-        share = math.exp(_USUAL.motion) / motion.value - 1.0
-        sigma = math.hypot(_SIGMA.motion, motion.sigma)
+        if sized_wrongly(evidence, motion):
+            return None
+        share = math.exp(USUAL.motion) / motion.value - 1.0
+        sigma = math.hypot(SIGMA.motion, motion.sigma)
         # Colour that is lost is lost for markers that land, too.
-        if abs(share) <= max(_LEAST_MOTION, _CHANCE * motion.sigma) and not _landed_since(log):
+        if abs(share) <= max(LEAST_MOTION, CHANCE * motion.sigma) and not _landed_since(log):
             return None
         how = (
             f"the bands move {1.0 / (1.0 + share):.3f} times as far as the encoder says and do not "
@@ -141,7 +100,7 @@ def _of_turns(log: SightingLog, passings: list[Passing]) -> Contradiction | None
         by_times = share
     else:
         assert motion is not None
-        drift = stretched(passings, log.motion, math.exp(_USUAL.motion))
+        drift = stretched(passings, log.motion, math.exp(USUAL.motion))
         by_angle, by_time, by_times = motion.rest, drift.rest, drift.value
     number, what = "encoder_or_times", "the encoder's angles or the times of the frames are told"
     least = _SAME if turns.size else 0.0
@@ -153,50 +112,7 @@ def _of_turns(log: SightingLog, passings: list[Passing]) -> Contradiction | None
         number=number,
         share=share,
         sigma=sigma,
-        sentence=f"{what} {_size(share)}: {how}",
-    )
-
-
-def _of_geometry(evidence: Evidence, passings: list[Passing]) -> Contradiction | None:
-    """Judge cylinder, cable and camera by how far bands move, and how large they are."""
-    motion = motion_of(passings)
-    areas = evidence.area[evidence.area > 0.0]
-    if motion is None or not areas.size:
-        return None
-    off = Signature(
-        math.log(motion.value) - _USUAL.motion, float(np.median(np.log(areas))) - _USUAL.area
-    )
-    deviations = np.array([math.hypot(_SIGMA.motion, motion.sigma), _SIGMA.area])
-    scaled = np.array(off) / deviations
-    moved = abs(off.motion) > max(_LEAST_MOTION, _CHANCE * motion.sigma)
-    if not moved and abs(off.area) <= _LEAST_AREA:
-        return None
-    best, share, rest = "", 0.0, math.inf
-    for name, effect in evidence.effects.items():
-        direction = np.array(effect) / deviations
-        amount = float(direction @ scaled / (direction @ direction))
-        left = float(np.linalg.norm(scaled - amount * direction))
-        if left < rest:
-            best, share, rest = name, 0.01 * amount, left
-    seen = (
-        f"bands move {math.exp(off.motion) - 1.0:+.1%} over the picture against the turning and "
-        f"their area is {math.exp(off.area) - 1.0:+.0%}"
-    )
-    if rest > _EXPLAINED:
-        return Contradiction(
-            number="geometry",
-            share=math.nan,
-            sigma=math.nan,
-            sentence=f"no single number of cylinder, cable and camera explains it: {seen}",
-        )
-    size = _size(share)
-    if best == "focal_length":
-        size += f" (or the camera's distance as much too {'small' if share > 0.0 else 'large'})"
-    return Contradiction(
-        number=best,
-        share=share,
-        sigma=0.01 / float(np.linalg.norm(np.array(evidence.effects[best]) / deviations)),
-        sentence=f"the {best.replace('_', ' ')} is told {size}: {seen}",
+        sentence=f"{what} {size_in_words(share)}: {how}",
     )
 
 
@@ -208,7 +124,7 @@ def _of_light(evidence: Evidence) -> Contradiction | None:
     first, last = (evidence.log.laps[0, lap] for lap in (laps[0], laps[-1]))
     before, now = first.light / first.frames, last.light / last.frames
     found, areas = _found(evidence.log, laps[-1]), evidence.area[evidence.area > 0.0]
-    smaller = areas.size > 0 and float(np.median(np.log(areas))) < _USUAL.area - _SIGMA.area
+    smaller = areas.size > 0 and float(np.median(np.log(areas))) < USUAL.area - SIGMA.area
     if now >= _DARKER * before or (found >= _USUALLY_FOUND and not smaller):
         return None
     return Contradiction(
@@ -263,16 +179,17 @@ def _of_spacing(evidence: Evidence) -> Contradiction | None:
             sigma=math.nan,
             sentence=f"the marker spacing is told too large: another band lies after {pairs}",
         )
-    skipped = math.gcd(*evidence.known) if len(evidence.known) > 1 else 1
+    skipped = math.gcd(*evidence.known) if evidence.known else 1
     if skipped > 1:
         seen = ", ".join(f"P{n}" for n in evidence.known)
+        missed = "" if len(evidence.known) > 1 else ", unless markers before it were missed"
         return Contradiction(
             number="marker_spacing",
             share=1.0 / skipped - 1.0,
             sigma=math.nan,
             sentence=(
                 f"the marker spacing is told {skipped} times too small: bands are where {seen} are "
-                "expected and none between them"
+                f"expected and none between them{missed}"
             ),
         )
     gaps = list(evidence.gaps.values())
@@ -288,10 +205,6 @@ def _of_spacing(evidence: Evidence) -> Contradiction | None:
             f"{ratio:.2f} times as far apart as it and the cable's stretch say"
         ),
     )
-
-
-def _size(share: float) -> str:
-    return f"{abs(share):.1%} too {'large' if share > 0.0 else 'small'}"
 
 
 def _later(log: SightingLog) -> list[tuple[int, int]]:

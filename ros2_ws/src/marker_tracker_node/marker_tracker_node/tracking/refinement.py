@@ -119,9 +119,10 @@ class _Fit:
         self._second = self._first + self._seen.size
         self._third = self._second + self._seen.size
         self._weight = np.ones(marker.size)
-        self._cut = cut_off(sightings)
+        cuts = cut_off(sightings, config.cable_radius)
+        self._cut = cuts[0] | cuts[1]
         self._variance = LEAST_SCATTER**2
-        self._biases, self._bias_sigmas = bias_shapes(sightings, self._row)
+        self._biases, self._bias_sigmas = bias_shapes(sightings, self._row, cuts)
 
     def start(self) -> FloatArray:
         """Return the unknowns with the pose of the sightings."""

@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.consistency import Contradiction, Evidence, contradictions
+from marker_tracker_node.tracking.consistency import contradictions
+from marker_tracker_node.tracking.contradiction import Contradiction, Evidence
 from marker_tracker_node.tracking.geometry_signature import signatures
 from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import Output, Setup

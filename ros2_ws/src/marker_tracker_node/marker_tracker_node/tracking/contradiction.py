@@ -1,0 +1,59 @@
+"""What is judged of a run, and a told number that speaks against it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.tracking.geometry_signature import Signature
+from marker_tracker_node.tracking.sighting_log import SightingLog
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contradiction:
+    """A told number that the pictures speak against.
+
+    Attributes:
+        number: Its name: encoder_scale, frame_times, encoder_or_times, cylinder_diameter,
+            cable_diameter, focal_length, band_width, geometry, marker_spacing, marker_colour or
+            light.
+        share: By how much it is told too large, relative; nan where that is not known.
+        sigma: Standard error of the share; nan where it is not known.
+        sentence: In words.
+    """
+
+    number: str
+    share: float
+    sigma: float
+    sentence: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """What is judged.
+
+    Attributes:
+        log: Sightings of the run.
+        area: Measured over expected area of the known bands.
+        effects: See `signatures`.
+        gaps: Wound angle between known neighbours over the expected one, by the first's number.
+        known: Numbers of the known markers after P0.
+        between: Numbers of the markers after which a band lies that has no number.
+    """
+
+    log: SightingLog
+    area: FloatArray
+    effects: Mapping[str, Signature]
+    gaps: Mapping[int, float]
+    known: tuple[int, ...]
+    between: tuple[int, ...]
+
+
+def size_in_words(share: float) -> str:
+    """Return how much too large or small a number is told, of its relative share."""
+    return f"{abs(share):.1%} too {'large' if share > 0.0 else 'small'}"
