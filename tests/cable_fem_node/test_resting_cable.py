@@ -105,9 +105,12 @@ def test_energies_of_resting_turns_are_counted(long_run: Machine) -> None:
     one, other = (model.energy for model in long_run.models)
     # The integrator's own error; with every turn integrated it is the same.
     assert one.balance_pct < 0.1
-    for name in ("kinetic", "internal", "contact", "external", "friction"):
+    for name in ("kinetic", "internal", "contact", "external"):
         # The springs of what is integrated creep by rounding, of what rests they do not.
         assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1.0e-3)
+    # The heat of friction is 2e-7 of the internal energy, and the landing of one node near the end
+    # carries rounding to 0.7 % of it (measured).
+    assert one.friction == pytest.approx(other.friction, rel=1.0e-2)
 
 
 def test_resting_markers_turn_with_the_cylinder(long_run: Machine) -> None:
