@@ -6,14 +6,14 @@ from typing import Any
 import pytest
 import yaml
 
-from winding_ros.graph import GRAPH
+from winding_ros.graph import GRAPH, LAY_CONTROL, controlled
 
 DOCKER = Path(__file__).parents[2] / "docker"
 COMPOSE = yaml.safe_load((DOCKER / "compose.yaml").read_text(encoding="utf-8"))
 SERVICES: dict[str, Any] = COMPOSE["services"]
 
 
-@pytest.mark.parametrize("spec", GRAPH, ids=lambda spec: spec.name)
+@pytest.mark.parametrize("spec", controlled(), ids=lambda spec: spec.name)
 def test_each_node_has_a_service(spec: Any) -> None:
     service = SERVICES[spec.name]
     assert service["command"][:3] == ["python", "-m", spec.package]
@@ -24,6 +24,12 @@ def test_each_node_has_a_service(spec: Any) -> None:
 def test_the_orchestrator_attaches_to_all_of_them() -> None:
     assert "--attach" in SERVICES["winding"]["command"]
     assert set(SERVICES["winding"]["depends_on"]) == {spec.name for spec in GRAPH}
+
+
+def test_the_lay_controller_is_there_when_it_is_asked_for() -> None:
+    optional = {name for name, service in SERVICES.items() if "profiles" in service}
+    assert optional == {LAY_CONTROL.name, "dashboard"}
+    assert SERVICES[LAY_CONTROL.name]["profiles"] == ["lay"]
 
 
 @pytest.mark.parametrize("name", SERVICES)

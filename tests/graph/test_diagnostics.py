@@ -119,8 +119,9 @@ def test_each_reader_tells_the_queue_of_each_of_its_topics(
     told: dict[str, list[Told]], spec: Any
 ) -> None:
     entries = told[f"{spec.name}: topics"]
-    # Nobody commands the axes here.
-    heard = [topic for topic in spec.subscribes if topic.publisher != topics.COMMANDER]
+    # Nobody commands the axes here, and no lay is controlled.
+    absent = (topics.COMMANDER, topics.LAY_CONTROL)
+    heard = [topic for topic in spec.subscribes if topic.publisher not in absent]
     assert {topic.name for topic in heard} <= {
         key.removeprefix("queue ") for entry in entries for key in entry.values
     }

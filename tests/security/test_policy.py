@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from winding_ros import topics
-from winding_ros.graph import GRAPH, PAGE
+from winding_ros.graph import GRAPH, PAGE, controlled
 from winding_ros.security import SecurityError, check_security, sros2_policy
 from winding_ros.services import served_by
 
@@ -31,7 +31,7 @@ def test_the_shipped_policy_is_current() -> None:
 
 def test_a_node_may_do_what_the_graph_says_and_no_more() -> None:
     policy = sros2_policy("cell")
-    for spec in GRAPH:
+    for spec in controlled():
         own = {
             *("/rosout", "/parameter_events", "/diagnostics", "trace"),
             *(f"{spec.name}/transition_event", f"{spec.name}/heartbeat"),
@@ -46,7 +46,7 @@ def test_a_node_may_do_what_the_graph_says_and_no_more() -> None:
 
 def test_only_the_orchestrator_and_the_page_command_the_machine() -> None:
     policy = sros2_policy("cell")
-    for spec in GRAPH:
+    for spec in controlled():
         # Anybody may ask for a stop (winding_ros.stop_request).
         asked = allowed(policy, spec.name, "services", "request")
         assert asked == {"rig/quick_stop", "rig/stop"}
@@ -58,7 +58,8 @@ def test_only_the_orchestrator_and_the_page_command_the_machine() -> None:
     assert set(served_by(topics.RIG)) <= allowed(policy, topics.RIG, "services", "reply")
 
 
-def test_only_a_commander_publishes_commands_for_the_axes() -> None:
+def test_only_a_commander_and_the_lay_controller_publish_commands_for_the_machine() -> None:
+    lay = {topics.JOINT_TARGETS, topics.TENSION_COMMAND}
     root = ET.fromstring(sros2_policy("cell"))
     for topic in topics.published_by(topics.COMMANDER):
         publishers = {
@@ -67,13 +68,13 @@ def test_only_a_commander_publishes_commands_for_the_axes() -> None:
             if topic.name
             in allowed(sros2_policy("cell"), profile.get("node") or "", "topics", "publish")
         }
-        assert publishers == {topics.COMMANDER}
+        assert publishers == {topics.COMMANDER} | ({topics.LAY_CONTROL} if topic in lay else set())
 
 
 def test_every_node_has_an_enclave_in_its_namespace() -> None:
     paths = {item.get("path") for item in ET.fromstring(sros2_policy("cell")).iter("enclave")}
     beside = {"/cell/orchestrator", "/cell/commander", "/cell/run_server"}
-    assert paths == {f"/cell/{spec.name}" for spec in (*GRAPH, PAGE)} | beside
+    assert paths == {f"/cell/{spec.name}" for spec in (*controlled(), PAGE)} | beside
 
 
 def test_a_secure_run_without_the_settings_is_refused() -> None:

@@ -20,8 +20,12 @@ RECORDED = {
     if topic.recorded
 }
 
-# Nobody commands this run from outside.
-SILENT = {name for name, topic in RECORDED.items() if topic.publisher == topics.COMMANDER}
+# Nobody commands this run from outside, and no lay is controlled in it.
+SILENT = {
+    name
+    for name, topic in RECORDED.items()
+    if topic.publisher in (topics.COMMANDER, topics.LAY_CONTROL)
+}
 
 
 @pytest.fixture(scope="module")
