@@ -6,9 +6,10 @@ import json as json_format
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import Progress
+from rich.progress import MofNCompleteColumn
 from rich.table import Table
+
+from winding_cli.commands.console import progress_bar, result_console
 
 if TYPE_CHECKING:
     from winding_study.closed_loop.study import ClosedLoopRow
@@ -26,14 +27,14 @@ def closed_loop(cases: tuple[int, ...], draws: int, processes: int, json: Path |
     from winding_study.closed_loop.study import ClosedLoopConfig, closed_loop_study
 
     config = ClosedLoopConfig(cases=cases, draws=draws)
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with progress_bar(MofNCompleteColumn()) as bar:
         task = bar.add_task("runs with hidden rigs", total=None)
 
         def show(done: int, runs: int) -> None:
             bar.update(task, completed=done, total=runs)
 
         rows = closed_loop_study(config, processes=processes, progress=show)
-    Console().print(_table(rows, draws))
+    result_console().print(_table(rows, draws))
     if json is not None:
         json.write_text(json_format.dumps([row.record() for row in rows], indent=1) + "\n")
 
