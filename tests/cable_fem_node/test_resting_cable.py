@@ -38,7 +38,7 @@ class Machine:
 
     def __init__(self, **config: Any) -> None:
         self.resting = RodWinding(replace(CONFIG, **config))
-        self.integrated = RodWinding(replace(CONFIG, rests=False, **config))
+        self.integrated = RodWinding(replace(CONFIG, **{**config, "rests": False}))
         self.models = (self.resting, self.integrated)
         self._t, self._angle, self._speed, self._tension = 0.0, 0.0, 0.0, WEIGHT
 
@@ -105,12 +105,33 @@ def test_energies_of_resting_turns_are_counted(long_run: Machine) -> None:
     one, other = (model.energy for model in long_run.models)
     # The integrator's own error; with every turn integrated it is the same.
     assert one.balance_pct < 0.1
-    for name in ("kinetic", "internal", "contact", "external"):
-        # The springs of what is integrated creep by rounding, of what rests they do not.
+    for name in ("kinetic", "internal", "contact", "external", "friction"):
+        # Measured are 1e-6 of what the surface did, and 6e-8 of the heat of friction.
         assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1.0e-3)
-    # The heat of friction is 2e-7 of the internal energy, and the landing of one node near the end
-    # carries rounding to 0.7 % of it (measured).
-    assert one.friction == pytest.approx(other.friction, rel=1.0e-2)
+
+
+def test_integrated_cable_does_not_creep_over_the_cylinder() -> None:
+    machine = Machine()
+    machine.wind(8.0)
+    laid = machine.integrated._nodes.place(20, machine._angle)
+    machine.wind(8.0)
+    # Of 2e5 steps every one adds the last place of a number of 17 mm at random; springs that took
+    # the angle for its chord crept by 6e-10 m.
+    np.testing.assert_allclose(
+        machine.integrated._nodes.place(20, machine._angle), laid, rtol=0.0, atol=1.0e-11
+    )
+
+
+def test_room_for_nodes_that_runs_out_changes_nothing() -> None:
+    machine = Machine(segment_length=8.0e-3, rests=False)
+    one, other = machine.models
+    room = one._nodes.touching.size
+    other._nodes.grow(2 * room)
+    machine.wind(14.0, speed=2.0 * SPEED)
+    assert one.live_nodes > room
+    # An element that was cut a step late left 1e-9 m and 1e-5 of the heat of friction behind.
+    np.testing.assert_allclose(one._nodes.position, other._nodes.position, rtol=0.0, atol=1.0e-11)
+    assert one.energy.friction == pytest.approx(other.energy.friction, rel=1.0e-6)
 
 
 def test_resting_markers_turn_with_the_cylinder(long_run: Machine) -> None:

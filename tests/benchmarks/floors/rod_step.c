@@ -153,6 +153,7 @@ static void touch_cylinder(int64_t end, double dt, double turned, double turning
                            int64_t *restrict touching, const Constants *k, double *ledger) {
     const double stick = k->stick_stiffness, per_stick = 1.0 / stick;
     const double dashpot = k->stick_damping / dt, square_landing = landing * landing;
+    const double surface = sin(turned);
     double work = 0.0, sliding = 0.0, bouncing = 0.0;
     for (int64_t i = 1; i < end; i++) {
         double px = x[i], py = x[n + i], square = px * px + py * py;
@@ -178,7 +179,7 @@ static void touch_cylinder(int64_t end, double dt, double turned, double turning
         normal = normal > 0.0 ? normal : 0.0;
         double moved = 0.0, aside = 0.0;
         if (held) {
-            moved = (vy * nx - vx * ny) * dt - turned * radius;
+            moved = (vy * nx - vx * ny) * dt - surface * radius;
             aside = v[2 * n + i] * dt;
         }
         slip_t += moved;
@@ -250,6 +251,10 @@ void advance(State *s, int64_t steps, double dt, const double *drive, const Arra
     double first[3] = {0.0, 0.0, 0.0}, angle = drive[2 * ANGLE];
     s->status = RUNNING;
     for (int64_t step = 0; step < steps; step++) {
+        if (s->nodes == n) {
+            s->status = FULL;
+            return;
+        }
         double u = (double)step / (double)steps, share = ((double)step + 1.0) / (double)steps;
         double pull = drive[2 * TENSION] + u * (drive[2 * TENSION + 1] - drive[2 * TENSION]);
         double pulled = drive[2 * STRETCH] + u * (drive[2 * STRETCH + 1] - drive[2 * STRETCH]);
@@ -309,10 +314,6 @@ void advance(State *s, int64_t steps, double dt, const double *drive, const Arra
         }
         if (last > k->cut_at * k->segment) {
             int64_t nodes = s->nodes;
-            if (nodes == n) {
-                s->status = FULL;
-                return;
-            }
             double part = k->segment / last;
             for (int c = 0; c < 3; c++) {
                 double *p = x + c * n, *w = v + c * n;

@@ -64,6 +64,9 @@ def touch_cylinder(
     sliding = 0.0
     bouncing = 0.0
     square_landing = landing * landing
+    # The chord of what turned with the surface, along the tangent at its end, over the radius. With
+    # the angle itself the springs of cable that lies still would creep.
+    surface = math.sin(turned)
     for i in range(begin, end):
         px, py = x[0, i], x[1, i]
         square = px * px + py * py
@@ -96,7 +99,7 @@ def touch_cylinder(
         normal = max(normal, 0.0)
         moved, aside = 0.0, 0.0
         if held:
-            moved = (vy * nx - vx * ny) * dt - turned * radius
+            moved = (vy * nx - vx * ny) * dt - surface * radius
             aside = (v[2, i] - lever * roll[1, i]) * dt
         slip_t += moved
         slip_z += aside

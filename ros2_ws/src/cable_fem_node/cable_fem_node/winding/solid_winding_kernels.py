@@ -71,6 +71,7 @@ def hold_sections(
     """
     x, v = points.position, points.velocity
     per = m.per_section
+    surface = math.sin(turned)  # as in `touch_cylinder`
     work = 0.0
     heat = 0.0
     for s in range(1, m.sections):
@@ -98,7 +99,7 @@ def hold_sections(
         nx, ny = px / radius, py / radius
         moved, aside = 0.0, 0.0
         if grip[2, s] > 0.0:
-            moved = (vy * nx - vx * ny) * dt - turned * radius
+            moved = (vy * nx - vx * ny) * dt - surface * radius
             aside = vz * dt
         grip[2, s] = 1.0
         along, across = grip[0, s] + moved, grip[1, s] + aside

@@ -126,6 +126,9 @@ def advance_winding(
     first[2] = tie[TIE_ALONG, 2]
 
     for step in range(steps):
+        # A step is not begun that could not end with an element cut.
+        if nodes == capacity:
+            return nodes, step, surface_rate, FULL, nodes - 2
         u = step / steps
         pull = drive[TENSION, 0] + u * (drive[TENSION, 1] - drive[TENSION, 0])
         pulled = drive[STRETCH, 0] + u * (drive[STRETCH, 1] - drive[STRETCH, 0])
@@ -210,8 +213,6 @@ def advance_winding(
         if not 0.0 < last < 1.0e3 * k.segment:
             return nodes, step + 1, surface_rate, DIVERGED, end
         if last > CUT_AT * k.segment:
-            if nodes == capacity:
-                return nodes, step + 1, surface_rate, FULL, end
             part = k.segment / last
             for c in range(3):
                 x[c, nodes] = x[c, elements]
