@@ -155,13 +155,14 @@ static void touch_cylinder(int64_t end, double dt, double turned, double turning
     const double dashpot = k->stick_damping / dt, square_landing = landing * landing;
     const double surface = sin(turned);
     double work = 0.0, sliding = 0.0, bouncing = 0.0;
+    int64_t edge = end - 1;
+    while (edge > 0 && touching[edge] == 0) edge--;
     for (int64_t i = 1; i < end; i++) {
         double px = x[i], py = x[n + i], square = px * px + py * py;
         int held = touching[i] == 1;
         if (!held) {
             if (square >= square_landing) continue;
-            touching[i] = 1;
-            reach[i] = landing;
+            touching[i] = 1, reach[i] = landing;
         }
         double radius = sqrt(square), depth = reach[i] - radius;
         double slip_t = slip[i], slip_z = slip[n + i];
@@ -176,12 +177,14 @@ static void touch_cylinder(int64_t end, double dt, double turned, double turning
         double inward = 0.5 * dt * (vx * vx + vy * vy) * inverse - outward;
         double elastic = k->normal_stiffness * depth;
         double normal = elastic + k->normal_damping * inward;
-        normal = normal > 0.0 ? normal : 0.0;
-        double moved = 0.0, aside = 0.0;
-        if (held) {
-            moved = (vy * nx - vx * ny) * dt - surface * radius;
-            aside = v[2 * n + i] * dt;
+        if (i >= edge) {
+            double off = inward + 2.0 * outward + dt / k->mass * (net[i] * nx + net[n + i] * ny);
+            normal = fmin(normal, k->mass / dt * (0.25 * depth / dt - off));
         }
+        normal = normal > 0.0 ? normal : 0.0;
+        int rides = held && (i != edge || turning <= 0.0 || slip_t != 0.0);
+        double moved = rides ? (vy * nx - vx * ny) * dt - surface * radius : 0.0;
+        double aside = held ? v[2 * n + i] * dt : 0.0;
         slip_t += moved;
         slip_z += aside;
         double ft = -stick * slip_t, fz = -stick * slip_z, size = ft * ft + fz * fz;
@@ -189,12 +192,10 @@ static void touch_cylinder(int64_t end, double dt, double turned, double turning
         if (size > most * most) {
             sliding += 0.5 * ((size - most * most) * per_stick - stick * way);
             double scale = most / sqrt(size);
-            ft *= scale, fz *= scale;
-            slip_t *= scale, slip_z *= scale;
+            ft *= scale, fz *= scale, slip_t *= scale, slip_z *= scale;
         } else {
             sliding += dashpot * way;
-            ft -= dashpot * moved;
-            fz -= dashpot * aside;
+            ft -= dashpot * moved, fz -= dashpot * aside;
         }
         slip[i] = slip_t;
         slip[n + i] = slip_z;
@@ -251,10 +252,8 @@ void advance(State *s, int64_t steps, double dt, const double *drive, const Arra
     double first[3] = {0.0, 0.0, 0.0}, angle = drive[2 * ANGLE];
     s->status = RUNNING;
     for (int64_t step = 0; step < steps; step++) {
-        if (s->nodes == n) {
-            s->status = FULL;
-            return;
-        }
+        s->status = s->nodes == n ? FULL : RUNNING;
+        if (s->status == FULL) return;
         double u = (double)step / (double)steps, share = ((double)step + 1.0) / (double)steps;
         double pull = drive[2 * TENSION] + u * (drive[2 * TENSION + 1] - drive[2 * TENSION]);
         double pulled = drive[2 * STRETCH] + u * (drive[2 * STRETCH + 1] - drive[2 * STRETCH]);

@@ -43,6 +43,11 @@ int main(int argc, char **argv) {
                 double r = sqrt(r2), nx = x[0][i] / r, ny = x[1][i] / r;
                 double push = kn * (reach - r) - cn * (v[0][i] * nx + v[1][i] * ny);
                 double along = (v[1][i] * nx - v[0][i] * ny) * dt - turned * r, aside = v[2][i] * dt;
+                if (x[0][i + 1] * x[0][i + 1] + x[1][i + 1] * x[1][i + 1] >= reach * reach) {
+                    double off = v[0][i] * nx + v[1][i] * ny + dt / m * (g[0] * nx + g[1] * ny);
+                    push = fmin(push, m / dt * (0.25 * (reach - r) / dt - off));
+                    along = slip[0][i] == 0.0 ? 0.0 : along;
+                }
                 push = push > 0.0 ? push : 0.0, slip[0][i] += along, slip[1][i] += aside;
                 double ft = -ks * slip[0][i], fz = -ks * slip[1][i], size = sqrt(ft * ft + fz * fz), most = mu * push;
                 double cut = size > most ? most / size : 1.0;

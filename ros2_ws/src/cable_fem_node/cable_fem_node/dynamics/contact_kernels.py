@@ -14,6 +14,9 @@ from cable_fem_node.dynamics.points import (
 )
 from cable_fem_node.dynamics.surroundings import Touch
 
+# Share of its depth by which a landing node comes back in a step at most.
+_RETURN = 0.25
+
 
 @kernel
 def touch_cylinder(
@@ -30,6 +33,8 @@ def touch_cylinder(
     k: Touch,
     ledger: FloatArray,
     rolling: bool,
+    edge: int,
+    free: bool,
 ) -> None:
     """Add the cylinder's push and friction to the net forces of nodes.
 
@@ -53,6 +58,11 @@ def touch_cylinder(
         k: Constants of the contact.
         ledger: Energies [J], added to.
         rolling: Whether the cable may roll about its axis.
+        edge: Outermost node that touches, at which cable lands, for a cable that is wound. It and
+            those beyond do not bounce.
+        free: Whether the edge is free along the circumference until the next node has landed, as
+            it must be where elastic cable is wound: a wound element keeps the tension at which both
+            its nodes are held, and what is off the cylinder pulls more than the wound cable.
     """
     x, v, slip, roll = points.position, points.velocity, points.slip, points.roll
     touching, contact_radius = points.touching, points.contact_radius
@@ -96,10 +106,14 @@ def touch_cylinder(
         inward = 0.5 * dt * (vx * vx + vy * vy) * inverse - outward
         elastic = k.normal_stiffness * depth
         normal = elastic + k.normal_damping * inward
+        if i >= edge:
+            off = inward + 2.0 * outward + dt / mass[i] * (net[0, i] * nx + net[1, i] * ny)
+            normal = min(normal, mass[i] / dt * (_RETURN * depth / dt - off))
         normal = max(normal, 0.0)
         moved, aside = 0.0, 0.0
         if held:
-            moved = (vy * nx - vx * ny) * dt - surface * radius
+            if i != edge or not free or slip_t != 0.0:
+                moved = (vy * nx - vx * ny) * dt - surface * radius
             aside = (v[2, i] - lever * roll[1, i]) * dt
         slip_t += moved
         slip_z += aside

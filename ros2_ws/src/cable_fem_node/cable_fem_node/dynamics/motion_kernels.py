@@ -68,6 +68,8 @@ def move(
             touch,
             ledger,
             False,
+            nodes,
+            False,
         )
     position, velocity = points.position, points.velocity
     load, mass, free, driven = around.load, around.mass, around.free, around.driven

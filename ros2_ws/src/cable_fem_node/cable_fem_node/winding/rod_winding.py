@@ -157,9 +157,14 @@ class RodWinding(WindingModel):
         return s[:laid].copy(), theta[:laid].copy(), z[:laid].copy()
 
     def wound_stretch(self) -> float:
-        """Return the mean stretch of the laid elements; of the first before any is laid."""
+        """Return the mean stretch of the laid elements; of the first before any is laid.
+
+        The outermost one counts from when its outer node is held: until then it is landing.
+        """
         stretch = self.stretch()
-        wound = stretch[: self._laid_nodes() - 1]
+        laid = self._nodes.laid()
+        landing = self._nodes.points.slip[0, laid - 1] == 0.0
+        wound = stretch[: max(self._laid_nodes() - 1 - int(landing), 0)]
         return float(wound.mean()) if wound.size else float(stretch[0])
 
     def contact_forces(self) -> FloatArray:

@@ -186,7 +186,7 @@ def advance_solid_winding(
             return INSIDE_OUT, at, surface_step
         touch_cylinder(
             per, nodes, dt, surface_step, rotation, m.landing, points, mass, net, couple, nodal,
-            ledger, False,
+            ledger, False, nodes, False,
         )  # fmt: skip
         if not rolling:
             hold_sections(dt, surface_step, rotation, points, mass, net, m, touch, grip, ledger)

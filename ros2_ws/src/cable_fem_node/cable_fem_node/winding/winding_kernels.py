@@ -34,6 +34,7 @@ from cable_fem_node.rod.rod_kernels import (
     stretch_elements,
 )
 from cable_fem_node.rod.rod_scratch import empty_work
+from cable_fem_node.winding.landing_kernels import landing_node
 from cable_fem_node.winding.motion_kernels import move_nodes, roll_nodes
 from cable_fem_node.winding.rod_relaxation import relax_elements
 from cable_fem_node.winding.rod_state import REFERENCE, VISCOUS, points_of
@@ -182,13 +183,19 @@ def advance_winding(
             k.touch,
             ledger,
             rolling,
+            landing_node(elements, touching),
+            # Cable that creeps would creep on while its node is free, by more than bending takes.
+            rate > 0.0 and terms == 0,
         )
         if rolling:
             roll_nodes(elements, dt, cable, work, k)
         guide_speed = (next_guide - x[2, elements]) / dt
-        ledger[WORK_SPAN] += 0.5 * dt * power(force, v, end)
+        # The guide pulls along the last element and pushes the cable that bends at it aside.
+        aside = force[2, end] - pull * tangent[2, end]
+        work_at_guide = pull * along(tangent, v, end) + aside * v[2, elements]
         ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, tangent, net, k)
-        ledger[WORK_SPAN] += 0.5 * dt * power(force, v, end)
+        work_at_guide += pull * along(tangent, v, end) + aside * guide_speed
+        ledger[WORK_SPAN] += 0.5 * dt * work_at_guide
 
         # Prescribed ends: node 0 and its clamp turn with the surface, the guide follows the feed.
         angle = next_angle
@@ -262,12 +269,14 @@ def advance_winding(
 
 
 @called
-def power(force: FloatArray, velocity: FloatArray, i: int) -> float:
-    """Return the power [W] of force i at the velocity of node i."""
-    along: float = (
-        force[0, i] * velocity[0, i] + force[1, i] * velocity[1, i] + force[2, i] * velocity[2, i]
+def along(direction: FloatArray, velocity: FloatArray, i: int) -> float:
+    """Return the speed [m/s] of node i along a direction, column i of an array (3, n)."""
+    speed: float = (
+        direction[0, i] * velocity[0, i]
+        + direction[1, i] * velocity[1, i]
+        + direction[2, i] * velocity[2, i]
     )
-    return along
+    return speed
 
 
 @called
