@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from test_random_conditions import condition
+from random_conditions import condition
 
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.rod_winding import RodWinding
