@@ -13,6 +13,7 @@ from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
 from lay_control_node.control.lay_on import LayOnLaw
 from lay_control_node.control.motion_bounds import AxisBounds
 from lay_control_node.control.stretch_filter import StretchFilter, StretchFilterConfig
+from lay_control_node.planning.kernel_width import OF_FRICTION
 from winding_core.condition import ResolvedCondition
 from winding_core.lay_control_records import ControlMode
 from winding_core.material_law import MaterialLaw
@@ -21,6 +22,8 @@ from winding_core.tension import RigTension
 
 # Share of the friction coefficient by which ln(pull) may change per radian: below 1, nothing slips.
 _HOLDING_SHARE = 0.9
+# Cable that is held by less slips whatever the guide does.
+_LEAST_FRICTION = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +31,7 @@ class ControlParameters:
     """How the lay is controlled: what is believed beforehand, and what may be commanded."""
 
     control_gain: float = parameter(
-        1.0,
+        1.5,
         "rate at which an error of the lay is made up, per wound angle [1/rad]",
         low=0.1,
         high=5.0,
@@ -133,7 +136,11 @@ class ControlParameters:
                 solver_patience=solver_patience,
             ),
             wanted=wanted,
-            law=GuideLaw(radius=radius, gain=self.control_gain),
+            law=GuideLaw(
+                radius=radius,
+                gain=self.control_gain,
+                turning=OF_FRICTION * max(what.friction, _LEAST_FRICTION) * radius,
+            ),
             lay=LayFilter(
                 LayFilterConfig(
                     radius=radius,

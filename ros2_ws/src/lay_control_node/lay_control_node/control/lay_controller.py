@@ -149,7 +149,8 @@ class LayController:
         if basis is ControlBasis.RAMP:
             guide.go(self.config.advance_per_radian * reading.angular_speed, max(dt, 1.0e-9))
         else:
-            command = self.law.command(wanted, lay)
+            turned = reading.angular_speed * dt
+            command = self.law.command(wanted, lay, guide.position, turned)
             rate = command.per_radian * reading.angular_speed
             guide.follow(command.position, rate, max(dt, 1.0e-9))
         return Setpoint(
