@@ -20,8 +20,8 @@ from winding_core.material_law import MaterialLaw
 from winding_core.parameters import parameter
 from winding_core.tension import RigTension
 
-# Share of the friction coefficient by which ln(pull) may change per radian: below 1, nothing slips.
-_HOLDING_SHARE = 0.9
+# Multiple of the friction coefficient by which ln(pull) may change per radian (`PullBounds`).
+_PULL_CHANGE = 1.4
 # Cable that is held by less slips whatever the guide does.
 _LEAST_FRICTION = 0.02
 
@@ -61,6 +61,12 @@ class ControlParameters:
     )
     start_share_sigma: float = parameter(
         0.06, "standard deviation of that share", low=0.001, high=1.0
+    )
+    build_up_length_sigma: float = parameter(
+        0.075,
+        "standard deviation of the wound length over which the tension builds up [m]",
+        low=0.001,
+        high=1.0,
     )
     guide_speed_limit: float = parameter(
         0.08, "largest speed that is commanded of the carriage [m/s]", low=1.0e-4, high=2.0
@@ -120,7 +126,7 @@ class ControlParameters:
                 bounds=PullBounds(
                     low=self.pull_range[0] * case.weight,
                     high=self.pull_range[1] * case.weight,
-                    per_radian=_HOLDING_SHARE * what.friction,
+                    per_radian=_PULL_CHANGE * what.friction,
                 ),
             )
         return LayController(
@@ -154,7 +160,6 @@ class ControlParameters:
                 law,
                 spacing=case.marker_spacing,
                 radius=radius,
-                build_up_length=_build_up_length(what),
                 config=StretchFilterConfig(
                     share=self.load_share,
                     sigma_share=self.load_share_sigma,
@@ -162,6 +167,8 @@ class ControlParameters:
                     sigma_drag=self.drag_sigma,
                     start=self.start_share,
                     sigma_start=self.start_share_sigma,
+                    build_up=_build_up_length(what),
+                    sigma_build_up=self.build_up_length_sigma,
                 ),
             ),
             landing=landing,
