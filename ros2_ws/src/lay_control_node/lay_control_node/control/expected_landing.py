@@ -34,7 +34,8 @@ class ExpectedLanding:
         number: Of the marker.
         wanted: Wound angle [rad].
         expected: Where it lands if the tension at lay-on is the believed one [rad].
-        sigma: One standard deviation of that [rad], from what is believed of that tension.
+        sigma: One standard deviation of that [rad], from what is believed of that tension, and of
+            what no law of it says.
     """
 
     number: int
@@ -79,6 +80,13 @@ def expected_landings(
         ]
         for number in markers:
             variance[number] += (0.5 * (ends[1][number] - ends[0][number])) ** 2
+    radius, before = what.case.centreline_radius, 0.0
+    for number in sorted(markers):
+        # What nobody learns: by how much the brake's own friction keeps the tension off its law.
+        segment = nominal[number] - before
+        stretched = max(radius * segment / what.case.marker_spacing - 1.0, 0.0)
+        variance[number] += (believed.stretch.config.tension_error * stretched * segment) ** 2
+        before = nominal[number]
     return tuple(
         ExpectedLanding(
             number=number,

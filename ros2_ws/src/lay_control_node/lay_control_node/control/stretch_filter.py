@@ -38,6 +38,7 @@ class StretchFilterConfig:
         sigma_build_up: One standard deviation of it [m].
         drift_share: Change of the share from marker to marker, one standard deviation.
         model_error: What the closed form leaves out of a segment's length, relative.
+        tension_error: What the law leaves out of the tension, relative: a brake's own friction.
     """
 
     share: float = 0.7
@@ -49,7 +50,8 @@ class StretchFilterConfig:
     build_up: float = 0.255
     sigma_build_up: float = 0.075
     drift_share: float = 0.01
-    model_error: float = 0.003
+    model_error: float = 7.0e-4
+    tension_error: float = 0.04
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,8 +186,10 @@ class StretchFilter:
         covariance = self._covariance + np.diag([config.drift_share**2, 0.0, 0.0, 0.0])
         angle = steps[-1][0] - self._from
         noise = (wanted / angle) ** 2 * (sigma**2 + self._sigma_from**2)
-        noise += (config.model_error * wanted) ** 2
         length, row = self._linearised(steps, self._mean)
+        # The stretch goes with the tension, as far as a cable's law is straight.
+        stretched = max(self._radius * angle / length - 1.0, 0.0)
+        noise += wanted**2 * (config.model_error**2 + (config.tension_error * stretched) ** 2)
         spread = row @ covariance @ row
         off = (wanted - length) ** 2 / (spread + noise)
         if off > _OUTLYING**2:
