@@ -57,8 +57,8 @@ def test_markers_within_reach_are_expected_at_their_places() -> None:
 
 def test_what_has_landed_is_learnt_from() -> None:
     sigmas = [item.sigma for item in expected(4)]
-    assert sigmas == sorted(sigmas, reverse=True)
-    assert sigmas[-1] < 0.5 * sigmas[0]
+    # What a brake's own friction makes of it is learnt by nobody, half of P1's deviation here.
+    assert max(sigmas[1:]) < 0.7 * sigmas[0]
 
 
 def test_a_softer_cable_is_known_less_well() -> None:
@@ -70,7 +70,8 @@ def test_a_softer_cable_is_known_less_well() -> None:
 def test_a_known_rig_is_known_before() -> None:
     names = ("load_share_sigma", "drag_sigma", "start_share_sigma", "build_up_length_sigma")
     for item in expected(4, **dict.fromkeys(names, 1.0e-3)):
-        assert item.sigma < 0.002 * TURN
+        # A brake's own friction is left: 4 % of a tension that stretches by 8.5 %.
+        assert item.sigma < 0.004 * TURN
 
 
 def test_what_is_beyond_the_pull_is_said_to_be() -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from lay_control_node.control.guide_law import WantedPoint
 from lay_control_node.control.landing_law import LandingLaw, Progress, PullBounds
-from lay_control_node.control.lay_on import LayOnLaw
 from lay_control_node.control.stretch_filter import StretchEstimate
+from lay_control_node.planning.lay_on import LayOnLaw
 from winding_core.cable_parameters import published_case
 from winding_core.material_law import MaterialLaw
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lay_control_node.control.guide_law import WantedLay
-from lay_control_node.control.lay_on import LayOnLaw
 from lay_control_node.control.stretch_filter import StretchEstimate
+from lay_control_node.planning.lay_on import LayOnLaw
 
 Array = NDArray[np.float64]
 

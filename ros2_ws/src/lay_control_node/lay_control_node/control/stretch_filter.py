@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.control.lay_on import LayOnLaw
+from lay_control_node.planning.lay_on import LayOnLaw
 
 Array = NDArray[np.float64]
 
