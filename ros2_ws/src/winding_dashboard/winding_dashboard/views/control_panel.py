@@ -1,0 +1,219 @@
+"""The controller of the lay: picture, turns, what it does and rests on, and its switches."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+
+from nicegui import ui
+
+from winding_core.lay_control_records import ControlMode
+from winding_core.lay_errors import TurnError, turn_errors
+from winding_core.lay_tolerance import judge
+from winding_core.units import MILLIMETRE
+from winding_dashboard.views import commands
+from winding_dashboard.views.commands import Graph
+from winding_dashboard.views.control_chart import ControlChart
+from winding_dashboard.views.control_words import basis_words, beliefs, mode_words, turn_state
+from winding_dashboard.views.elements import heading, question
+from winding_dashboard.views.view_state import ViewState
+
+# The newest turns stand in the table.
+_ROWS = 6
+_COLUMNS = ("Turn", "Wanted z, mm", "Measured z, mm", "Error, mm", "Largest, mm", "")
+# While the machine does one of these, its carriage must be somebody's.
+_GOING = ("winding", "stopping")
+_STYLES = {"OFF": "bad", "partly seen": "warn"}
+_TITLES = {ControlMode.OFF: "Off", ControlMode.WATCH: "Watch", ControlMode.DRIVE: "Drive"}
+
+
+class ControlPanel:
+    """What the controller of the lay does; there once a controller was heard.
+
+    Args:
+        state: What it says.
+        graph: Is asked to switch it.
+        do: Does something and tells the operator what came of it.
+    """
+
+    def __init__(
+        self,
+        state: ViewState,
+        graph: Graph,
+        do: Callable[[str, Awaitable[str]], Awaitable[bool]],
+    ) -> None:
+        self._state, self._graph, self._do = state, graph, do
+        self._busy = False
+        self._style = ""
+        self._shown: tuple[float, int, float] = (float("nan"), 0, 0.0)
+        with (
+            ui.element("section").classes("card control").props('aria-label="Lay control"') as card
+        ):
+            self._card = card
+            with ui.element("div").classes("picture"):
+                with ui.element("div").classes("heading-row"):
+                    heading("Lay control: wanted, predicted and measured lay")
+                    limit = f"{state.lay_tolerance / MILLIMETRE:g}"
+                    ui.label(f"band: ± {limit} mm from turn 3 on").classes("remark")
+                self._chart = ControlChart(state.lay_tolerance)
+            with ui.element("div").classes("words"):
+                self._switches()
+                self._basis = ui.label().props("role=status")
+                self._facts = _Facts()
+                self._table()
+                self._verdict = ui.label().classes("remark").props("role=status")
+        card.set_visibility(False)
+        self._leave = {mode: self._leaving(mode) for mode in (ControlMode.OFF, ControlMode.WATCH)}
+        self._take = question(
+            "Let the controller drive the machine?",
+            "It commands the carriage, and the brake where there is one, from where they are. "
+            "The cylinder goes on as it was told.",
+            keep="Leave it",
+            act="Drive",
+            do=lambda: self._answered(ControlMode.DRIVE),
+        )
+
+    def update(self) -> None:
+        """Show the state, and enable what can be done now."""
+        state = self._state
+        control = state.control
+        self._card.set_visibility(control.known)
+        if not control.known:
+            return
+        self._mode.set_text(mode_words(control.mode))
+        for mode, button in self._buttons.items():
+            reason = self._graph.unavailable(commands.LAY_CONTROL[mode])
+            # What plays a recording has nothing that could be switched.
+            button.set_visibility(not reason)
+            button.set_enabled(not reason and not self._busy and mode is not control.mode)
+            button.classes(
+                add="now" if mode is control.mode else "",
+                remove="" if mode is control.mode else "now",
+            )
+        text, fallen = basis_words(control, state.time)
+        self._basis.set_text(text)
+        style = "basis warn" if fallen else "basis"
+        if style != self._style:
+            self._basis.classes(replace=style)
+            self._style = style
+        self._facts.update(beliefs(control))
+        self._chart.update(state)
+        self._update_turns()
+
+    def _update_turns(self) -> None:
+        state = self._state
+        shown = (state.lay_time, len(state.lay), state.control.time)
+        if shown == self._shown:
+            return
+        self._shown = shown
+        wanted = state.control.wanted
+        turns = turn_errors(state.lay, wanted)
+        newest = turns[-_ROWS:]
+        for index, line in enumerate(self._lines):
+            line.update(newest[index] if index < len(newest) else None, state.lay_tolerance)
+        self._verdict.set_text(
+            judge(turns, state.lay_tolerance, wanted.end).sentence.capitalize() + "."
+        )
+
+    def _switches(self) -> None:
+        with ui.element("div").classes("heading-row"):
+            self._mode = ui.label().classes("heading").props("role=status aria-label=mode")
+            with ui.element("div").classes("modes"):
+                self._buttons = {mode: self._button(mode) for mode in ControlMode}
+
+    def _button(self, mode: ControlMode) -> ui.button:
+        async def click() -> None:
+            await self._ask(mode)
+
+        return ui.button(_TITLES[mode], on_click=click).props("outline no-caps dense color=grey-9")
+
+    def _leaving(self, mode: ControlMode) -> ui.dialog:
+        return question(
+            "Take the machine from the controller while it winds?",
+            "Nobody commands the carriage from then on, and a machine whose commands cease in "
+            "motion stops: the simulated one after 0.5 s. Start gives the carriage back to the "
+            "drive programme.",
+            keep="Go on driving",
+            act=f"Switch to {_TITLES[mode].lower()}",
+            do=lambda: self._answered(mode),
+        )
+
+    def _table(self) -> None:
+        with ui.element("table").classes("plain turns"):
+            with ui.element("thead"), ui.element("tr"):
+                for title in _COLUMNS:
+                    with ui.element("th").props("scope=col"):
+                        ui.label(title)
+            with ui.element("tbody"):
+                self._lines = [_TurnLine() for _ in range(_ROWS)]
+        ui.label("z and error are means over the turn; largest is the place farthest off").classes(
+            "remark"
+        )
+
+    async def _ask(self, mode: ControlMode) -> None:
+        going = self._state.phase in _GOING or self._state.moving
+        if mode is ControlMode.DRIVE:
+            self._take.open()
+        elif self._state.control.mode is ControlMode.DRIVE and going:
+            self._leave[mode].open()
+        else:
+            await self._switch(mode)
+
+    async def _answered(self, mode: ControlMode) -> None:
+        for dialog in (self._take, *self._leave.values()):
+            dialog.close()
+        await self._switch(mode)
+
+    async def _switch(self, mode: ControlMode) -> None:
+        self._busy = True
+        self.update()
+        try:
+            await self._do("lay control", self._graph.command(commands.LAY_CONTROL[mode]))
+        finally:
+            self._busy = False
+            self.update()
+
+
+class _Facts:
+    def __init__(self) -> None:
+        self._values: dict[str, ui.label] = {}
+        self._place = ui.element("dl").classes("facts")
+
+    def update(self, facts: dict[str, str]) -> None:
+        for name, value in facts.items():
+            if name not in self._values:
+                with self._place, ui.element("div"):
+                    with ui.element("dt"):
+                        ui.label(name).classes("remark")
+                    with ui.element("dd"):
+                        self._values[name] = ui.label()
+            self._values[name].set_text(value)
+
+
+class _TurnLine:
+    def __init__(self) -> None:
+        with ui.element("tr") as self._line:
+            self._cells = []
+            for _ in _COLUMNS:
+                with ui.element("td"):
+                    self._cells.append(ui.label())
+        self._style = ""
+
+    def update(self, turn: TurnError | None, tolerance: float) -> None:
+        self._line.set_visibility(turn is not None)
+        if turn is None:
+            return
+        state = turn_state(turn, tolerance)
+        texts = (
+            str(turn.number),
+            f"{turn.wanted_z / MILLIMETRE:.2f}",
+            f"{turn.measured_z / MILLIMETRE:.2f}",
+            f"{turn.mean / MILLIMETRE:+.2f}",
+            f"{turn.largest / MILLIMETRE:+.2f}",
+            state,
+        )
+        for cell, text in zip(self._cells, texts, strict=True):
+            cell.set_text(text)
+        style = _STYLES.get(state, "quiet")
+        if style != self._style:
+            self._cells[-1].classes(replace=style)
+            self._style = style
