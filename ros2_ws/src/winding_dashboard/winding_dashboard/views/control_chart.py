@@ -24,7 +24,7 @@ Points = list[list[float]]
 TURNS, _POINTS_OF_A_TURN = 12, 36
 # The upper vertical axis holds at least this [mm], the lower one this in tolerances.
 _LEAST_Z, _SEEN_TOLERANCES = 5.0, 1.2
-_NOISE_Z = 0.5
+_NOISE = 0.1
 _WANTED, _PREDICTED_NAME, _MEASURED_NAME = "wanted", "predicted by the solver", "measured"
 
 
@@ -58,8 +58,8 @@ class ControlChart:
         z = _heights(curves, _WANTED, "measured", "predicted")
         off = _heights(curves, "measured off", "predicted off")
         band = _SEEN_TOLERANCES * self._tolerance
-        # Noise around P0 is no reason for an axis below zero.
-        bottom = min(z) if min(z) < -_NOISE_Z else 0.0
+        # What is missing behind P0 is no reason for an axis below zero.
+        bottom = min(z) if min(z) < -_NOISE * max(z) else 0.0
         upper, lower = options["yAxis"]
         for axis, ends in (
             (upper, ticks(bottom, max(z), _LEAST_Z)),
@@ -145,7 +145,7 @@ def _options() -> dict[str, Any]:
             ],
         },
         "grid": [
-            {"left": 46, "right": 14, "top": 26, "height": "40%"},
+            {"left": 46, "right": 14, "top": 44, "height": "36%"},
             {"left": 46, "right": 14, "bottom": 38, "height": "32%"},
         ],
         "xAxis": [

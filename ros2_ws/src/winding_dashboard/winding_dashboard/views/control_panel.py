@@ -15,8 +15,10 @@ from winding_dashboard.views.commands import Graph
 from winding_dashboard.views.control_chart import ControlChart
 from winding_dashboard.views.control_words import basis_words, beliefs, mode_words, turn_state
 from winding_dashboard.views.elements import heading, question
+from winding_dashboard.views.panels import number
 from winding_dashboard.views.view_state import ViewState
 
+_PER_METRE = 1.0 / MILLIMETRE
 # The newest turns stand in the table.
 _ROWS = 6
 _COLUMNS = ("Turn", "Wanted z, mm", "Measured z, mm", "Error, mm", "Largest, mm", "")
@@ -44,6 +46,7 @@ class ControlPanel:
         self._state, self._graph, self._do = state, graph, do
         self._busy = False
         self._style = ""
+        self._marked: ControlMode | None = None
         self._shown: tuple[float, int, float] = (float("nan"), 0, 0.0)
         with (
             ui.element("section").classes("card control").props('aria-label="Lay control"') as card
@@ -52,7 +55,7 @@ class ControlPanel:
             with ui.element("div").classes("picture"):
                 with ui.element("div").classes("heading-row"):
                     heading("Lay control: wanted, predicted and measured lay")
-                    limit = f"{state.lay_tolerance / MILLIMETRE:g}"
+                    limit = f"{state.lay_tolerance * _PER_METRE:g}"
                     ui.label(f"band: ± {limit} mm from turn 3 on").classes("remark")
                 self._chart = ControlChart(state.lay_tolerance)
             with ui.element("div").classes("words"):
@@ -84,11 +87,8 @@ class ControlPanel:
             reason = self._graph.unavailable(commands.LAY_CONTROL[mode])
             # What plays a recording has nothing that could be switched.
             button.set_visibility(not reason)
-            button.set_enabled(not reason and not self._busy and mode is not control.mode)
-            button.classes(
-                add="now" if mode is control.mode else "",
-                remove="" if mode is control.mode else "now",
-            )
+            button.set_enabled(not reason and not self._busy)
+        self._mark(control.mode)
         text, fallen = basis_words(control, state.time)
         self._basis.set_text(text)
         style = "basis warn" if fallen else "basis"
@@ -98,6 +98,18 @@ class ControlPanel:
         self._facts.update(beliefs(control))
         self._chart.update(state)
         self._update_turns()
+
+    def _mark(self, mode: ControlMode | None) -> None:
+        """Fill the switch of the present mode."""
+        if mode is self._marked:
+            return
+        self._marked = mode
+        for own, button in self._buttons.items():
+            filled, empty = "unelevated text-color=white aria-pressed=true", "outline"
+            if own is mode:
+                button.props(remove=empty, add=filled)
+            else:
+                button.props(remove=filled, add=empty)
 
     def _update_turns(self) -> None:
         state = self._state
@@ -115,7 +127,7 @@ class ControlPanel:
         )
 
     def _switches(self) -> None:
-        with ui.element("div").classes("heading-row"):
+        with ui.element("div").classes("mode-row"):
             self._mode = ui.label().classes("heading").props("role=status aria-label=mode")
             with ui.element("div").classes("modes"):
                 self._buttons = {mode: self._button(mode) for mode in ControlMode}
@@ -128,10 +140,10 @@ class ControlPanel:
 
     def _leaving(self, mode: ControlMode) -> ui.dialog:
         return question(
-            "Take the machine from the controller while it winds?",
-            "Nobody commands the carriage from then on, and a machine whose commands cease in "
-            "motion stops: the simulated one after 0.5 s. Start gives the carriage back to the "
-            "drive programme.",
+            "Take the carriage from the controller?",
+            "The machine winds. Nobody commands the carriage from then on, and a machine whose "
+            "commands cease in motion stops: the simulated one after 0.5 s. Start gives the "
+            "carriage back to the drive programme.",
             keep="Go on driving",
             act=f"Switch to {_TITLES[mode].lower()}",
             do=lambda: self._answered(mode),
@@ -150,6 +162,8 @@ class ControlPanel:
         )
 
     async def _ask(self, mode: ControlMode) -> None:
+        if mode is self._state.control.mode:
+            return
         going = self._state.phase in _GOING or self._state.moving
         if mode is ControlMode.DRIVE:
             self._take.open()
@@ -205,10 +219,10 @@ class _TurnLine:
         state = turn_state(turn, tolerance)
         texts = (
             str(turn.number),
-            f"{turn.wanted_z / MILLIMETRE:.2f}",
-            f"{turn.measured_z / MILLIMETRE:.2f}",
-            f"{turn.mean / MILLIMETRE:+.2f}",
-            f"{turn.largest / MILLIMETRE:+.2f}",
+            number(turn.wanted_z, 2, _PER_METRE),
+            number(turn.measured_z, 2, _PER_METRE),
+            number(turn.mean, 2, _PER_METRE, sign=True),
+            number(turn.largest, 2, _PER_METRE, sign=True),
             state,
         )
         for cell, text in zip(self._cells, texts, strict=True):

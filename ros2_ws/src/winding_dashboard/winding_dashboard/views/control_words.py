@@ -18,9 +18,9 @@ _BASES = {
     ControlBasis.RAMP: "SOLVER LOST: the guide follows the plain ramp of the drive programme",
 }
 _MODES = {
-    ControlMode.OFF: "off: commands nothing",
-    ControlMode.WATCH: "watch: commands nothing, says what it would command",
-    ControlMode.DRIVE: "drive: commands the machine",
+    ControlMode.OFF: "Off: commands nothing",
+    ControlMode.WATCH: "Watch: says what it would command",
+    ControlMode.DRIVE: "Drive: commands the machine",
 }
 
 
