@@ -12,7 +12,7 @@ pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
 DRAWN = (
     "document.querySelector('.control canvas') !== null && "
-    "[...document.querySelectorAll('.control tbody tr')].some(r => r.innerText.includes('OFF'))"
+    "[...document.querySelectorAll('.control tbody tr')].some(r => r.innerText.endsWith('off'))"
 )
 
 

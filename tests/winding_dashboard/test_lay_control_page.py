@@ -13,10 +13,11 @@ from simulated_page import button, buttons, click, fresh_state, phase, until
 
 from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
 from winding_core.lay_errors import turn_errors
+from winding_core.lay_tolerance import turn_state
 from winding_core.status import Level, Status
 from winding_dashboard.views.control_chart import lay_curves
 from winding_dashboard.views.control_state import ControlState
-from winding_dashboard.views.control_words import basis_words, beliefs, turn_state
+from winding_dashboard.views.control_words import basis_words, beliefs
 from winding_dashboard.views.page import Page
 from winding_dashboard.views.view_state import ViewState
 
@@ -93,7 +94,7 @@ def test_turn_with_a_fault_is_off_and_the_first_two_are_not_judged() -> None:
     turns = turn_errors(state.lay, state.control.wanted)
     states = [turn_state(turn, 0.5e-3) for turn in turns]
     # The made-up run lies 0.7 mm off in its fourth turn.
-    assert states == ["not judged", "not judged", "within", "OFF", "within", "within"]
+    assert states == ["not judged", "not judged", "within", "off", "within", "within"]
 
 
 def test_curves_are_in_turns_and_millimetres() -> None:
@@ -135,7 +136,7 @@ async def test_panel_shows_mode_basis_turns_and_verdict() -> None:
             "Drive: commands the machine",
             "the measured lay is fed back",
             "195.8 ± 5.5 mm",
-            "OFF",
+            "off",
             "The lay does not keep 0.5 mm: at most 0.73 mm off, in turn 4",
         ):
             await user.should_see(text, retries=50)

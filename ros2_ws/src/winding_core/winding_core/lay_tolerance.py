@@ -83,6 +83,15 @@ def judge(turns: Sequence[TurnError], tolerance: float, wound: float) -> LayVerd
     )
 
 
+def turn_state(turn: TurnError, tolerance: float) -> str:
+    """Return in a word or two how a turn lies against a tolerance [m]."""
+    if turn.number < FIRST_JUDGED:
+        return "not judged"
+    if abs(turn.largest) > tolerance:
+        return "off"
+    return "within" if turn.whole else "partly seen"
+
+
 def _numbers(turns: Sequence[int]) -> str:
     """Return turns as people name them: turn 3, turns 3 to 6, turns 3, 5 and 6."""
     first, last = turns[0], turns[-1]

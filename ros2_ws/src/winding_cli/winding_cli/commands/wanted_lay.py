@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 from winding_cli.commands.condition_options import Typed, spelled
 from winding_core.condition import Condition
+from winding_core.lay_tolerance import LayTolerance
 from winding_core.lay_wish import LayWish
 from winding_core.options import typed_values
-from winding_core.parameters import Value, build
+from winding_core.parameters import ParameterError, Value, build
 
 
 def wish_of(typed: Typed, condition: Condition) -> dict[str, Value]:
@@ -26,6 +27,40 @@ def wish_of(typed: Typed, condition: Condition) -> dict[str, Value]:
         own = {item.name: getattr(condition, item.name) for item in fields(condition)}
         build(LayControlParameters, {**own, **values}, owner="winding run").new_controller()
     return values
+
+
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """What a lay is held against.
+
+    Attributes:
+        limit: Largest distance in every turn after the second [m].
+        asked: Whether the user said so: the run then fails where it is not kept.
+    """
+
+    limit: float
+    asked: bool
+
+    @property
+    def of_page(self) -> dict[str, object]:
+        """What the operator's page is told."""
+        return {"lay_tolerance": self.limit} if self.asked else {}
+
+
+def tolerance_of(typed: Typed, wish: Mapping[str, Value]) -> Held:
+    """Return what the lay is held against.
+
+    Raises:
+        ParameterError: A value is refused, or no lay is wanted.
+    """
+    values = typed_values(LayTolerance, typed, spelled)
+    if values and not wish:
+        raise ParameterError(
+            "--lay-tolerance-mm judges a wanted lay: give --control, --program or --pitch-mm, too"
+        )
+    return Held(
+        limit=build(LayTolerance, values, owner="winding run").lay_tolerance, asked=bool(values)
+    )
 
 
 def controlled_nodes(wish: Mapping[str, Value]) -> dict[str, Mapping[str, Value]]:

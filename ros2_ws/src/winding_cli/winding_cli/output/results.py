@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from winding_cli.output.lay_results import recorded_outcome
 from winding_core.condition import Condition
 from winding_core.helix import curve_length
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
+from winding_core.parameters import Value
 from winding_core.published import published_markers
 from winding_core.readings import AxisReading
 from winding_recorder.live.run_buffer import Reading, RunBuffer
@@ -40,8 +42,17 @@ _THINNED = (
 )
 
 
-def run_record(condition: Condition, result: RunResult) -> RunRecord:
-    """Return the record of a finished run."""
+def run_record(
+    condition: Condition, result: RunResult, wish: Mapping[str, Value], tolerance: float
+) -> RunRecord:
+    """Return the record of a finished run.
+
+    Args:
+        condition: What was wound.
+        result: What the run left.
+        wish: Parameters of the wanted lay, if there was one.
+        tolerance: Of that lay, in every turn after the second [m].
+    """
     buffer = result.buffer
     what = condition.resolved()
     case = what.case
@@ -94,6 +105,7 @@ def run_record(condition: Condition, result: RunResult) -> RunRecord:
         ended=result.ended,
         facts=_facts(buffer),
         trace=None if result.trace is None else length_trace(result.trace),
+        lay=recorded_outcome(buffer, condition, tracked, wish, tolerance),
         notes=(*_notes(published=case.is_published), *([_THINNED] if buffer.thinned else [])),
     )
 

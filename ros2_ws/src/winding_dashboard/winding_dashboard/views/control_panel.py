@@ -8,12 +8,12 @@ from nicegui import ui
 
 from winding_core.lay_control_records import ControlMode
 from winding_core.lay_errors import TurnError, turn_errors
-from winding_core.lay_tolerance import judge
+from winding_core.lay_tolerance import judge, turn_state
 from winding_core.units import MILLIMETRE
 from winding_dashboard.views import commands
 from winding_dashboard.views.commands import Graph
 from winding_dashboard.views.control_chart import ControlChart
-from winding_dashboard.views.control_words import basis_words, beliefs, mode_words, turn_state
+from winding_dashboard.views.control_words import basis_words, beliefs, mode_words
 from winding_dashboard.views.elements import heading, question
 from winding_dashboard.views.panels import number
 from winding_dashboard.views.view_state import ViewState
@@ -24,7 +24,7 @@ _ROWS = 6
 _COLUMNS = ("Turn", "Wanted z, mm", "Measured z, mm", "Error, mm", "Largest, mm", "")
 # While the machine does one of these, its carriage must be somebody's.
 _GOING = ("winding", "stopping")
-_STYLES = {"OFF": "bad", "partly seen": "warn"}
+_STYLES = {"off": "bad", "partly seen": "warn"}
 _TITLES = {ControlMode.OFF: "Off", ControlMode.WATCH: "Watch", ControlMode.DRIVE: "Drive"}
 
 

@@ -1,12 +1,10 @@
-"""The controller of the lay in words: what it rests on, what it believes, how turns lie."""
+"""The controller of the lay in words: what it does, rests on and believes."""
 
 from __future__ import annotations
 
 import math
 
 from winding_core.lay_control_records import ControlBasis, ControlMode
-from winding_core.lay_errors import TurnError
-from winding_core.lay_tolerance import FIRST_JUDGED
 from winding_core.units import MILLIMETRE
 from winding_dashboard.views.control_state import ControlState
 
@@ -58,15 +56,6 @@ def beliefs(control: ControlState) -> dict[str, str]:
         "Guide": f"{would}{_millimetres(newest['guide'], 1)}",
         "Pull": f"{would}{newest['pull']:.2f} N" if math.isfinite(newest["pull"]) else "not set",
     }
-
-
-def turn_state(turn: TurnError, tolerance: float) -> str:
-    """Return how a turn lies against a tolerance [m]."""
-    if turn.number < FIRST_JUDGED:
-        return "not judged"
-    if abs(turn.largest) > tolerance:
-        return "OFF"
-    return "within" if turn.whole else "partly seen"
 
 
 def _millimetres(value: float, digits: int) -> str:
