@@ -73,6 +73,7 @@ def run_record(
     missing = _gaps
     if result.simulated:
         missing = partial(_missing, duration=reached if result.ended else condition.duration)
+    lay = recorded_outcome(buffer, condition, tracked, wish, tolerance)
     return RunRecord(
         case=case,
         drive=what.drive,
@@ -105,8 +106,11 @@ def run_record(
         ended=result.ended,
         facts=_facts(buffer),
         trace=None if result.trace is None else length_trace(result.trace),
-        lay=recorded_outcome(buffer, condition, tracked, wish, tolerance),
-        notes=(*_notes(published=case.is_published), *([_THINNED] if buffer.thinned else [])),
+        lay=lay,
+        notes=(
+            *_notes(published=case.is_published, controlled=lay is not None),
+            *([_THINNED] if buffer.thinned else []),
+        ),
     )
 
 
@@ -276,13 +280,20 @@ def _last_status(buffer: RunBuffer, name: str) -> Mapping[str, str]:
     return found
 
 
-def _notes(*, published: bool) -> tuple[str, ...]:
+def _notes(*, published: bool, controlled: bool) -> tuple[str, ...]:
     tracked = (
         "The tracked lengths are measured by the camera in this run: each marker's mean place "
         "over all frames that show it."
     )
     if not published:
         return (tracked, "The condition is not published: there is no experiment beside it.")
+    if controlled:
+        return (
+            tracked,
+            "The cable lies where the machine's own motion and pull laid it. The published "
+            "experiment was wound at a constant feed under a dead weight: it is no measure of a "
+            "lay that was controlled.",
+        )
     return (
         tracked,
         "The machine lays the cable where the paper's experiment measured it, so the tracked "

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from winding_core.lay_errors import FULL_TURN, lay_errors
 from winding_core.lay_tolerance import FIRST_JUDGED
@@ -14,6 +14,7 @@ from winding_core.units import MILLIMETRE
 from winding_study.documents.picture import (
     CORRECTED,
     FAINT,
+    INK,
     PAPER,
     PREDICTED,
     TRACKED,
@@ -76,7 +77,7 @@ def outcome_picture(lay: LayOutcome) -> Picture:
 def turns_picture(lay: LayOutcome) -> Picture:
     """Return the largest error of every turn against the tolerance, and beside no control."""
     tolerance = lay.verdict.tolerance / MILLIMETRE
-    with canvas(3.0, columns=2) as (figure, (achieved, both)):
+    with canvas(3.2, columns=2) as (figure, (achieved, both)):
         numbers = np.array([turn.number for turn in lay.turns], dtype=float)
         largest = np.array([abs(turn.largest) for turn in lay.turns]) / MILLIMETRE
         judged = numbers >= FIRST_JUDGED
@@ -101,14 +102,14 @@ def turns_picture(lay: LayOutcome) -> Picture:
         both.bar(numbers - 0.2, before, width=0.38, color=PAPER, label="without control, lag law")
         both.bar(numbers + 0.2, largest, width=0.38, color=PREDICTED, label="achieved")
         both.set_yscale("log")
+        both.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         both.set_title("the same before and after, mm, logarithmic")
         for axes in (achieved, both):
-            axes.axhline(tolerance, color="#1f2933", linewidth=1.0, linestyle="--")
+            axes.axhline(tolerance, color=INK, linewidth=1.0, linestyle="--")
             axes.set_xlabel("turn")
             axes.xaxis.set_major_locator(MaxNLocator(_MOST_NAMED, integer=True))
             axes.grid(visible=False, axis="x")
-            if numbers.size:
-                axes.legend(loc="lower center", bbox_to_anchor=(0.5, -0.52), ncols=3)
+        figure.legend(loc="outside lower center", ncols=5)
     return picture(
         figure,
         "Every turn of the lay",
