@@ -48,19 +48,27 @@ class Held:
 
 
 def tolerance_of(typed: Typed, wish: Mapping[str, Value]) -> Held:
-    """Return what the lay is held against.
+    """Return what the lay of a run is held against.
 
     Raises:
-        ParameterError: A value is refused, or no lay is wanted.
+        ParameterError: The tolerance is refused, or no lay is wanted.
     """
-    values = typed_values(LayTolerance, typed, spelled)
-    if values and not wish:
+    if typed and not wish:
         raise ParameterError(
             "--lay-tolerance-mm judges a wanted lay: give --control, --program or --pitch-mm, too"
         )
-    return Held(
-        limit=build(LayTolerance, values, owner="winding run").lay_tolerance, asked=bool(values)
-    )
+    return held_against(typed)
+
+
+def held_against(typed: Typed) -> Held:
+    """Return what a lay is held against.
+
+    Raises:
+        ParameterError: The tolerance is refused.
+    """
+    values = typed_values(LayTolerance, typed, spelled)
+    kept = build(LayTolerance, values, owner="winding run")
+    return Held(limit=kept.lay_tolerance, asked=bool(values))
 
 
 def controlled_nodes(wish: Mapping[str, Value]) -> dict[str, Mapping[str, Value]]:

@@ -101,7 +101,8 @@ def run_record(
         frames_lost=missing(frames, topics.CAMERA_INFO) + len(np.setdiff1d(frames, answered)),
         joint_states=len(joints),
         joint_states_lost=missing(joints, topics.JOINT_STATES),
-        wall_s=result.wall_s,
+        # A recording does not say how long its run took.
+        wall_s=result.wall_s or None,
         sim_s=reached,
         ended=result.ended,
         facts=_facts(buffer),
