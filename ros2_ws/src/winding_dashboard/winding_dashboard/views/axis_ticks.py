@@ -8,7 +8,7 @@ _INTERVALS = 4
 
 
 def ticks(low: float, high: float, least: float) -> tuple[float, float, float]:
-    """Return lower end, upper end and interval of an axis that holds low to high."""
+    """Return lower end, upper end and interval of an axis that holds low to high [its unit]."""
     height = max(high - low, least)
     middle = 0.5 * (low + high)
     below, above = middle - 0.52 * height, middle + 0.52 * height
