@@ -137,7 +137,7 @@ async def test_panel_shows_mode_basis_turns_and_verdict() -> None:
             "the measured lay is fed back",
             "195.8 ± 5.5 mm",
             "off",
-            "The lay does not keep 0.5 mm: at most 0.73 mm off, in turn 4",
+            "the lay does not keep 0.5 mm: at most 0.73 mm off, in turn 4",
         ):
             await user.should_see(text, retries=50)
 

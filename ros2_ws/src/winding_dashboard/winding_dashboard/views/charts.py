@@ -205,5 +205,7 @@ class Charts:
         self._length.title.set_text(f"S{number}, mm")
         self._length.update(state.lengths[number], f"P{number}")
         # Where a lay is wanted, its controller's picture tells more than the commanded helix.
-        if not state.control.known:
+        if state.control.known:
+            self._lay.hide()
+        else:
             self._lay.update(state.lay_time, state.lay, state.advance)

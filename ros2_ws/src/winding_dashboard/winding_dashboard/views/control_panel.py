@@ -122,9 +122,8 @@ class ControlPanel:
         newest = turns[-_ROWS:]
         for index, line in enumerate(self._lines):
             line.update(newest[index] if index < len(newest) else None, state.lay_tolerance)
-        self._verdict.set_text(
-            judge(turns, state.lay_tolerance, wanted.end).sentence.capitalize() + "."
-        )
+        verdict = judge(turns, state.lay_tolerance, wanted.end)
+        self._verdict.set_text(f"{verdict.sentence}.")
 
     def _switches(self) -> None:
         with ui.element("div").classes("mode-row"):
@@ -141,9 +140,9 @@ class ControlPanel:
     def _leaving(self, mode: ControlMode) -> ui.dialog:
         return question(
             "Take the carriage from the controller?",
-            "The machine winds. Nobody commands the carriage from then on, and a machine whose "
-            "commands cease in motion stops: the simulated one after 0.5 s. Start gives the "
-            "carriage back to the drive programme.",
+            "The machine winds. Nobody commands the carriage from then on: it comes to rest at its "
+            "last target while the cylinder winds on. Stop, then Start, give it back to the drive "
+            "programme.",
             keep="Go on driving",
             act=f"Switch to {_TITLES[mode].lower()}",
             do=lambda: self._answered(mode),
