@@ -51,9 +51,7 @@ def controller(*, patience: float = math.inf) -> LayController:
         wanted=EvenHelix(),
         law=GuideLaw(radius=RADIUS),
         lay=LayFilter(LayFilterConfig(radius=RADIUS, free_length=0.198)),
-        stretch=StretchFilter(
-            law, spacing=CASE.marker_spacing, radius=RADIUS, build_up_length=0.255
-        ),
+        stretch=StretchFilter(law, spacing=CASE.marker_spacing, radius=RADIUS),
         mode=ControlMode.DRIVE,
     )
 

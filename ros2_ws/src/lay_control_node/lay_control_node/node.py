@@ -55,7 +55,7 @@ class LayControlNode(ManagedNode[LayControlParameters]):
         fallen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.RAMP
         said = {
             ControlBasis.MEASURED: "by the measured lay",
-            ControlBasis.MODEL: "by the model: no lay has been measured for more than 1.5 turns",
+            ControlBasis.MODEL: "by the model: no lay has been measured for 1.5 turns",
             ControlBasis.RAMP: "by the drive programme: the solver is silent",
         }[newest.basis]
         unseen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.MODEL

@@ -19,7 +19,7 @@ from winding_core.markers import Markers
 from winding_core.readings import AxisReading
 
 # Cable that lies on less than this has nothing on the cylinder that could slip [rad].
-_UNWOUND = 0.2
+UNWOUND = 0.2
 # A span is believed to carry this at least [N].
 _LEAST_TENSION = 1.0e-3
 
@@ -130,7 +130,7 @@ class LayController:
         """
         theta = reading.cylinder_angle
         slope, bend = self.wanted.at(theta).slope, self._bend_length(theta, pull)
-        if self._before is None and theta > _UNWOUND:
+        if self._before is None and theta > UNWOUND:
             self.lay.join(theta, reading.carriage_position, slope, bend)
             self.stretch.join(theta)
         self.lay.advance(theta, reading.carriage_position, bend)
@@ -149,7 +149,8 @@ class LayController:
         if basis is ControlBasis.RAMP:
             guide.go(self.config.advance_per_radian * reading.angular_speed, max(dt, 1.0e-9))
         else:
-            command = self.law.command(wanted, lay)
+            turned = reading.angular_speed * dt
+            command = self.law.command(wanted, lay, guide.position, turned)
             rate = command.per_radian * reading.angular_speed
             guide.follow(command.position, rate, max(dt, 1.0e-9))
         return Setpoint(
@@ -191,6 +192,6 @@ class LayController:
             stretch.estimate,
             self._pull,
             landed=stretch.landed,
-            free=theta <= _UNWOUND,
+            free=theta <= UNWOUND,
         )
         return self._pull

@@ -29,7 +29,7 @@ from winding_cli.commands.run_checks import (
 )
 from winding_cli.commands.run_results import deliver, refuse_flawed, show, write_trace
 from winding_cli.commands.termination import end
-from winding_cli.commands.wanted_lay import controlled_nodes, tolerance_of, wish_of
+from winding_cli.commands.wanted_lay import controlled_nodes, lead_of, tolerance_of, wish_of
 from winding_cli.output.progress_lines import ProgressLines, print_sentence
 from winding_core.camera_clock import CameraClockParameters
 from winding_core.camera_pixels import CameraPixels
@@ -205,6 +205,7 @@ def run(
             turns=turns,
             wound_length_mm=wound_length_mm,
             standing_s=standing_s,
+            lead=lead_of(wished, condition),
         ),
         simulated={
             "speed": speed,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 from winding_cli.commands.condition_options import Typed, spelled
 from winding_core.condition import Condition
@@ -11,6 +12,9 @@ from winding_core.lay_tolerance import LayTolerance
 from winding_core.lay_wish import LayWish
 from winding_core.options import typed_values
 from winding_core.parameters import ParameterError, Value, build
+
+if TYPE_CHECKING:
+    from lay_control_node.control.lay_controller import LayController
 
 
 def wish_of(typed: Typed, condition: Condition) -> dict[str, Value]:
@@ -22,10 +26,7 @@ def wish_of(typed: Typed, condition: Condition) -> dict[str, Value]:
     """
     values = typed_values(LayWish, typed, spelled)
     if values:
-        from lay_control_node.ros.parameters import LayControlParameters
-
-        own = {item.name: getattr(condition, item.name) for item in fields(condition)}
-        build(LayControlParameters, {**own, **values}, owner="winding run").new_controller()
+        _controller(values, condition)
     return values
 
 
@@ -69,6 +70,22 @@ def held_against(typed: Typed) -> Held:
     values = typed_values(LayTolerance, typed, spelled)
     kept = build(LayTolerance, values, owner="winding run")
     return Held(limit=kept.lay_tolerance, asked=bool(values))
+
+
+def lead_of(wish: Mapping[str, Value], condition: Condition) -> float:
+    """Return by how much the guide of a wanted lay goes ahead of the cable at first [m]."""
+    if not wish:
+        return 0.0
+    what = condition.resolved()
+    slope = _controller(wish, condition).wanted.at(0.0).slope
+    return slope * what.free_length / what.case.centreline_radius
+
+
+def _controller(wish: Mapping[str, Value], condition: Condition) -> LayController:
+    from lay_control_node.ros.parameters import LayControlParameters
+
+    own = {item.name: getattr(condition, item.name) for item in fields(condition)}
+    return build(LayControlParameters, {**own, **wish}, owner="winding run").new_controller()
 
 
 def controlled_nodes(wish: Mapping[str, Value]) -> dict[str, Mapping[str, Value]]:
