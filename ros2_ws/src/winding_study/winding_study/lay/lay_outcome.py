@@ -74,6 +74,7 @@ class LayOutcome:
         landings: Markers that were wanted somewhere.
         basis_shares: Share of the run that commands rested on each basis.
         limited_share: Share of the run in which a bound of the carriage held the guide.
+        drive_share: Share of the run in which the controller commanded the machine.
     """
 
     mode: ControlMode
@@ -92,6 +93,7 @@ class LayOutcome:
     landings: tuple[Landing, ...]
     basis_shares: Mapping[ControlBasis, float]
     limited_share: float
+    drive_share: float
 
     @property
     def drove(self) -> bool:
@@ -169,6 +171,7 @@ def lay_outcome(
         ),
         basis_shares={basis: float(np.mean(bases == int(basis))) for basis in ControlBasis},
         limited_share=float(np.mean(control["limited"] > 0)),
+        drive_share=float(np.mean(control["mode"] == int(ControlMode.DRIVE))),
     )
 
 

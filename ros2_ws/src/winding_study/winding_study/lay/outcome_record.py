@@ -53,6 +53,7 @@ def outcome_json(lay: LayOutcome) -> dict[str, Any]:
         ],
         "basis_shares": {basis.name.lower(): share for basis, share in lay.basis_shares.items()},
         "limited_share": lay.limited_share,
+        "drive_share": lay.drive_share,
     }
 
 

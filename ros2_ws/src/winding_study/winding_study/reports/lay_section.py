@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from winding_core.lay_control_records import ControlBasis, ControlMode
+from winding_core.lay_control_records import ControlBasis
 from winding_core.lay_errors import FULL_TURN, TurnError
 from winding_core.lay_tolerance import turn_state
 from winding_core.units import MILLIMETRE
@@ -14,11 +14,6 @@ from winding_study.documents.picture import Picture
 from winding_study.lay.lay_outcome import LayOutcome
 from winding_study.reports.outcome_pictures import outcome_picture, turns_picture
 
-_MODES = {
-    ControlMode.OFF: "off: it commanded nothing",
-    ControlMode.WATCH: "watch: it commanded nothing",
-    ControlMode.DRIVE: "drive: it commanded the machine",
-}
 _BASES = {
     ControlBasis.MEASURED: "the measured lay",
     ControlBasis.MODEL: "the model, the tracker being lost",
@@ -71,7 +66,7 @@ def lay_section(lay: LayOutcome) -> LaySection:
 def _facts(lay: LayOutcome) -> dict[str, str]:
     achieved, without = lay.rms()
     facts = {
-        "Controller": _MODES[lay.mode],
+        "Controller": _mode(lay),
         "Commands rested on": ", ".join(
             f"{_BASES[basis]} {share:.0%}"
             for basis, share in lay.basis_shares.items()
@@ -87,6 +82,14 @@ def _facts(lay: LayOutcome) -> dict[str, str]:
             f"{achieved / MILLIMETRE:.3f} mm, without control {without / MILLIMETRE:.2f} mm"
         )
     return facts
+
+
+def _mode(lay: LayOutcome) -> str:
+    """Return what the controller did in the end, and what it did of the run."""
+    mode = lay.mode.name.lower()
+    if 0.0 < lay.drive_share < 1.0:
+        return f"{mode} in the end: it commanded {lay.drive_share:.0%} of the run"
+    return f"{mode}: it commanded {'the machine' if lay.drove else 'nothing'}"
 
 
 def _row(turn: TurnError, without: TurnError | None, tolerance: float) -> list[str]:
