@@ -46,7 +46,11 @@ class LayControlNode(ManagedNode[LayControlParameters]):
             return Status(name=topics.LAY_CONTROL, message="not configured")
         mode, newest = handler.controller.mode, handler.newest
         if newest is None:
-            return Status(name=topics.LAY_CONTROL, message=f"{mode.name.lower()}; waiting")
+            return Status(
+                name=topics.LAY_CONTROL,
+                message=f"{mode.name.lower()}; waiting",
+                values={"mode": mode.name.lower()},
+            )
         lay = newest.lay
         fallen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.RAMP
         said = {
