@@ -100,9 +100,7 @@ class LayControlHandler:
             message=encode_cloud(t, _record(setpoint, self.controller.mode)),
         )
         beginning = t - self._start < _STANDING
-        if self.controller.mode is not ControlMode.DRIVE or (
-            t - self._moved > _STANDING and not beginning
-        ):
+        if not setpoint.commanding or (t - self._moved > _STANDING and not beginning):
             return
         scale = self._axes.carriage_scale
         target = AxisTarget(

@@ -140,9 +140,8 @@ class ControlPanel:
     def _leaving(self, mode: ControlMode) -> ui.dialog:
         return question(
             "Take the carriage from the controller?",
-            "The machine winds. Nobody commands the carriage from then on: it comes to rest at its "
-            "last target while the cylinder winds on. Stop, then Start, give it back to the drive "
-            "programme.",
+            "The machine winds. The carriage goes on at the drive programme's advance from where "
+            "it is; the lay is not controlled from then on.",
             keep="Go on driving",
             act=f"Switch to {_TITLES[mode].lower()}",
             do=lambda: self._answered(mode),
