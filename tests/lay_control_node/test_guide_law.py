@@ -2,25 +2,36 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from lay_control_node.control.guide_law import GuideLaw, WantedPoint
 from lay_control_node.control.lay_filter import LayEstimate
+
+Array = NDArray[np.float64]
 
 RADIUS, LENGTH, BEND = 0.032, 0.198, 0.01
 PITCH = 2.87e-3
 
 
-def error_after(
-    angle: float, *, believed: float, gain: float, start: float, bend: float = BEND
-) -> float:
-    """Wind an angle [rad] with a believed free length [m]; return what is missing [m]."""
-    law = GuideLaw(radius=RADIUS, gain=gain)
-    # The span points along the wanted helix from the place where it lands.
-    z, headed, step = start, start + bend / RADIUS * PITCH, 5.0e-4
+def wound(
+    angle: float,
+    law: GuideLaw,
+    *,
+    believed: float = LENGTH,
+    start: float = 0.0,
+    bend: float = BEND,
+) -> Array:
+    """Wind an angle [rad] of an even helix from an error [m] on, the span pointing along it.
+
+    Returns:
+        Columns theta [rad], error of z [m], z' [m/rad], guide's rate [m/rad]; shape (n, 4).
+    """
+    far, near = (LENGTH - bend) / RADIUS, bend / RADIUS
+    z, headed, step = start, start + near * PITCH, 1.0e-3
+    guide = headed + far * PITCH
+    rows = []
     for theta in np.arange(0.0, angle, step):
         lay = LayEstimate(
             theta=theta,
@@ -32,43 +43,72 @@ def error_after(
             covariance=np.eye(4),
         )
         wanted = WantedPoint(z=PITCH * theta, slope=PITCH, curvature=0.0)
-        guide = law.command(wanted, lay).position
-        z, headed = (
-            z + (headed - z) * RADIUS / bend * step,
-            headed + (guide - headed) * RADIUS / (LENGTH - bend) * step,
-        )
-    return PITCH * angle - z
+        command = law.command(wanted, lay, guide, step)
+        rows.append((theta, PITCH * theta - z, (headed - z) / near, command.per_radian))
+        z, headed = z + (headed - z) / near * step, headed + (guide - headed) / far * step
+        guide = command.position
+    return np.array(rows)
 
 
 @pytest.mark.parametrize("bend", [2.0e-3, 1.0e-2, 2.0e-2])
 def test_an_error_dies_out_whatever_the_cable_is_bent_over(bend: float) -> None:
-    left = error_after(6.0, believed=LENGTH, gain=1.0, start=-2.0e-3, bend=bend)
-    # Rates k = 1 and 1 / t2: e = e0 (exp(-T) - t2 exp(-T / t2)) / (1 - t2), and a tenth for
-    # Euler's steps.
-    near = bend / RADIUS
-    exact = 2.0e-3 * (math.exp(-6.0) - near * math.exp(-6.0 / near)) / (1.0 - near)
-    assert abs(left) == pytest.approx(exact, rel=0.1)
+    gain, near = 1.0, bend / RADIUS
+    rows = wound(6.0, GuideLaw(radius=RADIUS, gain=gain), start=-2.0e-3, bend=bend)
+    # E = v - h obeys E'' + 4 k E' + 4 k^2 E = 0 with E' = 0 first, and the error of z follows by
+    # t2 e' = E - e. One in a hundred of the first error is left to Euler's steps.
+    theta, step = rows[:, 0], rows[1, 0]
+    headed = 2.0e-3 * (1.0 + 2.0 * gain * theta) * np.exp(-2.0 * gain * theta)
+    exact = [2.0e-3]
+    for value in headed[:-1]:
+        exact.append(exact[-1] + (value - exact[-1]) / near * step)
+    assert rows[:, 1] == pytest.approx(np.array(exact), abs=0.02e-3)
+    assert abs(rows[-1, 1]) < 0.01 * 2.0e-3
 
 
 @pytest.mark.parametrize("ratio", [0.7, 1.4])
 def test_a_wrong_free_length_leaves_a_steady_error(ratio: float) -> None:
-    """On the helix w' = q (w' + k e), q being the ratio of believed to true L - l."""
-    left = error_after(30.0, believed=ratio * LENGTH, gain=1.0, start=0.0)
+    """On the helix w' = w'/q + 4 k t1 (w' + k e - w'/q), q the ratio of believed to true t1."""
+    rows = wound(30.0, GuideLaw(radius=RADIUS, gain=1.0), believed=ratio * LENGTH)
     q = (ratio * LENGTH - BEND) / (LENGTH - BEND)
-    assert left == pytest.approx((1.0 - q) * PITCH / q, rel=1.0e-2)
+    far = (ratio * LENGTH - BEND) / RADIUS
+    exact = (1.0 - q) * PITCH / q * (1.0 - 1.0 / (4.0 * far))
+    assert rows[-1, 1] == pytest.approx(exact, rel=1.0e-3)
 
 
-def test_the_rate_is_that_of_the_guide_on_the_wanted_line() -> None:
-    law = GuideLaw(radius=RADIUS)
+@pytest.mark.parametrize("missing", [1.0e-3, 2.0e-2, 0.2])
+def test_laid_cable_is_never_curved_beyond_what_friction_holds(missing: float) -> None:
+    turning = 0.1 * RADIUS
+    rows = wound(40.0, GuideLaw(radius=RADIUS, turning=turning), start=-missing)
+    curvature = np.diff(rows[:, 2]) / np.diff(rows[:, 0])
+    # One step of the lag's integration beside the bound.
+    assert np.abs(curvature).max() <= 1.01 * turning
+    assert abs(rows[-1, 1]) < 1.0e-5
+
+
+@pytest.mark.parametrize("missing", [1.0e-3, 2.0e-2, 0.2])
+def test_a_large_error_is_made_up_without_overshoot(missing: float) -> None:
+    rows = wound(40.0, GuideLaw(radius=RADIUS, turning=0.1 * RADIUS), start=-missing)
+    assert rows[:, 1].min() > -0.02 * missing
+
+
+def test_a_guide_goes_on_as_it_stands_whatever_the_estimate_says() -> None:
+    """A cable that is believed elsewhere changes the rate, never the place."""
+    law = GuideLaw(radius=RADIUS, turning=0.1 * RADIUS)
     lay = LayEstimate(
         theta=1.0,
-        z=0.0,
-        headed=0.0,
+        z=0.05,
+        headed=0.05,
         free_length=LENGTH,
         bend_length=BEND,
         offset=1.0e-4,
         covariance=np.eye(4),
     )
-    wanted = WantedPoint(z=1.0e-3, slope=2.0e-3, curvature=2.0e-3)
-    # g = w + (L / rho) w' + terms of w'', which is constant.
-    assert law.command(wanted, lay).per_radian == pytest.approx(2.0e-3 + LENGTH / RADIUS * 2.0e-3)
+    wanted = WantedPoint(z=1.0e-3, slope=2.0e-3, curvature=0.0)
+    assert law.command(wanted, lay, 0.02, 0.0).position == 0.02
+    assert law.command(wanted, lay, 0.02, 1.0e-6).position == pytest.approx(0.02, abs=1.0e-7)
+
+
+def test_the_guide_of_a_lay_that_is_right_leads_by_the_lag() -> None:
+    rows = wound(5.0, GuideLaw(radius=RADIUS, turning=0.1 * RADIUS))
+    assert rows[:, 1] == pytest.approx(0.0, abs=1.0e-9)
+    assert rows[:, 3] == pytest.approx(PITCH, rel=1.0e-6)

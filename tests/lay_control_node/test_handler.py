@@ -194,8 +194,26 @@ def test_modes_are_switched_without_a_step_of_the_guide() -> None:
     # Rounding of places of some 10 mm.
     step = limits.guide_speed_limit * COMMANDS_PERIOD * (1.0 + 1.0e-9)
     assert np.abs(np.diff(guide)).max() <= step
-    handler.switch(ControlMode.OFF)
-    assert on(topics.JOINT_TARGETS, wind(handler, 3.5, 4.0)) == []
+
+
+@pytest.mark.parametrize("mode", [ControlMode.OFF, ControlMode.WATCH])
+def test_a_carriage_that_was_driven_goes_on_by_the_drive_programme(mode: ControlMode) -> None:
+    handler = begun()
+    before = on(topics.JOINT_TARGETS, wind(handler, 0.0, 3.0))[-1]
+    handler.switch(mode)
+    answers = wind(handler, 3.0, 5.0)
+    targets = on(topics.JOINT_TARGETS, answers)
+    guide = np.array([before.position[0], *(target.position[0] for target in targets)])
+    speed = np.array([before.velocity[0], *(target.velocity[0] for target in targets)])
+    limits = LayControlParameters()
+    # Rounding of speeds of some 10 mm/s.
+    most = limits.guide_acceleration_limit * COMMANDS_PERIOD * (1.0 + 1.0e-6)
+    assert np.abs(np.diff(speed)).max() <= most
+    assert np.abs(np.diff(guide)).max() <= limits.guide_speed_limit * COMMANDS_PERIOD
+    assert speed[-1] == pytest.approx(DRIVE.reading_at(4.9).feed_speed, rel=0.01)
+    assert set(said(answers)["basis"]) == {ControlBasis.RAMP}
+    # Within the 0.2 s after which a machine counts as standing there are some.
+    assert not on(topics.JOINT_TARGETS, stood_still(handler, 5.0, 6.0)[-30:])
 
 
 def test_mode_that_was_switched_stays_in_the_next_run() -> None:

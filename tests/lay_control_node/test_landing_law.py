@@ -9,8 +9,8 @@ import pytest
 
 from lay_control_node.control.guide_law import WantedPoint
 from lay_control_node.control.landing_law import LandingLaw, Progress, PullBounds
-from lay_control_node.control.lay_on import LayOnLaw
 from lay_control_node.control.stretch_filter import StretchEstimate
+from lay_control_node.planning.lay_on import LayOnLaw
 from winding_core.cable_parameters import published_case
 from winding_core.material_law import MaterialLaw
 
@@ -22,7 +22,7 @@ LAW = LayOnLaw(
 PITCH = 2.87e-3
 BOUNDS = PullBounds(low=0.3 * CASE.weight, high=1.5 * CASE.weight, per_radian=0.09)
 KNOWN = StretchEstimate(
-    share=0.7, drag=0.15, start=0.3, build_up_length=0.255, covariance=np.zeros((3, 3))
+    share=0.7, drag=0.15, start=0.3, build_up_length=0.255, covariance=np.zeros((4, 4))
 )
 
 

@@ -14,9 +14,9 @@ from lay_control_node.control.lay_controller import (
     Setpoint,
 )
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
-from lay_control_node.control.lay_on import LayOnLaw
 from lay_control_node.control.motion_bounds import AxisBounds
 from lay_control_node.control.stretch_filter import StretchFilter
+from lay_control_node.planning.lay_on import LayOnLaw
 from winding_core.cable_parameters import published_case
 from winding_core.lay_control_records import ControlBasis, ControlMode
 from winding_core.lay_records import LAY_DTYPE
@@ -51,9 +51,7 @@ def controller(*, patience: float = math.inf) -> LayController:
         wanted=EvenHelix(),
         law=GuideLaw(radius=RADIUS),
         lay=LayFilter(LayFilterConfig(radius=RADIUS, free_length=0.198)),
-        stretch=StretchFilter(
-            law, spacing=CASE.marker_spacing, radius=RADIUS, build_up_length=0.255
-        ),
+        stretch=StretchFilter(law, spacing=CASE.marker_spacing, radius=RADIUS),
         mode=ControlMode.DRIVE,
     )
 

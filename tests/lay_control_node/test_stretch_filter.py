@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lay_control_node.control.lay_on import LayOnLaw
 from lay_control_node.control.stretch_filter import StretchFilter, StretchFilterConfig
+from lay_control_node.planning.lay_on import LayOnLaw
 from winding_core.cable_parameters import published_case
 from winding_core.material_law import MaterialLaw
 
@@ -27,7 +27,6 @@ def wound(
         LAW,
         spacing=CASE.marker_spacing,
         radius=CASE.centreline_radius,
-        build_up_length=BUILD_UP,
         config=config,
     )
     theta = STEP * np.arange(1, pulls.size + 1)
@@ -67,7 +66,7 @@ def test_lay_on_agrees_with_the_quasi_static_lay() -> None:
 
 @pytest.mark.parametrize(("share", "drag"), [(0.5, 0.0), (0.9, 0.3), (0.72, 0.1)])
 def test_landed_markers_tell_the_tension(share: float, drag: float) -> None:
-    config = StretchFilterConfig(start=0.3, sigma_start=0.1)
+    config = StretchFilterConfig(start=0.3, sigma_start=0.1, sigma_build_up=1.0e-3)
     pulls = np.full(1500, CASE.weight)
     found, _ = wound(pulls, share=share, drag=drag, start=0.25, config=config)
     true = share * CASE.weight + drag
@@ -83,7 +82,6 @@ def test_a_missed_marker_makes_the_segment_longer() -> None:
         LAW,
         spacing=CASE.marker_spacing,
         radius=CASE.centreline_radius,
-        build_up_length=BUILD_UP,
         config=config,
     )
     theta = STEP * np.arange(1, 900)

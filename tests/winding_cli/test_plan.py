@@ -52,6 +52,28 @@ def test_the_solver_lies_where_the_plan_says(tmp_path: Path) -> None:
             assert landed == pytest.approx(item["wanted_rad"], abs=0.003 * 2.0 * np.pi)
 
 
+def test_a_plan_says_which_markers_control_cannot_land(tmp_path: Path) -> None:
+    file = tmp_path / "plan.json"
+    code, said = plan(*HELIX, "--markers-every-turn", "--no-solver", "--json", str(file))
+    assert code == 0
+    items = json.loads(file.read_text(encoding="utf-8"))["under_control"]
+    assert [item["id"] for item in items] == [1, 2, 3]
+    # Whole turns need nearly the largest pull in case 4, and that from the first turn on.
+    for item in items:
+        off = abs(item["expected_rad"] - item["wanted_rad"]) + 2.0 * item["sigma_rad"]
+        named = f"under control P{item['id']} lands" in said
+        assert named == (off > (0.02 if item["id"] == 1 else 0.01) * 2.0 * np.pi)
+
+
+def test_a_dead_weight_is_not_said_to_land_markers(tmp_path: Path) -> None:
+    file = tmp_path / "plan.json"
+    options = ("--markers-every-turn", "--no-solver", "--no-brake", "--json", str(file))
+    code, said = plan(*HELIX, *options)
+    assert code == 0
+    assert "under control" not in said
+    assert json.loads(file.read_text(encoding="utf-8"))["under_control"] == []
+
+
 def test_a_tolerance_that_is_not_kept_ends_with_one(tmp_path: Path) -> None:
     file = tmp_path / "two.yaml"
     file.write_text(

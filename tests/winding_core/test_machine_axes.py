@@ -75,6 +75,19 @@ def test_a_wrong_direction_or_unit_is_named(angle: float, way: float, sentence: 
     assert sentence in wrong_axis(reading(angle * theta, way * z), 1.0, DRIVE)
 
 
+@pytest.mark.parametrize("way", [1.0, 0.3])
+def test_a_controlled_carriage_may_go_ahead_of_the_cable(way: float) -> None:
+    theta, z = DRIVE.positions(1.0)
+    ahead = reading(theta, z + way * 0.033)
+    assert wrong_axis(ahead, 1.0, DRIVE, 0.033) == ""
+    assert "must give metres" in wrong_axis(reading(theta, 1000.0 * z), 1.0, DRIVE, 0.033)
+
+
+def test_a_carriage_that_is_wanted_backwards_may_go_there() -> None:
+    theta, z = DRIVE.positions(1.0)
+    assert wrong_axis(reading(theta, z - 0.033), 1.0, DRIVE, -0.033) == ""
+
+
 def test_swapped_axes_are_named() -> None:
     theta, z = DRIVE.positions(1.0)
     assert "are swapped" in wrong_axis(reading(z, theta), 1.0, DRIVE)

@@ -118,6 +118,7 @@ class Serving:
 
     free_port = staticmethod(free_port)
     wait_for_line = staticmethod(wait_for_line)
+    wait_for_page = staticmethod(wait_for_page)
 
     @staticmethod
     def environment() -> dict[str, str]:

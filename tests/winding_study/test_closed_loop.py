@@ -12,6 +12,7 @@ from winding_study.closed_loop.study import (
     ClosedLoopConfig,
     ClosedLoopRow,
     closed_loop_study,
+    miss_summary,
     summary,
 )
 
@@ -61,6 +62,29 @@ def test_a_row_is_json(rows: list[ClosedLoopRow], tmp_path: Path) -> None:
     file = tmp_path / "rows.json"
     file.write_text(json.dumps([row.record() for row in rows]))
     assert [item["mode"] for item in json.loads(file.read_text())].count("closed") == 2
+
+
+def test_a_brake_lands_markers_where_they_are_wanted() -> None:
+    rows = studied(
+        ClosedLoopConfig(cases=(12,), draws=1, truths=("driven",), first_seed=3, brake=True)
+    )
+    (closed,) = (row for row in rows if row.mode == "closed")
+    assert closed.marker_miss.shape == closed.said_miss.shape == (4,)
+    # What a cell is promised where the pull reaches: 2 % of a turn at P1, 1 % from P2 on.
+    bars = 2.0 * np.pi * np.array([0.02, 0.01, 0.01, 0.01])
+    assert (np.abs(closed.marker_miss) < bars).all()
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("truth", ["driven", "rod"])
+def test_markers_land_at_their_angles_or_it_was_said_beforehand(truth: str) -> None:
+    config = ClosedLoopConfig(
+        cases=tuple(range(1, 13)), draws=5, truths=(truth,), first_seed=60, brake=True
+    )
+    (parts,) = miss_summary(studied(config)).values()
+    for name, values in parts.items():
+        # Two deviations hold 95 % of what is drawn.
+        assert not name.endswith("said") or values[0] >= 0.95
 
 
 @pytest.mark.campaign

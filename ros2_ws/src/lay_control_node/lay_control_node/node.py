@@ -46,12 +46,16 @@ class LayControlNode(ManagedNode[LayControlParameters]):
             return Status(name=topics.LAY_CONTROL, message="not configured")
         mode, newest = handler.controller.mode, handler.newest
         if newest is None:
-            return Status(name=topics.LAY_CONTROL, message=f"{mode.name.lower()}; waiting")
+            return Status(
+                name=topics.LAY_CONTROL,
+                message=f"{mode.name.lower()}; waiting",
+                values={"mode": mode.name.lower()},
+            )
         lay = newest.lay
         fallen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.RAMP
         said = {
             ControlBasis.MEASURED: "by the measured lay",
-            ControlBasis.MODEL: "by the model: no lay has been measured for more than a turn",
+            ControlBasis.MODEL: "by the model: no lay has been measured for 1.5 turns",
             ControlBasis.RAMP: "by the drive programme: the solver is silent",
         }[newest.basis]
         unseen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.MODEL

@@ -29,8 +29,9 @@ _SPIN_PERIOD = 0.1
 class DashboardNode(Node):  # type: ignore[misc]
     """Plain node `dashboard`: reads every topic of the graph, publishes none.
 
-    Calls rig/start, rig/stop, rig/reset, rig/emergency_stop, recorder/record, and the lifecycle
-    and parameter services of the graph's nodes. A supervised one gives signs of life.
+    Calls rig/start, rig/stop, rig/reset, rig/emergency_stop, lay_control/off, lay_control/watch,
+    lay_control/drive, recorder/record, and the lifecycle and parameter services of the graph's
+    nodes. A supervised one gives signs of life.
 
     Attributes:
         parameters: Of the page.
@@ -51,6 +52,7 @@ class DashboardNode(Node):  # type: ignore[misc]
             nodes=tuple(reversed(NODES)),
             machine=topics.RIG,
             quantities=tuple(topic.quantity for topic in PAGE.beside if topic.quantity),
+            lay_tolerance=self.parameters.lay_tolerance,
         )
         self._watcher = Node(
             f"{NAME}_eyes",

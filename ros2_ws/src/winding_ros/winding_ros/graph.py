@@ -184,8 +184,6 @@ PAGE = NodeSpec(
             topics.IMAGE,
             topics.RECORDER_PROGRESS,
             topics.TRACE,
-            # What the controller of the lay does, its diagnostics say.
-            topics.LAY_CONTROL_STATE,
         )
         and topic.publisher not in (topics.COMMANDER, topics.ORCHESTRATOR, topics.RUN_SERVER)
     ),

@@ -72,10 +72,13 @@ SET_CAMERA_INFO = _service(
     "take a new calibration; every later camera_info carries it",
 )
 LAY_CONTROL_OFF = _service(
-    "lay_control/off", Trigger, LAY_CONTROL, "command nothing; the machine goes on as it was told"
+    "lay_control/off",
+    Trigger,
+    LAY_CONTROL,
+    "command nothing; a carriage that was driven goes on by the drive programme",
 )
 LAY_CONTROL_WATCH = _service(
-    "lay_control/watch", Trigger, LAY_CONTROL, "command nothing, say what would be commanded"
+    "lay_control/watch", Trigger, LAY_CONTROL, "as off, and say what would be commanded"
 )
 LAY_CONTROL_DRIVE = _service(
     "lay_control/drive", Trigger, LAY_CONTROL, "command guide and brake from where they are"

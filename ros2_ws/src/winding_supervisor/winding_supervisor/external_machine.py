@@ -51,6 +51,7 @@ class ExternalMachineConfig:
         camera: Whether there is one.
         starts_itself: Whether the machine begins by itself instead of by rig/start.
         standing_limit: A machine that stands for longer has ended its run [s].
+        lead: Way by which a controlled carriage goes ahead of the cable at first [m].
     """
 
     axes: MachineAxes
@@ -59,6 +60,7 @@ class ExternalMachineConfig:
     camera: bool
     starts_itself: bool
     standing_limit: float
+    lead: float = 0.0
 
 
 class ExternalMachine:
@@ -154,7 +156,7 @@ class ExternalMachine:
         # What the first motion did not show yet belongs to the ramp.
         elapsed = sample.t - self.began + _NOTICED
         if elapsed < _JUDGED and not self._wrong:
-            self._wrong = wrong_axis(reading, elapsed, self._config.drive)
+            self._wrong = wrong_axis(reading, elapsed, self._config.drive, self._config.lead)
         self._note_end(sample.t, reading)
 
     def complaint(self) -> str:

@@ -10,17 +10,20 @@ from lay_control_node.control.guide_law import GuideLaw, WantedLay
 from lay_control_node.control.landing_law import LandingLaw, PullBounds
 from lay_control_node.control.lay_controller import ControllerConfig, LayController
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
-from lay_control_node.control.lay_on import LayOnLaw
 from lay_control_node.control.motion_bounds import AxisBounds
 from lay_control_node.control.stretch_filter import StretchFilter, StretchFilterConfig
+from lay_control_node.planning.kernel_width import OF_FRICTION
+from lay_control_node.planning.lay_on import LayOnLaw
 from winding_core.condition import ResolvedCondition
 from winding_core.lay_control_records import ControlMode
 from winding_core.material_law import MaterialLaw
 from winding_core.parameters import parameter
 from winding_core.tension import RigTension
 
-# Share of the friction coefficient by which ln(pull) may change per radian: below 1, nothing slips.
-_HOLDING_SHARE = 0.9
+# Multiple of the friction coefficient by which ln(pull) may change per radian (`PullBounds`).
+_PULL_CHANGE = 1.4
+# Cable that is held by less slips whatever the guide does.
+_LEAST_FRICTION = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +31,7 @@ class ControlParameters:
     """How the lay is controlled: what is believed beforehand, and what may be commanded."""
 
     control_gain: float = parameter(
-        1.0,
+        1.5,
         "rate at which an error of the lay is made up, per wound angle [1/rad]",
         low=0.1,
         high=5.0,
@@ -58,6 +61,12 @@ class ControlParameters:
     )
     start_share_sigma: float = parameter(
         0.06, "standard deviation of that share", low=0.001, high=1.0
+    )
+    build_up_length_sigma: float = parameter(
+        0.075,
+        "standard deviation of the wound length over which the tension builds up [m]",
+        low=0.001,
+        high=1.0,
     )
     guide_speed_limit: float = parameter(
         0.08, "largest speed that is commanded of the carriage [m/s]", low=1.0e-4, high=2.0
@@ -117,7 +126,7 @@ class ControlParameters:
                 bounds=PullBounds(
                     low=self.pull_range[0] * case.weight,
                     high=self.pull_range[1] * case.weight,
-                    per_radian=_HOLDING_SHARE * what.friction,
+                    per_radian=_PULL_CHANGE * what.friction,
                 ),
             )
         return LayController(
@@ -133,7 +142,11 @@ class ControlParameters:
                 solver_patience=solver_patience,
             ),
             wanted=wanted,
-            law=GuideLaw(radius=radius, gain=self.control_gain),
+            law=GuideLaw(
+                radius=radius,
+                gain=self.control_gain,
+                turning=OF_FRICTION * max(what.friction, _LEAST_FRICTION) * radius,
+            ),
             lay=LayFilter(
                 LayFilterConfig(
                     radius=radius,
@@ -147,7 +160,6 @@ class ControlParameters:
                 law,
                 spacing=case.marker_spacing,
                 radius=radius,
-                build_up_length=_build_up_length(what),
                 config=StretchFilterConfig(
                     share=self.load_share,
                     sigma_share=self.load_share_sigma,
@@ -155,6 +167,8 @@ class ControlParameters:
                     sigma_drag=self.drag_sigma,
                     start=self.start_share,
                     sigma_start=self.start_share_sigma,
+                    build_up=_build_up_length(what),
+                    sigma_build_up=self.build_up_length_sigma,
                 ),
             ),
             landing=landing,

@@ -10,9 +10,12 @@ import numpy as np
 
 from winding_core.markers import Markers
 
-# Frames without a flag that a marker is averaged over, and how far their angles may spread [rad].
+# Frames without a flag that a marker is averaged over.
 _FRAMES = 20
+# How far their angles may spread: so much [rad], or so many of their own deviations where these
+# are larger. Of 20 frames of a marker that lies, one set in a hundred spreads further than 5.7.
 _SPREAD = 8.0e-3
+_DEVIATIONS = 5.7
 # Part of the error that all frames of a marker have in common: [rad] and [m].
 _COMMON_ANGLE = 1.0e-3
 _COMMON_HEIGHT = 3.0e-5
@@ -60,7 +63,8 @@ class LandedMarkers:
             frames.append(frame)
             if len(frames) < _FRAMES:
                 continue
-            if np.ptp([frame[0] for frame in frames]) > _SPREAD:
+            theta, _, sigma, _ = np.array(frames).T
+            if np.ptp(theta) > max(_SPREAD, _DEVIATIONS * float(np.median(sigma))):
                 # It moves, or one of the frames is wrong: the oldest one is the first to go.
                 frames.pop(0)
                 continue

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lay_control_node.control.guide_law import WantedLay
-from lay_control_node.control.lay_on import LayOnLaw
 from lay_control_node.control.stretch_filter import StretchEstimate
+from lay_control_node.planning.lay_on import LayOnLaw
 
 Array = NDArray[np.float64]
 
@@ -32,8 +32,11 @@ _RENEWED = 0.5
 class PullBounds:
     """What may be commanded of the brake.
 
-    A pull that changes by less than the friction coefficient per radian, on a logarithmic scale,
-    moves nothing that lies: T(phi) stays within F exp(-mu phi) and F exp(mu phi) everywhere.
+    A pull that changes by less than the friction coefficient mu per radian, on a logarithmic scale,
+    moves nothing that lies: T(phi) stays within F exp(-mu phi) and F exp(mu phi) everywhere. One
+    that changes a little faster moves the newest turn by little: at 1.4 mu the rod's markers of the
+    paper's cases that had landed moved by less than 0.1 % of a turn, at 2 mu the next one missed
+    by 3 % in a soft cable.
 
     Attributes:
         low: Smallest pull [N].
@@ -86,6 +89,9 @@ class LandingLaw:
         bounds: Of the pull.
 
     Attributes:
+        law: Lay-on of the cable.
+        spacing: Undeformed cable between markers [m].
+        bounds: Of the pull.
         expected: Angle by which each marker of the plan will miss [rad], by marker.
     """
 
@@ -99,7 +105,7 @@ class LandingLaw:
         wanted: WantedLay,
         bounds: PullBounds,
     ) -> None:
-        self._law, self._radius, self._wanted = law, radius, wanted
+        self.law, self._radius, self._wanted = law, radius, wanted
         self.spacing, self.bounds = spacing, bounds
         self._markers = dict(sorted(markers.items()))
         self._plan: tuple[Array, Array] | None = None
@@ -223,6 +229,6 @@ class LandingLaw:
     def _laid(self, grid: Array, slope: Array, level: Array, estimate: StretchEstimate) -> Array:
         """Return the undeformed length laid from the first angle on [m], shape of the grid (n,)."""
         tension = estimate.tension(np.exp(level), self._radius * grid)
-        density = self._law.density(tension, slope)
+        density = self.law.density(tension, slope)
         pieces = 0.5 * (density[1:] + density[:-1]) * np.diff(grid)
         return np.concatenate([[0.0], np.cumsum(pieces)])

@@ -19,7 +19,7 @@ from winding_core.markers import Markers
 from winding_core.readings import AxisReading
 
 # Cable that lies on less than this has nothing on the cylinder that could slip [rad].
-_UNWOUND = 0.2
+UNWOUND = 0.2
 # A span is believed to carry this at least [N].
 _LEAST_TENSION = 1.0e-3
 
@@ -60,6 +60,7 @@ class Setpoint:
         stretch: What is believed of the tension at lay-on.
         basis: What it rests on.
         limited: Whether a bound of the guide held it back.
+        commanding: Whether it is to be commanded.
     """
 
     t: float
@@ -72,11 +73,15 @@ class Setpoint:
     stretch: StretchEstimate
     basis: ControlBasis
     limited: bool
+    commanding: bool
 
 
 @dataclass(kw_only=True)
 class LayController:
     """Follows machine, markers and lay; says where guide and brake have to be.
+
+    A carriage that has been driven is not left standing beside a cylinder that winds: in the other
+    modes it goes on at the drive programme's advance, and the pull stays as it is.
 
     Attributes:
         config: Bounds and patience.
@@ -102,6 +107,7 @@ class LayController:
     _pull: float | None = None
     _before: float | None = None
     _solver_heard: float | None = None
+    _driven: bool = False
 
     def take_markers(self, markers: Markers) -> None:
         """Take the tracked markers of one frame."""
@@ -130,26 +136,29 @@ class LayController:
         """
         theta = reading.cylinder_angle
         slope, bend = self.wanted.at(theta).slope, self._bend_length(theta, pull)
-        if self._before is None and theta > _UNWOUND:
+        if self._before is None and theta > UNWOUND:
             self.lay.join(theta, reading.carriage_position, slope, bend)
             self.stretch.join(theta)
         self.lay.advance(theta, reading.carriage_position, bend)
         self.stretch.advance(theta, pull, slope)
         dt = 0.0 if self._before is None else t - self._before
         self._before = t
-        # What does not drive stands ready to take over without a step.
-        if self._guide is None or self.mode is not ControlMode.DRIVE or dt <= 0.0:
+        driving = self.mode is ControlMode.DRIVE
+        self._driven |= driving
+        # What has not driven stands ready to take over without a step.
+        if self._guide is None or not self._driven or dt <= 0.0:
             self._guide = BoundedMotion(
                 self.config.guide, reading.carriage_position, reading.feed_speed
             )
             self._pull = pull
-        basis = self._basis(t)
+        basis = self._basis(t) if driving or not self._driven else ControlBasis.RAMP
         guide, lay = self._guide, self.lay.estimate()
         wanted = self.wanted.at(theta)
         if basis is ControlBasis.RAMP:
             guide.go(self.config.advance_per_radian * reading.angular_speed, max(dt, 1.0e-9))
         else:
-            command = self.law.command(wanted, lay)
+            turned = reading.angular_speed * dt
+            command = self.law.command(wanted, lay, guide.position, turned)
             rate = command.per_radian * reading.angular_speed
             guide.follow(command.position, rate, max(dt, 1.0e-9))
         return Setpoint(
@@ -157,12 +166,13 @@ class LayController:
             theta=theta,
             guide=guide.position,
             guide_speed=guide.speed,
-            pull=self._commanded_pull(theta),
+            pull=self._commanded_pull(theta) if driving or not self._driven else None,
             wanted_z=wanted.z,
             lay=lay,
             stretch=self.stretch.estimate,
             basis=basis,
             limited=guide.limited,
+            commanding=self._driven,
         )
 
     def _bend_length(self, theta: float, pull: float) -> float:
@@ -191,6 +201,6 @@ class LayController:
             stretch.estimate,
             self._pull,
             landed=stretch.landed,
-            free=theta <= _UNWOUND,
+            free=theta <= UNWOUND,
         )
         return self._pull

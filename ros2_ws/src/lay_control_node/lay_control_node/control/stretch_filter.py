@@ -7,19 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.control.lay_on import LayOnLaw
+from lay_control_node.planning.lay_on import LayOnLaw
 
 Array = NDArray[np.float64]
 
 # Steps of the wound angle over which tension and slope are taken as constant [rad].
 _STEP = 0.02
 _ITERATIONS = 4
-# What share, drag [N] and start may be, and by how much they are moved for a derivative.
-_LOW, _HIGH = (0.05, -2.0, 0.0), (2.0, 5.0, 1.5)
+# What share, drag [N], start and build-up length [m] may be, and by how much they are moved for a
+# derivative.
+_LOW, _HIGH = (0.05, -2.0, 0.0, 0.02), (2.0, 5.0, 1.5, 2.0)
 _CHANGE = 1.0e-3
 # An equation further off than this many deviations counts as a bad one and is given less weight.
 _OUTLYING = 3.0
-SHARE, DRAG, START = range(3)
+SHARE, DRAG, START, BUILD_UP = range(4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +34,11 @@ class StretchFilterConfig:
         sigma_drag: One standard deviation of it [N].
         start: Share of the tension at the start of the build-up.
         sigma_start: One standard deviation of it.
+        build_up: Wound length over which the tension builds up from its start [m].
+        sigma_build_up: One standard deviation of it [m].
         drift_share: Change of the share from marker to marker, one standard deviation.
         model_error: What the closed form leaves out of a segment's length, relative.
+        tension_error: What the law leaves out of the tension, relative: a brake's own friction.
     """
 
     share: float = 0.7
@@ -43,8 +47,11 @@ class StretchFilterConfig:
     sigma_drag: float = 0.1
     start: float = 1.0
     sigma_start: float = 0.1
+    build_up: float = 0.255
+    sigma_build_up: float = 0.075
     drift_share: float = 0.01
-    model_error: float = 0.003
+    model_error: float = 7.0e-4
+    tension_error: float = 0.04
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +63,7 @@ class StretchEstimate:
         drag: Constant addition [N].
         start: Share of the tension at the start of the build-up.
         build_up_length: L_c [m] of wound cable.
-        covariance: Of share, drag and start, shape (3, 3).
+        covariance: Of share, drag, start and build-up length, shape (4, 4).
     """
 
     share: float
@@ -81,7 +88,7 @@ class StretchEstimate:
 
 
 class StretchFilter:
-    """Estimates share and drag from the undeformed length between landed markers.
+    """Estimates the tension at lay-on from the undeformed length between landed markers.
 
     Between two markers lies one spacing of undeformed cable, laid at `LayOnLaw.density` over the
     angle between them. An iterated extended Kalman filter takes one such equation per marker.
@@ -90,7 +97,6 @@ class StretchFilter:
         law: Lay-on of the cable.
         spacing: Undeformed cable between markers [m].
         radius: Centreline radius R + r [m].
-        build_up_length: Wound length over which the tension builds up from its start [m].
         config: What is believed before.
     """
 
@@ -100,15 +106,18 @@ class StretchFilter:
         *,
         spacing: float,
         radius: float,
-        build_up_length: float,
         config: StretchFilterConfig | None = None,
     ) -> None:
         config = config or StretchFilterConfig()
         self.config = config
         self._law, self._spacing, self._radius = law, spacing, radius
-        self._build_up_length = build_up_length
-        self._mean = np.array([config.share, config.drag, config.start])
-        sigmas = (config.sigma_share, config.sigma_drag, config.sigma_start)
+        self._mean = np.array([config.share, config.drag, config.start, config.build_up])
+        sigmas = (
+            config.sigma_share,
+            config.sigma_drag,
+            config.sigma_start,
+            config.sigma_build_up,
+        )
         self._covariance = np.diag(np.square(sigmas))
         # End angle, pull [N], slope [m/rad] of every step since the last landed marker.
         self._steps: list[tuple[float, float, float]] = []
@@ -174,16 +183,18 @@ class StretchFilter:
     def _update(self, steps: list[tuple[float, float, float]], count: int, sigma: float) -> None:
         config = self.config
         wanted = count * self._spacing
-        covariance = self._covariance + np.diag([config.drift_share**2, 0.0, 0.0])
+        covariance = self._covariance + np.diag([config.drift_share**2, 0.0, 0.0, 0.0])
         angle = steps[-1][0] - self._from
         noise = (wanted / angle) ** 2 * (sigma**2 + self._sigma_from**2)
-        noise += (config.model_error * wanted) ** 2
         length, row = self._linearised(steps, self._mean)
+        # The stretch goes with the tension, as far as a cable's law is straight.
+        stretched = max(self._radius * angle / length - 1.0, 0.0)
+        noise += wanted**2 * (config.model_error**2 + (config.tension_error * stretched) ** 2)
         spread = row @ covariance @ row
         off = (wanted - length) ** 2 / (spread + noise)
         if off > _OUTLYING**2:
             noise = (wanted - length) ** 2 / _OUTLYING**2 - spread
-        prior, mean, gain = self._mean, self._mean, np.zeros(3)
+        prior, mean, gain = self._mean, self._mean, np.zeros(4)
         for _ in range(_ITERATIONS):
             length, row = self._linearised(steps, mean)
             gain = covariance @ row / (row @ covariance @ row + noise)
@@ -195,22 +206,22 @@ class StretchFilter:
     def _linearised(
         self, steps: list[tuple[float, float, float]], mean: Array
     ) -> tuple[float, Array]:
-        """Return the length [m] of steps under (share, drag, start) and its derivatives (3,)."""
+        """Return the length [m] of steps under a mean (4,) and its derivatives (4,)."""
         length = self._length(steps, self._believed(mean))
-        row = np.empty(3)
-        for index in range(3):
+        row = np.empty(mean.size)
+        for index in range(mean.size):
             moved = mean.copy()
             moved[index] += _CHANGE
             row[index] = (self._length(steps, self._believed(moved)) - length) / _CHANGE
         return length, row
 
     def _believed(self, mean: Array) -> StretchEstimate:
-        share, drag, start = map(float, mean)
+        share, drag, start, build_up = map(float, mean)
         return StretchEstimate(
             share=share,
             drag=drag,
             start=start,
-            build_up_length=self._build_up_length,
+            build_up_length=build_up,
             covariance=self._covariance.copy(),
         )
 

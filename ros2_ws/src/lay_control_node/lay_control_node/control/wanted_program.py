@@ -1,12 +1,12 @@
-"""A lay program as the controller follows it: rounded as much as the carriage needs."""
+"""A lay program as the controller follows it: rounded as much as carriage and friction need."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lay_control_node.control.guide_law import WantedPoint
 from lay_control_node.planning.guide_path import guide_path, within
-from lay_control_node.planning.kernel_width import needed_width
+from lay_control_node.planning.kernel_width import needed_width, width_without_slip
 from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
 from winding_core.condition import ResolvedCondition
@@ -21,11 +21,13 @@ class WantedProgram:
 
     @classmethod
     def of(cls, program: LayProgram, what: ResolvedCondition, limits: PlanLimits) -> WantedProgram:
-        """Return a program, rounded for the condition's speed and a machine's limits."""
+        """Return a program, rounded for a condition's speed and friction and a machine's limits."""
         lag = what.free_length / what.case.centreline_radius
         path = within(guide_path(program, lag, 0.0), *limits.travel)
         width = needed_width(path, what.drive.angular_speed, limits)
-        return cls(line=smoothed_program(program, width))
+        line = smoothed_program(program, width)
+        held = width_without_slip(line, what.case.centreline_radius, what.friction)
+        return cls(line=replace(line, width=max(width, held)))
 
     def at(self, theta: float) -> WantedPoint:
         """Return what is wanted at a wound angle [rad]."""

@@ -40,26 +40,29 @@ class LayControlHandler:
     def __init__(self, wanted: LayControlParameters) -> None:
         self._wanted = wanted
         self._axes = wanted
-        self.controller: LayController = wanted.new_controller()
-        self.newest: Setpoint | None = None
-        self._mode = self.controller.mode
         self._period = 1.0 / (topics.LAY_CONTROL_STATE.rate or 1.0)
+        # A machine may be heard before the first run begins.
+        self._restart(wanted.new_controller())
 
     def begin(self, t: float) -> Iterator[Answer]:
         """Begin a new run at a time [s]; the mode stays as it was switched."""
-        self.controller = self._wanted.new_controller()
-        self.controller.mode = self._mode
+        mode = self.controller.mode
+        self._restart(self._wanted.new_controller())
+        self.controller.mode = mode
+        yield from ()
+
+    def _restart(self, controller: LayController) -> None:
+        self.controller = controller
+        self.newest: Setpoint | None = None
         self._read = JointStateReader(self._axes)
         self._pull = self._wanted.resolved().case.weight
         self._start: float | None = None
         self._due = -math.inf
         self._moved = -math.inf
-        self.newest = None
-        yield from ()
 
     def switch(self, mode: ControlMode) -> None:
         """Do something else with what is found from now on."""
-        self._mode = self.controller.mode = mode
+        self.controller.mode = mode
 
     def take(self, topic: Topic, data: bytes) -> Iterator[Answer]:
         """Take a message; yield what is commanded with every joint state that is due.
@@ -97,9 +100,7 @@ class LayControlHandler:
             message=encode_cloud(t, _record(setpoint, self.controller.mode)),
         )
         beginning = t - self._start < _STANDING
-        if self.controller.mode is not ControlMode.DRIVE or (
-            t - self._moved > _STANDING and not beginning
-        ):
+        if not setpoint.commanding or (t - self._moved > _STANDING and not beginning):
             return
         scale = self._axes.carriage_scale
         target = AxisTarget(

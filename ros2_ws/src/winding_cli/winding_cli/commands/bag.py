@@ -222,6 +222,33 @@ def replay(
 
 
 @bag.command()
+def report(
+    source: Source,
+    *,
+    out: Annotated[Path, typer.Option(help="New folder of the report and run.json.")],
+    lay_tolerance_mm: Annotated[
+        float | None,
+        typer.Option(
+            help="Largest distance from the wanted lay in every turn after the second; "
+            "0.5 by default. Exit code 1 if a lay that was driven is not known to keep it."
+        ),
+    ] = None,
+) -> None:
+    """Write the report and the numbers of a recorded run, as `winding run` does."""
+    from winding_cli.commands.bag_report import write_recorded_report
+    from winding_cli.commands.wanted_lay import held_against
+    from winding_recorder.bags.failure import BagError
+
+    with refused(ValueError):
+        held = held_against(
+            {} if lay_tolerance_mm is None else {"lay_tolerance_mm": lay_tolerance_mm}
+        )
+    check_output_folder(out, new=True)
+    with refused(BagError, code=FAILED):
+        write_recorded_report(source, out, held)
+
+
+@bag.command()
 def export(
     source: Source,
     *,

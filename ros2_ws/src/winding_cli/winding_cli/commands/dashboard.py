@@ -23,8 +23,14 @@ def dashboard(
         str,
         typer.Option(envvar="WINDING_DASHBOARD_TOKEN", help="Secret that a browser must bring."),
     ] = "",
+    lay_tolerance_mm: Annotated[
+        float | None,
+        typer.Option(help="Band around a wanted lay, from the third turn on; 0.5 by default."),
+    ] = None,
 ) -> None:
     """Serve the operator's page; Ctrl-C ends it."""
+    from winding_cli.commands.run_checks import given
+    from winding_cli.commands.wanted_lay import held_against
     from winding_core.parameters import ParameterError, build
     from winding_ros.environment import ros_arguments
 
@@ -35,8 +41,9 @@ def dashboard(
         if error.name != "nicegui":
             raise
         refuse("the page needs NiceGUI: pip install cable-winding-twin[dashboard]")
-    values = {"host": host, "port": port, "token": token}
+    values: dict[str, object] = {"host": host, "port": port, "token": token}
     with refused(ParameterError):
+        values |= held_against(given(lay_tolerance_mm=lay_tolerance_mm)).of_page
         build(DashboardParameters, values, owner="winding dashboard").check()
     if namespace:
         check_namespace(namespace)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from winding_cli.commands.condition_options import Typed, spelled
@@ -31,6 +31,7 @@ class MachineOptions:
         turns: After which the run ends; None for the drive's.
         wound_length_mm: Undeformed cable after which the run ends [mm]; None for the drive's.
         standing_s: A machine that stands for longer has ended its run [s].
+        lead: Way by which a controlled carriage goes ahead of the cable at first [m].
     """
 
     camera: bool = True
@@ -38,6 +39,7 @@ class MachineOptions:
     turns: float | None = None
     wound_length_mm: float | None = None
     standing_s: float = 60.0
+    lead: float = 0.0
 
 
 def machine_of(
@@ -61,7 +63,7 @@ def machine_of(
     if machine not in (SIMULATED, EXTERNAL):
         refuse(f"--machine must be {SIMULATED} or {EXTERNAL}, got {machine}")
     if machine == SIMULATED:
-        if axes or options != MachineOptions():
+        if axes or replace(options, lead=0.0) != MachineOptions():
             refuse(
                 "axes, --no-camera, --start, --turns, --wound-length-mm and --standing-s need "
                 f"--machine {EXTERNAL}"
@@ -80,6 +82,7 @@ def machine_of(
         camera=options.camera,
         starts_itself=options.start == "motion",
         standing_limit=options.standing_s,
+        lead=options.lead,
     )
 
 

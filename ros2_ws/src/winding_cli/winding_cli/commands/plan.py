@@ -17,6 +17,7 @@ from winding_study.lay.plan_parameters import PlanParameters
 from winding_study.runs.run_parameters import RunParameters
 
 if TYPE_CHECKING:
+    from lay_control_node.control.expected_landing import ExpectedLanding
     from lay_control_node.planning.lay_plan import LayPlan
     from winding_core.condition import ResolvedCondition
     from winding_core.lay_program import LayProgram
@@ -79,7 +80,7 @@ def plan(
     from cable_fem_node.dynamics.failure import SolverError
     from lay_control_node.planning.plan_files import plan_record
     from lay_control_node.planning.planner import plan_lay
-    from winding_cli.output.lay_plan import print_plan, solver_record, verdict
+    from winding_cli.output.lay_plan import control_record, print_plan, solver_record, verdict
 
     for path in (picture, json_file, csv_file):
         check_output_file(path)
@@ -107,12 +108,18 @@ def plan(
             planned, laid = plan_with_solver(lambda lag: plan_with(lag=lag), config)
         else:
             planned = plan_with()
+        controlled = _controlled(planned)
     except (ValueError, SolverError) as error:
         refuse(error)
-    print_plan(result_console(), planned, laid)
+    print_plan(result_console(), planned, laid, controlled)
     missed = verdict(planned, laid, tolerance_mm)
     record = plan_record(planned)
-    record |= {"solver": solver_record(laid), "tolerance_mm": tolerance_mm, "missed": missed}
+    record |= {
+        "solver": solver_record(laid),
+        "under_control": control_record(controlled),
+        "tolerance_mm": tolerance_mm,
+        "missed": missed,
+    }
     _write(planned, laid, csv_file, picture, 1.0e-3 * period_ms)
     if json_file is not None:
         write_json(json_file, record)
@@ -167,6 +174,20 @@ def _wanted(
     if markers_every_turn:
         program = with_markers_every_turn(program, what.case.marker_count)
     return program
+
+
+def _controlled(planned: LayPlan) -> tuple[ExpectedLanding, ...]:
+    """Return where wanted markers land if the lay is controlled; none without a brake."""
+    from lay_control_node.control.control_parameters import ControlParameters
+    from lay_control_node.control.expected_landing import expected_landings
+    from lay_control_node.control.wanted_program import WantedProgram
+
+    limits, what, program = planned.limits, planned.what, planned.program
+    if limits.brake is None or not program.markers:
+        return ()
+    control = ControlParameters(pull_range=list(limits.pull_share))
+    wanted = WantedProgram.of(program, what, limits)
+    return expected_landings(control, what, wanted, program.markers)
 
 
 def _write(

@@ -17,23 +17,26 @@ from winding_cli.commands.output_path import check_output_file, check_output_fol
 from winding_cli.commands.refusal import FAILED, complain, fail, refuse
 from winding_cli.commands.ros_environment import check_namespace, refuse_open
 from winding_cli.commands.run_checks import (
+    case_label,
     check_before_start,
     check_camera,
     check_page_and_file,
     composed_camera,
+    given,
     lay_of,
     look_of,
     recording_of,
 )
-from winding_cli.commands.run_results import deliver, show, write_trace
+from winding_cli.commands.run_results import deliver, refuse_flawed, show, write_trace
 from winding_cli.commands.termination import end
-from winding_cli.commands.wanted_lay import controlled_nodes, wish_of
+from winding_cli.commands.wanted_lay import controlled_nodes, lead_of, tolerance_of, wish_of
 from winding_cli.output.progress_lines import ProgressLines, print_sentence
 from winding_core.camera_clock import CameraClockParameters
 from winding_core.camera_pixels import CameraPixels
 from winding_core.camera_placement import CameraPlacement
 from winding_core.condition import Condition
 from winding_core.lay_parameters import LayParameters
+from winding_core.lay_tolerance import LayTolerance
 from winding_core.lay_wish import LayWish
 from winding_core.machine_axes import MachineAxes
 from winding_core.marker_parameters import MarkerParameters
@@ -56,6 +59,7 @@ _FIRST_WORDS = "starting the nodes; the first start after an install compiles ke
     CameraPixels,
     LayParameters,
     LayWish,
+    LayTolerance,
 )
 def run(
     typed: Typed,
@@ -66,6 +70,7 @@ def run(
     pixels: Typed,
     measured: Typed,
     wish: Typed,
+    judged: Typed,
     *,
     lay: Annotated[
         str | None,
@@ -173,11 +178,8 @@ def run(
         wound = what.case
         # Refuses here what the solver's node would refuse only after its start.
         SolverParameters().config_of(what)
-        values: dict[str, object] = {
-            **typed_values(Condition, typed),
-            "case": condition.case,
-            "duration": condition.duration,
-        }
+        stated = {"case": condition.case, "duration": condition.duration}
+        values: dict[str, object] = {**typed_values(Condition, typed), **stated}
         tracker = {
             **typed_values(CameraClockParameters, clock, spelled),
             **typed_values(MarkerParameters, markers, spelled),
@@ -187,6 +189,7 @@ def run(
         }
         look = look_of(markers)
         wished = wish_of(wish, condition)
+        tolerance = tolerance_of(judged, wished)
     except ValueError as error:
         refuse(error)
     check_namespace(namespace)
@@ -202,6 +205,7 @@ def run(
             turns=turns,
             wound_length_mm=wound_length_mm,
             standing_s=standing_s,
+            lead=lead_of(wished, condition),
         ),
         simulated={
             "speed": speed,
@@ -228,7 +232,7 @@ def run(
     from winding_ros import topics
     from winding_supervisor.run_config import RunConfig
 
-    simulated = _given(
+    simulated = given(
         speed=speed,
         lay=lay,
         seed=seed,
@@ -238,14 +242,14 @@ def run(
     )
     config = RunConfig(
         directory=output
-        or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{_label(wound.number)}",
+        or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{case_label(wound.number)}",
         numbered=output is None,
         condition=values,
         machine=external,
         own={
             **({} if external else {topics.RIG: look | simulated}),
             topics.TRACKER: tracker | ({"measure_lay": True} if wished else {}),
-            topics.CORRECTION: _given(weights=weights),
+            topics.CORRECTION: given(weights=weights),
             **(controlled_nodes(wished) if wished else {}),
         },
         duration=condition.duration,
@@ -255,7 +259,9 @@ def run(
         domain=domain,
         namespace=namespace,
         attach=attach,
-        page=page_parameters(dashboard_port, parameters, namespace, where) if dashboard else None,
+        page=page_parameters(dashboard_port, parameters, namespace, where | tolerance.of_page)
+        if dashboard
+        else None,
         trace=trace is not None,
         compose=camera_source,
         lay_control=bool(wished),
@@ -273,22 +279,15 @@ def run(
             return
         condition = operated
     numbers = json or directory / "run.json"
-    record, page = deliver(condition, result, report or directory / "report", numbers)
+    record, page = deliver(
+        condition, result, report or directory / "report", numbers, wished, tolerance.limit
+    )
     if trace is not None:
         write_trace(record, result, trace)
     if failure is not None:
         failure()
     show(record, page, numbers, result.bags, trace)
-    if result.recording_error is not None:
-        refuse(f"the recording is incomplete: {result.recording_error}", FAILED)
-
-
-def _given(**values: object) -> dict[str, object]:
-    return {name: value for name, value in values.items() if value is not None}
-
-
-def _label(case: int) -> str:
-    return f"case{case:02d}" if case else "own"
+    refuse_flawed(record, result, held=tolerance.asked)
 
 
 def _wind(

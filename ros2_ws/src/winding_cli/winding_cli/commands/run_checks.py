@@ -22,6 +22,16 @@ if TYPE_CHECKING:
     from winding_supervisor.run_config import RunConfig
 
 
+def given(**values: object) -> dict[str, object]:
+    """Return what was said, without what was left open."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def case_label(case: int) -> str:
+    """Return what a run's folder is called after; 0 is an own condition."""
+    return f"case{case:02d}" if case else "own"
+
+
 def look_of(typed: Typed) -> dict[str, Value]:
     """Return the parameters of how markers look, for the rig's camera and for the tracker.
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import staged
+from winding_cli.commands.refusal import FAILED, refuse
 from winding_core.condition import Condition
+from winding_core.parameters import Value
 
 if TYPE_CHECKING:
     from winding_study.runs.run_record import RunRecord
@@ -15,14 +18,28 @@ if TYPE_CHECKING:
 
 
 def deliver(
-    condition: Condition, result: RunResult, report: Path, json: Path
+    condition: Condition,
+    result: RunResult,
+    report: Path,
+    json: Path,
+    wish: Mapping[str, Value],
+    tolerance: float,
 ) -> tuple[RunRecord, Path]:
-    """Write the run's numbers and its report; return its record and the report's page."""
+    """Write the run's numbers and its report; return its record and the report's page.
+
+    Args:
+        condition: What was wound.
+        result: What the run left.
+        report: Folder of the report.
+        json: File of the numbers.
+        wish: Parameters of the wanted lay, if there was one.
+        tolerance: Of that lay, in every turn after the second [m].
+    """
     from winding_cli.output.results import run_record
     from winding_study.reports.report import write_report
     from winding_study.runs.run_record import write_run_json
 
-    record = run_record(condition, result)
+    record = run_record(condition, result, wish, tolerance)
     with staged(json) as place:
         write_run_json(record, place)
     with staged(report) as place:
@@ -48,8 +65,26 @@ def show(
 
     console = result_console()
     console.print(results_table(record))
+    if record.lay is not None:
+        console.print(f"lay: {record.lay.verdict.sentence}", highlight=False, soft_wrap=True)
     if record.trace is not None:
         console.print(*trace_tables(record.trace))
     further = [("bag", bag) for bag in bags] + ([] if trace is None else [("trace", trace)])
     for name, path in (("report", page), ("numbers", json), *further):
         console.print(f"{name}: {path}", soft_wrap=True)
+
+
+def refuse_flawed(record: RunRecord, result: RunResult, *, held: bool) -> None:
+    """End a command whose run came to its end with a flaw.
+
+    Args:
+        record: Of the run.
+        result: What it left.
+        held: Whether the user gave a tolerance, which a lay that was driven must then be known
+            to keep.
+    """
+    if result.recording_error is not None:
+        refuse(f"the recording is incomplete: {result.recording_error}", FAILED)
+    lay = record.lay
+    if held and lay is not None and lay.drove and not lay.verdict.kept:
+        refuse(lay.verdict.sentence, FAILED)

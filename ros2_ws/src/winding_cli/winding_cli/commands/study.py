@@ -74,6 +74,12 @@ def study(
         ),
     ] = False,
     draws: Annotated[int, typer.Option(help="Hidden rigs of each case, with --closed-loop.")] = 3,
+    brake: Annotated[
+        bool,
+        typer.Option(
+            "--brake", help="A brake lands markers at angles within its reach, with --closed-loop."
+        ),
+    ] = False,
 ) -> None:
     """Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models."""
     from cable_fem_node.winding.prediction import ELEMENTS
@@ -102,7 +108,7 @@ def study(
         from winding_cli.commands import study_closed_loop
 
         with refused(ValueError):
-            study_closed_loop.closed_loop(_cases(cases), draws, processes, json)
+            study_closed_loop.closed_loop(_cases(cases), draws, processes, json, brake=brake)
         return
     if calibrate_rig:
         if lengths is not None or report is not None:

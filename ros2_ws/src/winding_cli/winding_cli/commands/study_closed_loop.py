@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from winding_study.closed_loop.study import ClosedLoopRow
 
 
-def closed_loop(cases: tuple[int, ...], draws: int, processes: int, json: Path | None) -> None:
+def closed_loop(
+    cases: tuple[int, ...], draws: int, processes: int, json: Path | None, *, brake: bool
+) -> None:
     """Wind the cases under hidden rigs, closed and open loop; print percentiles.
 
     Args:
@@ -23,10 +25,11 @@ def closed_loop(cases: tuple[int, ...], draws: int, processes: int, json: Path |
         draws: Hidden rigs of each.
         processes: Runs at a time.
         json: File of every run; None for none.
+        brake: Whether a brake lands markers at angles within its reach.
     """
     from winding_study.closed_loop.study import ClosedLoopConfig, closed_loop_study
 
-    config = ClosedLoopConfig(cases=cases, draws=draws)
+    config = ClosedLoopConfig(cases=cases, draws=draws, brake=brake)
     with progress_bar(MofNCompleteColumn()) as bar:
         task = bar.add_task("runs with hidden rigs", total=None)
 
@@ -35,6 +38,8 @@ def closed_loop(cases: tuple[int, ...], draws: int, processes: int, json: Path |
 
         rows = closed_loop_study(config, processes=processes, progress=show)
     result_console().print(_table(rows, draws))
+    if brake:
+        result_console().print(_misses(rows))
     if json is not None:
         json.write_text(json_format.dumps([row.record() for row in rows], indent=1) + "\n")
 
@@ -60,4 +65,23 @@ def _table(rows: list[ClosedLoopRow], draws: int) -> Table:
             for name in names
         ]
         table.add_row(truth, mode, *cells)
+    return table
+
+
+def _misses(rows: list[ClosedLoopRow]) -> Table:
+    from winding_study.closed_loop.study import miss_summary
+
+    table = Table(
+        title="how far markers miss their angles, in % of a turn: median, 95th percentile, worst; "
+        "and the share of runs within the bar or within what was said beforehand",
+        show_lines=True,
+    )
+    found = miss_summary(rows)
+    names = max((list(parts) for parts in found.values()), key=len)
+    table.add_column("true cable")
+    for name in names:
+        table.add_column(name, justify="right")
+    for truth, parts in found.items():
+        cells = ["\n".join(f"{100.0 * value:.2f}" for value in parts.get(n, ())) for n in names]
+        table.add_row(truth, *cells)
     return table

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,15 +16,25 @@ from winding_core.units import MILLIMETRE
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from lay_control_node.control.expected_landing import ExpectedLanding
     from lay_control_node.planning.lay_plan import LayPlan
     from winding_study.lay.solver_check import SolverLay
 
 
-def print_plan(console: Console, plan: LayPlan, solver: SolverLay | None) -> None:
+# What a marker is asked to keep under control [rad]: the first one lands before any is measured.
+_FIRST, _LATER = 0.02 * FULL_TURN, 0.01 * FULL_TURN
+
+
+def print_plan(
+    console: Console,
+    plan: LayPlan,
+    solver: SolverLay | None,
+    controlled: tuple[ExpectedLanding, ...] = (),
+) -> None:
     """Print the lay turn by turn, the markers, and what is out of reach."""
     console.print(_turns(plan, solver))
     if any(math.isfinite(item.wanted) for item in plan.landings):
-        console.print(_markers(plan, solver))
+        console.print(_markers(plan, solver, controlled))
     planned, uncompensated = (value / MILLIMETRE for value in plan.rms())
     worst, where = plan.worst
     lines = [
@@ -42,6 +53,7 @@ def print_plan(console: Console, plan: LayPlan, solver: SolverLay | None) -> Non
         f"rounded over {4.0 * plan.width:.3g} rad"
     )
     lines += [f"out of reach: {sentence}" for sentence in plan.sentences]
+    lines += list(_uncertain(controlled))
     console.print("\n".join(lines), highlight=False, soft_wrap=True, markup=False)
 
 
@@ -59,6 +71,44 @@ def verdict(plan: LayPlan, solver: SolverLay | None, tolerance_mm: float | None)
                 f"{where / FULL_TURN:.2f}, the tolerance is {tolerance_mm:g} mm"
             )
     return ""
+
+
+def control_record(controlled: tuple[ExpectedLanding, ...]) -> list[dict[str, Any]]:
+    """Return where markers land under control as plain values."""
+    return [
+        {
+            "id": item.number,
+            "wanted_rad": item.wanted,
+            "expected_rad": item.expected if math.isfinite(item.expected) else None,
+            "sigma_rad": item.sigma if math.isfinite(item.sigma) else None,
+        }
+        for item in controlled
+    ]
+
+
+def _uncertain(controlled: tuple[ExpectedLanding, ...]) -> Iterator[str]:
+    """Yield which markers may miss their angles under control, and why."""
+    missing = [item for item in controlled if not item.misses <= _bar(item.number)]
+    for item in missing:
+        if not math.isfinite(item.misses):
+            yield f"under control P{item.number} may not land by the end"
+            continue
+        off, spread = (
+            100.0 * value / FULL_TURN for value in (item.expected - item.wanted, 2.0 * item.sigma)
+        )
+        yield (
+            f"under control P{item.number} lands {off:+.2g} % of a turn from its place, give or "
+            f"take {spread:.2g} % (two deviations)"
+        )
+    if missing:
+        yield (
+            "under control the tension that reaches the cylinder is learnt from the markers that "
+            "land, and the pull changes no faster than friction holds what lies"
+        )
+
+
+def _bar(number: int) -> float:
+    return _FIRST if number == 1 else _LATER
 
 
 def solver_record(solver: SolverLay | None) -> dict[str, Any] | None:
@@ -98,11 +148,16 @@ def _turns(plan: LayPlan, solver: SolverLay | None) -> Table:
     return table
 
 
-def _markers(plan: LayPlan, solver: SolverLay | None) -> Table:
+def _markers(
+    plan: LayPlan, solver: SolverLay | None, controlled: tuple[ExpectedLanding, ...]
+) -> Table:
     table = Table(title="Markers, in turns")
     columns = ["marker", "wanted", "planned", "pull, N", "in reach"]
     if solver is not None:
         columns.append("solver")
+    under_control = {item.number: item for item in controlled}
+    if under_control:
+        columns.append("under control, +- 2 sigma")
     for column in columns:
         table.add_column(column, justify="right")
     for item in plan.landings:
@@ -116,6 +171,9 @@ def _markers(plan: LayPlan, solver: SolverLay | None) -> Table:
         ]
         if solver is not None:
             cells.append(_in_turns(float(solver.markers[item.number - 1])))
+        if item.number in under_control:
+            found = under_control[item.number]
+            cells.append(f"{_in_turns(found.expected)} +- {2.0 * found.sigma / FULL_TURN:.4f}")
         table.add_row(*cells)
     return table
 

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from winding_cli.output.lay_results import recorded_outcome
 from winding_core.condition import Condition
 from winding_core.helix import curve_length
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
+from winding_core.parameters import Value
 from winding_core.published import published_markers
 from winding_core.readings import AxisReading
 from winding_recorder.live.run_buffer import Reading, RunBuffer
@@ -40,8 +42,17 @@ _THINNED = (
 )
 
 
-def run_record(condition: Condition, result: RunResult) -> RunRecord:
-    """Return the record of a finished run."""
+def run_record(
+    condition: Condition, result: RunResult, wish: Mapping[str, Value], tolerance: float
+) -> RunRecord:
+    """Return the record of a finished run.
+
+    Args:
+        condition: What was wound.
+        result: What the run left.
+        wish: Parameters of the wanted lay, if there was one.
+        tolerance: Of that lay, in every turn after the second [m].
+    """
     buffer = result.buffer
     what = condition.resolved()
     case = what.case
@@ -62,6 +73,7 @@ def run_record(condition: Condition, result: RunResult) -> RunRecord:
     missing = _gaps
     if result.simulated:
         missing = partial(_missing, duration=reached if result.ended else condition.duration)
+    lay = recorded_outcome(buffer, condition, tracked, wish, tolerance)
     return RunRecord(
         case=case,
         drive=what.drive,
@@ -89,12 +101,17 @@ def run_record(condition: Condition, result: RunResult) -> RunRecord:
         frames_lost=missing(frames, topics.CAMERA_INFO) + len(np.setdiff1d(frames, answered)),
         joint_states=len(joints),
         joint_states_lost=missing(joints, topics.JOINT_STATES),
-        wall_s=result.wall_s,
+        # A recording does not say how long its run took.
+        wall_s=result.wall_s or None,
         sim_s=reached,
         ended=result.ended,
         facts=_facts(buffer),
         trace=None if result.trace is None else length_trace(result.trace),
-        notes=(*_notes(published=case.is_published), *([_THINNED] if buffer.thinned else [])),
+        lay=lay,
+        notes=(
+            *_notes(published=case.is_published, controlled=lay is not None),
+            *([_THINNED] if buffer.thinned else []),
+        ),
     )
 
 
@@ -264,13 +281,20 @@ def _last_status(buffer: RunBuffer, name: str) -> Mapping[str, str]:
     return found
 
 
-def _notes(*, published: bool) -> tuple[str, ...]:
+def _notes(*, published: bool, controlled: bool) -> tuple[str, ...]:
     tracked = (
         "The tracked lengths are measured by the camera in this run: each marker's mean place "
         "over all frames that show it."
     )
     if not published:
         return (tracked, "The condition is not published: there is no experiment beside it.")
+    if controlled:
+        return (
+            tracked,
+            "The cable lies where the machine's own motion and pull laid it. The published "
+            "experiment was wound at a constant feed under a dead weight: it is no measure of a "
+            "lay that was controlled.",
+        )
     return (
         tracked,
         "The machine lays the cable where the paper's experiment measured it, so the tracked "

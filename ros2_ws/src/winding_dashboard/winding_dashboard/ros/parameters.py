@@ -6,13 +6,14 @@ import ipaddress
 from dataclasses import dataclass
 
 from winding_core.camera_placement import CameraPlacement
+from winding_core.lay_tolerance import LayTolerance
 from winding_core.machine_axes import MachineAxes
 from winding_core.parameters import ParameterError, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class DashboardParameters(CameraPlacement, MachineAxes):
-    """Where the page is served, where the camera stands, and the machine's axes."""
+class DashboardParameters(CameraPlacement, MachineAxes, LayTolerance):
+    """Where the page is served, where the camera stands, the machine's axes, and a tolerance."""
 
     host: str = parameter(
         "127.0.0.1", "address that the page is served on; others than loopback need a token"

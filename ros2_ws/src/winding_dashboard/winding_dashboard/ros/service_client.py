@@ -12,12 +12,13 @@ from rclpy.node import Node
 
 from winding_core.cases import Case
 from winding_core.condition import Condition
+from winding_core.lay_control_records import ControlMode
 from winding_core.parameters import ParameterError, build, declarations
 from winding_dashboard.views import commands
 from winding_dashboard.views.commands import Choice, CommandError
-from winding_dashboard.views.health import Health
+from winding_dashboard.views.health import SILENCE, Health
 from winding_ros import services, topics
-from winding_ros.graph import GRAPH
+from winding_ros.graph import GRAPH, controlled
 from winding_ros.graph_error import GraphError
 from winding_ros.lifecycle import LifecycleDriver
 from winding_ros.service_calls import ServiceCaller
@@ -25,11 +26,15 @@ from winding_ros.services import Service
 from winding_ros.topic_status import subscribers_of
 
 NODES = tuple(spec.name for spec in GRAPH)
+_CONTROLLED = tuple(spec.name for spec in controlled())
 _COMMANDS = {
     commands.START: services.START,
     commands.STOP: services.STOP,
     commands.RESET: services.RESET,
     commands.EMERGENCY_STOP: services.EMERGENCY_STOP,
+    commands.LAY_CONTROL[ControlMode.OFF]: services.LAY_CONTROL_OFF,
+    commands.LAY_CONTROL[ControlMode.WATCH]: services.LAY_CONTROL_WATCH,
+    commands.LAY_CONTROL[ControlMode.DRIVE]: services.LAY_CONTROL_DRIVE,
 }
 _ANSWER = 3.0
 _QUICK = 0.9
@@ -73,13 +78,13 @@ class ServiceClient:
 
     def unprepared(self) -> str:
         """Return why no other case can be chosen now; empty when it can."""
-        return self._driver.unserved(NODES)
+        return self._driver.unserved(self._nodes)
 
     async def command(self, command: str) -> str:
-        """Give one of the rig's commands; return its answer.
+        """Give a command to the machine or to the controller of the lay; return its answer.
 
         Raises:
-            CommandError: The rig refused, or did not answer in time.
+            CommandError: It was refused, or not answered in time.
         """
         service = _COMMANDS[command]
         emergency = command == commands.EMERGENCY_STOP
@@ -114,12 +119,13 @@ class ServiceClient:
             CommandError: A node refused, or did not answer in time.
         """
         condition = asdict(choice.condition)
-        values: dict[str, dict[str, object]] = {name: dict(condition) for name in NODES}
+        nodes = self._nodes
+        values: dict[str, dict[str, object]] = {name: dict(condition) for name in nodes}
         values[topics.FEM] |= {_TAKE_UP: choice.take_up}
         async with _as_commands():
             values[topics.RIG] |= await self._lay(choice.condition.resolved().case)
             before = self._readers()
-            await self._driver.rebuild(NODES, values, tell)
+            await self._driver.rebuild(nodes, values, tell)
         tell("waiting until the nodes hear each other")
         return await self._heard_by(before)
 
@@ -145,12 +151,20 @@ class ServiceClient:
             CommandError: One of them refused, or did not answer in time.
         """
         async with _as_commands():
-            await self._driver.renew(name for name in NODES if name != topics.RIG)
+            await self._driver.renew(name for name in self._nodes if name != topics.RIG)
 
     async def lifecycle(self) -> dict[str, str]:
         """Return the state of every node that answers, by name."""
-        states = await asyncio.gather(*(self._state(name) for name in NODES))
-        return {name: state for name, state in zip(NODES, states, strict=True) if state}
+        nodes = self._nodes
+        states = await asyncio.gather(*(self._state(name) for name in nodes))
+        return {name: state for name, state in zip(nodes, states, strict=True) if state}
+
+    @property
+    def _nodes(self) -> tuple[str, ...]:
+        """The graph's nodes in the order of activation, the lay's controller if it is there."""
+        heard = self._health.silent_for(topics.LAY_CONTROL, self._clock()) <= SILENCE
+        there = heard or not self._driver.unserved([topics.LAY_CONTROL])
+        return _CONTROLLED if there else NODES
 
     def _unserved(self, service: Service) -> str:
         if self._calls.ready(service.type, service.name):
@@ -180,7 +194,7 @@ class ServiceClient:
     def _readers(self) -> dict[str, int]:
         """Return how many subscribers the nodes' publishers say they have, by topic."""
         found: dict[str, int] = {}
-        for node in NODES:
+        for node in self._nodes:
             found |= subscribers_of(self._health.values(f"{node}: topics"))
         return found
 
@@ -188,7 +202,7 @@ class ServiceClient:
         """Wait until every topic has as many readers as before; return what is missing."""
         begin = self._clock()
         while (now := self._clock()) - begin < _MATCHING:
-            told = all(self._health.silent_for(node, now) < now - begin for node in NODES)
+            told = all(self._health.silent_for(node, now) < now - begin for node in self._nodes)
             present = self._readers()
             missing = [name for name, count in before.items() if present.get(name, 0) < count]
             if told and not missing:

@@ -55,7 +55,8 @@ class TopicReader:
             topics.FEM_PREDICTION: self._keep("ahead"),
             topics.CORRECTION_CASE: lambda _t, votes: state.note_votes(votes),
             topics.FEM_MATERIAL: self._keep("material"),
-            topics.DIAGNOSTICS: lambda _t, statuses: state.health.note(self._now, statuses),
+            topics.LAY_CONTROL_STATE: state.control.note,
+            topics.DIAGNOSTICS: lambda _t, statuses: state.note_statuses(self._now, statuses),
         }
         self._watched = [
             (_subscribe(node, topic), topic, notes.get(topic) or self._measured(topic))

@@ -10,16 +10,23 @@ from typing import Any
 from nicegui import ui
 
 from winding_core.units import MILLIMETRE
+from winding_dashboard.views.axis_ticks import ticks
 from winding_dashboard.views.elements import heading
 from winding_dashboard.views.lay_view import LayChart
-from winding_dashboard.views.palette import CORRECTED, LINE, MEASURED, PREDICTED, SETPOINT, SOFT
+from winding_dashboard.views.palette import (
+    CORRECTED,
+    FONT,
+    LINE,
+    MEASURED,
+    PREDICTED,
+    SETPOINT,
+    SOFT,
+)
 from winding_dashboard.views.trace import Trace
 from winding_dashboard.views.view_state import ViewState
 
 # Shown before anything has come, so that axes do not jump [s].
 _LEAST_SPAN = 10.0
-_INTERVALS = 4
-_FONT = "Segoe UI, Helvetica Neue, Noto Sans, DejaVu Sans, Arial, sans-serif"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,23 +87,9 @@ class LiveChart:
             options["xAxis"]["min"] = math.floor(min(first, max(0.0, last - _LEAST_SPAN)))
             options["xAxis"]["max"] = round(max(last, options["xAxis"]["min"] + _LEAST_SPAN), 1)
         if values:
-            low, high, step = _ticks(min(values), max(values), self._least)
+            low, high, step = ticks(min(values), max(values), self._least)
             options["yAxis"] |= {"min": low, "max": high, "interval": step}
         self._chart.update()
-
-
-def _ticks(low: float, high: float, least: float) -> tuple[float, float, float]:
-    """Return lower end, upper end and interval of an axis that holds low to high."""
-    height = max(high - low, least)
-    middle = 0.5 * (low + high)
-    below, above = middle - 0.52 * height, middle + 0.52 * height
-    if low >= 0.0:
-        below = max(below, 0.0)
-    raw = (above - below) / _INTERVALS
-    power = 10.0 ** math.floor(math.log10(raw))
-    step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw)
-    ends = (step * math.floor(below / step), step * math.ceil(above / step))
-    return round(ends[0], 9), round(ends[1], 9), step
 
 
 def _options(series: Sequence[Series]) -> dict[str, Any]:
@@ -108,7 +101,7 @@ def _options(series: Sequence[Series]) -> dict[str, Any]:
     }
     return {
         "animation": False,
-        "textStyle": {"fontFamily": _FONT},
+        "textStyle": {"fontFamily": FONT},
         "grid": {"left": 46, "right": 14, "top": 26, "bottom": 24},
         "legend": {
             "top": 0,
@@ -211,4 +204,8 @@ class Charts:
         number = marker or state.newest_marker()
         self._length.title.set_text(f"S{number}, mm")
         self._length.update(state.lengths[number], f"P{number}")
-        self._lay.update(state.lay_time, state.lay, state.advance)
+        # Where a lay is wanted, its controller's picture tells more than the commanded helix.
+        if state.control.known:
+            self._lay.hide()
+        else:
+            self._lay.update(state.lay_time, state.lay, state.advance)

@@ -7,8 +7,15 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from winding_core.condition import Condition
+from winding_core.lay_control_records import ControlMode
 
 START, STOP, RESET, EMERGENCY_STOP = "start", "stop", "reset", "emergency_stop"
+# What the controller of the lay is switched to.
+LAY_CONTROL = {
+    ControlMode.OFF: "lay_control_off",
+    ControlMode.WATCH: "lay_control_watch",
+    ControlMode.DRIVE: "lay_control_drive",
+}
 
 
 class CommandError(RuntimeError):
@@ -35,7 +42,7 @@ class Graph(Protocol):
         """Return why a command cannot be given now; empty when it can."""
 
     async def command(self, command: str) -> str:
-        """Give one of the rig's commands; return its answer.
+        """Give a command to the machine or to the controller of the lay; return its answer.
 
         Raises:
             CommandError: It was refused or not answered.

@@ -80,6 +80,10 @@ class LayChart:
         card.set_visibility(False)
         self._shown: tuple[float, int] = (math.nan, 0)
 
+    def hide(self) -> None:
+        """Leave the chart out."""
+        self._card.set_visibility(False)
+
     def update(self, t: float, records: LayRecords, advance: float) -> None:
         """Draw the lay of time t [s] if it is another one than shown; advance is in m/rad."""
         shown = (t, len(records))

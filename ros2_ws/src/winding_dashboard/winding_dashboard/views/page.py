@@ -11,6 +11,7 @@ from nicegui import ui
 from winding_dashboard.views import commands
 from winding_dashboard.views.charts import Charts
 from winding_dashboard.views.commands import CommandError, Graph
+from winding_dashboard.views.control_panel import ControlPanel
 from winding_dashboard.views.elements import question
 from winding_dashboard.views.palette import DANGER
 from winding_dashboard.views.panels import CameraPanel, Figures, MarkerTable, NodeTable, number
@@ -21,7 +22,7 @@ from winding_dashboard.views.view_state import ViewState
 
 PERIOD = 0.1
 # Every how many pushes: what the eye follows is sent more often than what it reads.
-_SCENE_EVERY, _CHARTS_EVERY, _SLOW_EVERY = 2, 4, 5
+_SCENE_EVERY, _CHARTS_EVERY, _SLOW_EVERY, _LAY_EVERY = 2, 4, 5, 10
 _STYLE = Path(__file__).parents[1] / "data" / "page.css"
 _TITLES = {
     commands.START: "Start",
@@ -63,6 +64,7 @@ class Page:
                     self._record = RecordPanel(state, graph, self._do, clock)
         self._scene: SceneView | None = None
         self._charts: Charts | None = None
+        self._control: ControlPanel | None = None
         self.update()
         ui.timer(PERIOD, self.update)
         # Figures and buttons are painted before the browser loads what draws charts and scene.
@@ -79,6 +81,8 @@ class Page:
             self._scene.update(state)
         if self._charts and self._pushes % _CHARTS_EVERY == 0:
             self._charts.update(state, self._marker)
+        if self._control and self._pushes % _LAY_EVERY == 0:
+            self._control.update()
         if self._pushes % _SLOW_EVERY == 0:
             self._nodes.update(state, self._clock())
             self._setup.update()
@@ -95,6 +99,7 @@ class Page:
         with self._left:
             self._scene = SceneView()
         with self._middle.classes(remove="waiting"):
+            self._control = ControlPanel(self._state, self._graph, self._do)
             self._charts = Charts(self._choose)
 
     def _header(self) -> None:

@@ -10,6 +10,7 @@ SOFT = "#52606d"
 LINE = "#d9dee4"
 TINT = "#f5f7fa"
 PAPER = "#ffffff"
+FONT = "Segoe UI, Helvetica Neue, Noto Sans, DejaVu Sans, Arial, sans-serif"
 
 PREDICTED = "#0072b2"
 CORRECTED = "#007a5a"

@@ -13,9 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.lay_records import LAY_DTYPE, LayRecords
+from winding_core.lay_tolerance import LayTolerance
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE, Markers
 from winding_core.material_report import MaterialReport
 from winding_core.readings import CABLE_TENSION, AxisReading, Quantity
+from winding_core.status import Status
+from winding_dashboard.views.control_state import ControlState
 from winding_dashboard.views.health import SILENCE, Health
 from winding_dashboard.views.lay_view import lay_overlay
 from winding_dashboard.views.marker_rows import MOST_MARKERS, MarkerRow, marker_rows
@@ -42,6 +45,7 @@ class ViewState:
         nodes: Names of the graph's nodes, in the order in which they are shown.
         machine: Name of the node whose own message is the machine's phase.
         quantities: What the machine's sensors measure, the tension among it.
+        lay_tolerance: How far from the wanted lay a turn may lie [m].
 
     Attributes:
         health: Of the nodes.
@@ -54,6 +58,7 @@ class ViewState:
         material: What the tracked markers tell of the cable's material; None before any.
         lay: Measured places of every turn, of `lay_time` [s].
         advance: Of the commanded helix [m/rad]; nan before any motion.
+        control: What the controller of the lay says.
         speeds: Trace of measured and commanded speeds and the tension.
         lengths: Trace of each marker's curve lengths by its number.
     """
@@ -64,10 +69,13 @@ class ViewState:
         nodes: Sequence[str],
         machine: str,
         quantities: Sequence[Quantity] = (CABLE_TENSION,),
+        lay_tolerance: float = LayTolerance.lay_tolerance,
     ) -> None:
         self._machine = machine
         self._quantities = quantities
+        self.lay_tolerance = lay_tolerance
         self.health = Health(nodes)
+        self.control = ControlState()
         self.speeds = Trace("speed", "speed_set", "feed", "feed_set", "tension", capacity=SAMPLES)
         self.lengths = {
             number: Trace("predicted", "corrected", "low", "high", "measured", capacity=SAMPLES)
@@ -95,6 +103,7 @@ class ViewState:
         self.lay: LayRecords = np.zeros(0, LAY_DTYPE)
         self.lay_time = self.advance = NAN
         self._picture_time = self._tracked_time = self._cable_time = NAN
+        self.control.clear()
         self.speeds.clear()
         for trace in self.lengths.values():
             trace.clear()
@@ -126,6 +135,11 @@ class ViewState:
     def heard(self, now: float) -> bool:
         """Return whether anything came lately, at wall time now [s]."""
         return now - max(self.last_data, self.health.last_heard) <= SILENCE
+
+    def note_statuses(self, now: float, statuses: Sequence[Status]) -> None:
+        """Take what nodes say of themselves, received at wall time now [s]."""
+        self.health.note(now, statuses)
+        self.control.note_statuses(statuses)
 
     def note_axes(self, t: float, reading: AxisReading) -> None:
         """Take measured motion; time that goes back begins a new run."""

@@ -8,6 +8,7 @@ from statistics import fmean
 from winding_core.units import MEGAPASCAL, MILLIMETRE
 from winding_study.documents.page import MISSING, PAGE, Tile, fixed, render_page
 from winding_study.reports.lay_pictures import lay_picture, marker_picture
+from winding_study.reports.lay_section import lay_section
 from winding_study.reports.length_pictures import lengths_picture
 from winding_study.reports.machine_pictures import speeds_picture, tension_picture
 from winding_study.reports.trace_pictures import trace_picture
@@ -41,6 +42,7 @@ def render_report(record: RunRecord) -> str:
             tension_picture(record),
             *([] if record.trace is None else [trace_picture(record.trace)]),
         ],
+        lay=None if record.lay is None else lay_section(record.lay),
         ended=record.ended,
         facts=record.facts,
         notes=record.notes,

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from winding_core.cases import Case
 from winding_core.drive import DriveProfile
 from winding_core.published import PublishedMarker, length_error_pct, published_markers
+from winding_study.lay.lay_outcome import LayOutcome
+from winding_study.lay.outcome_record import outcome_json
 from winding_study.trace.hops import LengthTrace
 from winding_study.trace.summary import hop_costs
 
@@ -150,6 +152,7 @@ class RunRecord(AxisSpeeds):
         facts: Short facts by name for the head of the report, such as the trained factor.
         notes: Sentences on what the numbers are worth.
         trace: The ways to its corrected lengths; None for a run that was not traced.
+        lay: What became of the wanted lay; None for a run without a controller of the lay.
     """
 
     case: Case
@@ -168,6 +171,7 @@ class RunRecord(AxisSpeeds):
     facts: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     trace: LengthTrace | None = None
+    lay: LayOutcome | None = None
 
     @property
     def marker_ids(self) -> tuple[int, ...]:
@@ -214,7 +218,14 @@ def run_json(record: RunRecord) -> dict[str, Any]:
         "wall_s": _number(record.wall_s),
         "sim_s": _number(record.sim_s),
         **({} if record.trace is None else {"trace": _trace_json(record.trace)}),
+        **({} if record.lay is None else _lay_json(record.lay)),
     }
+
+
+def _lay_json(lay: LayOutcome) -> dict[str, Any]:
+    """Return the lay, and the verdict of the run where the controller drove."""
+    verdict = {"kept": lay.verdict.kept, "sentence": lay.verdict.sentence}
+    return {**({"verdict": verdict} if lay.drove else {}), "lay": outcome_json(lay)}
 
 
 def _trace_json(trace: LengthTrace) -> dict[str, Any]:

@@ -10,7 +10,9 @@ from winding_core.material_law import MaterialLaw
 
 Array = NDArray[np.float64]
 
-_FORCES = 800
+_FORCES = 2000
+# A span that pulls less than bending takes leaves the cable short.
+_SMALLEST_STRETCH = 0.9
 # A cable stretched further than this is not wound.
 _LARGEST_STRETCH = 3.5
 
@@ -30,7 +32,7 @@ class LayOnLaw:
 
     def __init__(self, case: Case, law: MaterialLaw) -> None:
         _, limit = law.limit()
-        stretch = np.linspace(1.0, min(_LARGEST_STRETCH, 0.999 * limit), _FORCES)
+        stretch = np.linspace(_SMALLEST_STRETCH, min(_LARGEST_STRETCH, 0.999 * limit), _FORCES)
         lateral = np.ones_like(stretch) if law.law == "linear" else law.lateral_stretch(stretch)
         force = law.nominal_stress(stretch) * case.axial_area
         radius = case.cylinder_radius + case.cable_radius * lateral
@@ -45,6 +47,10 @@ class LayOnLaw:
         """Return the stretch of laid cable under tensions of the span [N], same shape."""
         return np.asarray(np.interp(force, self._force, self._stretch))
 
+    def radius(self, force: float | Array) -> Array:
+        """Return the centreline radius of laid cable [m] under tensions of the span [N]."""
+        return np.asarray(np.interp(force, self._force, self._radius))
+
     def density(self, force: float | Array, slope: float | Array) -> Array:
         """Return undeformed length per wound angle [m/rad].
 
@@ -52,8 +58,7 @@ class LayOnLaw:
             force: Tension of the span [N].
             slope: dz/dtheta [m/rad], broadcast with it.
         """
-        radius = np.interp(force, self._force, self._radius)
-        return np.asarray(np.hypot(radius, slope) / self.stretch(force))
+        return np.asarray(np.hypot(self.radius(force), slope) / self.stretch(force))
 
     def force_for(self, density: float, slope: float) -> float:
         """Return the tension [N] under which a density [m/rad] is laid at a slope [m/rad].

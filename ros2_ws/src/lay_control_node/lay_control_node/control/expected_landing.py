@@ -1,0 +1,146 @@
+"""Where markers will land under control, and how well that is known before the run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lay_control_node.control.control_parameters import ControlParameters
+from lay_control_node.control.guide_law import WantedLay
+from lay_control_node.control.landing_law import Progress
+from lay_control_node.control.lay_controller import UNWOUND
+from lay_control_node.control.stretch_filter import StretchEstimate
+from winding_core.condition import ResolvedCondition
+from winding_core.lay_control_records import ControlMode
+
+# Steps of the wound angle [rad].
+_STEP = 0.05
+# A marker is measured so far behind the contact line [rad], with such a deviation [rad].
+_SEEN_AFTER, _SIGMA_SEEN = 0.3, 1.0e-3
+# A run ends so many radians behind the last wanted marker.
+_BEYOND = 20.0
+_VARIED = ("share", "drag", "start", "build_up_length")
+_LEAST_SHARE, _LEAST_LENGTH = 0.05, 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExpectedLanding:
+    """A wanted marker under control.
+
+    Attributes:
+        number: Of the marker.
+        wanted: Wound angle [rad].
+        expected: Where it lands if the tension at lay-on is the believed one [rad].
+        sigma: One standard deviation of that [rad], from what is believed of that tension, and of
+            what no law of it says.
+    """
+
+    number: int
+    wanted: float
+    expected: float
+    sigma: float
+
+    @property
+    def misses(self) -> float:
+        """By how much it may miss its angle: two deviations beside the expected place [rad]."""
+        return abs(self.expected - self.wanted) + 2.0 * self.sigma
+
+
+def expected_landings(
+    control: ControlParameters,
+    what: ResolvedCondition,
+    wanted: WantedLay,
+    markers: Mapping[int, float],
+) -> tuple[ExpectedLanding, ...]:
+    """Wind markers under control, with each belief of the tension moved by its deviation in turn.
+
+    The cable sticks where it lands; the pull is the commanded one. Markers are measured behind
+    the contact line, so the first one says nothing until it lies.
+
+    Args:
+        control: What is believed, and the range of the pull.
+        what: What is wound.
+        wanted: The lay.
+        markers: Wound angle at which a marker is wanted [rad], by marker.
+    """
+    if not markers:
+        return ()
+    believed = control.controller(what, wanted, markers=markers, mode=ControlMode.DRIVE)
+    mean = believed.stretch.estimate
+    deviations = np.sqrt(np.diag(mean.covariance))
+    nominal = _landed(control, what, wanted, markers, mean)
+    variance = dict.fromkeys(markers, 0.0)
+    for name, deviation in zip(_VARIED, deviations.tolist(), strict=True):
+        ends = [
+            _landed(control, what, wanted, markers, _moved(mean, name, sign * deviation))
+            for sign in (-1.0, 1.0)
+        ]
+        for number in markers:
+            variance[number] += (0.5 * (ends[1][number] - ends[0][number])) ** 2
+    radius, before = what.case.centreline_radius, 0.0
+    for number in sorted(markers):
+        # What nobody learns: by how much the brake's own friction keeps the tension off its law.
+        segment = nominal[number] - before
+        stretched = max(radius * segment / what.case.marker_spacing - 1.0, 0.0)
+        variance[number] += (believed.stretch.config.tension_error * stretched * segment) ** 2
+        before = nominal[number]
+    return tuple(
+        ExpectedLanding(
+            number=number,
+            wanted=angle,
+            expected=nominal[number],
+            sigma=math.sqrt(variance[number]),
+        )
+        for number, angle in sorted(markers.items())
+    )
+
+
+def _moved(mean: StretchEstimate, name: str, change: float) -> StretchEstimate:
+    """Return a tension law beside the believed one, as far as such a rig can be."""
+    least = {"share": _LEAST_SHARE, "build_up_length": _LEAST_LENGTH, "start": 0.0}
+    value = max(getattr(mean, name) + change, least.get(name, -math.inf))
+    return replace(mean, **{name: value})
+
+
+def _landed(
+    control: ControlParameters,
+    what: ResolvedCondition,
+    wanted: WantedLay,
+    markers: Mapping[int, float],
+    true: StretchEstimate,
+) -> dict[int, float]:
+    """Return the angle [rad] at which each marker lands under a true tension; nan for never."""
+    case = what.case
+    controller = control.controller(what, wanted, markers=markers, mode=ControlMode.DRIVE)
+    landing, stretch = controller.landing, controller.stretch
+    assert landing is not None
+    end = max(markers.values()) + _BEYOND
+    theta = laid = 0.0
+    pull, unseen = case.weight, dict[int, float]()
+    found = dict.fromkeys(range(1, max(markers) + 1), math.nan)
+    ahead = 1
+    while ahead <= max(markers) and theta < end:
+        slope = wanted.at(theta).slope
+        stretch.advance(theta, pull, slope)
+        believed = stretch.landed * landing.spacing + stretch.laid()
+        pull = landing.pull(
+            Progress(theta=theta, laid=believed),
+            stretch.estimate,
+            pull,
+            landed=stretch.landed,
+            free=theta <= UNWOUND,
+        )
+        tension = true.tension(pull, case.centreline_radius * theta)
+        density = float(landing.law.density(tension, slope))
+        theta += _STEP
+        laid += density * _STEP
+        while ahead <= max(markers) and laid >= ahead * case.marker_spacing:
+            found[ahead] = theta - (laid - ahead * case.marker_spacing) / density
+            unseen[ahead] = found[ahead]
+            ahead += 1
+        for number in [n for n, at in unseen.items() if theta > at + _SEEN_AFTER]:
+            stretch.land(number, unseen.pop(number), _SIGMA_SEEN)
+    return found

@@ -1,0 +1,43 @@
+"""The report and the numbers of a run that was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from winding_cli.commands.run_results import deliver, refuse_flawed, show
+
+if TYPE_CHECKING:
+    from winding_cli.commands.wanted_lay import Held
+
+
+def write_recorded_report(source: Path, out: Path, held: Held) -> None:
+    """Write index.html and run.json of a recording into a folder, and print what they say.
+
+    Raises:
+        BagError: The recording cannot be read, or does not say what was wound.
+    """
+    from winding_core.condition import Condition
+    from winding_core.lay_wish import LayWish
+    from winding_recorder.bags.recorded_parameters import configuration_of
+    from winding_recorder.playback.recorded_buffer import recorded_run
+    from winding_ros import topics
+    from winding_supervisor.run import RunResult
+
+    run = recorded_run(source)
+    condition = configuration_of(Condition, run.parameters[topics.FEM], topics.FEM)
+    wish = _of(LayWish, run.parameters.get(topics.LAY_CONTROL, {}))
+    result = RunResult(
+        buffer=run.buffer, wall_s=0.0, ended=run.ended, simulated=topics.RIG in run.parameters
+    )
+    numbers = out / "run.json"
+    record, page = deliver(condition, result, out, numbers, wish, held.limit)
+    show(record, page, numbers, (source,), None)
+    refuse_flawed(record, result, held=held.asked)
+
+
+def _of(record: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    names = {item.name for item in fields(record)}
+    return {name: value for name, value in values.items() if name in names}

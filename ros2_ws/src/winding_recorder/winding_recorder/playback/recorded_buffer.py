@@ -1,0 +1,90 @@
+"""A recording as the buffer of its run, for what is made of a run afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from winding_core.machine_axes import MachineAxes
+from winding_core.parameters import ParameterError
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.notes import COMPLETE, PARAMETERS, YES
+from winding_recorder.bags.reading import messages_of, opened, read_notes
+from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
+from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
+from winding_ros import topics
+from winding_ros.message_guard import StampError
+from winding_ros.stamps import serialised_stamp_ns
+from winding_ros.topic import Topic
+
+_PICTURES = (topics.IMAGE, topics.PREVIEW)
+# /diagnostics belongs to no namespace.
+_RECORDED = {topic.name.lstrip("/"): topic for topic in topics.TOPICS if topic not in _PICTURES}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedRun:
+    """What a recording says of its run.
+
+    Attributes:
+        buffer: Its messages but the pictures.
+        parameters: Of every node that it states, by name.
+        ended: Why the recording ended before the run; empty for a whole one.
+    """
+
+    buffer: RunBuffer
+    parameters: Mapping[str, Mapping[str, Any]]
+    ended: str
+
+
+def recorded_run(path: Path) -> RecordedRun:
+    """Return a recorded run.
+
+    Raises:
+        BagError: It cannot be read, states no parameters of the solver, or holds no motion.
+    """
+    notes = read_notes(path)
+    nodes = [name.removeprefix(PARAMETERS) for name in notes if name.startswith(PARAMETERS)]
+    parameters = {node: recorded_parameters(path, node) for node in nodes}
+    if topics.FEM not in parameters:
+        raise BagError(f"{path} does not say what was wound")
+    buffer = _filled(path)
+    try:
+        buffer.axes = configuration_of(MachineAxes, parameters[topics.FEM], topics.FEM)
+    except ParameterError as error:
+        raise BagError(f"{path}: {error}") from error
+    first = next(buffer.axis_readings(), None)
+    if first is None:
+        raise BagError(f"{path} holds no {topics.JOINT_STATES.name}")
+    if topics.RIG not in parameters:
+        # A real machine's clock began before its run.
+        buffer.origin = first[0]
+    complete = notes.get(COMPLETE, YES)
+    return RecordedRun(
+        buffer=buffer, parameters=parameters, ended="" if complete == YES else complete
+    )
+
+
+def _filled(path: Path) -> RunBuffer:
+    with opened(path) as reader:
+        links = {link.id: topic for link in reader.connections if (topic := _topic(link.topic))}
+        buffer = RunBuffer(dict.fromkeys(links.values()))
+        wanted = [link for link in reader.connections if link.id in links]
+        for link, stamp, data in messages_of(reader, wanted):
+            topic = links[link.id]
+            try:
+                own = serialised_stamp_ns(data) if topic.rate else stamp
+            except StampError:
+                continue
+            buffer.add(topic, BufferedMessage(own, stamp, stamp, data))
+    return buffer
+
+
+def _topic(full_name: str) -> Topic | None:
+    """Return the topic that a full name such as /winding/rig/tension means."""
+    words = full_name.strip("/").split("/")
+    return next(
+        (topic for n in range(len(words)) if (topic := _RECORDED.get("/".join(words[n:])))), None
+    )

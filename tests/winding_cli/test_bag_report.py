@@ -1,0 +1,148 @@
+"""The report of a recorded run: a real bag in, a page and numbers out."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+
+from winding_cli.commands.bag_report import write_recorded_report
+from winding_cli.commands.run_results import refuse_flawed
+from winding_cli.commands.wanted_lay import Held
+from winding_cli.output.results import run_record
+from winding_core.condition import Condition
+from winding_core.drive import DriveProfile
+from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlMode
+from winding_core.lay_records import LAY_DTYPE
+from winding_core.readings import AxisReading
+from winding_recorder.bags.channel import jazzy_channel
+from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.mcap_file import BagConfig
+from winding_recorder.bags.notes import COMPLETE, PARAMETERS, YES
+from winding_recorder.bags.reading import Decoder
+from winding_recorder.bags.writer import BagWriter
+from winding_recorder.playback.recorded_buffer import recorded_run
+from winding_ros import topics
+from winding_ros.cloud_messages import encode_cloud
+from winding_ros.rig_messages import encode_joint_state
+from winding_supervisor.run import RunResult
+
+DRIVE = DriveProfile()
+ADVANCE = DRIVE.advance_per_radian
+SECONDS, PERIOD = 18.0, 0.02
+RECORDED = (topics.JOINT_STATES, topics.LAY_CONTROL_STATE, topics.TRACKED_LAY)
+HALF_MILLIMETRE = Held(limit=0.5e-3, asked=True)
+
+
+def recording(folder: Path, *, off: float, mode: ControlMode = ControlMode.DRIVE) -> Path:
+    """Record a made-up run whose cable lies off the wanted helix by a distance [m] in turn 4."""
+    decoder = Decoder()
+    writer = BagWriter(
+        folder,
+        [
+            jazzy_channel(f"/cell/{t.name}", t.type_name, depth=t.depth, latched=t.latched)
+            for t in RECORDED
+        ],
+        BagConfig(),
+        {},
+    )
+    counts = dict.fromkeys(RECORDED, 0)
+
+    def write(topic: topics.Topic, t: float, message: object) -> None:
+        counts[topic] += 1
+        data = decoder.canonical(topic.type_name, message)
+        writer.write(RECORDED.index(topic), round(1e9 * t), data, counts[topic])
+
+    for t in np.arange(0.0, SECONDS, PERIOD):
+        (angle, guide), (speed, feed) = DRIVE.positions(t), DRIVE.speeds(t)
+        reading = AxisReading(
+            cylinder_angle=angle, angular_speed=speed, carriage_position=guide, feed_speed=feed
+        )
+        write(topics.JOINT_STATES, t, encode_joint_state(t, reading))
+        record = np.zeros(1, LAY_CONTROL_DTYPE)
+        record["theta"], record["wanted_z"], record["mode"] = angle, ADVANCE * angle, mode
+        record["free_length"], record["sigma_free_length"] = 0.1958, 0.0055
+        write(topics.LAY_CONTROL_STATE, t, encode_cloud(t, record))
+    theta = np.arange(0.05, DRIVE.positions(SECONDS)[0], 0.09)
+    places = np.zeros(theta.size, LAY_DTYPE)
+    places["theta"], places["sigma_z"] = theta, 1.0e-4
+    places["z"] = ADVANCE * theta + np.where(np.floor(theta / math.tau) == 3, off, 0.0)
+    write(topics.TRACKED_LAY, SECONDS, encode_cloud(SECONDS, places))
+    parameters = {"case": 4, "duration": SECONDS}
+    writer.close(
+        {
+            COMPLETE: YES,
+            f"{PARAMETERS}cable_fem": json.dumps(parameters),
+            f"{PARAMETERS}winding_rig": json.dumps(parameters),
+            f"{PARAMETERS}lay_control": json.dumps(parameters | {"control": "drive"}),
+        }
+    )
+    return folder
+
+
+@pytest.mark.slow
+def test_recorded_run_has_its_report_and_its_verdict(tmp_path: Path) -> None:
+    write_recorded_report(
+        recording(tmp_path / "bag", off=0.3e-3), tmp_path / "out", HALF_MILLIMETRE
+    )
+    numbers = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
+    assert numbers["verdict"]["kept"] is True
+    assert numbers["wall_s"] is None
+    # Single precision of z in the records: 4 nm.
+    assert numbers["lay"]["turns"][3]["error_largest_m"] == pytest.approx(0.3e-3, abs=1e-8)
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert "at most 0.30 mm off, in turn 4" in page
+
+
+@pytest.mark.parametrize(
+    ("mode", "held", "code"),
+    [
+        (ControlMode.DRIVE, HALF_MILLIMETRE, 1),
+        (ControlMode.DRIVE, Held(limit=0.5e-3, asked=False), 0),
+        (ControlMode.WATCH, HALF_MILLIMETRE, 0),
+    ],
+)
+def test_lay_that_was_driven_is_held_to_a_tolerance_that_was_given(
+    mode: ControlMode, held: Held, code: int, tmp_path: Path
+) -> None:
+    run = recorded_run(recording(tmp_path / "bag", off=0.7e-3, mode=mode))
+    result = RunResult(buffer=run.buffer, wall_s=0.0)
+    record = run_record(Condition(case=4, duration=SECONDS), result, {}, held.limit)
+    assert record.lay is not None
+    assert record.lay.verdict.kept is False
+    if code:
+        with pytest.raises(typer.Exit) as ended:
+            refuse_flawed(record, result, held=held.asked)
+        assert ended.value.exit_code == code
+    else:
+        refuse_flawed(record, result, held=held.asked)
+
+
+def test_recording_that_does_not_say_what_was_wound_is_refused(tmp_path: Path) -> None:
+    bag = recording(tmp_path / "bag", off=0.0)
+    notes = bag / "metadata.yaml"
+    notes.write_text(notes.read_text(encoding="utf-8").replace(PARAMETERS, "told "))
+    with pytest.raises(BagError, match="does not say what was wound"):
+        recorded_run(bag)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--lay-tolerance-mm", 0.2), "--lay-tolerance-mm judges a wanted lay"),
+        (("--control", "drive", "--lay-tolerance-mm", 0), "--lay-tolerance-mm must be positive"),
+    ],
+)
+@pytest.mark.slow
+def test_tolerance_that_means_nothing_is_refused_before_anything_starts(
+    words: tuple[object, ...],
+    sentence: str,
+    tmp_path: Path,
+    command,  # type: ignore[no-untyped-def]
+) -> None:
+    done = command("run", "--case", 4, *words, "--output", tmp_path / "run", cwd=tmp_path)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert not (tmp_path / "run").exists()

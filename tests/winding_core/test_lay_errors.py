@@ -1,0 +1,122 @@
+"""Errors of a measured lay turn by turn, and a tolerance that they are held against."""
+
+import math
+
+import numpy as np
+import pytest
+
+from winding_core.cable_lay import cable_lay
+from winding_core.lay_errors import WantedLine, lay_errors, turn_errors
+from winding_core.lay_records import LAY_DTYPE, LayRecords
+from winding_core.lay_tolerance import judge
+from winding_core.markers import CABLE_DTYPE
+
+PITCH, TURN = 18.0e-3, math.tau
+ADVANCE = PITCH / TURN
+# z of the records is single precision: 4 nm at 60 mm.
+SINGLE = 1.0e-8
+
+
+def lay(turns: float, *, off: float = 0.0, step: float = 0.087) -> LayRecords:
+    """Return an even helix that lies off by a distance [m]."""
+    records = np.zeros(int(turns * TURN / step), LAY_DTYPE)
+    records["theta"] = step * (0.5 + np.arange(records.size))
+    records["z"] = ADVANCE * records["theta"] + off
+    return records
+
+
+def wanted(turns: float) -> WantedLine:
+    return WantedLine.of([0.0, turns * TURN], [0.0, turns * PITCH])
+
+
+def test_even_offset_is_the_error_of_every_turn() -> None:
+    turns = turn_errors(lay(3.0, off=0.2e-3), wanted(3.0))
+    assert [turn.number for turn in turns] == [1, 2, 3]
+    for turn in turns:
+        for value in (turn.mean, turn.rms, turn.largest, turn.measured_z - turn.wanted_z):
+            assert value == pytest.approx(0.2e-3, abs=SINGLE)
+        assert turn.whole
+
+
+def test_largest_error_keeps_its_sign_and_its_turn() -> None:
+    records = lay(3.0)
+    records["z"][100] -= 0.7e-3
+    second = turn_errors(records, wanted(3.0))[1]
+    assert second.number == int(records["theta"][100] / TURN) + 1 == 2
+    assert second.largest == pytest.approx(-0.7e-3, abs=SINGLE)
+    assert second.mean == pytest.approx(-0.7e-3 / second.places, abs=SINGLE)
+
+
+def test_nothing_is_said_where_nothing_is_wanted() -> None:
+    errors = lay_errors(lay(3.0), wanted(2.0))
+    assert np.isnan(errors[-1])
+    assert [turn.number for turn in turn_errors(lay(3.0), wanted(2.0))] == [1, 2]
+    assert turn_errors(lay(3.0), WantedLine.of([], [])) == ()
+
+
+def test_samples_may_come_in_any_order_and_twice() -> None:
+    line = WantedLine.of([2.0, 0.0, 2.0, 1.0, math.nan], [4.0, 0.0, 4.0, 1.0, 9.0])
+    np.testing.assert_allclose(line.at([0.5, 1.5]), [0.5, 2.5])
+
+
+def test_tolerance_is_kept_by_every_turn_after_the_second() -> None:
+    records = lay(5.0)
+    records["z"][records["theta"] < 2.0 * TURN] += 2.0e-3
+    verdict = judge(turn_errors(records, wanted(5.0)), 0.5e-3, 5.0 * TURN)
+    assert verdict.kept is True
+    assert verdict.sentence.startswith("the lay keeps 0.5 mm in turns 3 to 5: at most 0.00 mm off")
+    assert verdict.sentence.endswith("turns 1 and 2, in which the guide gets ahead, are not judged")
+
+
+@pytest.mark.parametrize(("off", "kept"), [(0.499e-3, True), (0.501e-3, False)])
+def test_one_place_decides(off: float, kept: bool) -> None:
+    records = lay(5.0)
+    records["z"][200] += off
+    verdict = judge(turn_errors(records, wanted(5.0)), 0.5e-3, 5.0 * TURN)
+    assert verdict.kept is kept
+    assert verdict.worst is not None
+    assert verdict.worst.number == int(records["theta"][200] / TURN) + 1
+
+
+def test_turn_that_nobody_saw_is_no_kept_turn() -> None:
+    records = lay(5.0)
+    seen = records[np.abs(records["theta"] - 3.5 * TURN) > 0.3 * TURN]
+    verdict = judge(turn_errors(seen, wanted(5.0)), 0.5e-3, 5.0 * TURN)
+    assert verdict.kept is None
+    assert "turn 4 was not measured all round" in verdict.sentence
+    # The same without a single place of it, and at the end of the run.
+    unseen = records[np.floor(records["theta"] / TURN) != 3]
+    assert judge(turn_errors(unseen, wanted(5.0)), 0.5e-3, 5.0 * TURN).kept is None
+    assert judge(turn_errors(lay(3.0), wanted(5.0)), 0.5e-3, 5.0 * TURN).kept is None
+
+
+def test_error_is_found_although_a_turn_is_missing() -> None:
+    records = lay(5.0, off=0.8e-3)
+    unseen = records[np.floor(records["theta"] / TURN) != 3]
+    assert judge(turn_errors(unseen, wanted(5.0)), 0.5e-3, 5.0 * TURN).kept is False
+
+
+def test_run_of_two_turns_is_not_judged() -> None:
+    verdict = judge(turn_errors(lay(2.0), wanted(2.0)), 0.5e-3, 2.0 * TURN)
+    assert verdict.kept is None
+    assert "no turn after the second was measured" in verdict.sentence
+
+
+@pytest.mark.parametrize("oldest", [0.0, 5.0])
+@pytest.mark.parametrize("angle", [0.4, 3.0, 33.93, 34.5])
+def test_cable_says_its_wound_angles_from_the_contact_line_back(
+    angle: float, oldest: float
+) -> None:
+    radius, theta = 17.0e-3, np.arange(oldest, angle, 0.31)
+    on, free = theta.size, np.arange(1.0, 30.0)
+    cable = np.zeros(on + free.size, CABLE_DTYPE)
+    cable["x"][:on], cable["y"][:on] = (
+        radius * np.cos(angle - theta),
+        radius * np.sin(angle - theta),
+    )
+    cable["z"][:on] = ADVANCE * theta
+    # The tangent span to the guide.
+    cable["x"][on:], cable["y"][on:], cable["z"][on:] = radius, -5.0e-3 * free, 1.0
+    found, z = cable_lay(cable, angle, radius)
+    np.testing.assert_allclose(found, theta, atol=1.0e-6)
+    np.testing.assert_allclose(z, ADVANCE * theta, atol=SINGLE)

@@ -1,0 +1,115 @@
+"""Serve the page of a made-up controlled run, whose graph does as it is told, without ROS.
+
+python controlled_page.py PORT serves the page until it is told to end; what it was told is printed.
+"""
+
+import math
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from nicegui import app, ui
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from simulated_page import Machine, fresh_state, phase
+
+from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlMode
+from winding_core.lay_records import LAY_DTYPE, LayRecords
+from winding_core.markers import CABLE_DTYPE, wound_markers
+from winding_core.readings import AxisReading
+from winding_dashboard.views import commands
+from winding_dashboard.views.page import PERIOD, Page
+from winding_dashboard.views.view_state import ViewState
+
+RADIUS, SPEED, ADVANCE, GUIDE_AHEAD = 0.017, 1.74, 2.87e-3, 0.033
+LAG = 0.2 / RADIUS
+
+
+def off_by(theta: np.ndarray) -> np.ndarray:
+    """Return measured less wanted z [m]: what is missing in the first turn, and a fault in one."""
+    fault = np.where(np.floor(theta / math.tau) == 3, 0.7e-3 * np.sin(theta) ** 2, 0.0)
+    return -1.4e-3 * np.exp(-theta) + fault + 3.0e-5 * np.sin(7.0 * theta)
+
+
+def measured_lay(theta: float) -> LayRecords:
+    """Return what the tracker says of every turn behind a wound angle [rad]."""
+    at = np.radians(np.arange(2.5, math.degrees(theta), 5.0))
+    lay = np.zeros(at.size, LAY_DTYPE)
+    lay["theta"], lay["turn"] = at, at // math.tau
+    lay["x"], lay["y"] = RADIUS * np.cos(theta - at), RADIUS * np.sin(theta - at)
+    lay["z"], lay["sigma_z"] = ADVANCE * at + off_by(at), 1.0e-4
+    return lay
+
+
+def note_run(state: ViewState, theta: float, mode: ControlMode, *, step: float = 0.1) -> None:
+    """Give a state what the graph says of a run up to a wound angle [rad]."""
+    before = 0.0 if state.control.newest is None else float(state.control.newest["theta"])
+    for angle in np.append(np.arange(before, theta, step), theta):
+        record = np.zeros(1, LAY_CONTROL_DTYPE)
+        record["theta"], record["wanted_z"], record["mode"] = angle, ADVANCE * angle, mode
+        record["z"], record["sigma_z"], record["pull"] = ADVANCE * angle, 1.0e-4, math.nan
+        record["guide"] = ADVANCE * angle + GUIDE_AHEAD
+        record["free_length"], record["sigma_free_length"] = 0.1958, 0.0055
+        record["load_share"], record["sigma_load_share"] = 0.881, 0.079
+        state.control.note(angle / SPEED, record)
+    t = theta / SPEED
+    state.note_axes(
+        t,
+        AxisReading(
+            cylinder_angle=theta,
+            angular_speed=SPEED,
+            carriage_position=ADVANCE * theta + GUIDE_AHEAD,
+            feed_speed=ADVANCE * SPEED,
+        ),
+    )
+    state.note_lay(t, measured_lay(theta))
+    state.predicted = wound_markers(
+        ids=[0], theta=np.array([0.0]), z=[0.0], radius=RADIUS, cylinder_angle=theta
+    )
+    at = np.arange(0.0, theta, 0.3)
+    cable = np.zeros(at.size, CABLE_DTYPE)
+    cable["x"], cable["y"] = RADIUS * np.cos(theta - at), RADIUS * np.sin(theta - at)
+    cable["z"] = ADVANCE * at + 0.4e-3 * -np.expm1(-at / LAG)
+    state.note_cable(t, cable)
+
+
+class Controlled(Machine):
+    """A graph that switches the controller of the lay in its state."""
+
+    def __init__(self, state: ViewState, **kwargs: str) -> None:
+        super().__init__(**kwargs)
+        self.state = state
+        self.mode = ControlMode.DRIVE
+
+    async def command(self, command: str) -> str:
+        answer = await super().command(command)
+        for mode, name in commands.LAY_CONTROL.items():
+            if name == command:
+                self.mode = mode
+        print(f"told {command}", flush=True)
+        return answer
+
+
+def main(port: int) -> None:
+    state = fresh_state()
+    graph = Controlled(state)
+    begin = time.monotonic()
+
+    def wind() -> None:
+        phase(state, "winding")
+        note_run(state, 30.0 + 0.2 * (time.monotonic() - begin), graph.mode)
+
+    wind()
+    app.timer(PERIOD, wind)
+    ui.run(
+        lambda: Page(state, graph, time.monotonic),
+        port=port, host="127.0.0.1", reload=False, show=False, show_welcome_message=False,
+        # As the page itself: a browser on a busy machine may be late.
+        reconnect_timeout=30.0,
+    )  # fmt: skip
+
+
+if __name__ in {"__main__", "__mp_main__"}:
+    main(int(sys.argv[1]))

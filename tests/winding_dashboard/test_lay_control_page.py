@@ -1,0 +1,203 @@
+"""The controller of the lay on the page: what is shown of it, and its switches."""
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from controlled_page import Controlled, note_run
+from nicegui import ui
+from nicegui.testing import user_simulation
+from simulated_page import button, buttons, click, fresh_state, phase, until
+
+from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
+from winding_core.lay_errors import turn_errors
+from winding_core.lay_tolerance import turn_state
+from winding_core.status import Level, Status
+from winding_dashboard.views.control_chart import lay_curves
+from winding_dashboard.views.control_state import ControlState
+from winding_dashboard.views.control_words import basis_words, beliefs
+from winding_dashboard.views.page import Page
+from winding_dashboard.views.view_state import ViewState
+
+TURN = math.tau
+DRIVE, WATCH = ControlMode.DRIVE, ControlMode.WATCH
+
+
+def controlled(theta: float = 5.5 * TURN, mode: ControlMode = DRIVE) -> ViewState:
+    state = fresh_state()
+    phase(state, "winding")
+    note_run(state, theta, mode)
+    return state
+
+
+def said(basis: ControlBasis, **further: float) -> ControlState:
+    record = np.zeros(1, LAY_CONTROL_DTYPE)
+    record["basis"], record["mode"], record["pull"] = basis, DRIVE, math.nan
+    for name, value in further.items():
+        record[name] = value
+    control = ControlState()
+    control.note(10.0, record)
+    return control
+
+
+def test_fall_backs_are_named_and_stand_out() -> None:
+    assert basis_words(said(ControlBasis.MEASURED), 10.0) == ("the measured lay is fed back", False)
+    for basis, word in ((ControlBasis.MODEL, "TRACKER LOST"), (ControlBasis.RAMP, "SOLVER LOST")):
+        text, stands_out = basis_words(said(basis), 10.0)
+        assert text.startswith(word)
+        assert stands_out
+
+
+def test_controller_that_falls_silent_while_time_goes_on_is_told() -> None:
+    text, stands_out = basis_words(said(ControlBasis.MEASURED), 13.0)
+    assert text == "silent for 3 s of the machine's time"
+    assert stands_out
+
+
+def test_bound_that_holds_is_told() -> None:
+    text, stands_out = basis_words(said(ControlBasis.MEASURED, limited=1), 10.0)
+    assert text.endswith("a bound of the carriage holds the guide back")
+    assert not stands_out
+
+
+def test_beliefs_have_their_deviations_and_what_is_not_commanded_is_said_so() -> None:
+    told = beliefs(said(ControlBasis.MEASURED, free_length=0.1958, sigma_free_length=0.0055))
+    assert told["Free length"] == "195.8 ± 5.5 mm"
+    assert told["Pull"] == "not set"
+    watching = said(ControlBasis.MEASURED, mode=WATCH, guide=0.0333, pull=2.5)
+    assert beliefs(watching)["Guide"] == "would be 33.3 mm"
+    assert beliefs(watching)["Pull"] == "would be 2.50 N"
+
+
+def test_wanted_line_is_what_was_heard_and_forgotten_with_the_run() -> None:
+    state = controlled()
+    known = state.control.wanted
+    assert known.at([10.0])[0] == pytest.approx(2.87e-3 * 10.0)
+    assert np.isnan(known.at([6.0 * TURN])[0])
+    state.clear()
+    assert np.isnan(state.control.wanted.at([10.0])[0])
+    # A reset leaves the controller as it was switched.
+    assert state.control.mode is DRIVE
+
+
+def test_mode_comes_from_diagnostics_while_the_machine_stands() -> None:
+    control = said(ControlBasis.MEASURED)
+    status = Status(name="lay_control", message="off; waiting", values={"mode": "off"})
+    control.note_statuses([status, Status(name="lay_control: topics", values={"mode": "drive"})])
+    assert control.mode is ControlMode.OFF
+
+
+def test_turn_with_a_fault_is_off_and_the_first_two_are_not_judged() -> None:
+    state = controlled()
+    turns = turn_errors(state.lay, state.control.wanted)
+    states = [turn_state(turn, 0.5e-3) for turn in turns]
+    # The made-up run lies 0.7 mm off in its fourth turn.
+    assert states == ["not judged", "not judged", "within", "off", "within", "within"]
+
+
+def test_curves_are_in_turns_and_millimetres() -> None:
+    curves = lay_curves(controlled())
+    assert curves["wanted"][-1] == pytest.approx([5.5, 1e3 * 2.87e-3 * 5.5 * TURN], abs=0.3)
+    # What is missing behind P0, and the fault of the fourth turn.
+    off = dict(map(tuple, curves["measured off"]))
+    assert min(off.values()) == pytest.approx(-1.34, abs=0.1)
+    assert max(off.values()) == pytest.approx(0.73, abs=0.05)
+    assert 3.0 < max(off, key=off.__getitem__) < 4.0
+    # The predicted one lags by up to 0.4 mm.
+    assert curves["predicted off"][-1][1] == pytest.approx(0.38, abs=0.03)
+
+
+def page_of(state: ViewState, graph: Controlled) -> Callable[[], None]:
+    def show() -> None:
+        Page(state, graph, time.monotonic)
+
+    return show
+
+
+@pytest.mark.slow
+@pytest.mark.asyncio
+async def test_graph_without_a_controller_has_no_such_panel() -> None:
+    state = fresh_state()
+    phase(state, "winding")
+    async with user_simulation(page_of(state, Controlled(state))) as user:
+        await user.open("/")
+        await user.should_not_see("Lay control", retries=3)
+
+
+@pytest.mark.slow
+@pytest.mark.asyncio
+async def test_panel_shows_mode_basis_turns_and_verdict() -> None:
+    state = controlled()
+    async with user_simulation(page_of(state, Controlled(state))) as user:
+        await user.open("/")
+        for text in (
+            "Drive: commands the machine",
+            "the measured lay is fed back",
+            "195.8 ± 5.5 mm",
+            "off",
+            "the lay does not keep 0.5 mm: at most 0.73 mm off, in turn 4",
+        ):
+            await user.should_see(text, retries=50)
+
+
+@pytest.mark.slow
+@pytest.mark.asyncio
+async def test_recording_that_is_played_has_no_switches() -> None:
+    state = controlled()
+    async with user_simulation(page_of(state, Controlled(state, missing="nobody serves"))) as user:
+        await user.open("/")
+        await user.should_see("Drive: commands the machine", retries=50)
+        for title in ("Off", "Watch"):
+            await user.should_not_see(kind=ui.button, content=title, retries=3)
+        # The question's own button, which nobody can bring up.
+        assert len(buttons(user, "Drive")) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.asyncio
+async def test_leaving_a_machine_that_winds_is_asked_about_first() -> None:
+    state = controlled()
+    graph = Controlled(state)
+    async with user_simulation(page_of(state, graph)) as user:
+        await user.open("/")
+        await user.should_see("Drive: commands the machine", retries=50)
+        click(user, button(user, "Watch"))
+        await user.should_see("Take the carriage from the controller?")
+        assert graph.done == []
+        click(user, buttons(user, "Switch to watch")[0])
+        await until(lambda: graph.done == ["lay_control_watch"])
+
+
+@pytest.mark.slow
+@pytest.mark.asyncio
+async def test_driving_is_asked_about_and_a_standing_machine_is_left_at_once() -> None:
+    state = fresh_state()
+    phase(state, "idle")
+    state.note_statuses(
+        time.monotonic(), [Status(name="lay_control", level=Level.OK, values={"mode": "watch"})]
+    )
+    graph = Controlled(state)
+    async with user_simulation(page_of(state, graph)) as user:
+        await user.open("/")
+        await user.should_see("Watch: says what it would command", retries=50)
+        click(user, button(user, "Drive"))
+        await user.should_see("Let the controller drive the machine?")
+        assert graph.done == []
+        click(user, buttons(user, "Drive")[1])
+        await until(lambda: graph.done == ["lay_control_drive"])
+        click(user, button(user, "Off"))
+        await until(lambda: graph.done == ["lay_control_drive", "lay_control_off"])
+
+
+@pytest.mark.slow
+@pytest.mark.asyncio
+async def test_refused_switch_is_one_sentence() -> None:
+    state = controlled(mode=WATCH)
+    graph = Controlled(state, refusal="lay_control is not active")
+    async with user_simulation(page_of(state, graph)) as user:
+        await user.open("/")
+        await user.should_see("Watch: says what it would command", retries=50)
+        click(user, button(user, "Off"))
+        await user.should_see("lay control: lay_control is not active", retries=50)
