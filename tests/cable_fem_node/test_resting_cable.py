@@ -24,7 +24,7 @@ WEIGHT = CONFIG.case.weight
 DRIVE = DriveProfile()
 SPEED = DRIVE.angular_speed
 # What docs/solver.md promises: 0.02 mm, 1e-4 rad, 0.1 % of the span tension, 10 um of length.
-# Measured are 1e-8 m and 1e-4 N; the rest is for rounding, which landing cable amplifies.
+# Measured are 1e-11 m and 1e-7 N; the rest is for rounding, which landing cable amplifies.
 Z_BAR = 2.0e-5
 THETA_BAR = 1.0e-4
 TENSION_BAR = 1.0e-3 * WEIGHT
