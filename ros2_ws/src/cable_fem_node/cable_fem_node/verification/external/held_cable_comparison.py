@@ -44,14 +44,14 @@ class HeldCableComparison:
                 raise DivergenceError(f"{folder / 'eval'}, run {number}: {error}") from error
         spent = time.process_time() - begun
         told = sum(run.shape[0] - 2 for run in runs.held_out) * FRAME_TIME
-        error = float(np.mean(losses))
+        mean = float(np.mean(losses))
         if runs.published is not None:
-            self._reached.append(error <= runs.published)
+            self._reached.append(mean <= runs.published)
         yield ExternalRow(
             experiment=NAME,
             variant=f"{runs.name}, {len(losses)} runs held out; {_described(cable)}",
             quantity="coordinate_error",
-            computed=error,
+            computed=mean,
             bar=None if runs.published is None else _MOST * runs.published,
             at_least=False,
             published={} if runs.published is None else {"DEFORM": runs.published},

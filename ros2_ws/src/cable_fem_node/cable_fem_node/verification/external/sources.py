@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from cable_fem_node.verification.external import capstan_table
 from cable_fem_node.verification.external import held_cable_comparison as held
 from cable_fem_node.verification.external.comparison import (
     EXPERIMENTS,
@@ -17,7 +18,7 @@ from cable_fem_node.verification.external.external_row import ExternalRow
 from cable_fem_node.verification.external.motion_capture import cable_folders
 from cable_fem_node.verification.external.scenario import ExternalFileError, NothingFoundError
 
-NAMES = (*EXPERIMENTS, held.NAME)
+NAMES = (*EXPERIMENTS, held.NAME, capstan_table.NAME)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +65,17 @@ def found_work(folder: Path, wanted: Collection[str] = NAMES) -> tuple[list[Work
             work.append(Work(name="all cables", rows=comparison.reached))
         else:
             lacking.append(f"{folder} holds no runs of DEFORM (CABLE/train and CABLE/eval, *.pkl)")
+    if capstan_table.NAME in wanted:
+        tables = sorted(folder.rglob(capstan_table.TABLE))
+        work += [
+            Work(name=capstan_table.NAME, rows=partial(capstan_table.compare_table, table))
+            for table in tables
+        ]
+        if not tables:
+            lacking.append(
+                f"{folder} holds no {capstan_table.TABLE}, a table with the columns "
+                f"{', '.join(capstan_table.LIMITS)}"
+            )
     if not work:
         raise NothingFoundError("; ".join(lacking))
     return work, others
