@@ -220,3 +220,16 @@ def test_clamp_that_is_aimed_round_a_cone_twists_the_rod_by_the_cone_s_solid_ang
     twist = rod.curvatures()[2].sum()
     # A polygon of 199 corners on the sphere for a circle: 2e-4 of its area.
     assert abs(twist) == pytest.approx(2.0 * math.pi * (1.0 - math.cos(tilt)), rel=1.0e-3)
+
+
+def test_free_end_is_not_aimed():
+    with pytest.raises(ValueError, match="a clamped end is aimed, and somewhere; got end"):
+        Rod(line(0.1, 6), SECTION, twist=True).aim("end", (1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("viscosity", "twist"), [(-1.0e-3, True), (1.0e-3, False)])
+def test_viscosity_that_the_rod_cannot_have_is_refused(viscosity, twist):
+    rod = Rod(line(0.1, 6), SECTION, twist=twist)
+    rod.viscosity = viscosity
+    with pytest.raises(ValueError, match="viscosity must not be negative and needs twist"):
+        rod.advance(1.0e-3)

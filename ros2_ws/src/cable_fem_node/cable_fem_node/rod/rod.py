@@ -135,9 +135,15 @@ class Rod(ExplicitModel):
         self._scratch.angle[0 if side == 0 else -1] = angle
 
     def aim(self, end: str, direction: ArrayLike) -> None:
-        """Give the clamp of the "start" or "end" another direction (3,), without spin about it."""
+        """Give the clamp of the "start" or "end" another direction (3,), without spin about it.
+
+        Raises:
+            ValueError: The end is not clamped, or the direction is zero.
+        """
         side, _ = _side(end, self.mass.size)
         given = np.asarray(direction, dtype=float)
+        if not (self._ends.clamped[side] and given.any()):
+            raise ValueError(f"a clamped end is aimed, and somewhere; got {end}, {given}")
         own = self._ends.first if side == 0 else self._ends.last
         own[:] = given / np.linalg.norm(given)
 
@@ -248,8 +254,14 @@ class Rod(ExplicitModel):
         return float(stretching + bent)
 
     def critical_step(self) -> float:
-        """Return a safe stable step [s] from axial, bending, torsion and contact stiffness."""
+        """Return a safe stable step [s] from axial, bending, torsion and contact stiffness.
+
+        Raises:
+            ValueError: The viscosity is negative, or the rod has no twist to be viscous with.
+        """
         mesh = self._mesh
+        if not self.viscosity >= 0.0 or (self.viscosity > 0.0 and not mesh.framed):
+            raise ValueError(f"viscosity must not be negative and needs twist: {self.viscosity} s")
         shortest = float(mesh.reference.min())
         stretches = self.stretch()
         tangent = max(self._law.tangent(1.0), *map(self._law.tangent, _extremes(stretches)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,14 +62,13 @@ def read_table(file: Path) -> list[CapstanPoint]:
     return points
 
 
-def compare_table(file: Path) -> Iterator[ExternalRow]:
+def compare_points(points: Sequence[CapstanPoint]) -> Iterator[ExternalRow]:
     """Let this rod slide at every point of a table; yield how far off its ratio is.
 
     Raises:
-        ExternalFileError: The file is no table.
         SolverError: The rod does not slide.
     """
-    for point in read_table(file):
+    for point in points:
         told = (point.friction, point.wrap_angle_rad, point.stiffness)
         yield ExternalRow(
             experiment=NAME,

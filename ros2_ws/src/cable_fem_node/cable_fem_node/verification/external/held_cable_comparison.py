@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.verification.external.external_row import ExternalRow
 from cable_fem_node.verification.external.held_cable import HeldCable, loss, predict
 from cable_fem_node.verification.external.held_cable_fit import fit, usual_gaps
-from cable_fem_node.verification.external.motion_capture import FRAME_TIME, read_cable
+from cable_fem_node.verification.external.motion_capture import FRAME_TIME, CapturedCable
 
 NAME = "deform"
 # Every cable stays below this many times its published figure, half of them below the figure.
@@ -25,14 +24,13 @@ class HeldCableComparison:
     def __init__(self) -> None:
         self._reached: list[bool] = []
 
-    def compare(self, folder: Path) -> Iterator[ExternalRow]:
+    def compare(self, runs: CapturedCable) -> Iterator[ExternalRow]:
         """Fit a cable on its training runs; yield its error on the held-out ones.
 
         Raises:
-            ExternalFileError: The folder is no cable.
+            ExternalFileError: There is no run to fit on.
             SolverError: A run diverges with the fitted cable.
         """
-        runs = read_cable(folder)
         gaps = usual_gaps(runs.train)
         cable = fit(runs.train, gaps)
         losses = []
@@ -41,7 +39,7 @@ class HeldCableComparison:
             try:
                 losses.append(loss(predict(run, gaps, cable), run))
             except DivergenceError as error:
-                raise DivergenceError(f"{folder / 'eval'}, run {number}: {error}") from error
+                raise DivergenceError(f"{runs.name}, held-out run {number}: {error}") from error
         spent = time.process_time() - begun
         told = sum(run.shape[0] - 2 for run in runs.held_out) * FRAME_TIME
         mean = float(np.mean(losses))

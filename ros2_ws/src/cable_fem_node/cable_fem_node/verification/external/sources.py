@@ -15,7 +15,7 @@ from cable_fem_node.verification.external.comparison import (
     found_experiments,
 )
 from cable_fem_node.verification.external.external_row import ExternalRow
-from cable_fem_node.verification.external.motion_capture import cable_folders
+from cable_fem_node.verification.external.motion_capture import cable_folders, read_cable
 from cable_fem_node.verification.external.scenario import ExternalFileError, NothingFoundError
 
 NAMES = (*EXPERIMENTS, held.NAME, capstan_table.NAME)
@@ -60,7 +60,9 @@ def found_work(folder: Path, wanted: Collection[str] = NAMES) -> tuple[list[Work
     if held.NAME in wanted:
         cables = cable_folders(folder)
         comparison = held.HeldCableComparison()
-        work += [Work(name=one.name, rows=partial(comparison.compare, one)) for one in cables]
+        work += [
+            Work(name=one.name, rows=partial(comparison.compare, read_cable(one))) for one in cables
+        ]
         if cables:
             work.append(Work(name="all cables", rows=comparison.reached))
         else:
@@ -68,8 +70,8 @@ def found_work(folder: Path, wanted: Collection[str] = NAMES) -> tuple[list[Work
     if capstan_table.NAME in wanted:
         tables = sorted(folder.rglob(capstan_table.TABLE))
         work += [
-            Work(name=capstan_table.NAME, rows=partial(capstan_table.compare_table, table))
-            for table in tables
+            Work(name=capstan_table.NAME, rows=partial(capstan_table.compare_points, points))
+            for points in map(capstan_table.read_table, tables)
         ]
         if not tables:
             lacking.append(
