@@ -14,11 +14,8 @@ from scipy.special import jn_zeros
 from typer.testing import CliRunner
 
 from cable_fem_node.verification.external import cosserat_experiments as experiments
-from cable_fem_node.verification.external.comparison import (
-    ExternalRow,
-    compare,
-    found_experiments,
-)
+from cable_fem_node.verification.external.comparison import compare, found_experiments
+from cable_fem_node.verification.external.external_row import ExternalRow
 from cable_fem_node.verification.external.scenario import ExternalFileError, read_scenario
 from winding_cli.commands.app import app
 

@@ -11,7 +11,7 @@ from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.surroundings import CylinderContact
 from cable_fem_node.rod.rod import Rod
 from cable_fem_node.rod.rod_section import RodSection
-from cable_fem_node.rod.statics import equilibrium
+from cable_fem_node.rod.statics import equilibrium, frequencies
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import block, round_bar
@@ -167,3 +167,69 @@ def test_step_above_the_stable_range_is_refused():
 def test_invalid_models_are_refused(build, words):
     with pytest.raises(ValueError, match=words):
         build()
+
+
+def test_viscous_bending_decays_as_kelvin_and_voigt_have_it():
+    viscosity = 0.03
+    rod = Rod(line(0.3, 12), RodSection(diameter=6.0e-3, young=1.0e7, density=1.0e3), twist=True)
+    rod.clamp("start")
+    rod.viscosity = viscosity
+    omega = 2.0 * math.pi * frequencies(rod, 1)[0]
+    bow = rod.nodes
+    bow[:, 1] = 1.0e-3 * (bow[:, 0] / 0.3) ** 2
+    rod.set_nodes(bow)
+    tip = []
+    for _ in range(200):
+        rod.advance(0.1 / omega)
+        tip.append(rod.nodes[-1, 1])
+    tops = [tip[i] for i in range(1, 199) if tip[i - 1] < tip[i] > tip[i + 1]]
+    decrement = math.log(tops[1] / tops[2])
+    ratio = 0.5 * viscosity * omega
+    # Tops are read at the nearest of 63 samples of a swing, all alike off; measured 3e-4.
+    expected = 2.0 * math.pi * ratio / math.sqrt(1.0 - ratio**2)
+    assert decrement == pytest.approx(expected, rel=2.0e-3)
+    energy = rod.energy
+    left = energy.kinetic + energy.internal + energy.damping
+    # Central differences count kinetic energy half a step off.
+    assert left == pytest.approx(energy.initial, rel=0.02)
+
+
+def test_placing_nodes_is_no_motion_to_viscosity():
+    nodes = line(0.1, 6)
+    rod = Rod(nodes, SECTION, twist=True)
+    rod.clamp("start")
+    rod.viscosity = 1.0e-3
+    rod.advance(1.0e-3)
+    rod.set_nodes(nodes + wavy(6, 4) - line(0.05, 6))
+    before = rod.energy.damping
+    rod.advance(1.0e-9)
+    assert rod.energy.damping == pytest.approx(before, abs=1.0e-12)
+
+
+def test_clamp_that_is_aimed_round_a_cone_twists_the_rod_by_the_cone_s_solid_angle():
+    rod = Rod(line(0.1, 10), SECTION, twist=True)
+    rod.clamp("start")
+    rod.clamp("end")
+    tilt = 0.3
+    away = np.array([math.cos(tilt), math.sin(tilt), 0.0])
+    for turned in np.linspace(0.0, 2.0 * math.pi, 200):
+        swing = np.array([0.0, math.cos(turned), math.sin(turned)])
+        rod.aim("start", away[0] * np.array([1.0, 0.0, 0.0]) + away[1] * swing)
+        rod.internal_forces()
+    rod.aim("start", (1.0, 0.0, 0.0))
+    twist = rod.curvatures()[2].sum()
+    # A polygon of 199 corners on the sphere for a circle: 2e-4 of its area.
+    assert abs(twist) == pytest.approx(2.0 * math.pi * (1.0 - math.cos(tilt)), rel=1.0e-3)
+
+
+def test_free_end_is_not_aimed():
+    with pytest.raises(ValueError, match="a clamped end is aimed, and somewhere; got end"):
+        Rod(line(0.1, 6), SECTION, twist=True).aim("end", (1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("viscosity", "twist"), [(-1.0e-3, True), (1.0e-3, False)])
+def test_viscosity_that_the_rod_cannot_have_is_refused(viscosity, twist):
+    rod = Rod(line(0.1, 6), SECTION, twist=twist)
+    rod.viscosity = viscosity
+    with pytest.raises(ValueError, match="viscosity must not be negative and needs twist"):
+        rod.advance(1.0e-3)

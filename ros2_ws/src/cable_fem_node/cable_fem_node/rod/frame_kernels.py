@@ -87,11 +87,12 @@ def frame_forces(
     natural: FloatArray,
     bending: float,
     torsion: float,
+    lag: float,
     force: FloatArray,
     torque: FloatArray,
     curvature: FloatArray,
-) -> float:
-    """Add bending and twisting forces; return their stored energy [J].
+) -> tuple[float, float]:
+    """Add bending and twisting forces; return their stored energy and what was lost [J].
 
     Element columns are shifted by one: column 0 is the wall before node 0 (its clamp), column
     i + 1 the element from node i on, the last column the wall behind the last node. A wall's
@@ -109,11 +110,14 @@ def frame_forces(
         natural: Integrated natural curvatures and twist (3, nodes).
         bending: EI [N m^2].
         torsion: GJ [N m^2].
+        lag: Viscosity [s] over the step [s]: what bending moments take of a change
+            of curvature since the last call.
         force: What each element passes on (3, elements + 2) [N], added to.
         torque: On the material angles (elements + 2,) [N m], added to.
-        curvature: Integrated curvatures and twist (3, nodes), filled.
+        curvature: Integrated curvatures and twist (3, nodes) at the last call, filled anew.
     """
     energy = 0.0
+    lost = 0.0
     m = np.empty((3, 2))
     n = np.empty((3, 2))
     for i in range(begin, end):
@@ -137,11 +141,15 @@ def frame_forces(
         k1 = 0.5 * (kx * nx + ky * ny + kz * nz)
         k2 = -0.5 * (kx * mx + ky * my + kz * mz)
         turn = angle[b] - angle[a] + own_twist[i]
+        r1, r2 = k1 - curvature[0, i], k2 - curvature[1, i]
         curvature[0, i], curvature[1, i], curvature[2, i] = k1, k2, turn
         per = 1.0 / length[i]
         d1, d2, dt = k1 - natural[0, i], k2 - natural[1, i], turn - natural[2, i]
         energy += 0.5 * per * (bending * (d1 * d1 + d2 * d2) + torsion * dt * dt)
-        g1, g2, gt = bending * per * d1, bending * per * d2, torsion * per * dt
+        lost += lag * per * bending * (r1 * r1 + r2 * r2)
+        g1 = bending * per * (d1 + lag * r1)
+        g2 = bending * per * (d2 + lag * r2)
+        gt = torsion * per * dt
         sx, sy, sz = (px + qx) * chi, (py + qy) * chi, (pz + qz) * chi
         wx = chi * (g1 * nx - g2 * mx)
         wy = chi * (g1 * ny - g2 * my)
@@ -160,4 +168,4 @@ def frame_forces(
             torque[i + side] += 0.5 * (g1 * along1 + g2 * along2)
         torque[a] += gt
         torque[b] -= gt
-    return energy
+    return energy, lost

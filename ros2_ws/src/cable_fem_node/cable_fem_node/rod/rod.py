@@ -33,6 +33,10 @@ class Rod(ExplicitModel):
         twist: Give every element a twist angle and material frames. Needed for torsion, for
             rods that are curved when unstressed, and for bending coupled with torsion.
         curved: With `twist`: the nodes' shape is the unstressed one; else a straight rod is.
+
+    Attributes:
+        viscosity: Of bending, with `twist` [s]: moments grow by EI times it times the rate of
+            curvature (Kelvin and Voigt).
     """
 
     def __init__(
@@ -85,9 +89,15 @@ class Rod(ExplicitModel):
             spin_free=np.concatenate([[0.0], np.ones(count), [0.0]]),
         )
         self._scratch = frames_along(walled)
+        self.viscosity = 0.0
         self._curved = curved
         if curved:
             self._take_shape()
+
+    def set_nodes(self, nodes: ArrayLike) -> None:
+        """Place the nodes, shape (n, 3) [m]; to viscosity that is no motion."""
+        super().set_nodes(nodes)
+        self._forces()
 
     def clamp(self, end: str, direction: ArrayLike | None = None) -> None:
         """Clamp the "start" or "end": node fixed, direction (3,) held (the present one by default).
@@ -124,6 +134,19 @@ class Rod(ExplicitModel):
             raise ValueError(f"only a clamped end of a rod with twist=True can be turned: {end}")
         self._scratch.angle[0 if side == 0 else -1] = angle
 
+    def aim(self, end: str, direction: ArrayLike) -> None:
+        """Give the clamp of the "start" or "end" another direction (3,), without spin about it.
+
+        Raises:
+            ValueError: The end is not clamped, or the direction is zero.
+        """
+        side, _ = _side(end, self.mass.size)
+        given = np.asarray(direction, dtype=float)
+        if not (self._ends.clamped[side] and given.any()):
+            raise ValueError(f"a clamped end is aimed, and somewhere; got {end}, {given}")
+        own = self._ends.first if side == 0 else self._ends.last
+        own[:] = given / np.linalg.norm(given)
+
     def apply_moment(self, end: str, moment: ArrayLike) -> None:
         """Load an end with a moment vector (3,) [N m] at amplitude one."""
         side, _ = _side(end, self.mass.size)
@@ -153,8 +176,45 @@ class Rod(ExplicitModel):
             place = np.ascontiguousarray(np.asarray(nodes, dtype=float).T)
         factor = float(np.interp(self.time, *self._load_curve))
         return float(
-            rod_forces(self.mass.size, place, self._mesh, self._ends, self._scratch, factor)
+            rod_forces(self.mass.size, place, self._mesh, self._ends, self._scratch, factor, 0.0)[0]
         )
+
+    def curvatures(self) -> FloatArray:
+        """Return present integrated curvatures along both directors and twist (3, n) [rad].
+
+        They are zero at ends that are not clamped, and without `twist`.
+        """
+        self._forces()
+        return self._scratch.curvature.copy()
+
+    def directors(self) -> tuple[FloatArray, FloatArray]:
+        """Return the material directors of the nodes, two arrays (3, n).
+
+        Curvatures at a node are the binormal's part along the second one and minus its part along
+        the first one; between two elements they are the mean of theirs.
+        """
+        scratch = self._scratch
+        self._forces()
+        across = np.cross(scratch.walled, scratch.director, axis=0)
+        cosine, sine = np.cos(scratch.angle), np.sin(scratch.angle)
+        first = cosine * scratch.director + sine * across
+        second = cosine * across - sine * scratch.director
+        return 0.5 * (first[:, 1:] + first[:, :-1]), 0.5 * (second[:, 1:] + second[:, :-1])
+
+    @property
+    def natural(self) -> FloatArray:
+        """Integrated `curvatures` and twist (3, n) [rad] of the unstressed rod (a view)."""
+        return self._mesh.natural
+
+    @property
+    def reference(self) -> FloatArray:
+        """Unstressed lengths of the elements (n - 1,) [m] (a view)."""
+        return self._mesh.reference
+
+    @property
+    def voronoi(self) -> FloatArray:
+        """Unstressed length that each node stands for (n,) [m] (a view)."""
+        return self._mesh.voronoi
 
     @property
     def spin_angles(self) -> FloatArray:
@@ -194,8 +254,14 @@ class Rod(ExplicitModel):
         return float(stretching + bent)
 
     def critical_step(self) -> float:
-        """Return a safe stable step [s] from axial, bending, torsion and contact stiffness."""
+        """Return a safe stable step [s] from axial, bending, torsion and contact stiffness.
+
+        Raises:
+            ValueError: The viscosity is negative, or the rod has no twist to be viscous with.
+        """
         mesh = self._mesh
+        if not self.viscosity >= 0.0 or (self.viscosity > 0.0 and not mesh.framed):
+            raise ValueError(f"viscosity must not be negative and needs twist: {self.viscosity} s")
         shortest = float(mesh.reference.min())
         stretches = self.stretch()
         tangent = max(self._law.tangent(1.0), *map(self._law.tangent, _extremes(stretches)))
@@ -212,6 +278,9 @@ class Rod(ExplicitModel):
             across += touch.normal_stiffness
             ends += touch.normal_stiffness
         step = 2.0 * math.sqrt(lightest / max(along, across))
+        if mesh.framed and self.viscosity > 0.0:
+            viscous = self.viscosity * 20.0 * mesh.bending / shortest**3
+            step = min(step, _damped_step(across, viscous, lightest))
         step = min(step, 2.0 * math.sqrt(float(self.mass.min()) / max(ends, 1.0e-30)))
         if touch is not None:
             # The dashpot acts on the velocity half a step ago.
@@ -223,7 +292,9 @@ class Rod(ExplicitModel):
             step *= math.sqrt(1.0 + ratio**2) - ratio
         if mesh.framed:
             twisting = 8.0 * mesh.torsion / shortest
-            step = min(step, 2.0 * math.sqrt(float(mesh.spin_inertia.min()) / twisting))
+            bent = float((self._scratch.curvature[:2] ** 2).sum(axis=0).max())
+            viscous = self.viscosity * bent * mesh.bending / shortest
+            step = min(step, _damped_step(twisting, viscous, float(self.spin_inertia.min())))
         return step
 
     def contact_stiffness(self) -> float:
@@ -247,6 +318,7 @@ class Rod(ExplicitModel):
             self._scratch,
             self._surroundings(calming),
             self._touch_constants(),
+            self.viscosity,
             self._ledger,
         )
         if at >= 0:
@@ -255,6 +327,12 @@ class Rod(ExplicitModel):
                 f"{self.mass.size - 1}: its stretch left {TABLE_LOW:g} to {TABLE_HIGH:g} "
                 f"(step {dt:.3g} s)"
             )
+
+
+def _damped_step(stiffness: float, viscous: float, mass: float) -> float:
+    """Return the critical step [s] of an oscillator whose dashpot acts half a step late."""
+    ratio = 0.5 * viscous / math.sqrt(stiffness * mass)
+    return 2.0 * math.sqrt(mass / stiffness) * (math.sqrt(1.0 + ratio**2) - ratio)
 
 
 def _extremes(values: FloatArray) -> tuple[float, float]:

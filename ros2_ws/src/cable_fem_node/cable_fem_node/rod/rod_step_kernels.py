@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.motion_kernels import amplitude_at, move
-from cable_fem_node.dynamics.points import WORK_SPAN, FloatArray, Points
+from cable_fem_node.dynamics.points import LOSS_DAMPING, WORK_SPAN, FloatArray, Points
 from cable_fem_node.dynamics.surroundings import Surroundings, Touch
 from cable_fem_node.rod.frame_kernels import carry_frames, frame_forces, reference_twist
 from cable_fem_node.rod.rod_arrays import AxialResponse, Work
@@ -62,17 +62,20 @@ def rod_forces(
     ends: RodEnds,
     s: RodScratch,
     load_factor: float,
-) -> float:
+    lag: float,
+) -> tuple[float, float]:
     """Fill the net internal force on every node, end moments included.
 
     Returns:
-        the bending and twisting energy of the frames [J]; zero for a rod without frames.
+        of the frames the energy of bending and twist, and what viscosity took of it since the
+        last call [J]; zeros for a rod without frames.
 
     Frames are carried to the present tangents.
     """
     elements = nodes - 1
     w = s.work
     energy = 0.0
+    lost = 0.0
     stretch_elements(elements, position, mesh.reference, mesh.response, w)
     for i in range(nodes):
         w.cosine[i] = 0.0
@@ -94,10 +97,10 @@ def rod_forces(
             s.torque[i] = 0.0
         carry_frames(elements + 2, s.walled, s.carried, s.director)
         reference_twist(elements, s.walled, s.director, s.own_twist)
-        energy = frame_forces(
+        energy, lost = frame_forces(
             0 if ends.clamped[0] > 0.0 else 1, nodes if ends.clamped[1] > 0.0 else elements,
             s.walled, s.walled_inverse, s.director, s.angle, s.own_twist, mesh.voronoi,
-            mesh.natural, mesh.bending, mesh.torsion, s.walled_force, s.torque, s.curvature,
+            mesh.natural, mesh.bending, mesh.torsion, lag, s.walled_force, s.torque, s.curvature,
         )  # fmt: skip
         for c in range(3):
             for i in range(elements):
@@ -126,7 +129,7 @@ def rod_forces(
         w.net[c, elements] = -w.force[c, elements - 1]
         for i in range(1, elements):
             w.net[c, i] = w.force[c, i] - w.force[c, i - 1]
-    return energy
+    return energy, lost
 
 
 @kernel
@@ -141,6 +144,7 @@ def advance_rod(
     scratch: RodScratch,
     around: Surroundings,
     touch: Touch,
+    viscosity: float,
     ledger: FloatArray,
 ) -> tuple[int, float]:
     """Advance a rod by equal steps.
@@ -153,10 +157,12 @@ def advance_rod(
     kick = 0.5 if around.calming else 1.0
     elements = nodes - 1
     work = scratch.work
+    lag = 0.0 if around.calming else viscosity / dt
     for step in range(steps):
         t = start + step * dt
         factor = amplitude_at(t, around.load_times, around.load_values)
-        rod_forces(nodes, points.position, mesh, ends, scratch, factor)
+        _, lost = rod_forces(nodes, points.position, mesh, ends, scratch, factor, lag)
+        ledger[LOSS_DAMPING] += lost
         kinetic = move(dt, kick, points, work.net, work.couple, around, factor, touch, ledger)
         for side in range(2):
             e = 0 if side == 0 else elements - 1

@@ -13,7 +13,7 @@ from winding_cli.commands.console import progress_bar, result_console
 from winding_cli.commands.refusal import refuse
 
 if TYPE_CHECKING:
-    from cable_fem_node.verification.external.comparison import ExternalRow
+    from cable_fem_node.verification.external.external_row import ExternalRow
 
 
 def announce_compilation() -> None:
@@ -34,30 +34,28 @@ def compare_external(folder: Path, names: list[str]) -> list[ExternalRow]:
         names: Of experiments; all if there are none.
     """
     from cable_fem_node.dynamics.failure import SolverError
-    from cable_fem_node.verification.external.comparison import (
-        EXPERIMENTS,
-        compare,
-        found_experiments,
-    )
+    from cable_fem_node.verification.external.sources import NAMES, found_work
 
-    unknown = [name for name in names if name not in EXPERIMENTS]
+    unknown = [name for name in names if name not in NAMES]
     if unknown:
-        refuse(f"no experiment named {', '.join(unknown)}; there are {', '.join(EXPERIMENTS)}")
+        refuse(f"no experiment named {', '.join(unknown)}; there are {', '.join(NAMES)}")
     rows: list[ExternalRow] = []
     try:
-        found, others = found_experiments(folder, names or list(EXPERIMENTS))
+        found, others = found_work(folder, names or NAMES)
         announce_compilation()
         with progress_bar(MofNCompleteColumn(), TimeElapsedColumn()) as bar:
             task = bar.add_task("computing", total=len(found))
-            for file in found:
-                rows += compare(file)
-                bar.update(task, advance=1, description=f"computed {rows[-1].experiment}")
+            for work in found:
+                bar.update(task, description=f"computing {work.name}")
+                rows += work.rows()
+                bar.update(task, advance=1)
     except (ValueError, SolverError) as error:
         refuse(error)
     console = result_console()
     console.print(_table(rows))
-    kept = sum(row.passed for row in rows)
-    console.print(f"{kept} of {len(rows)} quantities within their bar")
+    judged = [row for row in rows if row.bar is not None]
+    kept = sum(row.passed for row in judged)
+    console.print(f"{kept} of {len(judged)} quantities within their bar")
     if others:
         console.print(f"not compared: {', '.join(others)}", highlight=False)
     return rows
@@ -95,8 +93,8 @@ def _table(rows: list[ExternalRow]) -> Table:
             row.quantity,
             *(_short(row.published.get(solver)) for solver in solvers),
             _short(row.computed),
-            f"{'>=' if row.at_least else '<='} {row.bar:.2g}",
-            "yes" if row.passed else "[red]NO[/red]",
+            "" if row.bar is None else f"{'>=' if row.at_least else '<='} {row.bar:.2g}",
+            "" if row.bar is None else "yes" if row.passed else "[red]NO[/red]",
         )
     return table
 

@@ -1,16 +1,17 @@
-"""Other people's experiments in a folder: ours beside the figures that they published."""
+"""The experiments of cosseratbench in a folder: ours beside the figures that it published."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 from cable_fem_node.verification.external import cosserat_experiments as cosserat
+from cable_fem_node.verification.external.external_row import ExternalRow
 from cable_fem_node.verification.external.scenario import (
     ExternalFileError,
+    NothingFoundError,
     Scenario,
     read_scenario,
 )
@@ -39,35 +40,6 @@ _HOLDS, _SLIDES = 2.0e-4, 1.0e-2
 _OF_THE_SOLVER = ("resolution", "time_step_scale")
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExternalRow:
-    """One quantity of one experiment.
-
-    Attributes:
-        experiment: Its name.
-        variant: Its parameters.
-        quantity: As the experiment's own definition has it, SI.
-        computed: With this project's rod.
-        bar: What its magnitude is held against.
-        at_least: Whether it must reach the bar, instead of staying below it.
-        published: Of others, by solver; None for what they could not tell.
-    """
-
-    experiment: str
-    variant: str
-    quantity: str
-    computed: float
-    bar: float
-    at_least: bool
-    published: Mapping[str, float | None]
-
-    @property
-    def passed(self) -> bool:
-        """Whether the bar is kept; a nan never keeps it."""
-        size = abs(self.computed)
-        return size >= self.bar if self.at_least else size <= self.bar
-
-
 def found_experiments(
     folder: Path, wanted: Collection[str] = tuple(EXPERIMENTS)
 ) -> tuple[list[Path], tuple[str, ...]]:
@@ -78,7 +50,8 @@ def found_experiments(
         wanted: Names of EXPERIMENTS.
 
     Raises:
-        ExternalFileError: The folder holds none, or a file is no experiment.
+        NothingFoundError: The folder holds none.
+        ExternalFileError: There is no such folder, or a file is no experiment.
     """
     if not folder.is_dir():
         raise ExternalFileError(f"there is no folder {folder}")
@@ -93,7 +66,7 @@ def found_experiments(
         if before is None or (before[0] and not of_the_solver):
             chosen[name, values] = (of_the_solver, file)
     if not chosen:
-        raise ExternalFileError(
+        raise NothingFoundError(
             f"{folder} holds no experiment.json of {', '.join(wanted)}; it is to be a "
             "results folder of cosseratbench, or one above it"
         )

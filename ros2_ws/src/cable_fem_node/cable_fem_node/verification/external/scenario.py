@@ -23,6 +23,10 @@ class ExternalFileError(ValueError):
     """A file does not say what such a file must say."""
 
 
+class NothingFoundError(ExternalFileError):
+    """A folder holds no file of the kinds that were asked for."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ScenarioRod:
     """One rod, straight when unstressed.
