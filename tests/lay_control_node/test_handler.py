@@ -92,6 +92,11 @@ def test_targets_are_in_the_joints_own_unit_sign_and_offset() -> None:
     assert targets[-1].position[0] < 1234.5
 
 
+def test_a_command_at_time_zero_has_a_stamp() -> None:
+    (first,) = on(topics.JOINT_TARGETS, wind(begun(), 0.0, PERIOD))
+    assert (first.header.stamp.sec, first.header.stamp.nanosec) == (0, 1)
+
+
 def test_target_names_the_machines_own_joint_and_no_other() -> None:
     handler = begun(carriage_joint="carriage_joint", cylinder_joint="cylinder_joint")
     names = {tuple(target.name) for target in on(topics.JOINT_TARGETS, wind(handler, 0.0, 0.1))}

@@ -24,6 +24,8 @@ from winding_ros.topic import Topic
 
 # A machine that has stood for longer is not commanded: it may have been stopped [s].
 _STANDING = 0.2
+# A stamp of zero would say that a command holds from when it arrives [s].
+_FIRST_STAMP = 1.0e-9
 
 
 class LayControlHandler:
@@ -107,11 +109,12 @@ class LayControlHandler:
             position=setpoint.guide / scale + self._axes.carriage_offset,
             speed=setpoint.guide_speed / scale,
         )
-        targets = encode_targets(JointTargets(t=t, axes={CARRIAGE: target}))
+        stamp = max(t, _FIRST_STAMP)
+        targets = encode_targets(JointTargets(t=stamp, axes={CARRIAGE: target}))
         targets.name = [self._axes.carriage_joint]
         yield Answer(topic=topics.JOINT_TARGETS, message=targets)
         if setpoint.pull is not None:
-            command = TensionCommand(t=t, force=setpoint.pull)
+            command = TensionCommand(t=stamp, force=setpoint.pull)
             yield Answer(topic=topics.TENSION_COMMAND, message=encode_tension_command(command))
 
 
