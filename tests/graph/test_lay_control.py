@@ -155,7 +155,7 @@ def pid_of(package: str, process: subprocess.Popen[bytes]) -> int:
 
 @pytest.fixture(scope="module")
 def survived(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Controlled]:
-    """Return a driven run in which first the tracker and then the solver was killed."""
+    """Return a driven run in which the tracker, the solver and the controller were killed."""
     folder = tmp_path_factory.mktemp("survived")
     run = Controlled(folder=folder)
     said = folder / "stderr"
@@ -176,6 +176,8 @@ def survived(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Controlled]:
         until(lambda: resumed(1), process)
         os.kill(pid_of("cable_fem_node", process), signal.SIGKILL)
         until(lambda: resumed(2), process)
+        os.kill(pid_of("lay_control_node", process), signal.SIGKILL)
+        until(lambda: resumed(3), process)
         assert process.wait(PATIENCE) == 0, said.read_text(encoding="utf-8")
         yield run
     finally:
@@ -184,13 +186,13 @@ def survived(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Controlled]:
         process.wait()
 
 
-def test_tracker_and_solver_are_started_again_and_the_run_goes_on(survived: Controlled) -> None:
+def test_nodes_that_died_are_started_again_and_the_run_goes_on(survived: Controlled) -> None:
     def seen(node: str) -> list[str]:
         return [event["what"] for event in survived.events() if event["node"] == node]
 
-    # The machine is stopped first each time; both nodes come back, and the run with them.
-    assert seen(topics.RIG) == ["stopped", "standing", "resumed"] * 2
-    for node in (topics.TRACKER, topics.FEM):
+    # The machine is stopped first each time; the nodes come back, and the run with them.
+    assert seen(topics.RIG) == ["stopped", "standing", "resumed"] * 3
+    for node in (topics.TRACKER, topics.FEM, topics.LAY_CONTROL):
         assert seen(node) == ["detected", "restarting", "restarted"]
 
 

@@ -116,3 +116,29 @@ def test_deviations_are_honest() -> None:
         scores.append(error @ np.linalg.solve(known, error) / 3.0)
     # Mean of 180 squared normals: one standard deviation is 0.11; drifts make it smaller.
     assert 0.4 < np.mean(scores) < 1.35
+
+
+def test_the_height_of_another_turn_is_refused() -> None:
+    lay = filtered(BELIEVED, delay=0.3, sigma=5.0e-5, until=12.0)
+    before = lay.estimate()
+    place = lay.measured_to + 0.05
+    assert lay.measure(place, before.z - 2.0 * math.pi * ADVANCE, 4.0e-5) is None
+    assert lay.estimate().z == pytest.approx(before.z, abs=1.0e-9)
+    assert lay.estimate().free_length == pytest.approx(before.free_length, abs=1.0e-9)
+
+
+def test_heights_that_keep_coming_are_believed_after_half_a_turn() -> None:
+    """Somebody moves the cable by 20 mm: the estimate was wrong, not the camera."""
+    lay = filtered(BELIEVED, delay=0.3, sigma=5.0e-5, until=12.0)
+    law = FleetAngleLaw(advance_per_radian=ADVANCE, free_length=BELIEVED, radius=RADIUS)
+    first, believed = lay.measured_to, math.inf
+    for theta in np.arange(12.0, 18.0, 0.01):
+        lay.advance(float(theta), ADVANCE * float(theta))
+        place = float(theta) - 0.3
+        if place > lay.measured_to + 0.0873:
+            if lay.measure(place, float(law.z(place)) + 0.02, 5.0e-5) is not None:
+                believed = min(believed, place)
+    # Places come every 0.09 rad.
+    assert believed == pytest.approx(first + math.pi, abs=0.2)
+    now = lay.estimate()
+    assert now.z == pytest.approx(float(law.z(now.theta)) + 0.02, abs=1.0e-3)

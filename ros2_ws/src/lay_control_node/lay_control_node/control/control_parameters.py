@@ -22,6 +22,8 @@ from winding_core.tension import RigTension
 
 # Multiple of the friction coefficient by which ln(pull) may change per radian (`PullBounds`).
 _PULL_CHANGE = 1.4
+# A measured height that is off by this part of the drive programme's pitch may be another turn's.
+_OF_PITCH = 0.25
 # Cable that is held by less slips whatever the guide does.
 _LEAST_FRICTION = 0.02
 
@@ -154,6 +156,7 @@ class ControlParameters:
                     sigma_length=self.free_length_sigma,
                     sigma_offset=self.eye_sigma,
                     play=self.guide_play,
+                    gate=_OF_PITCH * abs(what.drive.pitch) or LayFilterConfig.gate,
                 )
             ),
             stretch=StretchFilter(

@@ -20,6 +20,9 @@ _MOST_BEND = 0.3
 _CHANGE = 1.0e-4
 # How far the cable may land from the guide where nothing is known [m].
 _UNKNOWN = 0.03
+# A height further off than so many deviations, and than the gate, is somebody's mistake. Heights
+# that are refused over such an angle [rad] are right after all, and the estimate is wrong.
+_MISTAKEN, _PERSISTENT = 6.0, math.pi
 Z, HEADED, LENGTH, OFFSET = range(4)
 
 
@@ -37,6 +40,7 @@ class LayFilterConfig:
         drift_offset: Of the eye's place, per square root of a radian [m].
         play: Play of the eye on its carriage [m]; the eye is somewhere in it after a reversal.
         correlated: Part of a measured height that its neighbours have in common [m].
+        gate: How far off a height may be whatever the deviations [m].
     """
 
     radius: float
@@ -48,6 +52,7 @@ class LayFilterConfig:
     drift_offset: float = 3.0e-5
     play: float = 3.0e-4
     correlated: float = 3.0e-5
+    gate: float = 4.0e-3
 
     def __post_init__(self) -> None:
         for name in ("radius", "free_length", "sigma_length", "sigma_offset"):
@@ -127,6 +132,7 @@ class LayFilter:
         )
         self._now = self._copied(self._seen)
         self._since: deque[tuple[float, float, float]] = deque()
+        self._refused_from: float | None = None
 
     def join(self, theta: float, guide: float, slope: float, bend: float) -> None:
         """Begin in mid-run, with a cable that has followed an even guide for long.
@@ -177,7 +183,8 @@ class LayFilter:
 
         Returns:
             Its innovation in standard deviations; None where it says nothing new, because cable
-            further on has been measured already or this has not been laid yet.
+            further on has been measured already or this has not been laid yet, and where it is
+            too far off to be true, such as that of another turn.
         """
         seen = self._seen
         if not (seen.theta < theta <= self._now.theta and math.isfinite(z) and sigma > 0.0):
@@ -186,9 +193,12 @@ class LayFilter:
             self._carry(seen, *self._since.popleft())
         if self._since:
             self._carry(seen, theta, self._between(theta), self._since[0][2])
-        column = seen.covariance[:, Z]
-        spread = column[Z] + sigma**2 + self.config.correlated**2
+        noise = sigma**2 + self.config.correlated**2
         innovation = z - seen.mean[Z]
+        if self._is_mistaken(theta, innovation, seen.covariance[Z, Z] + noise):
+            return None
+        column = seen.covariance[:, Z]
+        spread = column[Z] + noise
         score = float(innovation / math.sqrt(spread))
         gain = column / spread
         seen.mean = seen.mean + gain * innovation
@@ -198,6 +208,20 @@ class LayFilter:
         for place in self._since:
             self._carry(self._now, *place)
         return score
+
+    def _is_mistaken(self, theta: float, innovation: float, spread: float) -> bool:
+        """Return whether a height is refused; believe those that keep coming."""
+        if abs(innovation) <= max(self.config.gate, _MISTAKEN * math.sqrt(spread)):
+            self._refused_from = None
+            return False
+        if self._refused_from is None:
+            self._refused_from = theta
+        if theta < self._refused_from + _PERSISTENT:
+            return True
+        self._refused_from = None
+        for index in (Z, HEADED):
+            self._seen.covariance[index, index] += _UNKNOWN**2
+        return False
 
     @property
     def measured_to(self) -> float:
