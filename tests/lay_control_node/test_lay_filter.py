@@ -141,4 +141,5 @@ def test_heights_that_keep_coming_are_believed_after_half_a_turn() -> None:
     # Places come every 0.09 rad.
     assert believed == pytest.approx(first + math.pi, abs=0.2)
     now = lay.estimate()
-    assert now.z == pytest.approx(float(law.z(now.theta)) + 0.02, abs=1.0e-3)
+    # Between two places the lag takes the cable back; the heights say otherwise: a tenth is left.
+    assert now.z == pytest.approx(float(law.z(now.theta)) + 0.02, abs=2.0e-3)
