@@ -135,9 +135,9 @@ def test_heights_that_keep_coming_are_believed_after_half_a_turn() -> None:
     for theta in np.arange(12.0, 18.0, 0.01):
         lay.advance(float(theta), ADVANCE * float(theta))
         place = float(theta) - 0.3
-        if place > lay.measured_to + 0.0873:
-            if lay.measure(place, float(law.z(place)) + 0.02, 5.0e-5) is not None:
-                believed = min(believed, place)
+        due = place > lay.measured_to + 0.0873
+        if due and lay.measure(place, float(law.z(place)) + 0.02, 5.0e-5) is not None:
+            believed = min(believed, place)
     # Places come every 0.09 rad.
     assert believed == pytest.approx(first + math.pi, abs=0.2)
     now = lay.estimate()
