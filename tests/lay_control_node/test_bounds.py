@@ -10,7 +10,6 @@ import pytest
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.lay_controller import LayController, Setpoint
 from lay_control_node.control.wanted_program import WantedProgram
-from lay_control_node.planning.limits import PlanLimits
 from winding_core.condition import Condition, ResolvedCondition
 from winding_core.lay_control_records import ControlMode
 from winding_core.lay_program import LayProgram
@@ -44,19 +43,6 @@ def any_control(rng: np.random.Generator) -> ControlParameters:
     )
 
 
-def limits_of(control: ControlParameters, what: ResolvedCondition) -> PlanLimits:
-    return PlanLimits(
-        cylinder_speed=what.drive.angular_speed,
-        cylinder_acceleration=what.drive.angular_speed / what.drive.ramp_time,
-        carriage_speed=control.guide_speed_limit,
-        carriage_acceleration=control.guide_acceleration_limit,
-        carriage_jerk=1.0e3 * control.guide_acceleration_limit,
-        travel=(control.guide_travel[0], control.guide_travel[1]),
-        brake=None,
-        brake_time=0.0,
-    )
-
-
 def places(theta: float, guide: float, rng: np.random.Generator) -> np.ndarray:
     """Return measured places, right, wrong by up to a metre, not finite, flagged, out of order."""
     found = np.zeros(int(rng.integers(0, 6)), dtype=LAY_DTYPE)
@@ -81,7 +67,7 @@ def wound(seed: int) -> tuple[ControlParameters, ResolvedCondition, list[Setpoin
     rng = np.random.default_rng(seed)
     what = Condition(case=int(rng.integers(1, 13)), law="neo_hookean").resolved()
     control = any_control(rng)
-    wanted = WantedProgram.of(any_program(rng), what, limits_of(control, what))
+    wanted = WantedProgram.of(any_program(rng), what, control.limits(what))
     aims = {n: float(rng.uniform(1.0, 9.0) * n) for n in range(1, 5)} if seed % 2 else {}
     controller: LayController = control.controller(
         what, wanted, markers=aims, mode=ControlMode.DRIVE, solver_patience=0.5

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from lay_control_node.control.guide_law import WantedPoint
-from lay_control_node.control.landing_law import LandingLaw, Progress, PullBounds
-from lay_control_node.control.stretch_filter import StretchEstimate
+from lay_control_node.control.landing_law import LandingLaw, PullBounds
+from lay_control_node.control.stretch_filter import Progress, StretchEstimate
 from lay_control_node.planning.lay_on import LayOnLaw
 from winding_core.cable_parameters import published_case
 from winding_core.material_law import MaterialLaw
@@ -56,10 +56,9 @@ def wound(markers: dict[int, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray
     for k, angle in enumerate(theta):
         landed = int(laid / CASE.marker_spacing)
         pull = law.pull(
-            Progress(theta=float(angle) - 0.02, laid=laid),
+            Progress(theta=float(angle) - 0.02, laid=laid, landed=landed),
             KNOWN,
             pull,
-            landed=landed,
             free=angle < 0.2,
         )
         pulls[k] = pull

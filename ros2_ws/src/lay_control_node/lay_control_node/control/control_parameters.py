@@ -14,12 +14,15 @@ from lay_control_node.control.motion_bounds import AxisBounds
 from lay_control_node.control.stretch_filter import StretchFilter, StretchFilterConfig
 from lay_control_node.planning.kernel_width import OF_FRICTION
 from lay_control_node.planning.lay_on import LayOnLaw
+from lay_control_node.planning.limits import PlanLimits
 from winding_core.condition import ResolvedCondition
 from winding_core.lay_control_records import ControlMode
 from winding_core.material_law import MaterialLaw
 from winding_core.parameters import parameter
 from winding_core.tension import RigTension
 
+# Nothing but the drive limits the jerk: full acceleration within so long [s].
+_JERK_TIME = 1.0e-3
 # Multiple of the friction coefficient by which ln(pull) may change per radian (`PullBounds`).
 _PULL_CHANGE = 1.4
 # A measured height that is off by this part of the drive programme's pitch may be another turn's.
@@ -82,6 +85,24 @@ class ControlParameters:
     pull_range: list[float] = parameter(
         [0.3, 1.5], "smallest and largest pull, as shares of the weight", low=0.01, high=20.0
     )
+
+    def limits(self, what: ResolvedCondition) -> PlanLimits:
+        """Return the limits that a program is rounded for.
+
+        Raises:
+            ValueError: The travel ends before it begins, or does not hold 0.
+        """
+        drive, acceleration = what.drive, self.guide_acceleration_limit
+        return PlanLimits(
+            cylinder_speed=drive.angular_speed,
+            cylinder_acceleration=drive.angular_speed / max(drive.ramp_time, _JERK_TIME),
+            carriage_speed=self.guide_speed_limit,
+            carriage_acceleration=acceleration,
+            carriage_jerk=acceleration / _JERK_TIME,
+            travel=(self.guide_travel[0], self.guide_travel[1]),
+            brake=None,
+            brake_time=0.0,
+        )
 
     def controller(
         self,

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.guide_law import WantedLay
-from lay_control_node.control.landing_law import Progress
 from lay_control_node.control.lay_controller import UNWOUND
 from lay_control_node.control.stretch_filter import StretchEstimate
 from winding_core.condition import ResolvedCondition
@@ -22,8 +21,6 @@ _STEP = 0.05
 _SEEN_AFTER, _SIGMA_SEEN = 0.3, 1.0e-3
 # A run ends so many radians behind the last wanted marker.
 _BEYOND = 20.0
-_VARIED = ("share", "drag", "start", "build_up_length")
-_LEAST_SHARE, _LEAST_LENGTH = 0.05, 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,9 +70,9 @@ def expected_landings(
     deviations = np.sqrt(np.diag(mean.covariance))
     nominal = _landed(control, what, wanted, markers, mean)
     variance = dict.fromkeys(markers, 0.0)
-    for name, deviation in zip(_VARIED, deviations.tolist(), strict=True):
+    for which, deviation in enumerate(deviations.tolist()):
         ends = [
-            _landed(control, what, wanted, markers, _moved(mean, name, sign * deviation))
+            _landed(control, what, wanted, markers, mean.moved(which, sign * deviation))
             for sign in (-1.0, 1.0)
         ]
         for number in markers:
@@ -98,13 +95,6 @@ def expected_landings(
     )
 
 
-def _moved(mean: StretchEstimate, name: str, change: float) -> StretchEstimate:
-    """Return a tension law beside the believed one, as far as such a rig can be."""
-    least = {"share": _LEAST_SHARE, "build_up_length": _LEAST_LENGTH, "start": 0.0}
-    value = max(getattr(mean, name) + change, least.get(name, -math.inf))
-    return replace(mean, **{name: value})
-
-
 def _landed(
     control: ControlParameters,
     what: ResolvedCondition,
@@ -125,14 +115,7 @@ def _landed(
     while ahead <= max(markers) and theta < end:
         slope = wanted.at(theta).slope
         stretch.advance(theta, pull, slope)
-        believed = stretch.landed * landing.spacing + stretch.laid()
-        pull = landing.pull(
-            Progress(theta=theta, laid=believed),
-            stretch.estimate,
-            pull,
-            landed=stretch.landed,
-            free=theta <= UNWOUND,
-        )
+        pull = landing.pull(stretch.progress(theta), stretch.estimate, pull, free=theta <= UNWOUND)
         tension = true.tension(pull, case.centreline_radius * theta)
         density = float(landing.law.density(tension, slope))
         theta += _STEP

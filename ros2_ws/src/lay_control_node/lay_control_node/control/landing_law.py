@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lay_control_node.control.guide_law import WantedLay
-from lay_control_node.control.stretch_filter import StretchEstimate
+from lay_control_node.control.stretch_filter import Progress, StretchEstimate
 from lay_control_node.planning.lay_on import LayOnLaw
 
 Array = NDArray[np.float64]
@@ -60,19 +60,6 @@ class PullBounds:
         return min(max(pull, self.low), self.high)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Progress:
-    """How far the cable has been laid.
-
-    Attributes:
-        theta: Wound angle [rad].
-        laid: Undeformed length from P0 [m].
-    """
-
-    theta: float
-    laid: float
-
-
 class LandingLaw:
     """Plans the pull over the angle up to the next wanted markers, again and again.
 
@@ -114,15 +101,14 @@ class LandingLaw:
         self.expected: dict[int, float] = {}
 
     def pull(
-        self, progress: Progress, estimate: StretchEstimate, pull: float, *, landed: int, free: bool
+        self, progress: Progress, estimate: StretchEstimate, pull: float, *, free: bool
     ) -> float:
         """Return the pull [N] to command now.
 
         Args:
-            progress: How far the cable has been laid.
+            progress: How far the cable has been laid; a plan is made anew for each landed marker.
             estimate: Of the tension at lay-on.
             pull: What was commanded last [N].
-            landed: Newest marker that was measured; a plan is made anew for each.
             free: Whether so little lies that a step of the pull moves nothing.
         """
         theta = progress.theta
@@ -132,9 +118,13 @@ class LandingLaw:
         if free:
             pull = self._level(progress, estimate, aims)
         plan = self._plan
-        if plan is None or landed != self._planned_with or theta > self._planned_at + _RENEWED:
+        if (
+            plan is None
+            or progress.landed != self._planned_with
+            or theta > self._planned_at + _RENEWED
+        ):
             plan = self._plan = self._renewed(progress, estimate, pull, aims)
-            self._planned_at, self._planned_with = theta, landed
+            self._planned_at, self._planned_with = theta, progress.landed
         return self.bounds.within(math.exp(float(np.interp(theta, *plan))))
 
     def _aims(self, progress: Progress) -> dict[int, float]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lay_control_node.control.guide_law import GuideLaw, WantedLay
 from lay_control_node.control.landed_markers import LandedMarkers
-from lay_control_node.control.landing_law import LandingLaw, Progress
+from lay_control_node.control.landing_law import LandingLaw
 from lay_control_node.control.lay_filter import LayEstimate, LayFilter
 from lay_control_node.control.motion_bounds import AxisBounds, BoundedMotion
 from lay_control_node.control.stretch_filter import StretchEstimate, StretchFilter
@@ -135,12 +135,8 @@ class LayController:
             pull: Pull at the guide [N].
         """
         theta = reading.cylinder_angle
-        slope, bend = self.wanted.at(theta).slope, self._bend_length(theta, pull)
-        if self._before is None and theta > UNWOUND:
-            self.lay.join(theta, reading.carriage_position, slope, bend)
-            self.stretch.join(theta)
-        self.lay.advance(theta, reading.carriage_position, bend)
-        self.stretch.advance(theta, pull, slope)
+        wanted = self.wanted.at(theta)
+        self._follow(reading, pull, wanted.slope)
         dt = 0.0 if self._before is None else t - self._before
         self._before = t
         driving = self.mode is ControlMode.DRIVE
@@ -153,7 +149,6 @@ class LayController:
             self._pull = pull
         basis = self._basis(t) if driving or not self._driven else ControlBasis.RAMP
         guide, lay = self._guide, self.lay.estimate()
-        wanted = self.wanted.at(theta)
         if basis is ControlBasis.RAMP:
             guide.go(self.config.advance_per_radian * reading.angular_speed, max(dt, 1.0e-9))
         else:
@@ -175,6 +170,16 @@ class LayController:
             commanding=self._driven,
         )
 
+    def _follow(self, reading: AxisReading, pull: float, slope: float) -> None:
+        """Carry both estimates on to a reading, where dz/dtheta [m/rad] is wanted."""
+        theta, guide = reading.cylinder_angle, reading.carriage_position
+        bend = self._bend_length(theta, pull)
+        if self._before is None and theta > UNWOUND:
+            self.lay.join(theta, guide, slope, bend)
+            self.stretch.join(theta)
+        self.lay.advance(theta, guide, bend)
+        self.stretch.advance(theta, pull, slope)
+
     def _bend_length(self, theta: float, pull: float) -> float:
         """Return sqrt(EI / T) [m] of the span under a pull at the guide [N]."""
         tension = self.stretch.estimate.tension(pull, self.law.radius * max(theta, 0.0))
@@ -195,12 +200,7 @@ class LayController:
     def _commanded_pull(self, theta: float) -> float | None:
         if self.landing is None or self._pull is None or not self.stretch.known:
             return None
-        stretch = self.stretch
         self._pull = self.landing.pull(
-            Progress(theta=theta, laid=stretch.landed * self.landing.spacing + stretch.laid()),
-            stretch.estimate,
-            self._pull,
-            landed=stretch.landed,
-            free=theta <= UNWOUND,
+            self.stretch.progress(theta), self.stretch.estimate, self._pull, free=theta <= UNWOUND
         )
         return self._pull

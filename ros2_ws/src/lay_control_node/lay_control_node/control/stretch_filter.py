@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,6 @@ _LOW, _HIGH = (0.05, -2.0, 0.0, 0.02), (2.0, 5.0, 1.5, 2.0)
 _CHANGE = 1.0e-3
 # An equation further off than this many deviations counts as a bad one and is given less weight.
 _OUTLYING = 3.0
-SHARE, DRAG, START, BUILD_UP = range(4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +72,29 @@ class StretchEstimate:
     build_up_length: float
     covariance: Array
 
+    @property
+    def mean(self) -> Array:
+        """Share, drag [N], start and build-up length [m], shape (4,)."""
+        return np.array([self.share, self.drag, self.start, self.build_up_length])
+
+    @classmethod
+    def of(cls, mean: Array, covariance: Array) -> Self:
+        """Return the law of a mean (4,) and its covariance (4, 4)."""
+        share, drag, start, build_up = map(float, mean)
+        return cls(
+            share=share,
+            drag=drag,
+            start=start,
+            build_up_length=build_up,
+            covariance=covariance,
+        )
+
+    def moved(self, which: int, change: float) -> Self:
+        """Return the law with one number of the mean moved, as far as such a rig can be."""
+        mean = self.mean
+        mean[which] += change
+        return self.of(np.clip(mean, _LOW, _HIGH), self.covariance)
+
     def built(self, wound: float | Array) -> Array:
         """Return the share of the tension that has built up after wound lengths [m]."""
         left = np.exp(-np.maximum(wound, 0.0) / self.build_up_length)
@@ -85,6 +108,21 @@ class StretchEstimate:
     def pull_for(self, tension: float, wound: float) -> float:
         """Return the pull [N] that gives a tension at lay-on [N] after a wound length [m]."""
         return float((tension / self.built(wound) - self.drag) / self.share)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """How far the cable has been laid.
+
+    Attributes:
+        theta: Wound angle [rad].
+        laid: Undeformed length from P0 [m].
+        landed: Newest marker that was measured.
+    """
+
+    theta: float
+    laid: float
+    landed: int
 
 
 class StretchFilter:
@@ -156,6 +194,11 @@ class StretchFilter:
         """Return the undeformed length laid since the newest marker that was taken [m]."""
         return self._length(self._steps, estimate or self.estimate)
 
+    def progress(self, theta: float) -> Progress:
+        """Return how far the cable has been laid at a wound angle [rad]."""
+        laid = self.landed * self._spacing + self.laid()
+        return Progress(theta=theta, laid=laid, landed=self.landed)
+
     def land(self, number: int, theta: float, sigma: float) -> None:
         """Take where marker `number` lies: wound angle and its deviation [rad].
 
@@ -216,14 +259,7 @@ class StretchFilter:
         return length, row
 
     def _believed(self, mean: Array) -> StretchEstimate:
-        share, drag, start, build_up = map(float, mean)
-        return StretchEstimate(
-            share=share,
-            drag=drag,
-            start=start,
-            build_up_length=build_up,
-            covariance=self._covariance.copy(),
-        )
+        return StretchEstimate.of(mean, self._covariance.copy())
 
     def _length(self, steps: list[tuple[float, float, float]], estimate: StretchEstimate) -> float:
         if not steps:

@@ -8,7 +8,6 @@ from pathlib import Path
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.lay_controller import LayController
 from lay_control_node.control.wanted_program import WantedProgram
-from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.programs.points import FULL_TURN
 from lay_control_node.programs.reading import read_program
 from lay_control_node.programs.simple_programs import even_helix, with_markers_every_turn
@@ -61,20 +60,9 @@ class LayControlParameters(ControlParameters, LayWish, MachineAxes, Condition):
         """
         what = self.resolved()
         program = self.wanted(what)
-        acceleration = self.guide_acceleration_limit
-        limits = PlanLimits(
-            cylinder_speed=max(what.drive.angular_speed, 1.0),
-            cylinder_acceleration=1.0e3,
-            carriage_speed=self.guide_speed_limit,
-            carriage_acceleration=acceleration,
-            carriage_jerk=1.0e3 * acceleration,
-            travel=(self.guide_travel[0], self.guide_travel[1]),
-            brake=None,
-            brake_time=0.0,
-        )
         return self.controller(
             what,
-            WantedProgram.of(program, what, limits),
+            WantedProgram.of(program, what, self.limits(what)),
             markers=program.markers if self.brake else {},
             mode=ControlMode[self.control.upper()],
             solver_patience=self.solver_patience,

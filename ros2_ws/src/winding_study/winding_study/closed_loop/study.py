@@ -15,7 +15,6 @@ from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.expected_landing import expected_landings
 from lay_control_node.control.guide_law import WantedLay
 from lay_control_node.control.wanted_program import WantedProgram
-from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.programs.simple_programs import even_helix
 from winding_core.condition import Condition, ResolvedCondition
 from winding_core.lay_control_records import ControlMode
@@ -164,18 +163,8 @@ def _wound(case: int, seed: int, truth: str, mode: str, config: ClosedLoopConfig
     control = ControlParameters()
     turns = what.drive.positions(what.duration)[0] / _FULL_TURN
     program = even_helix(what.drive.pitch, turns + 2.0)
-    limits = PlanLimits(
-        cylinder_speed=what.drive.angular_speed,
-        cylinder_acceleration=what.drive.angular_speed / what.drive.ramp_time,
-        carriage_speed=control.guide_speed_limit,
-        carriage_acceleration=control.guide_acceleration_limit,
-        carriage_jerk=1.0e3 * control.guide_acceleration_limit,
-        travel=(control.guide_travel[0], control.guide_travel[1]),
-        brake=None,
-        brake_time=0.0,
-    )
     hidden = HiddenRig.drawn(np.random.default_rng((case, seed)))
-    wanted = WantedProgram.of(program, what, limits)
+    wanted = WantedProgram.of(program, what, control.limits(what))
     markers = _within_reach(control, what, wanted) if config.brake else {}
     run = ClosedRun(
         what=what,
