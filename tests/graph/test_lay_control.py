@@ -18,6 +18,7 @@ from rosbags.highlevel import AnyReader
 
 from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.lay_control_records import LAY_CONTROL_DTYPE
+from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.rig_messages import JointStateReader
@@ -210,3 +211,12 @@ def test_lay_is_on_the_helix_again_after_the_failures(survived: Controlled) -> N
     last_turn = theta > theta[-1] - 2.0 * np.pi
     # The bound of an undisturbed run from P2 on.
     assert np.abs(z - ADVANCE * theta)[last_turn].max() < 0.5e-3
+
+
+def test_no_marker_has_the_number_of_another_after_the_failures(survived: Controlled) -> None:
+    true = np.array(survived.truth["markers"]["theta"], dtype=float)
+    _, records = decode_cloud(survived.messages(topics.TRACKED_MARKERS)[-1], MARKER_DTYPE)
+    known = records[(records["flags"] & MarkerFlag.NOT_WOUND) == 0]
+    assert known.size >= 2
+    # The next marker lies 6 rad further; the measured ones lie within 3 mrad.
+    np.testing.assert_allclose(known["theta"], true[known["id"]], atol=0.05)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +17,9 @@ from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_rig_node.camera import CablePath, CameraConfig, Paint, Renderer, Scene, Surroundings
 from winding_rig_node.machine.lay import CableLay, published_lay
+
+# Modules beside the tests are imported by name.
+sys.path.insert(0, str(Path(__file__).parent))
 
 FREE_LENGTH = 0.198
 COUNTS = 8192
@@ -111,7 +116,7 @@ class Film:
             distortion_model=info.distortion_model,
         )
 
-    def tracker(self, **changes: object) -> Tracker:
+    def tracker(self, motion_before: np.ndarray | None = None, **changes: object) -> Tracker:
         config = TrackerConfig(
             cylinder_radius=self.case.cylinder_radius,
             cable_radius=self.case.cable_radius,
@@ -121,7 +126,8 @@ class Film:
             pose=CameraPose(position=self.camera.position),
             dot_size=self.dot_size,
         )
-        return Tracker(replace(config, **changes), self.pinhole())  # type: ignore[arg-type]
+        config = replace(config, **changes)  # type: ignore[arg-type]
+        return Tracker(config, self.pinhole(), motion_before=motion_before)
 
 
 def encoder(angle: float) -> float:

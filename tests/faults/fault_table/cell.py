@@ -71,6 +71,7 @@ class FaultCell:
     ) -> None:
         (directory / "log").mkdir(parents=True)
         self.namespace = namespace
+        self._directory = directory
         self.log = EventLog(file=directory / "events.jsonl")
         self.client = AsyncClient(namespace)
         recorded = tuple(
@@ -104,15 +105,15 @@ class FaultCell:
             self.client,
             self.recorder.buffer,
             self.log,
-            {
-                topics.FEM: lambda: replay_parameters(
-                    self.recorder.buffer, directory / "log" / "inputs.npy", self._begun
-                )
-            },
+            {name: partial(self._replay, name) for name in (topics.FEM, topics.TRACKER)},
             **(_UNHURRIED if unhurried else {}),
         )
         self.supervision: asyncio.Task[None] | None = None
         self._began = self._begun = 0.0
+
+    def _replay(self, name: str) -> dict[str, object]:
+        file = self._directory / "log" / f"{name}_inputs.npy"
+        return replay_parameters(self.recorder.buffer, file, self._begun)
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[FaultCell]:

@@ -11,6 +11,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from winding_core.parameters import parameter
 from winding_core.readings import AxisReading
 
 # t [s], both axes as in AxisReading, tension [N]; nan where no tension had been read yet.
@@ -27,6 +28,15 @@ INPUT_DTYPE = np.dtype(
         )
     ]
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayParameters:
+    """Of a node that takes up a run in the middle."""
+
+    replay: str = parameter(
+        "", "file of a run's inputs so far, written by the orchestrator, to take up the run with"
+    )
 
 
 class RunInputsError(ValueError):

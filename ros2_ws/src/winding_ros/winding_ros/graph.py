@@ -107,7 +107,7 @@ TRACKER = NodeSpec(
     handler_class="TrackerHandler",
     inputs=(topics.CAMERA_INFO, topics.JOINT_STATES, topics.IMAGE),
     wakes=(topics.IMAGE,),
-    policy=Policy.RESTART,
+    policy=Policy.REPLAY,
 )
 RIG = NodeSpec(
     name=topics.RIG,

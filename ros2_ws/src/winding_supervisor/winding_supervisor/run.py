@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import AsyncExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.environment import set_process_environment
+from winding_ros.graph import Policy
 from winding_ros.graph_error import GraphError
 from winding_ros.topic import Topic
 from winding_supervisor.completion import Completion
@@ -174,7 +176,11 @@ class Run:
             client,
             recorder.buffer,
             self._log,
-            {topics.FEM: lambda: self._replay(recorder.buffer)},
+            {
+                spec.name: partial(self._replay, recorder.buffer, spec.name)
+                for spec in config.graph
+                if spec.policy is Policy.REPLAY
+            },
             operated=config.page is not None,
         )
         page: DashboardProcess | None = None
@@ -313,10 +319,12 @@ class Run:
         )
         return DashboardProcess(page, client, self._log, lambda: supervisor.t)
 
-    def _replay(self, buffer: RunBuffer) -> dict[str, object]:
-        """Return the parameters with which a restarted model winds up the run's inputs so far."""
-        if self.config.attach:
+    def _replay(self, buffer: RunBuffer, name: str) -> dict[str, object]:
+        """Return the parameters with which a restarted node takes up the run."""
+        if not self.config.attach:
+            return replay_parameters(buffer, self.config.log_directory / f"{name}_inputs.npy")
+        if name == topics.FEM:
             raise GraphError(
-                f"{topics.FEM} was lost and runs elsewhere, where it cannot replay the run's inputs"
+                f"{name} was lost and runs elsewhere, where it cannot replay the run's inputs"
             )
-        return replay_parameters(buffer, self.config.log_directory / f"{topics.FEM}_inputs.npy")
+        return {}

@@ -8,10 +8,11 @@ from cable_fem_node.winding.winding_config import SolverParameters, WindingConfi
 from winding_core.condition import Condition
 from winding_core.machine_axes import MachineAxes
 from winding_core.parameters import parameter
+from winding_core.run_inputs import ReplayParameters
 
 
 @dataclass(frozen=True, kw_only=True)
-class FemParameters(SolverParameters, MachineAxes, Condition):
+class FemParameters(SolverParameters, ReplayParameters, MachineAxes, Condition):
     """What is wound, how the rod model discretises it, and what it follows."""
 
     follow_tension: bool = parameter(
@@ -22,9 +23,6 @@ class FemParameters(SolverParameters, MachineAxes, Condition):
     )
     take_up_material: bool = parameter(
         False, "whether the model and the prediction of the run go on with the identified modulus"
-    )
-    replay: str = parameter(
-        "", "file of a run's inputs so far, written by the orchestrator, to wind before following"
     )
 
     def winding_config(self) -> WindingConfig:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 from marker_tracker_node.tracking.tracker import Tracker
 from winding_core.image_formats import PixelReader
+from winding_core.run_inputs import RunInputs
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading, decode_camera_info, decode_image
 from winding_ros.cloud_messages import encode_cloud
@@ -26,6 +28,8 @@ from winding_ros.rig_messages import JointStateReader
 from winding_ros.serialised import deserialised
 from winding_ros.stamps import stamp_bytes, stampless, with_stamp
 from winding_ros.topic import Topic
+
+FloatArray = NDArray[np.float64]
 
 # Topics overtake each other: the first calibration may come a few frames late.
 _FRAMES_BEFORE_CALIBRATION = 50
@@ -51,6 +55,8 @@ class TrackerHandler:
         )
         self._camera: CameraReading | None = None
         self._calibration = b""
+        self._replay = Path(wanted.replay) if wanted.replay else None
+        self._motion_before: FloatArray | None = None
         self._begin()
         self._uncalibrated = 0
         self.pixels = PixelReader(wanted.encoding, wanted.significant_bits)
@@ -73,7 +79,12 @@ class TrackerHandler:
         return self._live.history.lost_turns
 
     def begin(self, t: float) -> Iterator[Answer]:
-        """Begin a new run; nothing is said before the first frame."""
+        """Begin a new run, or take one up; nothing is said before the first frame."""
+        self._motion_before = None
+        if self._replay is not None:
+            self._motion_before = _motion(RunInputs.read(self._replay))
+            # The run after this one begins with its own start.
+            self._replay = None
         self._read = JointStateReader(self._wanted)
         self._camera = None
         self._calibration = b""
@@ -123,7 +134,8 @@ class TrackerHandler:
         try:
             _, reading = decode_camera_info(deserialised(data, CameraInfo))
             if self._camera is None or not _same(reading, self._camera):
-                self._live.start(Tracker(self.config, _camera(reading)))
+                tracker = Tracker(self.config, _camera(reading), motion_before=self._motion_before)
+                self._live.start(tracker)
                 self._camera = reading
             self._calibration = stampless(data)
         except MessageError:
@@ -150,6 +162,12 @@ class TrackerHandler:
         yield Answer(
             topic=topics.TRACKED_LAY, message=cloud if stamp is None else with_stamp(cloud, stamp)
         )
+
+
+def _motion(inputs: RunInputs) -> FloatArray:
+    """Return times [s], cylinder angles [rad] and guide positions [m], shape (3, n)."""
+    samples = inputs.samples
+    return np.stack([samples[name] for name in ("t", "cylinder_angle", "carriage_position")])
 
 
 def _camera(reading: CameraReading) -> PinholeCamera:

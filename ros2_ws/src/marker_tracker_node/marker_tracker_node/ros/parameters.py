@@ -11,6 +11,7 @@ from winding_core.condition import Condition
 from winding_core.lay_parameters import LayParameters
 from winding_core.machine_axes import MachineAxes
 from winding_core.marker_parameters import MarkerParameters
+from winding_core.run_inputs import ReplayParameters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,6 +21,7 @@ class TrackerParameters(
     CameraPixels,
     CameraClockParameters,
     CameraPlacement,
+    ReplayParameters,
     MachineAxes,
     Condition,
 ):

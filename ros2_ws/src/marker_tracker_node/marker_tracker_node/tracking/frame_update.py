@@ -30,7 +30,12 @@ from marker_tracker_node.tracking.gate_prediction import (
     shutter_of,
     turned_since,
 )
-from marker_tracker_node.tracking.guide_readings import fit_offset, follow_guide, judge_guide
+from marker_tracker_node.tracking.guide_readings import (
+    fit_offset,
+    follow_guide,
+    judge_guide,
+    look_for_markers,
+)
 from marker_tracker_node.tracking.laid_path import (
     extend_paths,
     laid_cable,
@@ -164,6 +169,7 @@ def _update_frame(
     update_means(marks, expected.outcome, out, k, turned)
     found = marks.known.sum()
     if found < count:
+        lost = not marks.known[0]
         scan = Scan(
             picture,
             setup,
@@ -175,6 +181,8 @@ def _update_frame(
             shutter,
         )
         shift = acquire_markers(scan, shift)
+        if lost and marks.known[0]:
+            guide = look_for_markers(guide, cylinder.angle)
         if marks.known.sum() > found:
             guide = fit_offset(setup, guide, marks, tracks.paths, run.path_filled)
     write_results(setup, marks, expected.outcome, expected.touching, turned, out, k)

@@ -118,9 +118,15 @@ def judge_guide(
             return _believed(guide, BY_READINGS, angle)
     due = marks.theta[last] + OVERDUE_GAPS * mean_gap(setup, marks, last) + IN_SIGHT
     missing = last < marks.known.size - 1 and angle > due
-    if missing and (guide.since == 0.0 or angle > guide.since + 2.0 * math.pi):
+    if missing and angle > guide.since + 2.0 * math.pi:
         return _believed(guide, BY_READINGS if guide.belief == TRIED else TRIED, angle)
     return guide
+
+
+@called
+def look_for_markers(guide: Guide, angle: float) -> Guide:  # pragma: no cover
+    """Return the guide where P0 was found at a cylinder angle [rad]: a turn shows the others."""
+    return _believed(guide, guide.belief, angle)
 
 
 @called

@@ -87,7 +87,7 @@ class Guide(NamedTuple):
         turned: Rotation in which that was [rad].
         offset: How much further than `way` the guide stands, as the markers say [m].
         belief: One of BY_READINGS and so on.
-        since: Cylinder angle when that was decided [rad].
+        since: Cylinder angle when that was decided, or P0 was found [rad].
     """
 
     way: float

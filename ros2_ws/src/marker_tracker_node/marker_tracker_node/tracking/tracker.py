@@ -14,6 +14,7 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame_update import update_burst
 from marker_tracker_node.tracking.guide_readings import guide_doubt
 from marker_tracker_node.tracking.lay_check import height_ratio, missing_markers
+from marker_tracker_node.tracking.motion_before import take_up
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.run_evidence import RunEvidence
 from marker_tracker_node.tracking.run_means import mean_variances
@@ -49,6 +50,7 @@ class Tracker:
         colour: ColourModel | None = None,
         *,
         remember: bool = False,
+        motion_before: FloatArray | None = None,
     ) -> None:
         """Start a run.
 
@@ -57,10 +59,13 @@ class Tracker:
             camera: What CameraInfo says.
             colour: Of the markers; None to learn it from P0.
             remember: Whether to keep every sighting for `sightings`; 112 bytes a marker and frame.
+            motion_before: Times [s], encoder readings [rad] and guide positions [m] of the run
+                before the first frame, shape (3, n); None where the frames begin with the run.
         """
         self.config = config
         self.camera = camera
         self.state = TrackerState.fresh(config.marker_count)
+        self._motion_before = motion_before
         self._setup = config.setup(camera.view(config.pose))
         self._fixed = setup_numbers(self._setup)
         self._start = RunStart(config, camera, colour)
@@ -290,6 +295,8 @@ class Tracker:
 
     def _advance(self, frames: ByteArray, readings: FloatArray) -> Output:
         """Take frames with their `readings`, see `update_burst`."""
+        if self._motion_before is not None and len(frames) and not self.state.run.cylinder.started:
+            take_up(self.state, self._fixed, self._motion_before, readings[0, 0], self.origin)
         room = OutputRoom.empty(len(frames), len(self._ids))
         palette = self._start.palette()
         state = self.state
