@@ -149,6 +149,20 @@ def test_taking_over_in_mid_run_makes_no_step() -> None:
     assert abs(machine.error()) < 1.0e-4
 
 
+def test_setpoint_waits_for_a_carriage_that_stands_and_goes_on_with_it() -> None:
+    machine = Machine(controller(), 0.198)
+    machine.wind(6.0)
+    stood = machine.guide
+    for _ in range(400):
+        machine.wind(PERIOD)
+        machine.guide, machine.speed = stood, 0.0
+    # The default following error, and what the carriage's own speed takes to brake.
+    assert machine.setpoints[-1].ahead == pytest.approx(0.02, abs=1.0e-3)
+    assert machine.setpoints[-1].limited
+    machine.wind(20.0)
+    assert abs(machine.error()) < 1.0e-4
+
+
 def test_no_pull_is_commanded_without_a_brake() -> None:
     machine = Machine(controller(), 0.198)
     machine.wind(1.0)

@@ -45,6 +45,23 @@ def test_a_step_is_made_up_without_overshoot() -> None:
     assert max(positions) <= 0.03 + 0.5 * BOUNDS.acceleration * PERIOD**2
 
 
+def test_setpoint_waits_for_an_axis_that_stands() -> None:
+    motion = BoundedMotion(BOUNDS, 0.0, 0.05)
+    for _ in range(200):
+        motion.wait_for(0.0, 0.02)
+        motion.follow(0.3, 0.05, PERIOD)
+        # It brakes where the reach ends, and a control step late.
+        braked = BOUNDS.speed**2 / (2.0 * 0.8 * BOUNDS.acceleration)
+        assert motion.position <= 0.02 + braked + BOUNDS.speed * PERIOD
+    assert motion.limited
+    assert motion.position == pytest.approx(0.02, abs=1.0e-3)
+    # As soon as the axis moves, so does the setpoint, without a step.
+    before = motion.position
+    motion.wait_for(0.01, 0.02)
+    motion.follow(0.3, 0.05, PERIOD)
+    assert 0.0 < motion.position - before <= BOUNDS.acceleration * PERIOD**2
+
+
 def test_it_stops_before_the_end_of_the_travel() -> None:
     motion = BoundedMotion(BOUNDS, 0.39, 0.08)
     for _ in range(50):

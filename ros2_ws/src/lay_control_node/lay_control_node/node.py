@@ -12,6 +12,9 @@ from winding_core.status import Level, Status
 from winding_ros import graph, services, topics
 from winding_ros.managed_node import ManagedNode
 
+# A carriage that is so much of the following error behind its setpoint does not follow.
+_BEHIND = 0.8
+
 
 class LayControlNode(ManagedNode[LayControlParameters]):
     """Commands guide and brake so that the cable lands where the lay program wants it.
@@ -58,10 +61,15 @@ class LayControlNode(ManagedNode[LayControlParameters]):
             ControlBasis.MODEL: "by the model: no lay has been measured for 1.5 turns",
             ControlBasis.RAMP: "by the drive programme: the solver is silent",
         }[newest.basis]
+        stays = (
+            newest.commanding and abs(newest.ahead) > _BEHIND * self.configuration.following_error
+        )
+        if stays:
+            said += f"; the carriage stands {1e3 * newest.ahead:.1f} mm behind its setpoint"
         unseen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.MODEL
         return Status(
             name=topics.LAY_CONTROL,
-            level=Level.WARN if fallen or unseen else Level.OK,
+            level=Level.WARN if fallen or unseen or stays else Level.OK,
             message=f"{mode.name.lower()}, {said}",
             values={
                 "mode": mode.name.lower(),

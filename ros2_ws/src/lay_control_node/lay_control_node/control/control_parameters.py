@@ -79,6 +79,12 @@ class ControlParameters:
     guide_acceleration_limit: float = parameter(
         0.5, "largest acceleration that is commanded of the carriage [m/s^2]", low=0.01, high=20.0
     )
+    following_error: float = parameter(
+        0.02,
+        "how far the setpoint goes ahead of a carriage that does not follow [m]",
+        low=1.0e-3,
+        high=1.0,
+    )
     guide_travel: list[float] = parameter(
         [-0.1, 1.0], "start and end of the travel that is commanded [m]", low=-10.0, high=10.0
     )
@@ -162,6 +168,7 @@ class ControlParameters:
                     speed=self.guide_speed_limit,
                     acceleration=self.guide_acceleration_limit,
                 ),
+                following_error=self.following_error,
                 solver_patience=solver_patience,
             ),
             wanted=wanted,

@@ -34,6 +34,7 @@ class ControllerConfig:
         guide: Bounds of the carriage.
         unseen_angle: Wound angle without a measured height after which the lay counts as
             unseen [rad].
+        following_error: How far the setpoint goes ahead of the carriage [m].
         solver_patience: Time without the solver after which the guide follows the drive
             programme [s]; infinite where no solver is listened to.
     """
@@ -42,6 +43,7 @@ class ControllerConfig:
     bending_stiffness: float
     guide: AxisBounds
     unseen_angle: float = 3.0 * math.pi
+    following_error: float = 0.02
     solver_patience: float = 1.0
 
 
@@ -60,6 +62,7 @@ class Setpoint:
         stretch: What is believed of the tension at lay-on.
         basis: What it rests on.
         limited: Whether a bound of the guide held it back.
+        ahead: How far the setpoint is ahead of the carriage [m].
         commanding: Whether it is to be commanded.
     """
 
@@ -73,6 +76,7 @@ class Setpoint:
     stretch: StretchEstimate
     basis: ControlBasis
     limited: bool
+    ahead: float
     commanding: bool
 
 
@@ -149,6 +153,7 @@ class LayController:
             self._pull = pull
         basis = self._basis(t) if driving or not self._driven else ControlBasis.RAMP
         guide, lay = self._guide, self.lay.estimate()
+        guide.wait_for(reading.carriage_position, self.config.following_error)
         if basis is ControlBasis.RAMP:
             guide.go(self.config.advance_per_radian * reading.angular_speed, max(dt, 1.0e-9))
         else:
@@ -167,6 +172,7 @@ class LayController:
             stretch=self.stretch.estimate,
             basis=basis,
             limited=guide.limited,
+            ahead=guide.position - reading.carriage_position,
             commanding=self._driven,
         )
 

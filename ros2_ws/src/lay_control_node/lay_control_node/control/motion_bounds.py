@@ -52,11 +52,21 @@ class BoundedMotion:
         self.position = min(max(position, bounds.low), bounds.high)
         self.speed = min(max(speed, -bounds.speed), bounds.speed)
         self.limited = False
+        self._low, self._high = bounds.low, bounds.high
+
+    def wait_for(self, position: float, reach: float) -> None:
+        """Stop within a reach [m] of where the axis stands, and the way that braking takes.
+
+        An axis that does not follow would otherwise rush to a setpoint far away when it does again.
+        """
+        bounds = self.bounds
+        reach += self.speed**2 / (2.0 * _BRAKING_SHARE * bounds.acceleration)
+        self._low = min(max(bounds.low, position - reach), bounds.high)
+        self._high = max(min(bounds.high, position + reach), bounds.low)
 
     def follow(self, position: float, speed: float, dt: float) -> None:
         """Move on by dt [s] towards a wanted position and its rate at the end of the step."""
-        bounds = self.bounds
-        wanted = min(max(position, bounds.low), bounds.high)
+        wanted = min(max(position, self._low), self._high)
         # The rate at which the step would end exactly where the want will be, but no faster
         # than from where the rest of the way can still be braked.
         gap = wanted - self.position
@@ -65,7 +75,8 @@ class BoundedMotion:
         closing = carried + self._closing(gap - carried * dt, dt)
         goal = exact if abs(exact - carried) <= abs(closing - carried) else closing
         reachable = self._change(goal, dt)
-        self.limited = abs(reachable - exact) > 1.0e-9 + 1.0e-6 * abs(exact)
+        short = abs(reachable - exact) > 1.0e-9 + 1.0e-6 * abs(exact)
+        self.limited = short or wanted != position
         self._move(reachable, dt)
 
     def go(self, speed: float, dt: float) -> None:
@@ -82,8 +93,8 @@ class BoundedMotion:
 
     def _change(self, goal: float, dt: float) -> float:
         bounds = self.bounds
-        lowest = max(-bounds.speed, self._closing(bounds.low - self.position, dt))
-        highest = min(bounds.speed, self._closing(bounds.high - self.position, dt))
+        lowest = max(-bounds.speed, self._closing(self._low - self.position, dt))
+        highest = min(bounds.speed, self._closing(self._high - self.position, dt))
         goal = min(max(goal, lowest), highest)
         most = bounds.acceleration * dt
         return min(max(goal, self.speed - most), self.speed + most)
