@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.guide_law import WantedLay
@@ -15,10 +16,16 @@ from lay_control_node.control.stretch_filter import StretchEstimate
 from winding_core.condition import ResolvedCondition
 from winding_core.lay_control_records import ControlMode
 
+Array = NDArray[np.float64]
+
 # Steps of the wound angle [rad].
 _STEP = 0.05
 # A marker is measured so far behind the contact line [rad], with such a deviation [rad].
 _SEEN_AFTER, _SIGMA_SEEN = 0.3, 1.0e-3
+# An unusual rig is off by so many deviations.
+_UNUSUAL = 2.2
+# Nothing moves by less [rad].
+_LEAST = 1.0e-9
 # A run ends so many radians behind the last wanted marker.
 _BEYOND = 20.0
 
@@ -33,17 +40,21 @@ class ExpectedLanding:
         expected: Where it lands if the tension at lay-on is the believed one [rad].
         sigma: One standard deviation of that [rad], from what is believed of that tension, and of
             what no law of it says.
+        unusual: Its larger miss under two rigs that are 2.2 deviations off where that moves the
+            first marker most [rad]: the pull may come to its bounds there.
     """
 
     number: int
     wanted: float
     expected: float
     sigma: float
+    unusual: float
 
     @property
     def misses(self) -> float:
-        """By how much it may miss its angle: two deviations beside the expected place [rad]."""
-        return abs(self.expected - self.wanted) + 2.0 * self.sigma
+        """By how much it may miss its angle [rad]: one rig in twenty at most does by more."""
+        usual = abs(self.expected - self.wanted) + 2.0 * self.sigma
+        return max(usual, self.unusual) if math.isfinite(self.unusual) else math.nan
 
 
 def expected_landings(
@@ -53,6 +64,8 @@ def expected_landings(
     markers: Mapping[int, float],
 ) -> tuple[ExpectedLanding, ...]:
     """Wind markers under control, with each belief of the tension moved by its deviation in turn.
+
+    Then with all of them moved together, to either side, where that moves the first marker most.
 
     The cable sticks where it lands; the pull is the commanded one. Markers are measured behind
     the contact line, so the first one says nothing until it lies.
@@ -67,22 +80,30 @@ def expected_landings(
         return ()
     believed = control.controller(what, wanted, markers=markers, mode=ControlMode.DRIVE)
     mean = believed.stretch.estimate
-    deviations = np.sqrt(np.diag(mean.covariance))
     nominal = _landed(control, what, wanted, markers, mean)
-    variance = dict.fromkeys(markers, 0.0)
-    for which, deviation in enumerate(deviations.tolist()):
-        ends = [
-            _landed(control, what, wanted, markers, mean.moved(which, sign * deviation))
-            for sign in (-1.0, 1.0)
-        ]
-        for number in markers:
-            variance[number] += (0.5 * (ends[1][number] - ends[0][number])) ** 2
+    numbers = sorted(markers)
+
+    def landed(change: Array) -> Array:
+        found = _landed(control, what, wanted, markers, mean.moved(change))
+        return np.array([found[number] for number in numbers])
+
+    deviations = np.diag(np.sqrt(np.diag(mean.covariance)))
+    slopes = np.array([0.5 * (landed(one) - landed(-one)) for one in deviations])
+    variance = dict(zip(numbers, np.sum(slopes**2, axis=0).tolist(), strict=True))
+    # The rigs that are off together in what moves the first marker most.
+    steepest = slopes[:, 0] / max(float(np.linalg.norm(slopes[:, 0])), _LEAST)
+    ends = np.array([landed(side * steepest @ deviations) for side in (-_UNUSUAL, _UNUSUAL)])
+    aims = np.array([markers[number] for number in numbers])
+    unusual = dict(zip(numbers, np.abs(ends - aims).max(axis=0).tolist(), strict=True))
     radius, before = what.case.centreline_radius, 0.0
-    for number in sorted(markers):
+    for number in numbers:
         # What nobody learns: by how much the brake's own friction keeps the tension off its law.
         segment = nominal[number] - before
         stretched = max(radius * segment / what.case.marker_spacing - 1.0, 0.0)
-        variance[number] += (believed.stretch.config.tension_error * stretched * segment) ** 2
+        friction = believed.stretch.config.tension_error * stretched * segment
+        variance[number] += friction**2
+        # It holds every change of the pull back, so it adds to the misses that are corrected.
+        unusual[number] += friction
         before = nominal[number]
     return tuple(
         ExpectedLanding(
@@ -90,6 +111,7 @@ def expected_landings(
             wanted=angle,
             expected=nominal[number],
             sigma=math.sqrt(variance[number]),
+            unusual=unusual[number],
         )
         for number, angle in sorted(markers.items())
     )

@@ -89,11 +89,9 @@ class StretchEstimate:
             covariance=covariance,
         )
 
-    def moved(self, which: int, change: float) -> Self:
-        """Return the law with one number of the mean moved, as far as such a rig can be."""
-        mean = self.mean
-        mean[which] += change
-        return self.of(np.clip(mean, _LOW, _HIGH), self.covariance)
+    def moved(self, change: Array) -> Self:
+        """Return the law with the mean moved by a change (4,), as far as such a rig can be."""
+        return self.of(np.clip(self.mean + change, _LOW, _HIGH), self.covariance)
 
     def built(self, wound: float | Array) -> Array:
         """Return the share of the tension that has built up after wound lengths [m]."""

@@ -81,6 +81,7 @@ def control_record(controlled: tuple[ExpectedLanding, ...]) -> list[dict[str, An
             "wanted_rad": item.wanted,
             "expected_rad": item.expected if math.isfinite(item.expected) else None,
             "sigma_rad": item.sigma if math.isfinite(item.sigma) else None,
+            "misses_rad": item.misses if math.isfinite(item.misses) else None,
         }
         for item in controlled
     ]
@@ -93,12 +94,13 @@ def _uncertain(controlled: tuple[ExpectedLanding, ...]) -> Iterator[str]:
         if not math.isfinite(item.misses):
             yield f"under control P{item.number} may not land by the end"
             continue
-        off, spread = (
-            100.0 * value / FULL_TURN for value in (item.expected - item.wanted, 2.0 * item.sigma)
+        off, spread, at_most = (
+            100.0 * value / FULL_TURN
+            for value in (item.expected - item.wanted, 2.0 * item.sigma, item.misses)
         )
         yield (
             f"under control P{item.number} lands {off:+.2g} % of a turn from its place, give or "
-            f"take {spread:.2g} % (two deviations)"
+            f"take {spread:.2g} % (two deviations), and by up to {at_most:.2g} % in an unusual rig"
         )
     if missing:
         yield (
