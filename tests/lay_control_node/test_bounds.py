@@ -46,7 +46,7 @@ def any_control(rng: np.random.Generator) -> ControlParameters:
 def places(theta: float, guide: float, rng: np.random.Generator) -> np.ndarray:
     """Return measured places, right, wrong by up to a metre, not finite, flagged, out of order."""
     found = np.zeros(int(rng.integers(0, 6)), dtype=LAY_DTYPE)
-    found["theta"] = rng.uniform(-1.0, theta + 1.0, found.size)
+    found["theta"] = rng.uniform(min(theta, 0.0) - 1.0, max(theta, 0.0) + 1.0, found.size)
     found["z"] = guide + rng.choice([1.0e-3, 0.03, 1.0, math.inf, math.nan], found.size)
     found["sigma_z"] = rng.choice([0.0, 3.0e-5, 1.0e-3, math.nan], found.size)
     found["flags"] = rng.choice([0, int(LayFlag.OVERLAP), int(LayFlag.CLIMB)], found.size)
