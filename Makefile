@@ -39,7 +39,7 @@ kernels: .venv/.kernels
 	$(BIN)/winding predict --case 4 --duration-s 1 > /dev/null
 	film=$$(mktemp -d) && $(BIN)/winding render $$film/film --duration-s 0.1 > /dev/null \
 	    && $(BIN)/winding track $$film/film --case 4 --fps 50 --camera $$film/film/camera.yaml \
-	    --motion $$film/film/motion.csv --out $$film/markers.csv > /dev/null && rm -r $$film
+	    --motion $$film/film/motion.csv --output $$film/markers.csv > /dev/null && rm -r $$film
 	touch $@
 
 # What to run before every commit: lint, and the tests that are quick and start no graph.

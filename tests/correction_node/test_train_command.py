@@ -24,7 +24,18 @@ def test_training_writes_weights_and_says_how_good_they_are(command, tmp_path) -
     out = tmp_path / "mine"
     done = CliRunner().invoke(
         command,
-        ["--model", "network", "--data", "paper", "--steps", "2", "--seed", "5", "--out", str(out)],
+        [
+            "--model",
+            "network",
+            "--data",
+            "paper",
+            "--steps",
+            "2",
+            "--seed",
+            "5",
+            "--output",
+            str(out),
+        ],
     )
     assert done.exit_code == 0, done.output
     assert load_factor(out).card["training"]["seed"] == 5
@@ -35,7 +46,7 @@ def test_training_writes_weights_and_says_how_good_they_are(command, tmp_path) -
 @pytest.mark.slow
 def test_comparing_prints_every_model_and_writes_nothing(command, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(command, ["--compare", "--steps", "2", "--out", "mine"])
+    done = CliRunner().invoke(command, ["--compare", "--steps", "2", "--output", "mine"])
     assert done.exit_code == 0, done.output
     for name in (*LEARNERS, *BASELINES, ONE_H_PER_CASE):
         assert name in done.output
@@ -46,7 +57,9 @@ def test_comparing_prints_every_model_and_writes_nothing(command, tmp_path, monk
 @pytest.mark.parametrize("name", ["rod_rig", "rod_marker_network"])
 def test_a_shipped_weight_comes_out_of_its_model_again(command, tmp_path, name) -> None:
     data, model = SHIPPED[name]
-    done = CliRunner().invoke(command, ["--data", data, "--model", model, "--out", str(tmp_path)])
+    done = CliRunner().invoke(
+        command, ["--data", data, "--model", model, "--output", str(tmp_path)]
+    )
     assert done.exit_code == 0, done.output
     shipped, again = load_factor(weights_directory(name)), load_factor(tmp_path)
     for case in paper_cases():
@@ -60,9 +73,9 @@ def test_a_shipped_weight_comes_out_of_its_model_again(command, tmp_path, name) 
     ("arguments", "sentence"),
     [
         (["--data", "nowhere.csv"], "no data set nowhere.csv"),
-        (["--model", "oracle", "--out", "x"], "model must be one of network, marker network"),
-        (["--model", "rig", "--data", "paper", "--out", "x"], "model rig needs lengths"),
-        (["--model", "rig", "--data", "paper"], "give --out"),
+        (["--model", "oracle", "--output", "x"], "--model must be one of rig network, rig"),
+        (["--model", "rig", "--data", "paper", "--output", "x"], "model rig needs lengths"),
+        (["--model", "rig", "--data", "paper"], "give --output"),
         (["--data", "paper", "--seed", "-1"], "--seed"),
         (["--data", "paper", "--steps", "0"], "--steps"),
     ],
@@ -80,4 +93,4 @@ def test_data_of_ones_own_needs_a_folder_of_ones_own(command, tmp_path) -> None:
     path.write_text(format_lengths((c.case, c.marker, c.s_fem) for c in load_data_set("rod").cells))
     refused = CliRunner().invoke(command, ["--data", str(path)])
     assert refused.exit_code == 2
-    assert "give --out" in refused.output
+    assert "give --output" in refused.output

@@ -56,7 +56,7 @@ def test_the_lay_is_written_beside_the_markers(sequence, tmp_path):
     lay = tmp_path / "lay.csv"
     where = ("--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv")
     result = command(track)(
-        sequence, "--out", tmp_path / "out.csv", "--lay", lay, "--case", 4, "--fps", 25, *where
+        sequence, "--output", tmp_path / "out.csv", "--lay", lay, "--case", 4, "--fps", 25, *where
     )
     assert result.exit_code == 0, result.output
     places = [row for row in table(lay) if float(row["theta_rad"]) > 0.1]
@@ -71,7 +71,7 @@ def test_what_is_printed_is_written_as_json(sequence, tmp_path):
     found = tmp_path / "found.json"
     result = command(track)(
         *(sequence, "--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv"),
-        *("--out", tmp_path / "out.csv", "--case", 4, "--cylinder-diameter-mm", 31.5),
+        *("--output", tmp_path / "out.csv", "--case", 4, "--cylinder-diameter-mm", 31.5),
         *("--json", found),
     )
     assert result.exit_code == 0, result.output
@@ -95,7 +95,7 @@ def test_a_cable_of_ones_own_is_tracked(sequence, tmp_path):
     out = tmp_path / "own.csv"
     result = command(track)(
         *(sequence, "--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv"),
-        *("--out", out, *OWN),
+        *("--output", out, *OWN),
     )
     assert result.exit_code == 0, result.output
     last = {int(row["id"]): row for row in table(out)[-5:]}
@@ -105,9 +105,9 @@ def test_a_cable_of_ones_own_is_tracked(sequence, tmp_path):
 
 def test_an_own_cable_needs_all_of_its_numbers(sequence, tmp_path):
     out = tmp_path / "own.csv"
-    result = command(track)(sequence, "--out", out, "--cable-diameter-mm", 4)
+    result = command(track)(sequence, "--output", out, "--cable-diameter-mm", 4)
     assert result.exit_code == 2
-    result = command(track)(sequence, "--out", out, "--camera-position-mm", "1,2")
+    result = command(track)(sequence, "--output", out, "--camera-position-mm", "1,2")
     assert result.exit_code == 2
 
 
@@ -115,7 +115,7 @@ def test_track_measures_a_folder(sequence, tmp_path):
     out = tmp_path / "markers.csv"
     result = command(track)(
         sequence, "--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv",
-        "--out", out, "--case", 4,
+        "--output", out, "--case", 4,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     assert "2 markers known" in result.output
@@ -130,7 +130,7 @@ def test_track_measures_a_video(sequence, tmp_path):
     video.release()
     result = command(track)(
         path, "--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv",
-        "--out", out, "--case", 4, "--no-refine",
+        "--output", out, "--case", 4, "--no-refine",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     check(out)
@@ -187,7 +187,7 @@ def test_track_measures_a_bag_of_any_topics(sequence, tmp_path):
                 data=np.ascontiguousarray(frame[..., ::-1]).ravel(),
             )  # fmt: skip
     out = tmp_path / "markers.csv"
-    result = command(track)(path, "--out", out, "--case", 4)
+    result = command(track)(path, "--output", out, "--case", 4)
     assert result.exit_code == 0, result.output
     check(out)
     assert read_bag(path).camera.binning == 3
@@ -198,16 +198,16 @@ def test_track_measures_a_bag_of_any_topics(sequence, tmp_path):
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (["nowhere", "--out", "x.csv"], "does not exist"),
-        (["{run}", "--out", "x.csv"], "there is no camera"),
-        (["{run}", "--out", "x.csv", "--camera", "{run}/camera.yaml"], "there is no motion"),
-        (["{run}", "--out", "x.csv", "--camera", "{run}/motion.csv"], "camera file"),
+        (["nowhere", "--output", "x.csv"], "does not exist"),
+        (["{run}", "--output", "x.csv"], "there is no camera"),
+        (["{run}", "--output", "x.csv", "--camera", "{run}/camera.yaml"], "there is no motion"),
+        (["{run}", "--output", "x.csv", "--camera", "{run}/motion.csv"], "camera file"),
         (
-            ["{run}", "--out", "x.csv", "--case", "13", "--camera", "{run}/camera.yaml"],
+            ["{run}", "--output", "x.csv", "--case", "13", "--camera", "{run}/camera.yaml"],
             "case must be",
         ),
         (
-            ["{run}", "--out", "x.csv", "--camera", "{run}/camera.yaml", "--motion",
+            ["{run}", "--output", "x.csv", "--camera", "{run}/camera.yaml", "--motion",
              "{run}/truth.csv"],
             "must have the columns",
         ),
@@ -248,7 +248,7 @@ def test_what_a_marker_looks_like_and_where_the_camera_looks_are_options(sequenc
     out = tmp_path / "markers.csv"
     words = (
         *(sequence, "--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv"),
-        *("--out", out, "--case", 4, "--no-refine"),
+        *("--output", out, "--case", 4, "--no-refine"),
     )
     result = command(track)(*words, "--marker-hue-deg", 300)
     assert result.exit_code == 1

@@ -118,14 +118,14 @@ def test_nothing_is_left_open_in_a_row() -> None:
 
 def test_a_sweep_makes_a_table_and_does_it_once(tmp_path: Path, spec: Path) -> None:
     store, out = tmp_path / "store", tmp_path / "table.npz"
-    code, said = sweep(spec, "--store", store, "--out", out, "--processes", 1)
+    code, said = sweep(spec, "--store", store, "--output", out, "--processes", 1)
     assert code == 0, said
     assert "8 runs ok, 0 failed" in said
     first, files = read(out), finished(store)
     assert first["friction"] == pytest.approx(np.linspace(0.05, 0.3, 8))
     assert first["run"].tolist() == list(range(1, 9))
     assert first["p2_wound"].all()
-    code, said = sweep(spec, "--store", store, "--out", out, "--processes", 1)
+    code, said = sweep(spec, "--store", store, "--output", out, "--processes", 1)
     assert code == 0, said
     assert f"8 of them are in {store} already" in said
     assert f"replaced {out}: 8 rows" in said
@@ -136,11 +136,11 @@ def test_a_sweep_makes_a_table_and_does_it_once(tmp_path: Path, spec: Path) -> N
 
 def test_a_damaged_run_is_named_and_wound_again(tmp_path: Path, spec: Path) -> None:
     store, out = tmp_path / "store", tmp_path / "table.npz"
-    sweep(spec, "--store", store, "--out", out, "--processes", 1)
+    sweep(spec, "--store", store, "--output", out, "--processes", 1)
     first = read(out)
     victim = sorted(finished(store))[3]
     victim.write_bytes(victim.read_bytes()[:100])
-    code, said = sweep(spec, "--store", store, "--out", out, "--processes", 1)
+    code, said = sweep(spec, "--store", store, "--output", out, "--processes", 1)
     assert code == 0, said
     assert f"{victim} is damaged and counts as missing" in said
     assert f"7 of them are in {store} already" in said
@@ -154,7 +154,7 @@ def test_a_failed_run_is_a_row(tmp_path: Path, spec: Path) -> None:
         " omega_rad_s: [1.74, 200], feed_mm_s: [5, 500]}}"
     )
     out = tmp_path / "table.npz"
-    code, said = sweep(spec, "--store", tmp_path / "store", "--out", out, "--processes", 1)
+    code, said = sweep(spec, "--store", tmp_path / "store", "--output", out, "--processes", 1)
     assert code == 0, said
     assert "1 runs ok, 1 failed" in said
     status = read(out)["status"]
@@ -166,23 +166,23 @@ def test_a_failed_run_is_a_row(tmp_path: Path, spec: Path) -> None:
 @pytest.mark.slow
 def test_shards_make_the_same_table_together(tmp_path: Path, spec: Path) -> None:
     whole, out = tmp_path / "whole.npz", tmp_path / "table.npz"
-    sweep(spec, "--store", tmp_path / "one", "--out", whole, "--processes", 1)
+    sweep(spec, "--store", tmp_path / "one", "--output", whole, "--processes", 1)
     store = tmp_path / "parts"
     seen: list[int] = []
     for k in (1, 2, 3):
-        code, said = sweep(spec, "--store", store, "--collect", "--out", out)
+        code, said = sweep(spec, "--store", store, "--collect", "--output", out)
         assert code == 1
         assert f"runs are not in {store} yet" in said
         assert not out.exists()
         part = tmp_path / f"part{k}.npz"
         code, said = sweep(
-            spec, "--store", store, "--shard", f"{k}/3", "--out", part, "--processes", 1
+            spec, "--store", store, "--shard", f"{k}/3", "--output", part, "--processes", 1
         )
         assert code == 0, said
         assert "already" not in said
         seen += read(part)["run"].tolist()
     assert sorted(seen) == list(range(1, 9))
-    code, said = sweep(spec, "--store", store, "--collect", "--out", out)
+    code, said = sweep(spec, "--store", store, "--collect", "--output", out)
     assert code == 0, said
     assert same(read(out), read(whole))
 
@@ -217,8 +217,8 @@ def test_a_bad_description_is_refused_before_anything_is_wound(
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--out", "table.csv"], "out must end in .parquet or .npz, got table.csv"),
-        (["--out", "nowhere/table.npz"], "there is no folder nowhere for table.npz"),
+        (["--output", "table.csv"], "--output must end in .parquet or .npz, got table.csv"),
+        (["--output", "nowhere/table.npz"], "there is no folder nowhere for table.npz"),
         (["--shard", "5/4"], "shard must be k/N with k from 1 to N, got 5/4"),
         (["--shard", "9/9"], "shard 9/9 is empty: there are 8 runs"),
         (["--engine", "slurm"], "engine must be joblib or dask, got 'slurm'"),
@@ -254,7 +254,7 @@ def test_an_ended_sweep_goes_on_where_it_stopped(
 ) -> None:
     spec.write_text(LONG, encoding="utf-8")
     store, out = tmp_path / "store", tmp_path / "table.npz"
-    process = start(spec, "--store", store, "--out", out)
+    process = start(spec, "--store", store, "--output", out)
     wait_for(lambda: len(finished(store)) >= 3, process)
     workers = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(how)
@@ -270,7 +270,7 @@ def test_an_ended_sweep_goes_on_where_it_stopped(
     assert 3 <= len(kept) < 60
     assert not out.exists()
 
-    code, said = sweep(spec, "--store", store, "--out", out)
+    code, said = sweep(spec, "--store", store, "--output", out)
     assert code == 0, said
     assert f"{len(kept)} of them are in {store} already" in said
     after = finished(store)
@@ -279,7 +279,7 @@ def test_an_ended_sweep_goes_on_where_it_stopped(
 
     if how == signal.SIGKILL:
         other = tmp_path / "other.npz"
-        sweep(spec, "--store", tmp_path / "other", "--out", other, "--processes", 1)
+        sweep(spec, "--store", tmp_path / "other", "--output", other, "--processes", 1)
         assert same(read(out), read(other))
 
 
@@ -317,7 +317,7 @@ def test_a_cluster_behind_tls_loses_nothing_with_a_worker(
     spec.write_text(LONG, encoding="utf-8")
     store, out = tmp_path / "store", tmp_path / "table.npz"
     process = start(
-        spec, "--store", store, "--out", out, "--engine", "dask", "--scheduler", address,
+        spec, "--store", store, "--output", out, "--engine", "dask", "--scheduler", address,
         *certificates,
     )  # fmt: skip
     wait_for(lambda: len(finished(store)) >= 1, process)

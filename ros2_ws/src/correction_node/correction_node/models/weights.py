@@ -138,7 +138,7 @@ def load_factor(directory: Path) -> TrainedFactor:
     if not (weights_file.is_file() and card_file.is_file()):
         raise FileNotFoundError(
             f"no trained weights at {directory}: name one of {', '.join(SHIPPED)}, or a folder "
-            "that `winding train --out` has written"
+            "that `winding train --output` has written"
         )
     content = weights_file.read_bytes()
     try:
@@ -159,7 +159,7 @@ def load_factor(directory: Path) -> TrainedFactor:
     if hashlib.sha256(content).hexdigest() != digest:
         raise ValueError(
             f"{weights_file} does not match its card, so it is damaged or of other weights: "
-            "restore both files, or train them anew with `winding train --out`"
+            "restore both files, or train them anew with `winding train --output`"
         )
     return TrainedFactor(
         name=name,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
@@ -94,10 +94,24 @@ app = typer.Typer(
     help="Predicts, watches and corrects how a flexible cable lays itself on a cylinder.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    add_completion=False,
 )
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"winding {version('cable-winding-twin')}")
+        raise typer.Exit
+
+
 @app.callback()
-def _begin() -> None:
+def _begin(
+    shown: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Show the version and end.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
     pass

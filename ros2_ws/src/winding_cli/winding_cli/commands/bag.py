@@ -196,6 +196,8 @@ def replay(
     from winding_ros.parameter_files import parameters_for
 
     own = None
+    if parameters is not None and not parameters.is_file():
+        refuse(f"--parameters: there is no file {parameters}")
     with refused(OSError, ValueError):
         if parameters is not None and node in REPLAYABLE:
             own = parameters_for(parameters, f"/{DEFAULT_NAMESPACE}/{REPLAYABLE[node].name}")
@@ -225,7 +227,9 @@ def replay(
 def report(
     source: Source,
     *,
-    out: Annotated[Path, typer.Option(help="New folder of the report and run.json.")],
+    out: Annotated[
+        Path, typer.Option("--output", "--out", help="New folder of the report and run.json.")
+    ],
     lay_tolerance_mm: Annotated[
         float | None,
         typer.Option(
@@ -243,7 +247,7 @@ def report(
         held = held_against(
             {} if lay_tolerance_mm is None else {"lay_tolerance_mm": lay_tolerance_mm}
         )
-    check_output_folder(out, new=True)
+    check_output_folder(out, "--output", new=True)
     with refused(BagError, code=FAILED):
         write_recorded_report(source, out, held)
 
@@ -252,7 +256,7 @@ def report(
 def export(
     source: Source,
     *,
-    out: Annotated[Path, typer.Option(help="New folder of tables.")],
+    out: Annotated[Path, typer.Option("--output", "--out", help="New folder of tables.")],
     form: Annotated[str, typer.Option("--format", help="csv or parquet.")] = "csv",
     topics: Annotated[
         str, typer.Option(help="Full topic names with commas between; all otherwise.")
@@ -262,7 +266,7 @@ def export(
     from winding_recorder.bags.failure import BagError
     from winding_recorder.bags.tables import export as write
 
-    check_output_folder(out, new=True)
+    check_output_folder(out, "--output", new=True)
     with refused(BagError, code=FAILED), staged(out) as place:
         files = write(source, place, form, _names(topics))
     for file in files:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from winding_cli.commands.board_options import chosen_board
 from winding_cli.commands.output_path import check_output_file, staged
 from winding_cli.commands.refusal import refused
 from winding_core.units import MILLIMETRE
@@ -25,17 +26,11 @@ def board(
     dpi: Annotated[float, typer.Option(min=50.0, max=2400.0, help="Dots per inch.")] = 600.0,
 ) -> None:
     """Draw the board that `winding calibrate` looks for; print it at its true size."""
-    from marker_tracker_node.camera.calibration import Board, write_board
+    from marker_tracker_node.camera.calibration import write_board
 
     check_output_file(out)
     with refused(ValueError):
-        drawn = Board(
-            columns=columns,
-            rows=rows,
-            square=square_mm * MILLIMETRE,
-            marker=marker_mm * MILLIMETRE if marker_mm else None,
-            dictionary=dictionary,
-        )
+        drawn = chosen_board(columns, rows, square_mm, marker_mm, dictionary)
         with staged(out) as place:
             width, height = write_board(place, drawn, dpi)
     print(

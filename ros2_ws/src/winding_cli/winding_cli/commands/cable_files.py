@@ -41,7 +41,7 @@ def cable_files(
         series: VtkSeries | None = None
         if vtk_file is not None:
             folder = vtk_file.with_suffix("")
-            check_output_folder(folder)
+            check_output_folder(folder, "--vtk")
             collection = stack.enter_context(staged(vtk_file))
             series = VtkSeries(stack.enter_context(staged(folder)))
             files.append(series)

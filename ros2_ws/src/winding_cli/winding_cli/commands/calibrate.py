@@ -7,15 +7,15 @@ from typing import Annotated
 
 import typer
 
+from winding_cli.commands.board_options import chosen_board
 from winding_cli.commands.output_path import check_output_file, staged
 from winding_cli.commands.refusal import refuse, refused
-from winding_core.units import MILLIMETRE
 
 
 def calibrate(
     pictures: Annotated[list[Path], typer.Argument(help="Photographs, or folders of them.")],
     *,
-    out: Annotated[Path, typer.Option(help="Camera YAML to write.")],
+    out: Annotated[Path, typer.Option("--output", "--out", help="Camera YAML to write.")],
     columns: Annotated[int, typer.Option(help="Squares across.")] = 14,
     rows: Annotated[int, typer.Option(help="Squares down.")] = 8,
     square_mm: Annotated[float, typer.Option(help="Side of a square.")] = 8.0,
@@ -26,8 +26,8 @@ def calibrate(
     name: Annotated[str, typer.Option(help="Name of the camera.")] = "camera",
 ) -> None:
     """Fit camera matrix and distortion, and write the YAML that ROS tools read."""
-    from marker_tracker_node.camera.calibration import Board, write_camera
     from marker_tracker_node.camera.calibration import calibrate as fit
+    from marker_tracker_node.camera.calibration import write_camera
     from marker_tracker_node.camera.recordings import PICTURES, read_picture
 
     files = [
@@ -38,16 +38,10 @@ def calibrate(
     ]
     if not files:
         refuse("there is no picture")
-    check_output_file(out)
+    check_output_file(out, "--output")
     with refused(OSError, ValueError):
         photographs = [read_picture(file) for file in files]
-        board = Board(
-            columns=columns,
-            rows=rows,
-            square=square_mm * MILLIMETRE,
-            marker=marker_mm * MILLIMETRE if marker_mm else None,
-            dictionary=dictionary,
-        )
+        board = chosen_board(columns, rows, square_mm, marker_mm, dictionary)
         result = fit(photographs, board)
     with staged(out) as place:
         write_camera(place, result.camera, name)

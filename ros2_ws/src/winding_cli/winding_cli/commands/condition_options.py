@@ -5,10 +5,12 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, get_type_hints
+from types import MappingProxyType
+from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
+from winding_cli.commands.option_panels import PANEL_OF_RECORD
 from winding_core.options import explained, option_kind, options
 from winding_core.parameters import Declaration
 
@@ -21,12 +23,15 @@ def spelled(option: str) -> str:
     return f"--{option.replace('_', '-')}"
 
 
-def with_options(*records: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def with_options(
+    *records: type, panels: Mapping[str, str] = MappingProxyType({})
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Let a command take the options that records declare.
 
     Args:
         records: Declare parameters. The command takes what was typed of each, without what was
             not typed, as its first arguments; its other arguments stay as they are.
+        panels: Heading in the help of these others, by argument.
     """
 
     def wrap(command: Callable[..., None]) -> Callable[..., None]:
@@ -39,12 +44,15 @@ def with_options(*records: type) -> Callable[[Callable[..., None]], Callable[...
                     key,
                     inspect.Parameter.KEYWORD_ONLY,
                     default=None,
-                    annotation=_annotation(key, item),
+                    annotation=_annotation(key, item, PANEL_OF_RECORD.get(record.__name__)),
                 )
                 for key, item in options(record).items()
             ]
             for first, record in zip(firsts, records, strict=True)
         }
+        for name, panel in panels.items():
+            (option,) = get_args(hints[name])[1:]
+            option.rich_help_panel = panel
         others = [item.replace(annotation=hints[item.name]) for item in rest]
 
         @functools.wraps(command)
@@ -68,8 +76,9 @@ def with_options(*records: type) -> Callable[[Callable[..., None]], Callable[...
     return wrap
 
 
-def _annotation(key: str, item: Declaration) -> Any:
+def _annotation(key: str, item: Declaration, panel: str | None) -> Any:
     kind = option_kind(item)
     name = spelled(key)
     names = (f"{name}/--no-{name[2:]}",) if kind is bool else (name,)
-    return Annotated[kind | None, typer.Option(*names, help=explained(item))]
+    option = typer.Option(*names, help=explained(item), rich_help_panel=panel)
+    return Annotated[kind | None, option]

@@ -36,7 +36,7 @@ def doctor(
     from winding_supervisor.domain_lock import DomainError, chosen_domain, lock_folder
 
     source = "ROS_DOMAIN_ID" if os.environ.get("ROS_DOMAIN_ID") else "ROS_DOMAIN_ID is not set"
-    check_output_file(json)
+    check_output_file(json, "--json")
     refusal = ""
     try:
         chosen = chosen_domain(domain)

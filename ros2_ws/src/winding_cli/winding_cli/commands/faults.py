@@ -35,7 +35,7 @@ def faults(
     from winding_supervisor.domain_lock import DomainError, domain_lock
     from winding_supervisor.interruption import Interruption, run_closing
 
-    check_output_file(json)
+    check_output_file(json, "--json")
     campaign = _campaign(_CAMPAIGN)
     names = {name for name in campaign.row_names() if (only or "") in name}
     if not names:

@@ -75,7 +75,7 @@ def identify(
         refuse("--rig needs markers, --tensile has none")
     if not rig and (known_tension or fixing_mm is not None or scatter_mm is not None):
         refuse("--known-tension, --fixing-mm and --scatter-mm need --rig")
-    check_output_file(json_file)
+    check_output_file(json_file, "--json")
     with refused(IdentificationError, SourceError, BagError, ValueError):
         if tensile is not None:
             record = _tensile(tensile, RunParameters.from_typed(typed, case=RunParameters.case))

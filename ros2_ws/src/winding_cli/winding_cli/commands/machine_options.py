@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from winding_cli.commands.condition_options import Typed, spelled
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from winding_supervisor.external_machine import ExternalMachineConfig
 
 SIMULATED, EXTERNAL = "simulated", "external"
+_NOT_NEGATIVE = ("speed", "camera-noise")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,11 +64,12 @@ def machine_of(
     if machine not in (SIMULATED, EXTERNAL):
         refuse(f"--machine must be {SIMULATED} or {EXTERNAL}, got {machine}")
     if machine == SIMULATED:
-        if axes or replace(options, lead=0.0) != MachineOptions():
-            refuse(
-                "axes, --no-camera, --start, --turns, --wound-length-mm and --standing-s need "
-                f"--machine {EXTERNAL}"
-            )
+        for name in (*axes, *_typed_beside(options)):
+            refuse(f"{spelled(name)} needs --machine {EXTERNAL}")
+        for name in _NOT_NEGATIVE:
+            value = simulated.get(name)
+            if isinstance(value, float) and not 0.0 <= value < math.inf:
+                refuse(f"--{name} must be finite and not negative, got {value:g}")
         return None
     for name, value in simulated.items():
         if value is not None:
@@ -84,6 +86,16 @@ def machine_of(
         standing_limit=options.standing_s,
         lead=options.lead,
     )
+
+
+def _typed_beside(options: MachineOptions) -> Iterator[str]:
+    """Yield the options of an external machine that were typed, its axes aside."""
+    usual = MachineOptions()
+    if not options.camera:
+        yield "no_camera"
+    for name in ("start", "turns", "wound_length_mm", "standing_s"):
+        if getattr(options, name) != getattr(usual, name):
+            yield name
 
 
 def machine_axes(typed: Typed) -> MachineAxes:

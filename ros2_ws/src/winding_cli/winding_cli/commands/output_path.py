@@ -18,36 +18,38 @@ UNFINISHED = ".unfinished"
 _TRIAL = 65_536
 
 
-def check_output_file(path: Path | None, *, make_folder: bool = False) -> None:
+def check_output_file(path: Path | None, option: str = "", *, make_folder: bool = False) -> None:
     """Refuse a file that cannot be written; one that is there is replaced in the end.
 
     Args:
         path: The file; None checks nothing.
+        option: That it was typed with; empty for an argument.
         make_folder: Whether missing folders are made.
     """
     if path is None or _in_place(path):
         return
     if path.is_dir():
-        refuse(f"{path} is a folder, not a file")
+        refuse(f"{_typed(option)}{path} is a folder, not a file")
     if not make_folder and not path.absolute().parent.is_dir():
-        refuse(f"there is no folder {path.parent} for {path.name}")
-    _try_to_write(path, path.absolute().parent)
+        refuse(f"{_typed(option)}there is no folder {path.parent} for {path.name}")
+    _try_to_write(path, path.absolute().parent, option)
 
 
-def check_output_folder(path: Path | None, *, new: bool = False) -> None:
+def check_output_folder(path: Path | None, option: str = "", *, new: bool = False) -> None:
     """Refuse a folder in which nothing can be written; missing ones are made in the end.
 
     Args:
         path: The folder; None checks nothing.
+        option: That it was typed with; empty for an argument.
         new: Whether it must not be there yet.
     """
     if path is None:
         return
     if new and path.exists():
-        refuse(f"{path} exists already; nothing is written over it")
+        refuse(f"{_typed(option)}{path} exists already; nothing is written over it")
     if path.exists() and not path.is_dir():
-        refuse(f"{path} is not a folder")
-    _try_to_write(path, path.absolute())
+        refuse(f"{_typed(option)}{path} is not a folder")
+    _try_to_write(path, path.absolute(), option)
 
 
 @contextmanager
@@ -101,7 +103,11 @@ def _move(source: Path, target: Path) -> None:
         os.replace(source, target)
 
 
-def _try_to_write(path: Path, folder: Path) -> None:
+def _typed(option: str) -> str:
+    return f"{option}: " if option else ""
+
+
+def _try_to_write(path: Path, folder: Path, option: str) -> None:
     """Write and remove a file in a folder, or in the nearest one above that exists."""
     while not folder.exists():
         folder = folder.parent
@@ -111,4 +117,4 @@ def _try_to_write(path: Path, folder: Path) -> None:
             trial.flush()
             os.fsync(trial.fileno())
     except OSError as error:
-        refuse(f"cannot write {path}: {error.strerror or error}")
+        refuse(f"{_typed(option)}cannot write {path}: {error.strerror or error}")

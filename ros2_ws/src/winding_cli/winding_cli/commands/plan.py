@@ -82,9 +82,9 @@ def plan(
     from lay_control_node.planning.planner import plan_lay
     from winding_cli.output.lay_plan import control_record, print_plan, solver_record, verdict
 
-    for path in (picture, json_file, csv_file):
-        check_output_file(path)
-    _check_options(start, tolerance_mm, slow_down, picture, period_ms)
+    for option, path in (("--picture", picture), ("--json", json_file), ("--csv", csv_file)):
+        check_output_file(path, option)
+    _check_options(start, tolerance_mm, slow_down, picture, period_ms, turns)
     laid: SolverLay | None = None
     try:
         parameters = RunParameters.from_typed(typed, spelling=spelled, case=None)
@@ -128,8 +128,14 @@ def plan(
 
 
 def _check_options(
-    start: str, tolerance: float | None, slow_down: bool, picture: Path | None, period: float
+    start: str,
+    tolerance: float | None,
+    slow_down: bool,
+    picture: Path | None,
+    period: float,
+    turns: float | None,
 ) -> None:
+    from lay_control_node.programs.points import MOST_TURNS
     from winding_study.lay.plan_picture import PICTURE_KINDS
 
     if start not in STARTS:
@@ -138,6 +144,8 @@ def _check_options(
         refuse(f"--tolerance-mm must be positive and finite, got {tolerance:g}")
     if slow_down and tolerance is None:
         refuse("--slow-down needs --tolerance-mm")
+    if turns is not None and not 0.0 < turns <= MOST_TURNS:
+        refuse(f"--turns must lie above 0 and up to {MOST_TURNS:g}, got {turns:g}")
     if not 1.0 <= period <= 1000.0:
         refuse(f"--period-ms must lie in 1 to 1000, got {period:g}")
     if picture is not None and picture.suffix.lower() not in PICTURE_KINDS:

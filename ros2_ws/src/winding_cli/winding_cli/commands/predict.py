@@ -66,8 +66,8 @@ def predict(
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
     from cable_fem_node.dynamics.failure import SolverError
 
-    for file in (json_file, csv_file, vtk_file):
-        check_output_file(file)
+    for option, file in (("--json", json_file), ("--csv", csv_file), ("--vtk", vtk_file)):
+        check_output_file(file, option)
     if vtk_file is not None and vtk_file.suffix != ".pvd":
         refuse(f"--vtk needs a file whose name ends in .pvd, got {vtk_file}")
     if pictures < 2:

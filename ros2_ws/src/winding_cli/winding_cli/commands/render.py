@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -53,8 +54,12 @@ def render(
     from winding_rig_node.camera.sequence import write_sequence
     from winding_rig_node.machine.lay import published_lay
 
-    if not (fps > 0.0 and duration_s > 0.0 and start_s >= 0.0):
-        refuse(f"rate and duration must be positive, got {fps} frames/s and {duration_s} s")
+    for option, number in (("--fps", fps), ("--duration-s", duration_s)):
+        if not 0.0 < number < math.inf:
+            refuse(f"{option} must be positive and finite, got {number:g}")
+    for option, number in (("--start-s", start_s), ("--noise", noise)):
+        if not 0.0 <= number < math.inf:
+            refuse(f"{option} must be finite and not negative, got {number:g}")
     check_output_folder(folder)
     with refused(ValueError):
         wound, drive = paper_case(case), DriveProfile()

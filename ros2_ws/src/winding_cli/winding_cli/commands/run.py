@@ -13,6 +13,7 @@ import typer
 from cable_fem_node.winding.winding_config import SolverParameters
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.machine_options import MachineOptions, machine_of
+from winding_cli.commands.option_panels import PANEL_OF_RUN
 from winding_cli.commands.output_path import check_output_file, check_output_folder
 from winding_cli.commands.refusal import FAILED, complain, fail, refuse
 from winding_cli.commands.ros_environment import check_namespace, refuse_open
@@ -60,6 +61,7 @@ _FIRST_WORDS = "starting the nodes; the first start after an install compiles ke
     LayParameters,
     LayWish,
     LayTolerance,
+    panels=PANEL_OF_RUN,
 )
 def run(
     typed: Typed,
@@ -266,9 +268,9 @@ def run(
         compose=camera_source,
         lay_control=bool(wished),
     )
-    check_output_folder(report)
-    for file in (json, trace, truth):
-        check_output_file(file, make_folder=True)
+    check_output_folder(report, "--report")
+    for option, file in (("--json", json), ("--trace", trace), ("--truth", truth)):
+        check_output_file(file, option, make_folder=True)
     directory, result, failure = _wind(config, condition)
     if dashboard and config.machine is None:
         operated = operated_condition(condition, result)

@@ -84,7 +84,7 @@ def check_page_and_file(page: bool, port: int | None, parameters: Path | None) -
     if port is not None and not page:
         refuse("--dashboard-port is for a run with --dashboard")
     if parameters is not None and not parameters.is_file():
-        refuse(f"no parameter file at {parameters}")
+        refuse(f"--parameters: there is no file {parameters}")
 
 
 def lay_of(
@@ -112,8 +112,8 @@ def recording_of(compression: str, split_mb: float) -> BagConfig:
     """Return how a bag is stored; refuse what no bag can be."""
     from winding_recorder.bags.mcap_file import BagConfig
 
-    if not math.isfinite(split_mb):
-        refuse(f"split size must be finite, got {split_mb} MB")
+    if not 0.0 <= split_mb < math.inf:
+        refuse(f"--split-mb must be finite and not negative, got {split_mb:g}")
     try:
         return BagConfig(compression=compression, split_bytes=round(split_mb * MEGABYTE))
     except ValueError as error:
@@ -174,8 +174,8 @@ def check_before_start(config: RunConfig) -> None:
     except ValueError as error:
         refuse(error)
     _check_weights(config)
-    check_output_folder(config.bag, new=True)
-    check_output_folder(config.directory, new=not config.numbered)
+    check_output_folder(config.bag, "--bag", new=True)
+    check_output_folder(config.directory, "--output", new=not config.numbered)
 
 
 def _check_weights(config: RunConfig) -> None:

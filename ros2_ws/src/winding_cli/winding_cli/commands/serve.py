@@ -34,7 +34,7 @@ def serve(
 ) -> None:
     """Serve run/send_goal, run/cancel_goal and run/get_result until Ctrl-C."""
     check_namespace(namespace)
-    check_output_folder(output)
+    check_output_folder(output, "--output")
     with joined(domain) as place:
         import rclpy
         from rclpy.context import Context

@@ -93,17 +93,18 @@ def study(
     if fem not in ("own", "published"):
         refuse(f"fem must be own or published, got {fem!r}")
     if law is not None and law not in LAWS:
-        refuse(f"law must be one of {', '.join(LAWS)}, got {law!r}")
+        refuse(f"--law must be one of {', '.join(LAWS)}, got {law!r}")
     for name, number in (
         ("duration-s", duration_s),
         ("segment-mm", segment_mm),
         ("mass-scaling", mass_scaling),
     ):
         if number is not None and not 0.0 < number < float("inf"):
-            refuse(f"{name} must be positive and finite, got {number}")
-    check_output_file(json)
-    check_output_file(lengths)
-    check_output_folder(report)
+            refuse(f"--{name} must be positive and finite, got {number}")
+    check_output_file(json, "--json")
+    check_output_file(lengths, "--lengths")
+    check_output_folder(report, "--report")
+    check_output_folder(store, "--store")
     if closed_loop:
         from winding_cli.commands import study_closed_loop
 

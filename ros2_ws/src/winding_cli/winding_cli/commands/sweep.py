@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from winding_cli.commands.console import progress_bar
-from winding_cli.commands.output_path import check_output_file, staged
+from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
 from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_cli.commands.termination import end, interruptible
 from winding_core.options import option_kinds
@@ -52,7 +52,10 @@ def sweep(
     spec: Annotated[Path, typer.Argument(help="YAML of what to vary, as in docs/tutorials.")],
     *,
     out: Annotated[
-        Path | None, typer.Option(help="Table of all runs, .parquet or .npz by its suffix.")
+        Path | None,
+        typer.Option(
+            "--output", "--out", help="Table of all runs, .parquet or .npz by its suffix."
+        ),
     ] = None,
     store: Annotated[
         Path, typer.Option(help="Folder of finished runs; what is in it is not wound again.")
@@ -81,8 +84,9 @@ def sweep(
     from winding_study.sweep.table import SUFFIXES
 
     if out is not None and out.suffix not in SUFFIXES:
-        refuse(f"out must end in {' or '.join(SUFFIXES)}, got {out.name}")
-    check_output_file(out)
+        refuse(f"--output must end in {' or '.join(SUFFIXES)}, got {out.name}")
+    check_output_file(out, "--output")
+    check_output_folder(store, "--store")
     with refused(ValueError):
         part = Shard() if shard is None else Shard.parse(shard)
         winder = _engine(engine, processes, scheduler, (tls_ca, tls_cert, tls_key))

@@ -52,7 +52,7 @@ def track(
     pixels: Typed,
     *,
     source: Annotated[Path, typer.Argument(help="Video file, folder of pictures, or bag.")],
-    out: Annotated[Path, typer.Option(help="CSV of every frame's markers.")],
+    out: Annotated[Path, typer.Option("--output", "--out", help="CSV of every frame's markers.")],
     camera: Annotated[
         Path | None, typer.Option(help="Camera YAML; a bag may bring its own camera_info.")
     ] = None,
@@ -96,8 +96,8 @@ def track(
 
     if not source.exists():
         refuse(f"{source} does not exist")
-    for file in (out, json_file, lay):
-        check_output_file(file)
+    for option, file in (("--output", out), ("--json", json_file), ("--lay", lay)):
+        check_output_file(file, option)
     with refused(OSError, ValueError):
         belief = PoseBelief(
             position=camera_position_sigma_mm * MILLIMETRE,

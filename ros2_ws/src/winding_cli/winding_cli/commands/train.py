@@ -36,7 +36,11 @@ def train(
     ] = "rod",
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder for weights.safetensors and card.json; else the shipped one."),
+        typer.Option(
+            "--output",
+            "--out",
+            help="Folder for weights.safetensors and card.json; else the shipped one.",
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the starting weights.")] = 0,
     steps: Annotated[int, typer.Option(min=1, help="Training steps.")] = 1500,
@@ -48,8 +52,13 @@ def train(
     """Learn the correction factor h and compare it, in-sample and by case left out, with others."""
     from rich.console import Console
 
-    from correction_node.models.dataset import load_data_set
     from correction_node.models.weights import SHIPPED, save_factor, weights_directory
+
+    # Before what trains is imported.
+    models = dict.fromkeys(learned for _, learned in SHIPPED.values())
+    if model not in models:
+        refuse(f"--model must be one of {', '.join(models)}, got {model!r}")
+    from correction_node.models.dataset import load_data_set
     from correction_node.training.protocol import learn, verdict
     from correction_node.training.training import TrainingConfig
 
@@ -62,9 +71,9 @@ def train(
     if out is None:
         shipped = {learned: name for name, learned in SHIPPED.items()}
         if (data, model) not in shipped:
-            refuse(f"give --out: no weights of model {model} on data {data} are shipped")
+            refuse(f"give --output: no weights of model {model} on data {data} are shipped")
         out = weights_directory(shipped[data, model])
-    check_output_folder(out)
+    check_output_folder(out, "--output")
     with refused(ValueError), Console(stderr=True).status("learning") as status:
         learned = learn(data_set, model, TrainingConfig(steps=steps), status.update, seed=seed)
     with staged(out) as place:

@@ -40,7 +40,9 @@ def verify(
     """Compare the solver with closed forms and reference solutions; exit code 1 if one fails."""
     from cable_fem_node.verification.suite import PROBLEMS, run_suite
 
-    check_output_file(json_file)
+    check_output_file(json_file, "--json")
+    if external is not None and not external.is_dir():
+        refuse(f"--external: there is no folder {external}")
     if external is not None:
         rows = compare_external(external, problems or [])
         if json_file is not None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from winding_cli.commands.condition_options import Typed, spelled
 from winding_core.condition import Condition
+from winding_core.lay_program import LayProgramError
 from winding_core.lay_tolerance import LayTolerance
 from winding_core.lay_wish import LayWish
 from winding_core.options import typed_values
@@ -26,7 +27,12 @@ def wish_of(typed: Typed, condition: Condition) -> dict[str, Value]:
     """
     values = typed_values(LayWish, typed, spelled)
     if values:
-        _controller(values, condition)
+        try:
+            _controller(values, condition)
+        except LayProgramError as error:
+            if "program" in values:
+                raise LayProgramError(f"--program: {error}") from error
+            raise
     return values
 
 
