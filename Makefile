@@ -4,9 +4,15 @@ PYTHON ?= python3.11
 TORCH_INDEX ?=
 # Further options of the demo's run, such as ARGS="--namespace left".
 ARGS ?=
-EXTRAS := ros,dashboard,cluster,opcua,dev
+# What a run needs, and what tests and training need beside it.
+EXTRAS := ros,dashboard
+FURTHER := $(EXTRAS),train,cluster,opcua,dev
 BIN := .venv/bin
 STAMP := .venv/.installed
+WHOLE := .venv/.installed-whole
+# pip with the versions that were tested.
+PIP = $(BIN)/python -m pip install --quiet --constraint constraints.txt \
+    $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX))
 # Options that count lines, for `make coverage`.
 COUNT :=
 
@@ -18,13 +24,16 @@ endif
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo kernels check test campaign coverage bench bench-peers lint clean install
-install: $(STAMP)
+install: $(WHOLE)
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12) and "Python 3.11 or 3.12 is needed, got " + sys.version.split()[0] + "; set PYTHON=")'
 	$(PYTHON) -m venv --clear .venv
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt \
-	    $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX)) --editable '.[$(EXTRAS)]'
+	$(PIP) --editable '.[$(EXTRAS)]'
+	touch $@
+
+$(WHOLE): $(STAMP)
+	$(PIP) --editable '.[$(FURTHER)]'
 	touch $@
 
 demo: $(STAMP)
@@ -47,31 +56,31 @@ check: lint kernels
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not processes and not slow"
 
 # A graph of processes fills both cores of a small machine by itself: such tests run one by one.
-test: kernels
+test: $(WHOLE) kernels
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not processes and not campaign" $(COUNT)
 	$(BIN)/python -m pytest -m "processes and not campaign" $(COUNT)
 
 # What takes minutes: faults, kills, browsers, networks, tutorials, whole films.
-campaign: kernels
+campaign: $(WHOLE) kernels
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "campaign and not processes" $(COUNT)
 	$(BIN)/python -m pytest -m "campaign and processes" $(COUNT)
 
 # Every test once more with its lines counted, which costs a quarter more time; fails below
 # fail_under in pyproject.toml.
-coverage: $(STAMP)
+coverage: $(WHOLE)
 	$(BIN)/coverage erase
 	$(MAKE) test campaign COUNT='--cov --cov-append --cov-report= --cov-fail-under=0'
 	$(BIN)/coverage report
 
-bench: $(STAMP)
+bench: $(WHOLE)
 	$(BIN)/python -m pytest tests/benchmarks --run-benchmarks -m "not campaign" -q -s
 
 # Foreign solvers stay out of .venv until somebody asks for them.
-bench-peers: $(STAMP)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[peers]'
+bench-peers: $(WHOLE)
+	$(PIP) --editable '.[peers]'
 	$(BIN)/python tests/benchmarks/peers/compare.py
 
-lint: $(STAMP)
+lint: $(WHOLE)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

@@ -35,7 +35,7 @@ fi
 
 buildah "${storage[@]}" bud --isolation chroot --network host --pull-never --format docker \
     --file "$root/docker/Dockerfile" --ignorefile "$root/docker/Dockerfile.dockerignore" \
-    --build-arg BASE=localhost/debian-base --build-arg TORCH_INDEX="${TORCH_INDEX-}" \
+    --build-arg BASE=localhost/debian-base \
     "${mounts[@]}" --tag cable-winding-twin "$root"
 
 # The demo, inside, as the image's own user.

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 import typer
@@ -94,3 +96,11 @@ def test_data_of_ones_own_needs_a_folder_of_ones_own(command, tmp_path) -> None:
     refused = CliRunner().invoke(command, ["--data", str(path)])
     assert refused.exit_code == 2
     assert "give --output" in refused.output
+
+
+@pytest.mark.parametrize("name", ["torch", "sklearn"])
+def test_training_without_its_libraries_says_what_to_install(command, monkeypatch, name) -> None:
+    monkeypatch.setitem(sys.modules, name, None)
+    refused = CliRunner().invoke(command, [])
+    assert refused.exit_code == 2
+    assert f"needs {name}: pip install 'cable-winding-twin[train]'" in refused.output

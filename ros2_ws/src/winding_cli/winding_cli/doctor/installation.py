@@ -18,6 +18,11 @@ from winding_cli.doctor.finding import Finding, fail, ok, warn
 
 PYTHONS = ((3, 11), (3, 12))
 _PATIENCE = 180.0
+# Extra that a graph runs without -> commands that need it.
+NEEDED_BY = {
+    "dashboard": "only `winding dashboard` needs it",
+    "train": "only `winding train` and `winding study` need it",
+}
 # Module -> distribution that states its version, extra of the project that brings it.
 WHEELS = {
     **{
@@ -36,8 +41,10 @@ WHEELS = {
     },
     **{name: (name, "") for name in ("numpy", "scipy", "numba")},
     "cv2": ("opencv-python-headless", ""),
-    **{name: (name, "") for name in ("torch", "rosbags", "mcap")},
+    **{name: (name, "") for name in ("rosbags", "mcap")},
     "nicegui": ("nicegui", "dashboard"),
+    "torch": ("torch", "train"),
+    "sklearn": ("scikit-learn", "train"),
 }
 
 
@@ -77,8 +84,8 @@ def _judge(module: str, result: Imported) -> Finding:
     distribution, extra = WHEELS[module]
     check = f"wheel {module}"
     install = f"pip install 'cable-winding-twin{f'[{extra}]' if extra else ''}'"
-    if result.error and extra == "dashboard":
-        return ok(check, f"not there; only `winding dashboard` needs it ({install})")
+    if result.error and extra in NEEDED_BY:
+        return ok(check, f"not there; {NEEDED_BY[extra]} ({install})")
     if result.error:
         source = ", or source /opt/ros/jazzy/setup.bash" if extra == "ros" else ""
         return fail(check, result.error, install + source)
