@@ -5,8 +5,8 @@ TORCH_INDEX ?=
 # Further options of the demo's run, such as ARGS="--namespace left".
 ARGS ?=
 # What a run needs, and what tests and training need beside it.
-EXTRAS := ros,dashboard
-FURTHER := $(EXTRAS),train,cluster,opcua,dev
+EXTRAS := ros
+FURTHER := $(EXTRAS),dashboard,tables,train,cluster,opcua,dev
 BIN := .venv/bin
 STAMP := .venv/.installed
 WHOLE := .venv/.installed-whole
@@ -29,7 +29,7 @@ install: $(WHOLE)
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12) and "Python 3.11 or 3.12 is needed, got " + sys.version.split()[0] + "; set PYTHON=")'
 	$(PYTHON) -m venv --clear .venv
-	$(PIP) --editable '.[$(EXTRAS)]'
+	$(PIP) --no-compile --editable '.[$(EXTRAS)]'
 	touch $@
 
 $(WHOLE): $(STAMP)

@@ -75,7 +75,11 @@ def test_every_import_has_a_key_of_rosdep_or_pypi(generator: ModuleType) -> None
 def test_every_library_is_in_the_root_project(generator: ModuleType) -> None:
     project = generator.PROJECT
     extras = project["optional-dependencies"]
-    further = [text for name in ("dashboard", "cluster", "opcua", "train") for text in extras[name]]
+    further = [
+        text
+        for name in ("dashboard", "cluster", "opcua", "train", "tables")
+        for text in extras[name]
+    ]
     wanted = [*project["dependencies"], *further]
     pip = {re.split(r"[<>=!~\[]", text)[0] for text in wanted}
     libraries = generator.ROSDEP_KEYS.keys() | generator.PYPI_ONLY

@@ -103,4 +103,6 @@ def test_training_without_its_libraries_says_what_to_install(command, monkeypatc
     monkeypatch.setitem(sys.modules, name, None)
     refused = CliRunner().invoke(command, [])
     assert refused.exit_code == 2
-    assert f"needs {name}: pip install 'cable-winding-twin[train]'" in refused.output
+    assert (
+        f"training models needs {name}: pip install 'cable-winding-twin[train]'" in refused.output
+    )

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from winding_cli.commands.console import result_console
+from winding_cli.commands.extras import need_extra
 from winding_cli.commands.output_path import check_output_folder, staged
 from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_cli.commands.ros_environment import joined
@@ -263,6 +264,7 @@ def export(
     ] = "",
 ) -> None:
     """Write a table for every topic; clouds give one row per point."""
+    need_extra("tables", "winding bag export")
     from winding_recorder.bags.failure import BagError
     from winding_recorder.bags.tables import export as write
 

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
+from winding_cli.commands.extras import need_extra
 from winding_cli.commands.output_path import check_output_file, check_output_folder
 from winding_cli.commands.refusal import refuse, refused
-from winding_cli.commands.train_extra import need_train_extra
 
 STORE = Path("runs") / "study"
 # A row or a range of rows.
@@ -128,7 +128,7 @@ def study(
             mass_scaling=mass_scaling,
             duration=duration_s,
         )
-    need_train_extra("study")
+    need_extra("train", "training models")
     record, stored = conduct(
         config if fem == "own" else None,
         chosen,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from winding_cli.commands.console import progress_bar
+from winding_cli.commands.extras import need_extra
 from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
 from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_cli.commands.termination import end, interruptible
@@ -85,6 +86,8 @@ def sweep(
 
     if out is not None and out.suffix not in SUFFIXES:
         refuse(f"--output must end in {' or '.join(SUFFIXES)}, got {out.name}")
+    if out is not None and out.suffix == ".parquet":
+        need_extra("tables", f"--output {out.name}")
     check_output_file(out, "--output")
     check_output_folder(store, "--store")
     with refused(ValueError):

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from winding_cli.commands.console import result_console
+from winding_cli.commands.extras import need_extra
 from winding_cli.commands.output_path import check_output_folder, staged
 from winding_cli.commands.refusal import refuse, refused
-from winding_cli.commands.train_extra import need_train_extra
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -55,7 +55,7 @@ def train(
 
     from correction_node.models.weights import SHIPPED, save_factor, weights_directory
 
-    need_train_extra("train")
+    need_extra("train", "training models")
     # Before what trains is imported.
     models = dict.fromkeys(learned for _, learned in SHIPPED.values())
     if model not in models:
