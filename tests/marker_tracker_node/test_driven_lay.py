@@ -35,7 +35,7 @@ def pulled(angle, weight):
     return weight * (1.2 if angle > 4.0 * math.pi else 1.0)
 
 
-def wound(case, seed, guide, samples=20_001):
+def wound(case, seed, guide, samples=20_001, period=PERIOD):
     """Wind a hidden rig; yield sample, encoder reading, carriage, lay and picture of each frame."""
     hidden = HiddenRig.drawn(np.random.default_rng(seed))
     lay = DrivenLay(case, hidden)
@@ -45,7 +45,7 @@ def wound(case, seed, guide, samples=20_001):
         angle, feed = DRIVE.positions(1.0e-3 * sample)
         carriage = guide(angle, feed)
         lay.advance(angle, carriage, pulled(angle, case.weight))
-        if sample % PERIOD:
+        if sample % period:
             continue
         seen = shown.at(carriage, lay.view())
         scene = Scene(
@@ -92,5 +92,22 @@ def test_a_tracker_that_takes_up_a_driven_run_numbers_its_markers(paper_film, nu
             before.append((t, encoder, carriage))
             continue
         tracker = tracker or film.tracker(motion_before=np.transpose(before))
+        tracker.track(picture(), t, encoder, carriage)
+    assert np.abs(deviations(tracker, lay)).max() < 4.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("since", [0.5, 0.9])
+def test_a_tracker_that_begins_anew_knows_the_way_of_the_guide(paper_film, since):
+    # P0 has hardly been seen when the tracker begins: it is proven, and the pose turned, as it
+    # passes again, and what was measured before is void.
+    case = paper_case(4)
+    guide = partial(leading, 0.198 / case.centreline_radius)
+    before, tracker = [], None
+    for t, encoder, carriage, lay, picture in wound(case, 11, guide, 13_001, 20):  # noqa: B007
+        if t < since:
+            before.append((t, encoder, carriage))
+            continue
+        tracker = tracker or paper_film(4).tracker(motion_before=np.transpose(before))
         tracker.track(picture(), t, encoder, carriage)
     assert np.abs(deviations(tracker, lay)).max() < 4.0

@@ -1,6 +1,8 @@
-"""The motion of a run before the first frame of a tracker that takes it up in the middle."""
+"""The motion of a run before a tracker begins, or begins anew, in its middle."""
 
 from __future__ import annotations
+
+from array import array
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,21 +17,39 @@ from winding_core.compiling import compiled
 FloatArray = NDArray[np.float64]
 
 
-def take_up(
-    state: TrackerState, fixed: FloatArray, motion: FloatArray, t: float, origin: float
-) -> None:
-    """Advance a fresh state along the machine's motion before a time.
+class MotionBefore:
+    """What the machine has done before the state is a fresh one.
+
+    Without it a guide that goes ahead of the commanded feed is taken for one whose zero is
+    elsewhere, and a long way for a wrap of the encoder.
 
     Args:
-        state: Written in place.
-        fixed: See `setup_numbers`, shape (38,).
-        motion: Ascending times [s], encoder readings [rad] and guide positions [m], shape (3, n).
-        t: Of the first frame [s].
-        origin: What the encoder reads where P0 lands [rad].
+        earlier: Ascending times [s], encoder readings [rad] and guide positions [m], nan where
+            missing, before the first frame, shape (3, n); None for nothing.
     """
-    earlier = motion[:, motion[0] < t]
-    earlier[1] -= origin
-    _follow_motion(fixed, state.numbers, state.paths, earlier)
+
+    def __init__(self, earlier: FloatArray | None) -> None:
+        self._earlier = np.empty((3, 0)) if earlier is None else earlier
+        self._frames = array("d")
+
+    def add(self, t: float, angle: float, guide: float) -> None:
+        """Take the readings of a frame, time [s], encoder [rad], guide [m]; nan where missing."""
+        self._frames.extend((t, angle, guide))
+
+    def take_up(self, state: TrackerState, fixed: FloatArray, t: float, origin: float) -> None:
+        """Advance a fresh state along the motion before a time.
+
+        Args:
+            state: Written in place.
+            fixed: See `setup_numbers`, shape (38,).
+            t: Of the next frame [s].
+            origin: What the encoder reads where P0 lands [rad].
+        """
+        frames = np.array(self._frames).reshape(-1, 3).T
+        since = frames[0, 0] if frames.size else t
+        motion = np.hstack([self._earlier[:, self._earlier[0] < since], frames])
+        motion[1] -= origin
+        _follow_motion(fixed, state.numbers, state.paths, motion)
 
 
 @compiled

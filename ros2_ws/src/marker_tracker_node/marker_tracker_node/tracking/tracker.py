@@ -14,7 +14,7 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame_update import update_burst
 from marker_tracker_node.tracking.guide_readings import guide_doubt
 from marker_tracker_node.tracking.lay_check import height_ratio, missing_markers
-from marker_tracker_node.tracking.motion_before import take_up
+from marker_tracker_node.tracking.motion_before import MotionBefore
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.run_evidence import RunEvidence
 from marker_tracker_node.tracking.run_means import mean_variances
@@ -65,7 +65,7 @@ class Tracker:
         self.config = config
         self.camera = camera
         self.state = TrackerState.fresh(config.marker_count)
-        self._motion_before = motion_before
+        self._motion = MotionBefore(motion_before)
         self._setup = config.setup(camera.view(config.pose))
         self._fixed = setup_numbers(self._setup)
         self._start = RunStart(config, camera, colour)
@@ -137,8 +137,10 @@ class Tracker:
             np.array([[t], [angle - self.origin], [guide], [lead]]),
         )
         self.seen = out.azimuth[0]
-        if not self._start.done and self._start.saw(t, out):
-            self._begin_anew()
+        if not self._start.done:
+            self._motion.add(t, angle, guide)
+            if self._start.saw(t, out):
+                self._begin_anew()
         records: Markers = self._records(out)[0]
         return records
 
@@ -284,7 +286,7 @@ class Tracker:
             raise ValueError(f"times must ascend from the last frame's {first} s")
 
     def _begin_anew(self) -> None:
-        """Forget what was measured with another pose or from another zero of the encoder."""
+        """Forget what was measured with another pose or zero of the encoder."""
         self.beginnings += 1
         self._evidence = RunEvidence()
         self.state = TrackerState.fresh(self.config.marker_count)
@@ -295,11 +297,11 @@ class Tracker:
 
     def _advance(self, frames: ByteArray, readings: FloatArray) -> Output:
         """Take frames with their `readings`, see `update_burst`."""
-        if self._motion_before is not None and len(frames) and not self.state.run.cylinder.started:
-            take_up(self.state, self._fixed, self._motion_before, readings[0, 0], self.origin)
         room = OutputRoom.empty(len(frames), len(self._ids))
         palette = self._start.palette()
         state = self.state
+        if len(frames) and not state.run.cylinder.started:
+            self._motion.take_up(state, self._fixed, readings[0, 0], self.origin)
         # Frames from messages are read-only; one kind of array means one compilation.
         still = np.ascontiguousarray(frames).view()
         still.flags.writeable = False
@@ -338,8 +340,6 @@ class Tracker:
 # Of a sighting that are kept as they are in `Output`.
 _ROWS = ("azimuth", "slope", "low", "high", "below", "above", "left", "right")
 _UNSEEN = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)
-
-
 # No machine comes so far [rad, m]; the search looks at every lap up to the present angle.
 _MOST_ANGLE, _MOST_GUIDE = 1.0e5, 100.0
 

@@ -23,7 +23,7 @@ def warm_up(config: TrackerConfig) -> None:
     solve_band(camera.view(config.pose), config.body, 0.0, 0.0, Band(0.5, 0.0, 0.0))
     image_formats.warm_up()
     frame = np.zeros((48, 64, 3), dtype=np.uint8)
-    Tracker(config, camera, motion_before=np.zeros((3, 0))).track(frame, 0.0, 0.0, 0.0)
+    Tracker(config, camera).track(frame, 0.0, 0.0, 0.0)
     setup = config.setup(camera.view(config.pose))
     # P0's place and what lies between markers are asked from Python, once they are in sight.
     predict_gate(setup, Band(azimuth=0.0, z=0.0, slope=0.0), empty_gates(1), 0)
