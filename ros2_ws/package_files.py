@@ -184,7 +184,7 @@ $requires
 test = pytest
 
 [options.package_data]
-* = py.typed, data/*, trained/*/*, profiles/*, templates/*
+* = py.typed, data/*, trained/*/*, profiles/*, schemas/*, templates/*
 
 [options.data_files]
 share/ament_index/resource_index/packages = resource/$name

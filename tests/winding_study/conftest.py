@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
 from winding_core.helix import curve_length
 from winding_core.published import published_markers
 from winding_study.runs.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 
 def _series(case, drive, marks, *, rate, rng, noise=0.0, in_view_only=False) -> MarkerSeries:

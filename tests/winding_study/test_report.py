@@ -22,6 +22,7 @@ class _Page(HTMLParser):
         super().__init__()
         self.sources: list[str] = []
         self.links: list[str] = []
+        self.anchors: list[str] = []
         self.tags: list[str] = []
         self.cells: list[list[str]] = []
         self._inside = False
@@ -30,6 +31,7 @@ class _Page(HTMLParser):
     def handle_starttag(self, tag, attrs) -> None:
         self.tags.append(tag)
         named = dict(attrs)
+        self.anchors += [named["id"]] if "id" in named else []
         self.sources += [named["src"]] if "src" in named else []
         self.links += [named["href"]] if "href" in named else []
         if tag == "tr":
@@ -63,11 +65,23 @@ def test_the_page_is_one_file_that_loads_nothing(synthetic, tmp_path) -> None:
     assert list(path.parent.iterdir()) == [path]
     text = path.read_text(encoding="utf-8")
     page = _Page(text)
-    assert page.links == []
+    assert all(link.startswith("#") for link in page.links)
     assert "script" not in page.tags
     assert "url(" not in text
     assert len(page.sources) == 5
     assert all(source.startswith("data:image/svg+xml;base64,") for source in page.sources)
+
+
+def test_contents_lead_to_every_heading_once(page_text: str) -> None:
+    page = _Page(page_text)
+    assert page.tags.count("h2") == len(page.anchors) > 5
+    assert page.links == [f"#{anchor}" for anchor in page.anchors]
+
+
+def test_verdict_is_the_first_text_of_the_page(synthetic, page_text: str) -> None:
+    body = re.sub(r"<[^>]+>", "", page_text.partition("<body>")[2]).split()
+    said = synthetic().verdict.sentence
+    assert " ".join(body).casefold().startswith(said.casefold())
 
 
 @pytest.mark.slow

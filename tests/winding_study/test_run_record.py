@@ -10,6 +10,8 @@ import pytest
 from winding_study.runs.run_record import MarkerRow, MarkerSeries, Signal, run_json, write_run_json
 
 KEYS = {
+    "identity",
+    "error_verdict",
     "case",
     "ended",
     "markers",
@@ -26,10 +28,12 @@ MARKER_KEYS = {
     "s_fem_m",
     "s_tracked_m",
     "h",
+    "h_held_out",
     "s_corrected_m",
     "s_published_m",
     "error_fem_pct",
     "error_corrected_pct",
+    "error_held_out_pct",
 }
 
 

@@ -10,6 +10,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from printed_page import missing_from_paper, outside_the_margins, printed_words
 
 from correction_node.live.neighbours import Noise
 from correction_node.models.dataset import join_experiment
@@ -133,7 +134,7 @@ class _Page(HTMLParser):
         self.tags.add(tag)
         self._heading = tag in ("h1", "h2")
         self.sources += [value for name, value in attrs if name == "src"]
-        assert all(name != "href" for name, _ in attrs)
+        assert all(value.startswith("#") for name, value in attrs if name == "href")
 
     def handle_data(self, data: str) -> None:
         if self._heading and data.strip():
@@ -250,6 +251,21 @@ def test_every_picture_carries_its_pixels_with_it(page: str) -> None:
         drawing = base64.b64decode(source.partition(",")[2])
         assert ET.fromstring(drawing).tag == "{http://www.w3.org/2000/svg}svg"
         assert not re.search(rb'(href|src)="(?!#|data:image/png;base64,)', drawing)
+
+
+@pytest.mark.slow
+def test_every_table_cell_is_on_paper(page: str, tmp_path) -> None:
+    path = tmp_path / "index.html"
+    path.write_text(page, encoding="utf-8")
+    words = printed_words(path, tmp_path)
+    assert not missing_from_paper(page, words)
+    assert outside_the_margins(words) == []
+
+
+def test_contents_lead_to_every_heading_once(page: str) -> None:
+    anchors = re.findall(r'<h2 id="([^"]+)"', page)
+    assert len(anchors) == page.count("<h2") > 10
+    assert re.findall(r'href="#([^"]+)"', page) == anchors
 
 
 @pytest.mark.slow

@@ -69,6 +69,7 @@ class CorrectionNode(ManagedNode[CorrectionParameters]):
                 "relative_bound": f"{factor.relative_bound:.6f}",
                 "refused_measurements": str(refused),
                 "weights": self.configuration.weights,
+                "weights_sha256": handler.digest,
                 "in_sample_pct": f"{handler.errors['in_sample_pct']:.2f}",
                 "leave_one_case_out_pct": f"{handler.errors['leave_one_case_out_pct']:.2f}",
             },

@@ -278,7 +278,7 @@ class Run:
             config.bag,
             recorded=self._recorded(),
             config=config.recording,
-            notes=parameter_notes(config.parameters()),
+            notes={**config.notes, **parameter_notes(config.parameters())},
             **further,
         )
 

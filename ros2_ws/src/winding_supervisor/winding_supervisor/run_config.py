@@ -56,6 +56,7 @@ class RunConfig:
         compose: What opens a camera in the tracker's process, as MODULE:FUNCTION; empty for one
             that publishes its frames.
         lay_control: Whether the controller of the lay is one of the nodes.
+        notes: What its recordings say of the run beside the parameters, by name.
     """
 
     directory: Path
@@ -74,6 +75,7 @@ class RunConfig:
     trace: bool = False
     compose: str = ""
     lay_control: bool = False
+    notes: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def log_directory(self) -> Path:

@@ -25,6 +25,7 @@ class CorrectionHandler:
 
     Attributes:
         errors: Of the factor, from its card.
+        digest: SHA-256 of the learned numbers, in hex.
         factor: The correction factor h for this condition.
         run: What is measured of this run, and what it says of the rest.
     """
@@ -34,6 +35,7 @@ class CorrectionHandler:
         condition = what.case
         trained = load_factor(weights_directory(wanted.weights))
         self.errors = trained.errors
+        self.digest: str = trained.card["weights_sha256"]
         self._corrector = Corrector(trained, law=what.law)
         self.factor = self._corrector.factor(condition)
         self.run = RunCorrector(self._corrector, published_within_run(), condition)

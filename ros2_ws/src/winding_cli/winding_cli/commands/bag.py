@@ -238,19 +238,33 @@ def report(
             "0.5 by default. Exit code 1 if a lay that was driven is not known to keep it."
         ),
     ] = None,
+    error_limit_pct: Annotated[
+        float | None,
+        typer.Option(
+            help="Largest error of a corrected length that counts as good, in percent; the mean "
+            "error of the paper's Table 8, 4.8, by default. Exit code 1 if it is not kept."
+        ),
+    ] = None,
 ) -> None:
     """Write the report and the numbers of a recorded run, as `winding run` does."""
     from winding_cli.commands.bag_report import write_recorded_report
+    from winding_cli.commands.condition_options import spelled
     from winding_cli.commands.wanted_lay import held_against
+    from winding_core.options import typed_values
+    from winding_core.parameters import build
     from winding_recorder.bags.failure import BagError
+    from winding_study.runs.error_verdict import ErrorLimit
 
     with refused(ValueError):
         held = held_against(
             {} if lay_tolerance_mm is None else {"lay_tolerance_mm": lay_tolerance_mm}
         )
+        if error_limit_pct is not None:
+            checked = typed_values(ErrorLimit, {"error_limit_pct": error_limit_pct}, spelled)
+            build(ErrorLimit, checked, owner="winding bag report")
     check_output_folder(out, "--output", new=True)
     with refused(BagError, code=FAILED):
-        write_recorded_report(source, out, held)
+        write_recorded_report(source, out, held, error_limit_pct)
 
 
 @bag.command()

@@ -21,6 +21,7 @@ PANEL_OF_RECORD = {
     "LayParameters": _CAMERA,
     "LayWish": _LAY,
     "LayTolerance": _LAY,
+    "ErrorLimit": "What is written",
     "PlanParameters": "Limits of the machine",
 }
 

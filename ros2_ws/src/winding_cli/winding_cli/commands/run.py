@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
@@ -15,11 +13,10 @@ from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.machine_options import MachineOptions, machine_of
 from winding_cli.commands.option_panels import PANEL_OF_RUN
 from winding_cli.commands.output_path import check_output_file, check_output_folder
-from winding_cli.commands.refusal import FAILED, complain, fail, refuse
+from winding_cli.commands.refusal import refuse
 from winding_cli.commands.ros_environment import check_namespace, refuse_open
 from winding_cli.commands.run_checks import (
     case_label,
-    check_before_start,
     check_camera,
     check_page_and_file,
     composed_camera,
@@ -28,10 +25,15 @@ from winding_cli.commands.run_checks import (
     look_of,
     recording_of,
 )
-from winding_cli.commands.run_results import deliver, refuse_flawed, show, write_trace
-from winding_cli.commands.termination import end
+from winding_cli.commands.run_results import (
+    deliver,
+    refuse_flawed,
+    seed_of,
+    show,
+    write_trace,
+)
+from winding_cli.commands.run_winding import wind
 from winding_cli.commands.wanted_lay import controlled_nodes, lead_of, tolerance_of, wish_of
-from winding_cli.output.progress_lines import ProgressLines, print_sentence
 from winding_core.camera_clock import CameraClockParameters
 from winding_core.camera_pixels import CameraPixels
 from winding_core.camera_placement import CameraPlacement
@@ -42,13 +44,8 @@ from winding_core.lay_wish import LayWish
 from winding_core.machine_axes import MachineAxes
 from winding_core.marker_parameters import MarkerParameters
 from winding_core.options import typed_values
-
-if TYPE_CHECKING:
-    from winding_recorder.live.recorder import RunBuffer
-    from winding_supervisor.run import RunResult
-    from winding_supervisor.run_config import RunConfig
-
-_FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
+from winding_core.parameters import build
+from winding_study.runs.error_verdict import ErrorLimit
 
 
 @with_options(
@@ -61,6 +58,7 @@ _FIRST_WORDS = "starting the nodes; the first start after an install compiles ke
     LayParameters,
     LayWish,
     LayTolerance,
+    ErrorLimit,
     panels=PANEL_OF_RUN,
 )
 def run(
@@ -73,6 +71,7 @@ def run(
     measured: Typed,
     wish: Typed,
     judged: Typed,
+    errors: Typed,
     *,
     lay: Annotated[
         str | None,
@@ -192,6 +191,7 @@ def run(
         look = look_of(markers)
         wished = wish_of(wish, condition)
         tolerance = tolerance_of(judged, wished)
+        limit = build(ErrorLimit, typed_values(ErrorLimit, errors, spelled), owner="winding run")
     except ValueError as error:
         refuse(error)
     check_namespace(namespace)
@@ -231,9 +231,12 @@ def run(
         refuse_open(namespace, dashboard=dashboard, lay_control=bool(wished))
     lay = lay_of(lay, published=wound.is_published, composed=bool(camera_source), wish=wished)
     from winding_cli.commands.page_options import operated_condition, page_parameters
+    from winding_cli.output.origin import origin_here
+    from winding_recorder.bags.notes import ORIGIN
     from winding_ros import topics
     from winding_supervisor.run_config import RunConfig
 
+    origin = origin_here()
     simulated = given(
         speed=speed,
         lay=lay,
@@ -267,11 +270,12 @@ def run(
         trace=trace is not None,
         compose=camera_source,
         lay_control=bool(wished),
+        notes={ORIGIN: origin.text},
     )
     check_output_folder(report, "--report")
     for option, file in (("--json", json), ("--trace", trace), ("--truth", truth)):
         check_output_file(file, option, make_folder=True)
-    directory, result, failure = _wind(config, condition)
+    directory, result, failure = wind(config, condition)
     if dashboard and config.machine is None:
         operated = operated_condition(condition, result)
         if operated is None:
@@ -281,69 +285,23 @@ def run(
             return
         condition = operated
     numbers = json or directory / "run.json"
+    parameters_of_nodes = config.parameters()
+    if result.wound:
+        parameters_of_nodes[topics.RIG] |= result.wound
     record, page = deliver(
-        condition, result, report or directory / "report", numbers, wished, tolerance.limit
+        condition,
+        result,
+        report or directory / "report",
+        numbers,
+        wished,
+        tolerance.limit,
+        origin=origin,
+        seed=seed_of(parameters_of_nodes),
+        error_limit_pct=limit.error_limit_pct,
     )
     if trace is not None:
         write_trace(record, result, trace)
     if failure is not None:
         failure()
     show(record, page, numbers, result.bags, trace)
-    refuse_flawed(record, result, held=tolerance.asked)
-
-
-def _wind(
-    config: RunConfig, condition: Condition
-) -> tuple[Path, RunResult, Callable[[], NoReturn] | None]:
-    """Wind with a live picture on a terminal, and with lines of progress elsewhere.
-
-    Returns:
-        The run's folder, what it leaves, and how the command is to end if it ended early.
-    """
-    from rich.console import Console
-    from rich.live import Live
-    from rich.text import Text
-
-    from winding_cli.output.early_import import import_early
-    from winding_cli.output.live_view import LiveView
-    from winding_recorder.live.recorder import RecorderError
-    from winding_ros.graph_error import GraphError
-    from winding_supervisor.domain_lock import DomainError
-    from winding_supervisor.run import opened_run
-    from winding_supervisor.run_config import RunFolderError
-
-    check_before_start(config)
-    console = Console(stderr=True)
-    try:
-        with opened_run(config) as run:
-            directory = run.config.directory
-            import_early("winding_study.reports.report")
-            try:
-                if not console.is_terminal:
-                    return (
-                        directory,
-                        run.wind(ProgressLines(config.duration, _FIRST_WORDS), print_sentence),
-                        None,
-                    )
-                with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
-
-                    def view(buffer: RunBuffer, wall: float) -> None:
-                        picture = LiveView(condition.resolved().case, config.duration, buffer)
-                        live.update(picture.render(wall))
-
-                    return directory, run.wind(view, live.console.print), None
-            except (GraphError, TimeoutError, OSError) as error:
-                reason = str(error)
-                complain(reason)
-                ending = fail
-            except KeyboardInterrupt:
-                reason = "interrupted"
-                ending = partial(end, "interrupted; the nodes are stopped")
-            remains = run.remains(reason)
-            if remains is None:
-                ending()
-            return directory, remains, ending
-    except (DomainError, RecorderError, RunFolderError) as error:
-        refuse(error)
-    except OSError as error:
-        refuse(error, FAILED)
+    refuse_flawed(record, result, held=tolerance.asked, errors_held=bool(errors))

@@ -13,6 +13,7 @@ from winding_core.condition import Condition
 from winding_core.parameters import Value
 
 if TYPE_CHECKING:
+    from winding_study.runs.identity import Origin
     from winding_study.runs.run_record import RunRecord
     from winding_supervisor.run import RunResult
 
@@ -24,6 +25,10 @@ def deliver(
     json: Path,
     wish: Mapping[str, Value],
     tolerance: float,
+    *,
+    origin: Origin | None,
+    seed: int | None,
+    error_limit_pct: float,
 ) -> tuple[RunRecord, Path]:
     """Write the run's numbers and its report; return its record and the report's page.
 
@@ -34,12 +39,23 @@ def deliver(
         json: File of the numbers.
         wish: Parameters of the wanted lay, if there was one.
         tolerance: Of that lay, in every turn after the second [m].
+        origin: The process that made the run; None where a recording does not say.
+        seed: Of the simulated sensors; None for a real machine.
+        error_limit_pct: Largest error of a corrected length that counts as good [%].
     """
     from winding_cli.output.results import run_record
     from winding_study.reports.report import write_report
     from winding_study.runs.run_record import write_run_json
 
-    record = run_record(condition, result, wish, tolerance)
+    record = run_record(
+        condition,
+        result,
+        wish,
+        tolerance,
+        origin=origin,
+        seed=seed,
+        error_limit_pct=error_limit_pct,
+    )
     with staged(json) as place:
         write_run_json(record, place)
     with staged(report) as place:
@@ -61,10 +77,13 @@ def show(
     record: RunRecord, page: Path, json: Path, bags: tuple[Path, ...], trace: Path | None
 ) -> None:
     """Print the results of a run and where its files are."""
-    from winding_cli.output.results import results_table, trace_tables
+    from winding_cli.output.result_tables import results_table, trace_tables
 
     console = result_console()
     console.print(results_table(record))
+    verdict = record.verdict
+    for sentence in filter(None, (verdict.sentence, verdict.held_out_sentence)):
+        console.print(sentence, highlight=False, soft_wrap=True)
     if record.lay is not None:
         console.print(f"lay: {record.lay.verdict.sentence}", highlight=False, soft_wrap=True)
     if record.trace is not None:
@@ -74,7 +93,27 @@ def show(
         console.print(f"{name}: {path}", soft_wrap=True)
 
 
-def refuse_flawed(record: RunRecord, result: RunResult, *, held: bool) -> None:
+def seed_of(parameters: Mapping[str, Mapping[str, object]]) -> int | None:
+    """Return the seed of the simulated sensors; None for a real machine.
+
+    Args:
+        parameters: By node.
+    """
+    from winding_core.parameters import declarations
+    from winding_ros import topics
+    from winding_ros.graph import RIG, parameters_of
+
+    if topics.RIG not in parameters:
+        return None
+    own = {item.name: item.default for item in declarations(parameters_of(RIG))}
+    seed = (own | dict(parameters[topics.RIG]))["seed"]
+    assert isinstance(seed, int)
+    return seed
+
+
+def refuse_flawed(
+    record: RunRecord, result: RunResult, *, held: bool, errors_held: bool = False
+) -> None:
     """End a command whose run came to its end with a flaw.
 
     Args:
@@ -82,9 +121,13 @@ def refuse_flawed(record: RunRecord, result: RunResult, *, held: bool) -> None:
         result: What it left.
         held: Whether the user gave a tolerance, which a lay that was driven must then be known
             to keep.
+        errors_held: Whether the user gave a limit of the errors, which they must then be known to
+            keep.
     """
     if result.recording_error is not None:
         refuse(f"the recording is incomplete: {result.recording_error}", FAILED)
     lay = record.lay
     if held and lay is not None and lay.drove and not lay.verdict.kept:
         refuse(lay.verdict.sentence, FAILED)
+    if errors_held and not record.verdict.good:
+        refuse(record.verdict.sentence, FAILED)

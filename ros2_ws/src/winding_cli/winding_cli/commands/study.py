@@ -120,6 +120,7 @@ def study(
     if fem == "published" and lengths is not None:
         refuse("--fem published winds nothing, so it has no --lengths")
     chosen, drawn = _cases(cases), _seeds(seeds)
+    drawn = drawn if models else ()
     with refused(ValueError):
         config = StudyConfig(
             element=element,
@@ -134,11 +135,13 @@ def study(
         chosen,
         store=store,
         processes=processes,
-        seeds=drawn if models else (),
+        seeds=drawn,
         steps=steps,
     )
     study_output.show(record)
-    study_output.deliver(record, stored=stored, report=report, json=json, lengths=lengths)
+    study_output.deliver(
+        record, stored=stored, report=report, json=json, lengths=lengths, seeds=drawn
+    )
 
 
 def _cases(text: str | None) -> tuple[int, ...]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from winding_study.documents.data_table import DataTable
     from winding_study.paper.study_record import StudyRecord
+    from winding_study.runs.identity import Identity
 
 
 def show(record: StudyRecord) -> None:
@@ -41,21 +42,34 @@ def deliver(
     report: Path | None,
     json: Path | None,
     lengths: Path | None,
+    seeds: tuple[int, ...],
 ) -> None:
-    """Write the files that were asked for, and say so when one was there before."""
-    from correction_node.models.dataset import format_lengths
-    from winding_study.paper.study import predicted_lengths
+    """Write the files that were asked for, and say so when one was there before.
 
+    Args:
+        record: What was found.
+        stored: How many of its cases were in the store.
+        report: Folder of the report; None for none.
+        json: File of all numbers; None for none.
+        lengths: File of the predicted lengths; None for none.
+        seeds: Of the networks.
+    """
+    from correction_node.models.dataset import format_lengths
+    from winding_cli.output.origin import origin_here
+    from winding_study.paper.study import predicted_lengths
+    from winding_study.paper.study_identity import study_identity
+
+    identity = study_identity(record, origin_here(), seeds)
     if json is not None:
         _announce(json)
-        write_json(json, record.as_json())
+        write_json(json, {"identity": identity.as_json(), **record.as_json()})
     if lengths is not None:
         _announce(lengths)
         with staged(lengths) as place:
             text = format_lengths(predicted_lengths(record.results))
             place.write_text(text, encoding="utf-8")
     if report is not None:
-        _report(record, report, stored)
+        _report(record, report, stored, identity)
 
 
 def calibrate(law: str | None, json: Path | None) -> None:
@@ -91,12 +105,12 @@ def calibrate(law: str | None, json: Path | None) -> None:
         write_json(json, {"calibration": fitted.as_json()})
 
 
-def _report(record: StudyRecord, folder: Path, stored: int) -> None:
+def _report(record: StudyRecord, folder: Path, stored: int, identity: Identity) -> None:
     from winding_study.reports.study_report import write_study
 
     _announce(folder / "index.html")
     with staged(folder) as place:
-        page = write_study(record, place, stored=stored)
+        page = write_study(record, place, stored=stored, identity=identity)
     print(f"Report: {folder / page.name}")
 
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
 from winding_cli.output.lay_results import recorded_outcome
+from winding_cli.output.run_cable import last_cable
+from winding_cli.output.trained_factor import used_factor
 from winding_core.condition import Condition
 from winding_core.helix import curve_length
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
@@ -24,17 +24,16 @@ from winding_ros.cloud_messages import decode_cloud
 from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostics
 from winding_ros.rig_messages import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
+from winding_study.runs.error_verdict import PAPER_LIMIT_PCT
+from winding_study.runs.identity import Identity, Origin, condition_quantities
 from winding_study.runs.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
-from winding_study.trace.hops import LengthTrace, length_trace
-from winding_study.trace.summary import hop_costs
+from winding_study.trace.hops import length_trace
 from winding_supervisor.run import RunResult
 
 # A marker in one of these states was not measured in the frame that says so.
 _UNSEEN = int(
     MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED | MarkerFlag.OCCLUDED | MarkerFlag.CLIPPED
 )
-
-_ORIGINS = {"camera": "exposure of the newest frame", "prediction": "encoder sample"}
 
 _THINNED = (
     "The run was long: of what came before its last seconds, curves and means have every second "
@@ -43,7 +42,14 @@ _THINNED = (
 
 
 def run_record(
-    condition: Condition, result: RunResult, wish: Mapping[str, Value], tolerance: float
+    condition: Condition,
+    result: RunResult,
+    wish: Mapping[str, Value],
+    tolerance: float,
+    *,
+    origin: Origin | None = None,
+    seed: int | None = None,
+    error_limit_pct: float = PAPER_LIMIT_PCT,
 ) -> RunRecord:
     """Return the record of a finished run.
 
@@ -52,6 +58,9 @@ def run_record(
         result: What the run left.
         wish: Parameters of the wanted lay, if there was one.
         tolerance: Of that lay, in every turn after the second [m].
+        origin: The process that made the run; None where a recording does not say.
+        seed: Of the simulated sensors; None for a real machine.
+        error_limit_pct: Largest error of a corrected length that counts as good [%].
     """
     buffer = result.buffer
     what = condition.resolved()
@@ -69,6 +78,7 @@ def run_record(
     published = published_markers(case.number) if case.is_published else ()
     experiment = {item.marker: item.experiment.s for item in published if item.experiment}
     final = _final_corrections(buffer)
+    factor = used_factor(_last_status(buffer, topics.CORRECTION), what)
     reached = buffer.time
     missing = _gaps
     if result.simulated:
@@ -94,6 +104,7 @@ def run_record(
                 mean_length(tracked.of(marker), case.centreline_radius),
                 final.get(marker),
                 experiment.get(marker),
+                factor.held_out.get(marker),
             )
             for marker in range(1, case.marker_count + 1)
         ),
@@ -108,6 +119,16 @@ def run_record(
         facts=_facts(buffer),
         trace=None if result.trace is None else length_trace(result.trace),
         lay=lay,
+        identity=Identity(
+            origin=origin,
+            seeds=() if seed is None else (seed,),
+            bags=tuple(str(bag.absolute()) for bag in result.bags),
+            weights=factor.weights,
+            weights_sha256=factor.sha256,
+            condition=condition_quantities(condition),
+        ),
+        error_limit_pct=error_limit_pct,
+        cable=last_cable(buffer, case),
         notes=(
             *_notes(published=case.is_published, controlled=lay is not None),
             *([_THINNED] if buffer.thinned else []),
@@ -120,59 +141,6 @@ def mean_length(series: MarkerSeries, radius: float) -> float | None:
     if series.t.size == 0:
         return None
     return curve_length(radius, float(series.theta.mean()), float(series.z.mean()))
-
-
-def results_table(record: RunRecord) -> Table:
-    """Return every marker of a run: original, predicted, tracked, corrected, published, errors."""
-    name = f"case {record.case.number}" if record.case.number else "an own condition"
-    table = Table(title=f"Curve lengths of {name}", box=SIMPLE_HEAD, title_justify="left")
-    table.add_column("marker")
-    for heading in (
-        "original\nmm",
-        "FEM\nmm",
-        "tracked\nmm",
-        "h\n",
-        "corrected\nmm",
-        "published\nmm",
-        "error of\nFEM, %",
-        "error after\ncorrection, %",
-    ):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in record.rows:
-        table.add_row(
-            f"P{row.id}",
-            *(_cell(value, 1e3, 2) for value in (row.original, row.s_fem, row.s_tracked)),
-            _cell(row.h, 1.0, 4),
-            *(_cell(value, 1e3, 2) for value in (row.s_corrected, row.s_published)),
-            *(_cell(value, 1.0, 2) for value in (row.error_fem_pct, row.error_corrected_pct)),
-        )
-    return table
-
-
-def trace_tables(trace: LengthTrace) -> list[Table]:
-    """Return what each hop of the ways to the corrected lengths takes."""
-    tables = []
-    for way in trace.ways:
-        table = Table(
-            title=f"From the {_ORIGINS[way.name]} to the corrected length, {len(way.stamps)} of "
-            f"{trace.lengths} lengths",
-            box=SIMPLE_HEAD,
-            title_justify="left",
-        )
-        for heading in ("where", "what"):
-            table.add_column(heading)
-        for heading in ("median, ms", "p99, ms", "share, %"):
-            table.add_column(heading, justify="right", no_wrap=True)
-        for cost in hop_costs(way):
-            table.add_row(
-                cost.station,
-                cost.name,
-                _cell(cost.median, 1e3, 2),
-                _cell(cost.p99, 1e3, 2),
-                _cell(cost.share, 1e2, 1),
-            )
-        tables.append(table)
-    return tables
 
 
 def _in_run(
@@ -236,6 +204,7 @@ def _row(
     tracked: float | None,
     correction: np.void | None,
     published: float | None,
+    held_out: float | None,
 ) -> MarkerRow:
     if correction is None:
         return MarkerRow(id=marker, original=original, s_tracked=tracked, s_published=published)
@@ -245,6 +214,7 @@ def _row(
         s_fem=float(correction["s_fem"]),
         s_tracked=tracked,
         h=float(correction["h"]),
+        h_held_out=held_out,
         s_corrected=float(correction["s"]),
         s_low=float(correction["s_low"]),
         s_high=float(correction["s_high"]),
@@ -300,9 +270,6 @@ def _notes(*, published: bool, controlled: bool) -> tuple[str, ...]:
         "The machine lays the cable where the paper's experiment measured it, so the tracked "
         "lengths test the camera and the tracker, not the solver.",
         "The weight h was trained on all twelve published cases, this one among them: its error "
-        "here is in-sample. The held-out error of each case is in the weight's card.",
+        "here is in-sample. Held out is the prediction times the factor of a training that never "
+        "saw this case, without what was measured in this run.",
     )
-
-
-def _cell(value: float | None, factor: float, digits: int) -> str:
-    return "-" if value is None else f"{value * factor:.{digits}f}"

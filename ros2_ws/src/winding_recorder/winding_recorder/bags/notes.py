@@ -11,3 +11,5 @@ LOST = "lost "
 PARAMETERS = "parameters "
 # The recording that this one was made from, and what was lost with it.
 RECOVERED = "recovered from"
+# Which run this is, as JSON: id, date, version of the project, versions of libraries, host.
+ORIGIN = "origin"

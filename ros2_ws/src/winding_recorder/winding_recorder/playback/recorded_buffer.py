@@ -10,7 +10,7 @@ from typing import Any
 from winding_core.machine_axes import MachineAxes
 from winding_core.parameters import ParameterError
 from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.notes import COMPLETE, PARAMETERS, YES
+from winding_recorder.bags.notes import COMPLETE, ORIGIN, PARAMETERS, YES
 from winding_recorder.bags.reading import messages_of, opened, read_notes
 from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
@@ -32,11 +32,13 @@ class RecordedRun:
         buffer: Its messages but the pictures.
         parameters: Of every node that it states, by name.
         ended: Why the recording ended before the run; empty for a whole one.
+        origin: Which run it was, as JSON text; empty where it does not say so.
     """
 
     buffer: RunBuffer
     parameters: Mapping[str, Mapping[str, Any]]
     ended: str
+    origin: str = ""
 
 
 def recorded_run(path: Path) -> RecordedRun:
@@ -63,7 +65,10 @@ def recorded_run(path: Path) -> RecordedRun:
         buffer.origin = first[0]
     complete = notes.get(COMPLETE, YES)
     return RecordedRun(
-        buffer=buffer, parameters=parameters, ended="" if complete == YES else complete
+        buffer=buffer,
+        parameters=parameters,
+        ended="" if complete == YES else complete,
+        origin=notes.get(ORIGIN, ""),
     )
 
 

@@ -1,4 +1,4 @@
-"""Picture of the wound cables of all cases, as the paper's Figure 9."""
+"""Pictures of wound cables: of all cases, as the paper's Figure 9, and of one run."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from matplotlib.colors import Normalize
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from winding_core.cases import paper_case
 from winding_core.units import MILLIMETRE
 from winding_study.documents.picture import INK, PALE, Picture, canvas, picture
 from winding_study.runs.case_result import CaseResult
+from winding_study.runs.wound_cable import WoundCable, cable_of
 
 Array = NDArray[np.float64]
 
@@ -29,6 +29,10 @@ _ABOVE_MM = 14.0
 # Of the drawing; three cables of 110 mm fill the width of a page.
 _MM_PER_INCH = 40.0
 _COLUMNS = 3
+_HOW_TO_READ = (
+    "Seen from the side at the end of the run, to scale, z in mm; what lies behind is drawn pale, "
+    "markers are yellow dots."
+)
 
 
 def cables_picture(results: tuple[CaseResult, ...]) -> Picture:
@@ -37,56 +41,59 @@ def cables_picture(results: tuple[CaseResult, ...]) -> Picture:
     Args:
         results: At least one case.
     """
-    columns = min(_COLUMNS, len(results))
-    lines = -(-len(results) // columns)
-    strains = [100.0 * _wound_strain(result) for result in results]
-    scale = Normalize(0.0, max(5.0, *(float(s.max()) for s in strains)))
+    cables = [cable_of(result) for result in results]
+    strains = ", ".join(
+        f"case {cable.case.number} {100.0 * cable.wound_strain.mean():.1f} %" for cable in cables
+    )
+    return _picture(
+        cables,
+        "Figure 9: the wound cables",
+        f"{_HOW_TO_READ} As in the paper the cable stretches less the thicker it is. Mean strain "
+        f"on the cylinder: {strains}.",
+    )
+
+
+def cable_picture(cable: WoundCable) -> Picture:
+    """Return the predicted cable of a run at its end, coloured by strain."""
+    return _picture(
+        [cable],
+        "The wound cable",
+        f"As the solver predicts it. {_HOW_TO_READ} Mean strain on the cylinder: "
+        f"{100.0 * cable.wound_strain.mean():.1f} %.",
+    )
+
+
+def _picture(cables: list[WoundCable], title: str, caption: str) -> Picture:
+    columns = min(_COLUMNS, len(cables))
+    lines = -(-len(cables) // columns)
+    scale = Normalize(0.0, max(5.0, *(100.0 * float(c.wound_strain.max()) for c in cables)))
     tall = [
-        max(_height_mm(result) for result in results[row * columns : (row + 1) * columns])
+        max(_height_mm(cable) for cable in cables[row * columns : (row + 1) * columns])
         for row in range(lines)
     ]
     high = sum(tall) / _MM_PER_INCH + 0.45 * lines + 0.9
     with canvas(high, rows=lines, columns=columns, heights=tall) as (figure, panels):
-        for axes in panels[len(results) :]:
+        for axes in panels[len(cables) :]:
             axes.set_visible(False)
-        for result, axes in zip(results, panels, strict=False):
-            drawn = _draw(axes, result, scale)
+        for cable, axes in zip(cables, panels, strict=False):
+            drawn = _draw(axes, cable, scale)
         bar = figure.colorbar(
             drawn, ax=panels, orientation="horizontal", fraction=0.025, aspect=60, pad=0.02
         )
         bar.set_label("axial strain of the cable, %")
         bar.outline.set_visible(False)
-    return picture(
-        figure,
-        "Figure 9: the wound cables",
-        "Seen from the side at the end of the run, to scale, z in mm; what lies behind is "
-        "drawn pale, markers are yellow dots. As in the paper the cable stretches less the "
-        "thicker it is. Mean strain on the cylinder: "
-        + ", ".join(
-            f"case {result.case} {strain.mean():.1f} %"
-            for result, strain in zip(results, strains, strict=True)
-        )
-        + ".",
-    )
+    return picture(figure, title, caption)
 
 
-def _wound_strain(result: CaseResult) -> Array:
-    """Strain of what lies on the cylinder, shape (k,)."""
-    distance = np.hypot(result.nodes[:, 0], result.nodes[:, 1])
-    loose = distance > 1.02 * paper_case(result.case).centreline_radius
-    wound = int(np.argmax(loose)) if loose.any() else len(loose)
-    return result.strain[1 : max(2, wound)]
+def _height_mm(cable: WoundCable) -> float:
+    """Height of what is drawn of a cable."""
+    return cable.case.cylinder_diameter / MILLIMETRE + _SPAN_MM + _ABOVE_MM
 
 
-def _height_mm(result: CaseResult) -> float:
-    """Height of what is drawn of a case."""
-    return paper_case(result.case).cylinder_diameter / MILLIMETRE + _SPAN_MM + _ABOVE_MM
-
-
-def _draw(axes: Axes, result: CaseResult, scale: Normalize) -> PolyCollection:
-    case = paper_case(result.case)
-    fine = np.linspace(0.0, len(result.nodes) - 1.0, _FINE * len(result.nodes))
-    x, y, z, strain = _smooth(result, fine)
+def _draw(axes: Axes, cable: WoundCable, scale: Normalize) -> PolyCollection:
+    case = cable.case
+    fine = np.linspace(0.0, len(cable.nodes) - 1.0, _FINE * len(cable.nodes))
+    x, y, z, strain = _smooth(cable, fine)
     radius, width = case.cylinder_radius / MILLIMETRE, case.cable_diameter / MILLIMETRE
     long = float(z.max()) + _MARGIN_MM
     axes.add_patch(
@@ -104,7 +111,7 @@ def _draw(axes: Axes, result: CaseResult, scale: Normalize) -> PolyCollection:
     front = x[:-1] + x[1:] >= 0.0
     drawn = _ribbon(axes, edges, strain, ~front, scale, alpha=0.4, zorder=1)
     drawn = _ribbon(axes, edges, strain, front, scale, alpha=1.0, zorder=3)
-    _markers(axes, result)
+    _markers(axes, cable)
     axes.set_aspect("equal")
     axes.set_xlim(-_MARGIN_MM, long)
     axes.set_ylim(-radius - _SPAN_MM, radius + _ABOVE_MM)
@@ -112,24 +119,23 @@ def _draw(axes: Axes, result: CaseResult, scale: Normalize) -> PolyCollection:
     axes.set_yticks([])
     axes.tick_params(labelsize=7.0)
     axes.spines["left"].set_visible(False)
-    axes.set_title(
-        f"{case.number}:  {2.0 * radius:g} / {width:g} mm, {case.weight:.1f} N", fontsize=8.5
-    )
+    name = f"{case.number}:  " if case.number else ""
+    axes.set_title(f"{name}{2.0 * radius:g} / {width:g} mm, {case.weight:.1f} N", fontsize=8.5)
     return drawn
 
 
-def _smooth(result: CaseResult, place: Array) -> tuple[Array, Array, Array, Array]:
+def _smooth(cable: WoundCable, place: Array) -> tuple[Array, Array, Array, Array]:
     """Return x, y, z [mm] and strain between the nodes, along circles about the axis."""
-    nodes = np.arange(len(result.nodes))
-    azimuth = np.unwrap(np.arctan2(result.nodes[:, 1], result.nodes[:, 0]))
-    distance = np.hypot(result.nodes[:, 0], result.nodes[:, 1]) / MILLIMETRE
+    nodes = np.arange(len(cable.nodes))
+    azimuth = np.unwrap(np.arctan2(cable.nodes[:, 1], cable.nodes[:, 0]))
+    distance = np.hypot(cable.nodes[:, 0], cable.nodes[:, 1]) / MILLIMETRE
     angle, radius = np.interp(place, nodes, azimuth), np.interp(place, nodes, distance)
-    z = np.interp(place, nodes, result.nodes[:, 2] / MILLIMETRE)
+    z = np.interp(place, nodes, cable.nodes[:, 2] / MILLIMETRE)
     return (
         radius * np.cos(angle),
         radius * np.sin(angle),
         z,
-        np.interp(place, nodes, result.strain),
+        np.interp(place, nodes, cable.strain),
     )
 
 
@@ -168,14 +174,13 @@ def _ribbon(
     return band
 
 
-def _markers(axes: Axes, result: CaseResult) -> None:
+def _markers(axes: Axes, cable: WoundCable) -> None:
     """Draw P0 to Pn where they lie; the names stand above the cylinder."""
-    case = paper_case(result.case)
-    start = math.atan2(result.nodes[0, 1], result.nodes[0, 0])
-    places = {0: (0.0, 0.0)} | {n: (lay.theta, lay.z) for n, lay in result.lays.items()}
-    for marker, (theta, z) in places.items():
+    case = cable.case
+    start = math.atan2(cable.nodes[0, 1], cable.nodes[0, 0])
+    for marker, (theta, z) in cable.marks.items():
         front = math.cos(start - theta) >= 0.0
-        along = (result.nodes[0, 2] + z) / MILLIMETRE
+        along = (cable.nodes[0, 2] + z) / MILLIMETRE
         axes.scatter(
             [along],
             [case.centreline_radius * math.sin(start - theta) / MILLIMETRE],

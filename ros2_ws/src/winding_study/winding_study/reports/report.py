@@ -7,14 +7,19 @@ from statistics import fmean
 
 from winding_core.units import MEGAPASCAL, MILLIMETRE
 from winding_study.documents.page import MISSING, PAGE, Tile, fixed, render_page
+from winding_study.reports.cable_pictures import cable_picture
 from winding_study.reports.lay_pictures import lay_picture, marker_picture
 from winding_study.reports.lay_section import lay_section
 from winding_study.reports.length_pictures import lengths_picture
 from winding_study.reports.machine_pictures import speeds_picture, tension_picture
 from winding_study.reports.trace_pictures import trace_picture
-from winding_study.runs.run_record import RunRecord
+from winding_study.runs.error_verdict import CAMERA, ErrorVerdict, MarkerError
+from winding_study.runs.identity import condition_texts
+from winding_study.runs.run_record import MarkerRow, RunRecord
 
 _TEMPLATE = "report.html.j2"
+_FACTS = "How the run was made"
+_ERRORS = ("predicted", "corrected", "held_out")
 
 
 def write_report(record: RunRecord, directory: Path) -> Path:
@@ -27,22 +32,49 @@ def write_report(record: RunRecord, directory: Path) -> Path:
 
 def render_report(record: RunRecord) -> str:
     """Return the report of a run as one HTML text that loads nothing from anywhere."""
+    verdict = record.verdict
+    held_out = verdict.worst_held_out is not None
+    identity, condition = record.identity.texts(), condition_texts(record.identity.condition)
+    pictures = [
+        lengths_picture(record),
+        *([] if record.cable is None else [cable_picture(record.cable)]),
+        lay_picture(record),
+        marker_picture(record),
+        speeds_picture(record),
+        tension_picture(record),
+        *([] if record.trace is None else [trace_picture(record.trace)]),
+    ]
+    lay = None if record.lay is None else lay_section(record.lay)
+    contents = [
+        "Every marker",
+        *(["This run"] if identity else []),
+        *(["Condition"] if condition else []),
+        *([] if lay is None else ["Lay", *(picture.title for picture in lay.pictures)]),
+        *(picture.title for picture in pictures),
+        *(["What these numbers are worth"] if record.notes else []),
+        *([_FACTS] if record.facts else []),
+    ]
     return render_page(
         _TEMPLATE,
         title=_title(record),
+        verdict=_verdict(verdict),
+        contents=contents,
+        identity=identity,
+        condition=condition,
+        error_names=_error_names(held_out=held_out),
+        against=verdict.against,
+        measured="tracked" if verdict.against == CAMERA else "published",
+        held_out=held_out,
+        facts_title=_FACTS,
         conditions=_conditions(record),
         tiles=_tiles(record),
-        rows=[_row_texts(record, index) for index in range(len(record.rows))],
-        means=_means(record),
-        pictures=[
-            lengths_picture(record),
-            lay_picture(record),
-            marker_picture(record),
-            speeds_picture(record),
-            tension_picture(record),
-            *([] if record.trace is None else [trace_picture(record.trace)]),
+        rows=[
+            _row_texts(row, error, held_out=held_out)
+            for row, error in zip(record.rows, verdict.errors, strict=True)
         ],
-        lay=None if record.lay is None else lay_section(record.lay),
+        means=[_mean(verdict, name) for name in _ERRORS[: 3 if held_out else 2]],
+        pictures=pictures,
+        lay=lay,
         ended=record.ended,
         facts=record.facts,
         notes=record.notes,
@@ -76,8 +108,7 @@ def _tiles(record: RunRecord) -> list[Tile]:
         Tile(label="Wall time", value=_with_unit(record.wall_s, "s", 1), remark=pace),
         _counted("Camera frames", record.frames, record.frames_lost),
         _counted("Encoder samples", record.joint_states, record.joint_states_lost),
-        Tile(label="Mean error, predicted", value=_mean_error(record, "error_fem_pct")),
-        Tile(label="Mean error, corrected", value=_mean_error(record, "error_corrected_pct")),
+        *_mean_tiles(record.verdict),
     ]
 
 
@@ -86,13 +117,45 @@ def _counted(label: str, count: int | None, lost: int | None) -> Tile:
     return Tile(label=label, value=MISSING if count is None else f"{count:,}", remark=remark)
 
 
-def _mean_error(record: RunRecord, name: str) -> str:
-    errors = [getattr(row, name) for row in record.rows if getattr(row, name) is not None]
-    return f"{fmean(errors):.2f} %" if errors else MISSING
+def _mean_tiles(verdict: ErrorVerdict) -> list[Tile]:
+    before = f"predicted {_mean(verdict, 'predicted')} %"
+    if verdict.worst_held_out is None:
+        return [_error_tile("Mean error, corrected", verdict, "corrected", before)]
+    return [
+        _error_tile("Mean error, in-sample", verdict, "corrected", before),
+        _error_tile("Mean error, held out", verdict, "held_out", before),
+    ]
 
 
-def _row_texts(record: RunRecord, index: int) -> list[str]:
-    row = record.rows[index]
+def _error_tile(label: str, verdict: ErrorVerdict, name: str, remark: str) -> Tile:
+    mean = _mean(verdict, name)
+    return Tile(label=label, value=mean if mean == MISSING else f"{mean} %", remark=remark)
+
+
+def _mean(verdict: ErrorVerdict, name: str) -> str:
+    errors = [value for item in verdict.errors if (value := getattr(item, name)) is not None]
+    return fixed(fmean(errors) if errors else None, 2)
+
+
+def _error_names(*, held_out: bool) -> list[str]:
+    if held_out:
+        return ["Predicted", "Corrected, in-sample", "Corrected, held out"]
+    return ["Predicted", "Corrected"]
+
+
+def _verdict(verdict: ErrorVerdict) -> dict[str, str]:
+    """Return the verdict with the words that stand out, and the style of its line."""
+    word, separator, rest = verdict.sentence.partition(":")
+    style = {True: "kept", False: "broken", None: ""}[verdict.good]
+    return {
+        "word": word[0].upper() + word[1:],
+        "rest": f"{separator}{rest}",
+        "style": style,
+        "remark": verdict.held_out_sentence,
+    }
+
+
+def _row_texts(row: MarkerRow, error: MarkerError, *, held_out: bool) -> list[str]:
     return [
         f"P{row.id}",
         _millimetres(row.original),
@@ -102,15 +165,7 @@ def _row_texts(record: RunRecord, index: int) -> list[str]:
         _millimetres(row.s_corrected),
         _interval(row.s_low, row.s_high),
         _millimetres(row.s_published),
-        fixed(row.error_fem_pct, 2),
-        fixed(row.error_corrected_pct, 2),
-    ]
-
-
-def _means(record: RunRecord) -> list[str]:
-    return [
-        _mean_error(record, name).removesuffix(" %")
-        for name in ("error_fem_pct", "error_corrected_pct")
+        *(fixed(getattr(error, name), 2) for name in _ERRORS[: 3 if held_out else 2]),
     ]
 
 

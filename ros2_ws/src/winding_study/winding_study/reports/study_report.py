@@ -17,24 +17,29 @@ from winding_study.reports.cable_pictures import cables_picture
 from winding_study.reports.error_pictures import errors_picture, stretches_picture
 from winding_study.reports.machine_pictures import speeds_picture
 from winding_study.reports.model_pictures import models_picture, neighbours_picture, network_picture
+from winding_study.runs.identity import Identity, condition_texts
 from winding_study.runs.machine_speeds import machine_speeds
 from winding_study.runs.solver_version import solver_version
 
 _TEMPLATE = "study.html.j2"
+_FACTS = "How the study was made"
 
 
-def write_study(record: StudyRecord, directory: Path, *, stored: int = 0) -> Path:
+def write_study(
+    record: StudyRecord, directory: Path, *, stored: int = 0, identity: Identity | None = None
+) -> Path:
     """Write page and CSV files and return the path of the page; missing folders are made.
 
     Args:
         record: What was found.
         directory: Where to; files of an earlier report there are replaced.
         stored: How many of its cases were in the store.
+        identity: Which study it was.
 
     Raises:
         OSError: The folder cannot be written.
     """
-    text = render_study(record, stored=stored)
+    text = render_study(record, stored=stored, identity=identity)
     directory.mkdir(parents=True, exist_ok=True)
     for table in (*record.paper_tables(), *record.own_tables()):
         (directory / f"{table.name}.csv").write_text(table.as_csv(), encoding="utf-8")
@@ -43,8 +48,26 @@ def write_study(record: StudyRecord, directory: Path, *, stored: int = 0) -> Pat
     return page
 
 
-def render_study(record: StudyRecord, *, stored: int = 0) -> str:
+def render_study(record: StudyRecord, *, stored: int = 0, identity: Identity | None = None) -> str:
     """Return the report as one HTML text that loads nothing from anywhere."""
+    said = {} if identity is None else identity.texts() | condition_texts(identity.condition)
+    pictures = _pictures(record)
+    models = models_picture(record) if record.models else None
+    neighbours = None if record.noise is None else neighbours_picture(record.noise)
+    own = {table.name: table for table in record.own_tables()}
+    tables = record.paper_tables()
+    learned = [] if models is None else [models.title, own["models"].title, own["weights"].title]
+    contents = [
+        *(["This study"] if said else []),
+        *(picture.title for picture in pictures["cells"]),
+        *learned,
+        *([own["within_run"].title] if "within_run" in own else []),
+        *(picture.title for picture in pictures["figures"]),
+        *([] if neighbours is None else [neighbours.title]),
+        *(table.title for table in tables),
+        "What these numbers are worth",
+        _FACTS,
+    ]
     cases = ", ".join(str(number) for number in record.cases)
     return render_page(
         _TEMPLATE,
@@ -52,11 +75,14 @@ def render_study(record: StudyRecord, *, stored: int = 0) -> str:
         verdict=record.verdict(),
         conditions={},
         tiles=_tiles(record),
-        pictures=_pictures(record),
-        models_picture=models_picture(record) if record.models else None,
-        neighbours_picture=None if record.noise is None else neighbours_picture(record.noise),
-        own={table.name: table for table in record.own_tables()},
-        tables=record.paper_tables(),
+        pictures=pictures,
+        models_picture=models,
+        neighbours_picture=neighbours,
+        own=own,
+        tables=tables,
+        contents=contents,
+        identity=said,
+        facts_title=_FACTS,
         models=record.models,
         notes=_notes(record),
         facts=_facts(record, stored),

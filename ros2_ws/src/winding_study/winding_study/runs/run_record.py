@@ -13,9 +13,17 @@ from numpy.typing import NDArray
 
 from winding_core.cases import Case
 from winding_core.drive import DriveProfile
-from winding_core.published import PublishedMarker, length_error_pct, published_markers
+from winding_core.published import PublishedMarker, published_markers
 from winding_study.lay.lay_outcome import LayOutcome
 from winding_study.lay.outcome_record import outcome_json
+from winding_study.runs.error_verdict import (
+    PAPER_LIMIT_PCT,
+    ErrorVerdict,
+    error_pct,
+    judge_lengths,
+)
+from winding_study.runs.identity import Identity
+from winding_study.runs.wound_cable import WoundCable
 from winding_study.trace.hops import LengthTrace
 from winding_study.trace.summary import hop_costs
 
@@ -104,6 +112,7 @@ class MarkerRow:
         s_fem: Predicted curve length [m].
         s_tracked: Measured by the camera in this run [m].
         h: Correction factor.
+        h_held_out: The learned factor of a training that never saw this case.
         s_corrected: h S_FEM [m].
         s_low: Lower end of its interval [m].
         s_high: Upper end of its interval [m].
@@ -115,6 +124,7 @@ class MarkerRow:
     s_fem: float | None = None
     s_tracked: float | None = None
     h: float | None = None
+    h_held_out: float | None = None
     s_corrected: float | None = None
     s_low: float | None = None
     s_high: float | None = None
@@ -123,12 +133,19 @@ class MarkerRow:
     @property
     def error_fem_pct(self) -> float | None:
         """Error of the prediction against the published experiment, Table 7's measure."""
-        return _error(self.s_published, self.s_fem)
+        return error_pct(self.s_published, self.s_fem)
 
     @property
     def error_corrected_pct(self) -> float | None:
         """Error of the corrected prediction against the published experiment, as Table 8."""
-        return _error(self.s_published, self.s_corrected)
+        return error_pct(self.s_published, self.s_corrected)
+
+    @property
+    def s_held_out(self) -> float | None:
+        """The prediction times the factor of a training that never saw this case [m]."""
+        if self.s_fem is None or self.h_held_out is None:
+            return None
+        return self.h_held_out * self.s_fem
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,6 +170,9 @@ class RunRecord(AxisSpeeds):
         notes: Sentences on what the numbers are worth.
         trace: The ways to its corrected lengths; None for a run that was not traced.
         lay: What became of the wanted lay; None for a run without a controller of the lay.
+        identity: Which run this was.
+        error_limit_pct: Largest error of a corrected length that counts as good [%].
+        cable: The predicted cable at the end; None where the solver said nothing.
     """
 
     case: Case
@@ -172,6 +192,9 @@ class RunRecord(AxisSpeeds):
     notes: tuple[str, ...] = ()
     trace: LengthTrace | None = None
     lay: LayOutcome | None = None
+    identity: Identity = field(default_factory=Identity)
+    error_limit_pct: float = PAPER_LIMIT_PCT
+    cable: WoundCable | None = None
 
     @property
     def marker_ids(self) -> tuple[int, ...]:
@@ -184,6 +207,15 @@ class RunRecord(AxisSpeeds):
         return published_markers(self.case.number) if self.case.is_published else ()
 
     @property
+    def verdict(self) -> ErrorVerdict:
+        """Whether the corrected lengths are good, against the best measure that there is.
+
+        The published experiment is no measure of a lay that was controlled.
+        """
+        published = self.case.is_published and self.lay is None
+        return judge_lengths(self.rows, self.error_limit_pct, published=published)
+
+    @property
     def end(self) -> float:
         """Time at which the run's time axes end [s]."""
         stamps = [
@@ -193,8 +225,12 @@ class RunRecord(AxisSpeeds):
 
 
 def run_json(record: RunRecord) -> dict[str, Any]:
-    """Return the run's numbers as JSON values; null where nothing was measured."""
+    """Return the run's numbers as JSON values; null where nothing was measured.
+
+    Of equal runs all but ``identity`` and ``wall_s`` is equal: a comparison leaves these two out.
+    """
     return {
+        "identity": record.identity.as_json(),
         "case": record.case.number,
         "ended": record.ended or None,
         "markers": [
@@ -204,10 +240,12 @@ def run_json(record: RunRecord) -> dict[str, Any]:
                 "s_fem_m": _number(row.s_fem),
                 "s_tracked_m": _number(row.s_tracked),
                 "h": _number(row.h),
+                "h_held_out": _number(row.h_held_out),
                 "s_corrected_m": _number(row.s_corrected),
                 "s_published_m": _number(row.s_published),
                 "error_fem_pct": _number(row.error_fem_pct),
                 "error_corrected_pct": _number(row.error_corrected_pct),
+                "error_held_out_pct": error_pct(row.s_published, row.s_held_out),
             }
             for row in record.rows
         ],
@@ -217,6 +255,7 @@ def run_json(record: RunRecord) -> dict[str, Any]:
         "joint_states_lost": record.joint_states_lost,
         "wall_s": _number(record.wall_s),
         "sim_s": _number(record.sim_s),
+        "error_verdict": record.verdict.as_json(),
         **({} if record.trace is None else {"trace": _trace_json(record.trace)}),
         **({} if record.lay is None else _lay_json(record.lay)),
     }
@@ -256,10 +295,3 @@ def write_run_json(record: RunRecord, path: Path) -> None:
 
 def _number(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
-
-
-def _error(measured: float | None, predicted: float | None) -> float | None:
-    measured, predicted = _number(measured), _number(predicted)
-    if measured is None or predicted is None or predicted <= 0.0:
-        return None
-    return length_error_pct(measured, predicted)

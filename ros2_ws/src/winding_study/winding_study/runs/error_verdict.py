@@ -1,0 +1,239 @@
+"""Whether the corrected lengths of a run are good enough, and whether the correction helped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from winding_core.parameters import parameter
+from winding_core.published import length_error_pct
+from winding_core.units import PLAIN
+
+# Mean of Table 8: what the paper's correction leaves of its own 45 lengths (4.81 %).
+PAPER_LIMIT_PCT = 4.8
+
+EXPERIMENT = "published experiment"
+CAMERA = "camera"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorLimit:
+    """How far off a corrected length may be."""
+
+    error_limit_pct: float = parameter(
+        PAPER_LIMIT_PCT,
+        "largest error of a corrected length that counts as good, in percent; the default is the "
+        "mean error that the paper's own correction leaves, its Table 8",
+        PLAIN,
+        1.0e-3,
+        1.0e3,
+    )
+
+
+class Lengths(Protocol):
+    """Lengths of one marker [m]; None where there is none."""
+
+    @property
+    def id(self) -> int:
+        """N of Pn."""
+
+    @property
+    def s_fem(self) -> float | None:
+        """Predicted."""
+
+    @property
+    def s_corrected(self) -> float | None:
+        """Predicted and corrected."""
+
+    @property
+    def s_held_out(self) -> float | None:
+        """Corrected by a factor that was learned without this case."""
+
+    @property
+    def s_tracked(self) -> float | None:
+        """Measured by the camera."""
+
+    @property
+    def s_published(self) -> float | None:
+        """Measured in the paper's experiment."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkerError:
+    """Errors of one marker's lengths in percent, Table 7's measure; None where there is none.
+
+    Attributes:
+        id: n of Pn.
+        predicted: Of the prediction.
+        corrected: Of the corrected length.
+        held_out: Of the length corrected by a factor that was learned without this case.
+    """
+
+    id: int
+    predicted: float | None
+    corrected: float | None
+    held_out: float | None
+
+    @property
+    def name(self) -> str:
+        """Pn."""
+        return f"P{self.id}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorVerdict:
+    """What the errors of a run say.
+
+    Attributes:
+        limit_pct: Largest error that counts as good [%].
+        against: EXPERIMENT or CAMERA.
+        errors: Of every marker.
+    """
+
+    limit_pct: float
+    against: str
+    errors: tuple[MarkerError, ...]
+
+    @property
+    def worst(self) -> MarkerError | None:
+        """The marker whose corrected length is farthest off; None without any."""
+        return _largest(self.errors, "corrected")
+
+    @property
+    def worst_held_out(self) -> MarkerError | None:
+        """The same by the factor that was learned without this case."""
+        return _largest(self.errors, "held_out")
+
+    @property
+    def good(self) -> bool | None:
+        """Whether no corrected length is off by more than the limit; None without any."""
+        worst = self.worst
+        return None if worst is None else _known(worst.corrected) <= self.limit_pct
+
+    @property
+    def helped(self) -> tuple[MarkerError, ...]:
+        """Markers that the correction brought nearer."""
+        return tuple(item for item in self.compared if _gain(item) > 0.0)
+
+    @property
+    def worse(self) -> tuple[MarkerError, ...]:
+        """Markers that the correction took farther away."""
+        return tuple(item for item in self.compared if _gain(item) < 0.0)
+
+    @property
+    def compared(self) -> tuple[MarkerError, ...]:
+        """Markers with an error before and after the correction."""
+        return tuple(
+            item
+            for item in self.errors
+            if item.predicted is not None and item.corrected is not None
+        )
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words."""
+        worst = self.worst
+        if worst is None:
+            return "cannot be judged: no marker has both a corrected and a measured length"
+        said = (
+            f"{'good' if self.good else 'not good'}: largest error {worst.corrected:.2f} %, "
+            f"limit {self.limit_pct:g} %, marker {worst.name}"
+        )
+        if self.against == CAMERA:
+            said += ", against the camera's lengths"
+        said += f"; the correction helped on {len(self.helped)} of {len(self.compared)}"
+        if self.worse:
+            said += f" and made {_names(self.worse)} worse"
+        return said
+
+    @property
+    def held_out_sentence(self) -> str:
+        """What the verdict would be worth without this case; empty where that is not known."""
+        held_out = self.worst_held_out
+        if held_out is None:
+            return ""
+        above = ", above the limit" if _known(held_out.held_out) > self.limit_pct else ""
+        return (
+            "These errors are in-sample; with this case held out of the training the largest is "
+            f"{held_out.held_out:.2f} %, marker {held_out.name}{above}"
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the verdict as JSON values; null where there is no number."""
+        worst, held_out = self.worst, self.worst_held_out
+        return {
+            "good": self.good,
+            "sentence": self.sentence,
+            "held_out_sentence": self.held_out_sentence or None,
+            "limit_pct": self.limit_pct,
+            "against": self.against,
+            "largest_error_pct": None if worst is None else worst.corrected,
+            "marker": None if worst is None else worst.id,
+            "largest_error_held_out_pct": None if held_out is None else held_out.held_out,
+            "marker_held_out": None if held_out is None else held_out.id,
+            "compared": [item.id for item in self.compared],
+            "helped": [item.id for item in self.helped],
+            "worse": [item.id for item in self.worse],
+            "markers": [
+                {
+                    "id": item.id,
+                    "error_fem_pct": item.predicted,
+                    "error_corrected_pct": item.corrected,
+                    "error_held_out_pct": item.held_out,
+                }
+                for item in self.errors
+            ],
+        }
+
+
+def judge_lengths(rows: Sequence[Lengths], limit_pct: float, *, published: bool) -> ErrorVerdict:
+    """Return what the lengths of a run are worth.
+
+    Args:
+        rows: Of every marker.
+        limit_pct: Largest error that counts as good [%].
+        published: Whether the paper's experiment is the measure; else the run's own camera.
+    """
+    errors = []
+    for row in rows:
+        measured = row.s_published if published else row.s_tracked
+        errors.append(
+            MarkerError(
+                id=row.id,
+                predicted=error_pct(measured, row.s_fem),
+                corrected=error_pct(measured, row.s_corrected),
+                held_out=error_pct(measured, row.s_held_out),
+            )
+        )
+    return ErrorVerdict(
+        limit_pct=limit_pct, against=EXPERIMENT if published else CAMERA, errors=tuple(errors)
+    )
+
+
+def error_pct(measured: float | None, predicted: float | None) -> float | None:
+    """Return Table 7's error of a length [%]; None where one of both [m] is not known."""
+    if measured is None or predicted is None:
+        return None
+    if not (math.isfinite(measured) and math.isfinite(predicted) and predicted > 0.0):
+        return None
+    return length_error_pct(float(measured), float(predicted))
+
+
+def _gain(item: MarkerError) -> float:
+    return _known(item.predicted) - _known(item.corrected)
+
+
+def _known(error: float | None) -> float:
+    return math.nan if error is None else error
+
+
+def _largest(errors: Sequence[MarkerError], name: str) -> MarkerError | None:
+    known = [item for item in errors if getattr(item, name) is not None]
+    return max(known, key=lambda item: float(getattr(item, name)), default=None)
+
+
+def _names(markers: Sequence[MarkerError]) -> str:
+    names = [item.name for item in markers]
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -1,0 +1,148 @@
+"""What commands write as JSON, held against the published schemas."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from copy import deepcopy
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+PAGE = Path(__file__).parents[2] / "docs" / "schemas.md"
+SCHEMAS = {
+    Path(file.name).stem: json.loads(file.read_text(encoding="utf-8"))
+    for package in ("winding_cli", "winding_study")
+    for file in (files(package) / "schemas").iterdir()
+}
+TENSILE = "strain,stress_mpa\n0.02,0.052\n0.05,0.128\n0.1,0.25\n0.15,0.37\n0.2,0.48\n0.3,0.69\n"
+
+
+def _refuse_constant(name: str) -> None:
+    raise AssertionError(f"{name} is not JSON")
+
+
+def validated(name: str, path: Path) -> Any:
+    """Return a file that keeps its schema; fail with every place where it does not."""
+    content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    found = Draft202012Validator(SCHEMAS[name]).iter_errors(content)
+    assert [f"{error.json_path}: {error.message}" for error in found] == []
+    return content
+
+
+@pytest.mark.parametrize("name", sorted(SCHEMAS))
+def test_schema_is_one_and_is_published(name: str) -> None:
+    schema = SCHEMAS[name]
+    Draft202012Validator.check_schema(schema)
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    assert schema["$id"] == f"urn:cable-winding-twin:{name}:1"
+    assert f"schemas/{name}.json)" in PAGE.read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("predict", ("predict", "--case", 4, "--duration-s", 8)),
+        ("predict", ("predict", "--case", 4, "--duration-s", 8, "--richardson")),
+        ("plan", ("plan", "--case", 4, "--even", "--markers-every-turn")),
+        ("identify", ("identify", "--tensile", "tensile.csv")),
+        ("verify", ("verify", "B01")),
+        ("study", ("study", "--cases", 4, "--fem", "published")),
+        ("calibration", ("study", "--calibrate-rig")),
+    ],
+    ids=lambda value: value if isinstance(value, str) else " ".join(map(str, value)),
+)
+def test_output_keeps_its_schema(
+    name: str, words: tuple[object, ...], tmp_path: Path, command: Callable[..., Any]
+) -> None:
+    (tmp_path / "tensile.csv").write_text(TENSILE, encoding="utf-8")
+    done = command(*words, "--json", "out.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    validated(name, tmp_path / "out.json")
+
+
+@pytest.mark.slow
+def test_doctors_findings_keep_their_schema(tmp_path: Path, command: Callable[..., Any]) -> None:
+    # Exit code 1 says that something on this computer is not in order.
+    done = command("doctor", "--json", "out.json", cwd=tmp_path)
+    assert done.returncode in (0, 1), done.stderr
+    assert validated("doctor", tmp_path / "out.json")["checks"]
+
+
+@pytest.mark.campaign
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("study", ("study", "--processes", 1)),
+        ("closed_loop", ("study", "--closed-loop", "--cases", 4, "--draws", 1)),
+    ],
+)
+def test_long_output_keeps_its_schema(
+    name: str, words: tuple[object, ...], tmp_path: Path, command: Callable[..., Any]
+) -> None:
+    done = command(*words, "--json", "out.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    validated(name, tmp_path / "out.json")
+
+
+@pytest.mark.processes
+@pytest.mark.slow
+def test_fault_table_keeps_its_schema(tmp_path: Path, command: Callable[..., Any]) -> None:
+    # Exit code 1 says that a row was not survived in time, as on a busy computer.
+    done = command("faults", "--only", "kill -9 correction", "--json", "out.json", cwd=tmp_path)
+    assert done.returncode in (0, 1), done.stdout + done.stderr
+    assert len(validated("faults", tmp_path / "out.json")) == 1
+
+
+@pytest.mark.processes
+@pytest.mark.slow
+def test_run_and_what_is_made_of_its_recording_keep_their_schemas(
+    recorded_run: Any, tmp_path: Path, command: Callable[..., Any]
+) -> None:
+    assert recorded_run.finished.returncode == 0, recorded_run.finished.stderr
+    live = validated("run", recorded_run.json)
+    identity = live["identity"]
+    assert identity["date"].endswith("Z")
+    assert identity["versions"]["numpy"]
+    assert len(identity["weights_sha256"]) == 64
+    assert identity["bags"] == [str(recorded_run.bag)]
+    bag = recorded_run.bag
+    for words in (
+        ("bag", "report", bag, "--output", "report"),
+        ("track", bag, "--case", 4, "--output", "markers.csv", "--json", "track.json"),
+        ("identify", bag, "--case", 4, "--json", "identify.json"),
+        ("identify", bag, "--case", 4, "--rig", "--json", "rig.json"),
+    ):
+        done = command(*words, cwd=tmp_path)
+        # Exit code 1: five seconds of a run may not tell a material.
+        assert done.returncode in (0, 1), done.stdout + done.stderr
+    later = validated("run", tmp_path / "report" / "run.json")
+    assert later | {"wall_s": None} == live | {"wall_s": None}
+    validated("track", tmp_path / "track.json")
+    validated("identify", tmp_path / "identify.json")
+    validated("identify", tmp_path / "rig.json")
+
+
+@pytest.mark.slow
+def test_schema_refuses_what_it_does_not_describe(
+    tmp_path: Path, command: Callable[..., Any]
+) -> None:
+    done = command("predict", "--case", 4, "--duration-s", 4, "--json", "out.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    good = validated("predict", tmp_path / "out.json")
+    check = Draft202012Validator(SCHEMAS["predict"])
+    without, further, text = deepcopy(good), deepcopy(good), deepcopy(good)
+    del without["markers"][0]["theta_rad"]
+    further["markers"][0]["theta_deg"] = 1.0
+    text["stretch"] = "1.1"
+    assert [check.is_valid(content) for content in (good, without, further, text)] == [
+        True,
+        False,
+        False,
+        False,
+    ]
