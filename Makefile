@@ -6,7 +6,7 @@ TORCH_INDEX ?=
 ARGS ?=
 # What a run needs, and what tests and training need beside it.
 EXTRAS := ros
-FURTHER := $(EXTRAS),dashboard,tables,train,cluster,opcua,dev
+FURTHER := $(EXTRAS),dashboard,tables,train,cluster,opcua,docs,dev
 BIN := .venv/bin
 STAMP := .venv/.installed
 WHOLE := .venv/.installed-whole
@@ -23,7 +23,7 @@ endif
 # A test run starts hundreds of processes: none of them compiles the sources anew, whatever the shell says.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo kernels check test campaign coverage bench bench-peers lint clean install
+.PHONY: demo docs kernels check test campaign coverage bench bench-peers lint clean install
 install: $(WHOLE)
 
 $(STAMP): pyproject.toml constraints.txt
@@ -79,6 +79,10 @@ bench: $(WHOLE)
 bench-peers: $(WHOLE)
 	$(PIP) --editable '.[peers]'
 	$(BIN)/python tests/benchmarks/peers/compare.py
+
+# The pages as a site in build/site, whole without a network; a warning fails.
+docs: $(WHOLE)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet --config-file site/mkdocs.yml
 
 lint: $(WHOLE)
 	$(BIN)/ruff check .

@@ -1,0 +1,117 @@
+"""Pages of the site that are not in docs/: the repository's own, its files, and the Python API.
+
+A hook of MkDocs. Links that leave docs/ lead to pages and files of the site, so that a copy of it
+is whole without a network.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path, PurePosixPath
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).parents[1]
+# Page of the repository -> page of the site.
+PAGES = {
+    "README.md": "index.md",
+    "CHANGELOG.md": "CHANGELOG.md",
+    "CONTRIBUTING.md": "CONTRIBUTING.md",
+    "SECURITY.md": "SECURITY.md",
+    "QUALITY_DECLARATION.md": "QUALITY_DECLARATION.md",
+}
+# Modules that programs of others import, by package.
+MODULES = {
+    "winding_core": (
+        "condition", "cases", "drive", "material_law", "markers", "lay_program", "lay_records",
+        "readings", "run_inputs",
+    ),
+    "cable_fem_node": ("winding.winding_config", "winding.rod_winding", "identification"),
+    "marker_tracker_node": ("",),
+    "winding_rig_node": ("camera", "machine.hidden_rig", "machine.driven_lay"),
+    "correction_node": ("models.weights", "models.perceptron"),
+    "lay_control_node": (
+        "programs", "planning.planner", "planning.limits", "control.control_parameters",
+        "control.lay_controller", "control.expected_landing",
+    ),
+    "winding_recorder": ("bags.tables", "bags.check"),
+}  # fmt: skip
+_LINK = re.compile(r"(\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the repository's pages, the Python reference, and files that pages link to."""
+    linked: set[str] = set()
+    for file in files.documentation_pages():
+        linked |= _outside(file.src_uri, Path(config.docs_dir, file.src_uri).read_text("utf-8"))
+    for source, target in PAGES.items():
+        text = (ROOT / source).read_text("utf-8")
+        linked |= _outside(f"../{source}", text)
+        files.append(File.generated(config, target, content=_LINK.sub(_from_root, text)))
+    for path in sorted(linked):
+        if path not in PAGES:
+            files.append(File.generated(config, f"files/{path}", abs_src_path=str(ROOT / path)))
+    for package, modules in MODULES.items():
+        content = f"# {package}\n\n" + "".join(
+            f"## `{_dotted(package, module)}`\n\n::: {_dotted(package, module)}\n"
+            "    options: {heading_level: 3}\n\n"
+            for module in modules
+        )
+        files.append(File.generated(config, f"reference/{package}.md", content=content))
+    return files
+
+
+def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Turn links to the repository's files into links to the site's."""
+    del config, files
+    place = PurePosixPath("docs", page.file.src_uri).parent
+    up = "../" * (len(place.parts) - 1)
+
+    def turned(match: re.Match[str]) -> str:
+        path = _within(place, match[2])
+        if path is None or path.startswith("docs"):
+            return match[0]
+        return f"{match[1]}{up}{PAGES.get(path, f'files/{path}')}{match[3]}"
+
+    return _LINK.sub(turned, markdown)
+
+
+def _dotted(package: str, module: str) -> str:
+    return f"{package}.{module}" if module else package
+
+
+def _from_root(match: re.Match[str]) -> str:
+    """Return a link of a page of the repository as one of a page beside those of docs/."""
+    target = match[2]
+    if re.match(r"[a-z]+:", target):
+        return match[0]
+    turned = target.removeprefix("docs/") if target.startswith("docs/") else f"../{target}"
+    return f"{match[1]}{turned}{match[3]}"
+
+
+def _outside(page: str, text: str) -> set[str]:
+    """Return the files of the repository outside docs/ that a page of docs/ links to."""
+    place = PurePosixPath("docs", page).parent
+    paths = (_within(place, match[2]) for match in _LINK.finditer(text))
+    return {
+        path
+        for path in paths
+        if path is not None and not path.startswith("docs") and (ROOT / path).is_file()
+    }
+
+
+def _within(place: PurePosixPath, target: str) -> str | None:
+    """Return the path from the root of a link's target; None for a link to elsewhere."""
+    if re.match(r"[a-z]+:", target):
+        return None
+    parts: list[str] = []
+    for part in (place / target).parts:
+        if part == "..":
+            if not parts:
+                return None
+            parts.pop()
+        else:
+            parts.append(part)
+    return "/".join(parts)
