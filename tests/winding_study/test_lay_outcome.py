@@ -142,7 +142,7 @@ def test_report_shows_the_lay_of_a_controlled_run(
 ) -> None:
     page = render_report(dataclasses.replace(synthetic(), lay=driven))
     for text in (
-        "<h2>Lay</h2>",
+        ">Lay</h2>",
         "The lay keeps 0.5 mm in turns 3 and 4",
         "Mean error without control, mm",
         "The lay that was wanted and the lay that was made",
