@@ -30,12 +30,12 @@ def test_nothing_is_lost(recorded_run: Any, numbers: dict[str, Any]) -> None:
 def test_numbers_have_the_promised_keys(numbers: dict[str, Any]) -> None:
     assert set(numbers) == {
         "case", "ended", "markers", "frames", "frames_lost", "joint_states", "joint_states_lost",
-        "wall_s", "sim_s",
+        "wall_s", "sim_s", "identity", "error_verdict",
     }  # fmt: skip
     assert [marker["id"] for marker in numbers["markers"]] == [1, 2, 3, 4]
     assert set(numbers["markers"][0]) == {
         "id", "original_m", "s_fem_m", "s_tracked_m", "h", "s_corrected_m", "s_published_m",
-        "error_fem_pct", "error_corrected_pct",
+        "error_fem_pct", "error_corrected_pct", "h_held_out", "error_held_out_pct",
     }  # fmt: skip
 
 
