@@ -31,7 +31,7 @@ def test_the_tutorial_works_when_pasted(page: Path, tmp_path: Path) -> None:
     for part in ("examples", "tests", "pyproject.toml"):
         (tmp_path / part).symlink_to(ROOT / part)
     script = "\n".join(["set -euo pipefail", *blocks(page)])
-    # A reader's shell is not a test, and NiceGUI behaves differently in one.
+    # A reader's shell is not a test.
     environment = {name: value for name, value in os.environ.items() if "PYTEST" not in name}
     environment["PATH"] = f"{Path(sys.executable).parent}:{environment['PATH']}"
     with (tmp_path / "output.txt").open("w+") as output:

@@ -18,7 +18,7 @@ from winding_supervisor.event_log import EventLog
 from winding_supervisor.lifecycle import exit_error
 from winding_supervisor.node_process import NodeProcess, node_process
 
-# First starts import NiceGUI on a busy machine.
+# First starts on a busy machine.
 _START_TIMEOUT = 120.0
 _POLL = 0.1
 # Twelve seconds without a sign of life: a busy machine is late, and nothing depends on the page.

@@ -38,6 +38,7 @@ from winding_core.camera_clock import CameraClockParameters
 from winding_core.camera_pixels import CameraPixels
 from winding_core.camera_placement import CameraPlacement
 from winding_core.condition import Condition
+from winding_core.error_verdict import ErrorLimit
 from winding_core.lay_parameters import LayParameters
 from winding_core.lay_tolerance import LayTolerance
 from winding_core.lay_wish import LayWish
@@ -45,7 +46,6 @@ from winding_core.machine_axes import MachineAxes
 from winding_core.marker_parameters import MarkerParameters
 from winding_core.options import typed_values
 from winding_core.parameters import build
-from winding_study.runs.error_verdict import ErrorLimit
 
 
 @with_options(
