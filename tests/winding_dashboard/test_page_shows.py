@@ -70,6 +70,15 @@ def test_refused_limit_says_value_and_bound_and_changes_nothing() -> None:
     assert desk.look()["limits"]["error_limit_pct"] == 4.8
 
 
+def test_finished_run_shows_no_speeds_as_present() -> None:
+    state = running()
+    phase(state, "finished")
+    parts = Desk(state, Machine()).look()["parts"]
+    assert "FINISHED" in parts["band"]
+    assert "100 %" in parts["band"]
+    assert parts["figures"].count("when its clock ended") == 2
+
+
 def test_stopped_run_says_where_it_stands() -> None:
     state = running()
     phase(state, "idle")

@@ -73,6 +73,8 @@ def progress_cell(state: ViewState, label: WoundLabel | None) -> Cell:
     passed = max(state.time - state.run_began, 0.0)
     if label is None or not math.isfinite(passed):
         return Cell(word=DASH, remark="not begun")
+    if state.phase == "finished":
+        return Cell(word="100 %", remark=f"all of {label.duration:g} s")
     share = min(passed / label.duration, 1.0)
     left = max(label.duration - passed, 0.0)
     return Cell(

@@ -11,6 +11,8 @@ from winding_dashboard.state.view_state import ViewState
 
 # Votes that are shown; the others are below.
 _TOLD_VOTES = 3
+# The clock of a simulated machine ends with its run: the last speeds are no present ones.
+_CLOCK_STANDS, _LAST = ("finished", "emergency stop"), "when its clock ended"
 # On the machine's clock an older value is no longer the present one [s].
 OLD = 1.0
 
@@ -44,14 +46,19 @@ def figures(state: ViewState) -> list[Figure]:
     angle = axes.cylinder_angle if axes is not None else math.nan
     carriage = axes.carriage_position if axes is not None else math.nan
     best = next(iter(state.votes), None)
+    over = state.phase in _CLOCK_STANDS
     return [
         Figure(
-            name="Cylinder, rad/s", value=number(speed, 3), remark=f"set {number(set_speed, 3)}"
+            name="Cylinder, rad/s",
+            value=number(speed, 3),
+            remark=_LAST if over else f"set {number(set_speed, 3)}",
+            old=over,
         ),
         Figure(
             name="Carriage, mm/s",
             value=number(feed, 2, PER_METRE),
-            remark=f"set {number(set_feed, 2, PER_METRE)}",
+            remark=_LAST if over else f"set {number(set_feed, 2, PER_METRE)}",
+            old=over,
         ),
         *(_measured(state, quantity) for quantity in state.measured),
         Figure(

@@ -19,7 +19,7 @@ class ListedRun:
     """One run.
 
     Attributes:
-        date: When it was made; empty when it does not say.
+        date: When it was begun, UTC; empty when it does not say.
         condition: What was wound.
         verdict: In words.
         style: `good`, `not-good`, or empty where it cannot be judged.
@@ -100,7 +100,7 @@ def _listed(content: Mapping[str, Any], report: str) -> ListedRun:
     if content.get("ended"):
         said = f"ended early, {content['ended']}; {said}"
     return ListedRun(
-        date=str(content["identity"].get("date") or ""),
+        date=str(content["identity"].get("date") or "").replace("T", " ").removesuffix("Z"),
         condition=_condition(content),
         verdict=said,
         style={True: "good", False: "not-good"}.get(good, ""),
