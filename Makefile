@@ -23,7 +23,7 @@ endif
 # A test run starts hundreds of processes: none of them compiles the sources anew, whatever the shell says.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo docs kernels check test campaign coverage bench bench-peers lint clean install
+.PHONY: demo docs kernels check test campaign coverage bench bench-peers lint dist clean install
 install: $(WHOLE)
 
 $(STAMP): pyproject.toml constraints.txt
@@ -92,6 +92,11 @@ lint: $(WHOLE)
 	$(BIN)/python ros2_ws/package_files.py --check
 	$(BIN)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs docker examples ros2_ws tests
 	$(BIN)/hadolint docker/Dockerfile
+
+# Source archive and wheel of the last commit in dist/, the same bytes on every machine.
+dist: $(WHOLE)
+	rm -rf dist
+	release/build.sh $(BIN)/python dist
 
 clean:
 	rm -rf .venv runs build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .coverage bench.json
