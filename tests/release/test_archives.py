@@ -102,9 +102,7 @@ def test_archives_bear_the_time_of_the_commit(builds: tuple[Build, Build]) -> No
 def test_the_source_archive_holds_every_committed_file(builds: tuple[Build, Build]) -> None:
     committed = set(run(["git", "ls-files"], builds[0].clone).splitlines())
     with tarfile.open(builds[0].archive) as archive:
-        held = {
-            member.name.partition("/")[2] for member in archive.getmembers() if member.isfile()
-        }
+        held = {member.name.partition("/")[2] for member in archive.getmembers() if member.isfile()}
     assert {name for name in held if not name.startswith(METADATA)} == committed | WRITTEN
 
 
