@@ -23,7 +23,7 @@ endif
 # A test run starts hundreds of processes: none of them compiles the sources anew, whatever the shell says.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo docs kernels check test campaign coverage bench bench-peers lint dist clean install
+.PHONY: demo docs kernels check test campaign coverage bench bench-peers lint dist sbom audit clean install
 install: $(WHOLE)
 
 $(STAMP): pyproject.toml constraints.txt
@@ -97,6 +97,16 @@ lint: $(WHOLE)
 dist: $(WHOLE)
 	rm -rf dist
 	release/build.sh $(BIN)/python dist
+
+# What a run's environment holds, as CycloneDX: the wheel with its extra `ros`, and nothing else.
+sbom: dist
+	release/sbom.sh $(BIN)/python dist
+
+# Known vulnerabilities of the pinned versions, asked of the package index.
+audit:
+	$(PYTHON) -m venv --clear build/audit
+	build/audit/bin/python -m pip install --quiet pip-audit==2.10.1
+	build/audit/bin/pip-audit --requirement constraints.txt --no-deps --disable-pip
 
 clean:
 	rm -rf .venv runs build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .coverage bench.json
