@@ -115,11 +115,12 @@ dist: $(WHOLE)
 sbom: dist
 	release/sbom.sh $(BIN)/python dist
 
-# Known vulnerabilities of the pinned versions, asked of the package index.
+# Known vulnerabilities of the pinned versions, asked of the package index; --strict fails on a
+# version that nobody could be asked about.
 audit:
 	$(PYTHON) -m venv --clear build/audit
 	build/audit/bin/python -m pip install --quiet pip-audit==2.10.1
-	build/audit/bin/pip-audit --requirement constraints.txt --no-deps --disable-pip
+	build/audit/bin/pip-audit --strict --requirement constraints.txt --no-deps --disable-pip
 
 clean:
 	rm -rf .venv .venv-3.* runs build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .coverage bench.json

@@ -105,3 +105,34 @@ def test_every_line_is_counted_by_a_scheduled_job() -> None:
     job = read["jobs"]["coverage"]
     assert "github.event_name == 'schedule'" in job["if"]
     assert any(step.get("run", "").startswith("make coverage") for step in job["steps"])
+
+
+def test_the_runner_s_script_calls_targets_that_make_has() -> None:
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    targets = re.findall(r"^ *make ([\w-]+)", script, re.MULTILINE)
+    assert targets[:3] == ["lint", "docs", "test"]
+    assert all(re.search(rf"^{target}:", RULES, re.MULTILINE) for target in targets)
+
+
+def test_a_machine_without_a_further_python_is_told_so_and_passes(tmp_path: Path) -> None:
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    # From where the suite on the first Python has ended.
+    ending = script.split("\nmake test\n")[1]
+    called = tmp_path / "bin"
+    called.mkdir()
+    (called / "make").write_text('#!/bin/sh\necho "$@"\n', encoding="utf-8")
+    (called / "make").chmod(0o755)
+    words = ["/bin/bash", "-euo", "pipefail", "-c", ending]
+    variables = {"PATH": str(called), "PYENV_ROOT": str(tmp_path)}
+    alone = subprocess.run(words, env=variables, capture_output=True, text=True, check=False)
+    assert (alone.returncode, alone.stdout) == (0, "")
+    assert "no Python 3.12 was found" in alone.stderr
+    # One that says of itself that it is 3.12, and one that a shim does not lead to.
+    home = tmp_path / "versions" / "3.12.9" / "bin"
+    home.mkdir(parents=True)
+    for folder, name, code in ((called, "python3.12", 127), (home, "python", 0)):
+        (folder / name).write_text(f"#!/bin/sh\nexit {code}\n", encoding="utf-8")
+        (folder / name).chmod(0o755)
+    found = subprocess.run(words, env=variables, capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stderr
+    assert found.stdout == f"leg PYTHON={home / 'python'} VENV=.venv-3.12\n"
