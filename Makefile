@@ -103,7 +103,7 @@ lint: $(WHOLE)
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python ros2_ws/package_files.py --check
-	$(BIN)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs docker examples ros2_ws tests
+	$(BIN)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs docker examples release ros2_ws tests
 	$(BIN)/hadolint docker/Dockerfile
 
 # Source archive and wheel of the last commit in dist/, the same bytes on every machine.
