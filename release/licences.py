@@ -54,15 +54,15 @@ def licence_of(distribution: metadata.Distribution) -> str:
             the first words of its licence file.
     """
     facts = distribution.metadata
-    expression = facts.get("License-Expression")
+    expression = "; ".join(facts.get_all("License-Expression") or ())
     if expression:
-        return str(expression)
+        return expression
     classes = [
         line.rpartition(" :: ")[2]
         for line in facts.get_all("Classifier") or ()
         if line.startswith("License ::") and line != "License :: OSI Approved"
     ]
-    text = (facts.get("License") or "").strip()
+    text = "\n".join(facts.get_all("License") or ()).strip()
     # Some put the whole text there.
     if text and "\n" not in text and len(text) < 80 and text.upper() != "UNKNOWN":
         return text
