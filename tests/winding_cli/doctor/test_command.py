@@ -48,6 +48,7 @@ CHECKS = [
     "memory",
     "open files",
     "net.core.rmem_max",
+    "addresses of the project",
 ]
 
 
