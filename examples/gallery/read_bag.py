@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 from winding_core.markers import MarkerFlag
 from winding_recorder.bags.tables import topic_rows
 
-for topic in ("fem/markers", "correction/markers", "tracker/markers"):
+for topic in ("fem/markers", "tracker/markers", "correction/markers"):
     points = [point for message in topic_rows(Path(sys.argv[1]), topic) for point in message]
     wound = [p for p in points if p["id"] and not p["flags"] & MarkerFlag.NOT_WOUND]
     plt.plot([p["t"] for p in wound], [1e3 * p["s"] for p in wound], ".", ms=3, label=topic)
