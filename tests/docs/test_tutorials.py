@@ -1,4 +1,4 @@
-"""Every tutorial runs: its `sh` blocks, pasted in order into one shell in an empty folder."""
+"""Every tutorial and the gallery run: their `sh` blocks, pasted in order into one shell."""
 
 import os
 import re
@@ -12,7 +12,8 @@ import pytest
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
 ROOT = Path(__file__).parents[2]
-TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+DOCS = ROOT / "docs"
+TUTORIALS = [*sorted((DOCS / "tutorials").glob("*.md")), DOCS / "gallery.md"]
 PATIENCE = 280.0
 
 
