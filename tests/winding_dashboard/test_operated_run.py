@@ -106,7 +106,7 @@ def recording(desk: Any) -> Any:
 
 
 def test_machine_waits_for_its_operator(desk: Any, motion: Any) -> None:
-    desk.phase("idle")
+    desk.phase("ready")
     desk.can("Start")
     assert motion.samples[-1][1] == 0.0
 
@@ -200,7 +200,7 @@ def test_stop_holds_and_start_resumes(desk: Any, motion: Any) -> None:
     )
     # At an eighth of its speed the ramp takes 0.24 s of this to leave full speed.
     print(f"the cylinder slows {slowed[0] - clicked:.3f} s after the click on Stop")
-    desk.phase("idle")
+    desk.phase("stopped")
     desk.button("Start").click()
     desk.phase("winding")
     until(lambda: motion.samples[-1][1] > FULL_SPEED)
@@ -214,7 +214,7 @@ def test_emergency_stop_and_reset_are_no_failures(desk: Any, run: Run, motion: A
     desk.button("Reset").click()
     desk.answer("Reset")
     desk.said("start of a run")
-    desk.phase("idle")
+    desk.phase("ready")
     desk.button("Start").click()
     desk.phase("winding")
     until(lambda: motion.samples[-1][1] > FULL_SPEED)
@@ -225,7 +225,7 @@ def test_emergency_stop_and_reset_are_no_failures(desk: Any, run: Run, motion: A
 
 def test_prepared_case_gets_a_bag_of_its_own(desk: Any, run: Run, motion: Any) -> None:
     desk.button("Stop").click()
-    desk.phase("idle")
+    desk.phase("stopped")
     setup(desk).get_by_label("Case").select_option("5")
     setup(desk).get_by_role("button", name="Prepare").click()
     desk.answer("Prepare")
@@ -238,14 +238,21 @@ def test_prepared_case_gets_a_bag_of_its_own(desk: Any, run: Run, motion: Any) -
     assert desk.complaints == []
 
 
-def test_ctrl_c_ends_the_run_with_a_report_of_what_there_is(run: Run, motion: Any) -> None:
+def test_ctrl_c_ends_the_session_and_every_run_has_its_report(run: Run, motion: Any) -> None:
     run.process.send_signal(signal.SIGINT)
     code, said = run.end()
     assert code == 0, said
     assert "Curve lengths of case 5" in said
-    record = json.loads((run.folder / "run.json").read_text(encoding="utf-8"))
-    assert record["case"] == 5
-    assert (run.folder / "report" / "index.html").is_file()
+    folders = [run.folder, run.folder / "run-2", run.folder / "run-3"]
+    records = [json.loads((f / "run.json").read_text(encoding="utf-8")) for f in folders]
+    assert [(record["case"], record["ended"]) for record in records] == [
+        (0, "emergency stop"),
+        (0, "stopped by the operator"),
+        (5, "the operator ended the session"),
+    ]
+    assert len({record["identity"]["run_id"] for record in records}) == len(records)
+    for folder in folders:
+        assert (folder / "report" / "index.html").is_file()
     bags = [run.folder / name for name in ("bag", "bag-2", "bag-3", "bag-4")]
     assert [line for line in said.splitlines() if line.startswith("bag: ")] == [
         f"bag: {bag}" for bag in bags

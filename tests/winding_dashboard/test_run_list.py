@@ -26,37 +26,42 @@ def written(
         "error_verdict": verdict,
         **changes,
     }
-    (folder / name).write_text(json.dumps(content), encoding="utf-8")
-    os.utime(folder / name, (when, when))
+    numbers = folder / "run.json"
+    numbers.write_text(json.dumps(content), encoding="utf-8")
+    os.utime(numbers, (when, when))
     if report:
-        (folder / report).mkdir()
-        (folder / report / "index.html").write_text(REPORT, encoding="utf-8")
+        (folder / "report").mkdir()
+        (folder / "report" / "index.html").write_text(REPORT, encoding="utf-8")
 
 
 def test_newest_run_comes_first_with_its_own_report(tmp_path: Path) -> None:
-    written(tmp_path, "run.json", when=100.0)
-    written(tmp_path, "run-2.json", when=200.0, report="report-2", case=0)
+    written(tmp_path, when=100.0)
+    written(tmp_path / "run-2", when=200.0, case=0)
     listed = RunList(tmp_path).runs()
-    assert [run.report for run in listed] == ["report-2/index.html", "report/index.html"]
+    assert [run.report for run in listed] == ["run-2/report/index.html", "report/index.html"]
     assert [run.condition for run in listed] == ["own condition", "case 4"]
     assert {run.style for run in listed} == {"good"}
 
 
-def test_runs_one_level_below_are_listed_too(tmp_path: Path) -> None:
-    written(tmp_path / "monday", "run.json", when=100.0)
-    assert RunList(tmp_path).runs()[0].report == "monday/report/index.html"
+def test_sessions_of_other_days_are_listed_with_all_their_runs(tmp_path: Path) -> None:
+    written(tmp_path / "monday", when=100.0)
+    written(tmp_path / "monday" / "run-2", when=200.0)
+    assert [run.report for run in RunList(tmp_path).runs()] == [
+        "monday/run-2/report/index.html",
+        "monday/report/index.html",
+    ]
 
 
 def test_run_that_ended_early_or_missed_its_lay_says_so(tmp_path: Path) -> None:
     lay = {"kept": False, "sentence": "the lay does not keep 0.5 mm"}
-    written(tmp_path, "run.json", when=100.0, ended="emergency stop", verdict=lay)
+    written(tmp_path, when=100.0, ended="emergency stop", verdict=lay)
     (run,) = RunList(tmp_path).runs()
     assert run.style == "not-good"
     assert run.verdict.startswith("ended early, emergency stop; the lay does not keep 0.5 mm; good")
 
 
 def test_report_that_comes_later_is_found(tmp_path: Path) -> None:
-    written(tmp_path, "run.json", when=100.0, report="")
+    written(tmp_path, when=100.0, report=False)
     runs = RunList(tmp_path)
     assert runs.runs()[0].report == ""
     (tmp_path / "report").mkdir()
@@ -73,7 +78,7 @@ def test_file_that_is_no_run_is_named_and_harms_nothing(tmp_path: Path, content:
 
 
 def test_page_lists_runs_and_serves_their_reports(tmp_path: Path) -> None:
-    written(tmp_path, "run.json", when=100.0)
+    written(tmp_path, when=100.0)
     desk = Desk(fresh_state(), Machine(), runs=tmp_path)
     seen = desk.look()
     assert not seen["hidden"]["runs-card"]
@@ -87,7 +92,7 @@ def test_page_lists_runs_and_serves_their_reports(tmp_path: Path) -> None:
 )
 def test_nothing_but_reports_is_served(tmp_path: Path, path: str) -> None:
     folder = tmp_path / "runs"
-    written(folder, "run.json", when=100.0)
+    written(folder, when=100.0)
     (tmp_path / "secret").write_text("secret", encoding="utf-8")
     answer = Desk(fresh_state(), Machine(), runs=folder).request("GET", f"/runs/{path}")
     assert answer.status_code == 404

@@ -87,12 +87,12 @@ def test_ten_runs_leave_ten_reports_a_live_page_and_flat_memory(
     print("MB after each run:", [round(value) for value in held])
     assert desk.complaints == []
     assert held[-1] - held[2] < GROWTH_MB
-    numbers = [session.folder / ("run.json" if n == 1 else f"run-{n}.json") for n in range(1, 11)]
+    folders = [session.folder / ("" if n == 1 else f"run-{n}") for n in range(1, RUNS + 1)]
+    numbers = [folder / "run.json" for folder in folders]
     for n, file in enumerate(numbers, start=1):
         record = json.loads(file.read_text(encoding="utf-8"))
         assert (record["ended"] == "emergency stop") == (n in STOPPED), (n, record["ended"])
-        report = session.folder / ("report" if n == 1 else f"report-{n}") / "index.html"
-        assert report.is_file()
+        assert (file.parent / "report" / "index.html").is_file()
     identities = {json.loads(f.read_text(encoding="utf-8"))["identity"]["run_id"] for f in numbers}
     assert len(identities) == RUNS
 

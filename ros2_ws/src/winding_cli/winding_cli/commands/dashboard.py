@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from winding_cli.commands.condition_options import spelled
 from winding_cli.commands.refusal import refuse, refused
 from winding_cli.commands.ros_environment import check_namespace, joined
 
@@ -27,10 +29,19 @@ def dashboard(
         float | None,
         typer.Option(help="Band around a wanted lay, from the third turn on; 0.5 by default."),
     ] = None,
+    error_limit_pct: Annotated[
+        float | None,
+        typer.Option(help="Largest error of a corrected length that counts as good; 4.8."),
+    ] = None,
+    runs: Annotated[
+        Path | None, typer.Option(help="Folder whose runs are listed with verdict and report.")
+    ] = None,
 ) -> None:
     """Serve the operator's page; Ctrl-C ends it."""
     from winding_cli.commands.run_checks import given
     from winding_cli.commands.wanted_lay import held_against
+    from winding_core.error_verdict import ErrorLimit
+    from winding_core.options import typed_values
     from winding_core.parameters import ParameterError, build
     from winding_ros.environment import ros_arguments
 
@@ -42,7 +53,12 @@ def dashboard(
             raise
         refuse("the page needs its web server: pip install cable-winding-twin[dashboard]")
     values: dict[str, object] = {"host": host, "port": port, "token": token}
+    if runs is not None:
+        if not runs.is_dir():
+            refuse(f"--runs {runs} is no folder")
+        values["runs"] = str(runs.absolute())
     with refused(ParameterError):
+        values |= typed_values(ErrorLimit, given(error_limit_pct=error_limit_pct), spelled)
         values |= held_against(given(lay_tolerance_mm=lay_tolerance_mm)).of_page
         build(DashboardParameters, values, owner="winding dashboard").check()
     if namespace:

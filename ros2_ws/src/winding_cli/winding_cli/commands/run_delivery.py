@@ -99,11 +99,12 @@ class RunDelivery:
         parameters = self._config.parameters()
         if result.wound:
             parameters[_RIG] |= result.wound
-        numbers = self._numbered(into.json or self._directory / "run.json")
+        folder = self._folder()
+        numbers = self._numbered(into.json) or folder / "run.json"
         record, page = deliver(
             condition,
             result,
-            self._numbered(into.report or self._directory / "report"),
+            self._numbered(into.report) or folder / "report",
             numbers,
             into.wish,
             into.tolerance,
@@ -111,7 +112,7 @@ class RunDelivery:
             seed=seed_of(parameters),
             error_limit_pct=into.error_limit_pct,
         )
-        trace = None if into.trace is None else self._numbered(into.trace)
+        trace = self._numbered(into.trace)
         if trace is not None:
             write_trace(record, result, trace)
         show(record, page, numbers, result.bags, trace)
@@ -126,9 +127,14 @@ class RunDelivery:
         origin, self._origin = self._origin, None
         return origin or origin_here()
 
-    def _numbered(self, path: Path) -> Path:
+    def _folder(self) -> Path:
+        """Return the folder of the present run: the first has the command's own."""
+        first = self._count == 1
+        return self._directory if first else self._directory / f"run-{self._count}"
+
+    def _numbered(self, path: Path | None) -> Path | None:
         """Return where the first run's file would be, or that of the present run beside it."""
-        if self._count == 1:
+        if path is None or self._count == 1:
             return path
         return path.with_name(f"{path.stem}-{self._count}{path.suffix}")
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-_NUMBERS = "run*.json"
+# A run's folder has these two; a session's further runs are one level below its first.
+_NUMBERS, _REPORT = "run.json", "report"
+_LEVELS = ("", "*/", "*/*/")
 _MOST = 50
-_NUMBERED = re.compile(r"-(\d+)$")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +36,8 @@ class ListedRun:
 class RunList:
     """Runs below a folder, read again when a file has changed.
 
-    A run is a `run.json`, or `run-2.json` and so on, in the folder or one level below it; its
-    report is the folder `report` beside it with the same number.
+    A run is a `run.json` in the folder or up to two levels below it, with the folder `report` beside
+    it.
 
     Args:
         folder: None for no list.
@@ -51,7 +51,7 @@ class RunList:
         """Return the newest runs, newest first."""
         if self.folder is None:
             return []
-        found = [*self.folder.glob(_NUMBERS), *self.folder.glob(f"*/{_NUMBERS}")]
+        found = [path for level in _LEVELS for path in self.folder.glob(f"{level}{_NUMBERS}")]
         changed = {path: path.stat().st_mtime_ns for path in found if path.is_file()}
         newest = sorted(changed, key=lambda path: changed[path], reverse=True)[:_MOST]
         self._known = {path: self._look(path, changed[path]) for path in newest}
@@ -65,7 +65,7 @@ class RunList:
         if not wanted.is_relative_to(self.folder.resolve()) or not wanted.is_file():
             return None
         below = wanted.relative_to(self.folder.resolve()).parts[:-1]
-        return wanted if any(part.startswith("report") for part in below) else None
+        return wanted if _REPORT in below else None
 
     def _look(self, path: Path, changed: int) -> tuple[int, ListedRun]:
         known = self._known.get(path)
@@ -73,16 +73,14 @@ class RunList:
         if known is not None and known[0] == changed and known[1].report:
             return known
         assert self.folder is not None
-        number = _NUMBERED.search(path.stem)
-        name = f"report{number.group(0) if number else ''}"
-        page = path.parent / name / "index.html"
+        page = path.parent / _REPORT / "index.html"
         report = str(page.relative_to(self.folder)) if page.is_file() else ""
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             return changed, _listed(content, report)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             return changed, ListedRun(
-                date=path.name,
+                date=str(path.relative_to(self.folder)),
                 condition="",
                 verdict=f"cannot be read: {error}",
                 style="",
