@@ -13,9 +13,7 @@ from winding_dashboard.page.run_list import RunList
 REPORT = "<html>the report</html>"
 
 
-def written(
-    folder: Path, name: str, *, when: float, report: str = "report", **changes: Any
-) -> None:
+def written(folder: Path, *, when: float, report: bool = True, **changes: Any) -> None:
     """Write a run's numbers, as `winding_study.runs.run_record` does, and its report."""
     folder.mkdir(parents=True, exist_ok=True)
     verdict = {"good": True, "sentence": "good: largest error 1.20 %, limit 4.8 %, marker P1"}

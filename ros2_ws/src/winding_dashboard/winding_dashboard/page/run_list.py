@@ -36,8 +36,8 @@ class ListedRun:
 class RunList:
     """Runs below a folder, read again when a file has changed.
 
-    A run is a `run.json` in the folder or up to two levels below it, with the folder `report` beside
-    it.
+    A run is a `run.json` in the folder or up to two levels below it, with the folder `report`
+    beside it.
 
     Args:
         folder: None for no list.
