@@ -127,7 +127,6 @@ PYPI_ONLY = {
         "distributed",
         "mcap",
         "meshio",
-        "nicegui",
         "numba",
         "pyarrow",
         "rosbags",
@@ -135,6 +134,7 @@ PYPI_ONLY = {
         "starlette",
         "torch",
         "typer",
+        "uvicorn",
         "zstandard",
     )
 }

@@ -25,10 +25,12 @@ PAGES = {
 # Modules that programs of others import, by package.
 MODULES = {
     "winding_core": (
-        "condition", "cases", "drive", "material_law", "markers", "lay_program", "lay_records",
-        "readings", "run_inputs",
+        "condition", "cases", "drive", "material_law", "prony", "tension", "markers",
+        "lay_program", "lay_records", "readings", "run_inputs",
     ),
-    "cable_fem_node": ("winding.winding_config", "winding.rod_winding", "identification"),
+    "cable_fem_node": (
+        "winding.prediction", "winding.winding_config", "winding.rod_winding", "identification",
+    ),
     "marker_tracker_node": ("",),
     "winding_rig_node": ("camera", "machine.hidden_rig", "machine.driven_lay"),
     "correction_node": ("models.weights", "models.perceptron"),
@@ -38,6 +40,8 @@ MODULES = {
     ),
     "winding_recorder": ("bags.tables", "bags.check"),
 }  # fmt: skip
+# A line that is nothing but a link to a program of examples/: the site shows the program itself.
+_PROGRAM = re.compile(r"^\[[^\]]+\]\((\.\./(?:\.\./)*(examples/\S+\.py))\)$", re.MULTILINE)
 _LINK = re.compile(r"(\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
 
 
@@ -64,8 +68,12 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Turn links to the repository's files into links to the site's."""
+    """Show linked programs, and turn links to the repository's files into links to the site's."""
     del config, files
+    markdown, programs = _PROGRAM.subn(_program, markdown)
+    if programs:
+        # Lines of 100 characters need the room.
+        page.meta.setdefault("hide", ["navigation"])
     place = PurePosixPath("docs", page.file.src_uri).parent
     up = "../" * (len(place.parts) - 1)
 
@@ -80,6 +88,11 @@ def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: 
 
 def _dotted(package: str, module: str) -> str:
     return f"{package}.{module}" if module else package
+
+
+def _program(match: re.Match[str]) -> str:
+    text = (ROOT / match[2]).read_text("utf-8")
+    return f'```python title="{match[2]}"\n{text}```\n\n[Download]({match[1]})'
 
 
 def _from_root(match: re.Match[str]) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from marker_tracker_node import CameraPose, PinholeCamera
-from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_pixel, plane_of_point
+from marker_tracker_node.camera.pinhole import plane_of_pixel
 from winding_rig_node.camera import CameraConfig
 from winding_rig_node.camera.optics import project_points
 
@@ -23,12 +23,6 @@ def camera(**changes):
 def undistorted(pinhole, pixels):
     view = pinhole.view(CameraPose())
     return np.array([plane_of_pixel(view, u, v) for u, v in pixels])
-
-
-def pixels_of(pinhole, pose, points):
-    view = pinhole.view(pose)
-    planes = [plane_of_point(view, *point)[:2] for point in points]
-    return np.array([pixel_of_plane(view, a, b) for a, b in planes])
 
 
 def test_undistortion_inverts_the_lens_to_a_millionth_of_a_pixel():
@@ -66,7 +60,7 @@ def test_pose_means_the_same_to_tracker_and_simulated_camera(tilt):
     pose = CameraPose(position=config.position, tilt=tilt)
     # Two implementations of one convention.
     np.testing.assert_allclose(
-        pixels_of(pinhole, pose, points), project_points(config, points), atol=1e-9
+        pinhole.pixels(points, pose), project_points(config, points), atol=1e-9
     )
 
 

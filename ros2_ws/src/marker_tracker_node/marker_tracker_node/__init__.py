@@ -6,7 +6,10 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from marker_tracker_node.camera.calibration import read_camera
+    from marker_tracker_node.camera.frame_sources import FrameSource
     from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
+    from marker_tracker_node.camera.recordings import Motion, read_motion
     from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
     from marker_tracker_node.lay.config import LayConfig
     from marker_tracker_node.lay.lay_tracker import LayReading, LayTracker
@@ -23,11 +26,13 @@ __all__ = [
     "ColourModel",
     "ColourRefusedError",
     "FrameFault",
+    "FrameSource",
     "LayConfig",
     "LayDefect",
     "LayReading",
     "LayReport",
     "LayTracker",
+    "Motion",
     "PinholeCamera",
     "PoseBelief",
     "Refinement",
@@ -35,11 +40,16 @@ __all__ = [
     "Tracker",
     "TrackerConfig",
     "TrackerReport",
+    "read_camera",
+    "read_motion",
     "refine",
 ]
 
 _PLACES = {
+    "camera.calibration": {"read_camera"},
+    "camera.frame_sources": {"FrameSource"},
     "camera.pinhole": {"CameraPose", "PinholeCamera"},
+    "camera.recordings": {"Motion", "read_motion"},
     "detection.colour": {"ColourModel", "ColourRefusedError"},
     "lay.config": {"LayConfig"},
     "lay.lay_tracker": {"LayReading", "LayTracker"},

@@ -94,6 +94,11 @@ def wound_markers(
     return records
 
 
+def positions(markers: Markers) -> NDArray[np.float64]:
+    """Return x, y and z in the lab frame [m] of marker records of shape (n,), shape (n, 3)."""
+    return np.column_stack([markers[axis] for axis in "xyz"]).astype(float)
+
+
 def is_wound(markers: Markers) -> NDArray[np.bool_]:
     """Return a mask of the markers that lie on the cylinder."""
     mask: NDArray[np.bool_] = (markers["flags"] & MarkerFlag.NOT_WOUND) == 0

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from winding_core.compiling import called, compiled
+from winding_core.markers import positions
 
 FloatArray = NDArray[np.float64]
 
@@ -176,6 +177,22 @@ class PinholeCamera:
                 self.binning,
             )
         )
+
+    def pixels(self, points: ArrayLike, pose: CameraPose | None = None) -> FloatArray:
+        """Return columns and rows in the image of lab points or markers, shape (n, 2) [px].
+
+        Args:
+            points: Lab frame [m], shape (n, 3), or marker records, shape (n,). Those on the far
+                side of the cylinder have pixels too; a marker that is not known has nan.
+            pose: Where the camera stands; None for the nominal place.
+        """
+        view = self.view(pose or CameraPose())
+        places = np.asarray(points)
+        if places.dtype.names:
+            places = positions(places)
+        planes = [plane_of_point(view, *place)[:2] for place in places.reshape(-1, 3).tolist()]
+        found = [pixel_of_plane(view, *plane) for plane in planes]
+        return np.array(found, dtype=float).reshape(-1, 2)
 
     def _require_invertible(self) -> None:
         """Refuse a distortion that folds the image over itself within the region used."""

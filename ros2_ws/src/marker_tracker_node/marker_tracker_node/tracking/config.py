@@ -73,8 +73,8 @@ class TrackerConfig:
     def of(
         cls,
         what: ResolvedCondition,
-        where: CameraPlacement,
-        markers: MarkerParameters,
+        where: CameraPlacement | None = None,
+        markers: MarkerParameters | None = None,
         *,
         row_time: float = 0.0,
     ) -> TrackerConfig:
@@ -82,11 +82,12 @@ class TrackerConfig:
 
         Args:
             what: Is wound.
-            where: The camera stands.
-            markers: What they look like.
+            where: The camera stands; None for the parameters' defaults.
+            markers: What they look like; None for the parameters' defaults.
             row_time: See `TrackerConfig` [s].
         """
         case, drive = what.case, what.drive
+        where, markers = where or CameraPlacement(), markers or MarkerParameters()
         return cls(
             cylinder_radius=case.cylinder_radius,
             cable_radius=case.cable_radius,

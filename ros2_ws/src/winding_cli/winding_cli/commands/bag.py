@@ -250,10 +250,10 @@ def report(
     from winding_cli.commands.bag_report import write_recorded_report
     from winding_cli.commands.condition_options import spelled
     from winding_cli.commands.wanted_lay import held_against
+    from winding_core.error_verdict import ErrorLimit
     from winding_core.options import typed_values
     from winding_core.parameters import build
     from winding_recorder.bags.failure import BagError
-    from winding_study.runs.error_verdict import ErrorLimit
 
     with refused(ValueError):
         held = held_against(

@@ -30,12 +30,12 @@ def write_recorded_report(
         BagError: The recording cannot be read, or does not say what was wound.
     """
     from winding_core.condition import Condition
+    from winding_core.error_verdict import PAPER_LIMIT_PCT
     from winding_core.lay_wish import LayWish
     from winding_recorder.bags.recorded_parameters import configuration_of
     from winding_recorder.playback.recorded_buffer import recorded_run
     from winding_ros import topics
-    from winding_study.runs.error_verdict import PAPER_LIMIT_PCT
-    from winding_supervisor.run import RunResult
+    from winding_supervisor.run_result import RunResult
 
     run = recorded_run(source)
     condition = configuration_of(Condition, run.parameters[topics.FEM], topics.FEM)
