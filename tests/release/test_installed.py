@@ -65,7 +65,7 @@ def test_learning_and_the_page_are_not_installed(installed: Path, run: Callable[
     listed = run([installed / "bin" / "python", "-m", "pip", "list", "--format=json"], installed)
     names = {item["name"].lower() for item in json.loads(listed)}
     assert "cable-winding-twin" in names
-    assert not names & {"torch", "scikit-learn", "nicegui", "pyarrow", "pytest"}
+    assert not names & {"torch", "scikit-learn", "starlette", "pyarrow", "pytest"}
 
 
 def mypy(installed: Path, folder: Path, text: str) -> str:
