@@ -1,4 +1,4 @@
-"""Every tutorial and the gallery run: their `sh` blocks, pasted in order into one shell in an empty folder."""
+"""Every tutorial and the gallery run: their `sh` blocks, pasted in order into one empty folder."""
 
 import os
 import re

@@ -27,6 +27,7 @@ from winding_recorder.playback.recorded_buffer import recorded_run
 from winding_ros import topics
 from winding_ros.cloud_messages import encode_cloud
 from winding_ros.rig_messages import encode_joint_state
+from winding_study.runs.error_verdict import PAPER_LIMIT_PCT
 from winding_supervisor.run import RunResult
 
 DRIVE = DriveProfile()
@@ -85,7 +86,11 @@ def recording(folder: Path, *, off: float, mode: ControlMode = ControlMode.DRIVE
 @pytest.mark.slow
 def test_recorded_run_has_its_report_and_its_verdict(tmp_path: Path) -> None:
     write_recorded_report(
-        recording(tmp_path / "bag", off=0.3e-3), tmp_path / "out", HALF_MILLIMETRE
+        recording(tmp_path / "bag", off=0.3e-3),
+        tmp_path / "out",
+        HALF_MILLIMETRE,
+        PAPER_LIMIT_PCT,
+        errors_held=False,
     )
     numbers = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
     assert numbers["verdict"]["kept"] is True
