@@ -7,9 +7,12 @@ ARGS ?=
 # What a run needs, and what tests and training need beside it.
 EXTRAS := ros
 FURTHER := $(EXTRAS),dashboard,tables,train,cluster,opcua,docs,dev
-BIN := .venv/bin
-STAMP := .venv/.installed
-WHOLE := .venv/.installed-whole
+# The environment's folder: one for each Python that is to stay beside others.
+VENV ?= .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+SHORT := $(VENV)/.installed-short
+WHOLE := $(VENV)/.installed-whole
 # pip with the versions that were tested.
 PIP = $(BIN)/python -m pip install --quiet --constraint constraints.txt \
     $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX))
@@ -23,17 +26,21 @@ endif
 # A test run starts hundreds of processes: none of them compiles the sources anew, whatever the shell says.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo docs kernels check test campaign coverage bench bench-peers lint clean install
+.PHONY: demo docs kernels check test leg campaign coverage bench bench-peers lint dist sbom audit clean install
 install: $(WHOLE)
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12) and "Python 3.11 or 3.12 is needed, got " + sys.version.split()[0] + "; set PYTHON=")'
-	$(PYTHON) -m venv --clear .venv
+	$(PYTHON) -m venv --clear $(VENV)
 	$(PIP) --no-compile --editable '.[$(EXTRAS)]'
 	touch $@
 
 $(WHOLE): $(STAMP)
 	$(PIP) --editable '.[$(FURTHER)]'
+	touch $@
+
+$(SHORT): $(STAMP)
+	$(PIP) --editable '.[$(EXTRAS),dev]'
 	touch $@
 
 demo: $(STAMP)
@@ -42,9 +49,9 @@ demo: $(STAMP)
 
 # Kernels are compiled once and by one process: code that two make at once may round differently, and
 # a test that compiles on a slow computer may pass its time limit.
-kernels: .venv/.kernels
+kernels: $(VENV)/.kernels
 
-.venv/.kernels: $(STAMP) $(shell find ros2_ws/src -name '*.py')
+$(VENV)/.kernels: $(STAMP) $(shell find ros2_ws/src -name '*.py')
 	$(BIN)/winding predict --case 4 --duration-s 1 > /dev/null
 	film=$$(mktemp -d) && $(BIN)/winding render $$film/film --duration-s 0.1 > /dev/null \
 	    && $(BIN)/winding track $$film/film --case 4 --fps 50 --camera $$film/film/camera.yaml \
@@ -59,6 +66,12 @@ check: lint kernels
 test: $(WHOLE) kernels
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not processes and not campaign" $(COUNT)
 	$(BIN)/python -m pytest -m "processes and not campaign" $(COUNT)
+
+# The graph's processes on a further Python, in an environment of their own:
+# make leg PYTHON=python3.12 VENV=.venv-3.12
+leg: $(SHORT) kernels
+	run=$$(mktemp -d) && $(BIN)/winding run --case 4 --duration-s 5 --output $$run/run && rm -r $$run
+	$(BIN)/python -m pytest tests/graph -m "processes and not campaign"
 
 # What takes minutes: faults, kills, browsers, networks, tutorials, whole films.
 campaign: $(WHOLE) kernels
@@ -90,9 +103,25 @@ lint: $(WHOLE)
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python ros2_ws/package_files.py --check
-	$(BIN)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs docker examples ros2_ws tests
+	$(BIN)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs docker examples release ros2_ws tests
 	$(BIN)/hadolint docker/Dockerfile
 
+# Source archive and wheel of the last commit in dist/, the same bytes on every machine.
+dist: $(WHOLE)
+	rm -rf dist
+	release/build.sh $(BIN)/python dist
+
+# What a run's environment holds, as CycloneDX: the wheel with its extra `ros`, and nothing else.
+sbom: dist
+	release/sbom.sh $(BIN)/python dist
+
+# Known vulnerabilities of the pinned versions, asked of the package index; --strict fails on a
+# version that nobody could be asked about.
+audit:
+	$(PYTHON) -m venv --clear build/audit
+	build/audit/bin/python -m pip install --quiet pip-audit==2.10.1
+	build/audit/bin/pip-audit --strict --requirement constraints.txt --no-deps --disable-pip
+
 clean:
-	rm -rf .venv runs build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .coverage bench.json
+	rm -rf .venv .venv-3.* runs build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .coverage bench.json
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

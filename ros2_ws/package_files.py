@@ -127,7 +127,6 @@ PYPI_ONLY = {
         "distributed",
         "mcap",
         "meshio",
-        "nicegui",
         "numba",
         "pyarrow",
         "rosbags",
@@ -135,6 +134,7 @@ PYPI_ONLY = {
         "starlette",
         "torch",
         "typer",
+        "uvicorn",
         "zstandard",
     )
 }
@@ -148,8 +148,7 @@ schematypens="http://www.w3.org/2001/XMLSchema"?>
   <name>$name</name>
   <version>$version</version>
   <description>$description</description>
-  <maintainer email="maintainers@cable-winding-twin.example">\
-The cable-winding-twin authors</maintainer>
+  <maintainer email="$email">$maintainer</maintainer>
   <license>$license</license>
 
 $depends
@@ -225,6 +224,8 @@ def files(name: str) -> Iterator[tuple[Path, str]]:
         "version": PROJECT["version"],
         "description": package.description,
         "license": PROJECT["license"],
+        "maintainer": PROJECT["maintainers"][0]["name"],
+        "email": PROJECT["maintainers"][0]["email"],
     }
     needed = {ROSDEP_KEYS.get(root, root) for root in roots - PYPI_ONLY.keys()}
     depends = [f"  <depend>{key}</depend>" for key in sorted(needed)]

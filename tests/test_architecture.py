@@ -32,7 +32,9 @@ PLACES = {
     re.compile(r"cv2"): re.compile(
         r"marker_tracker_node/|winding_rig_node/winding_rig_node/camera/"
     ),
-    re.compile(r"nicegui"): re.compile(r"winding_dashboard/"),
+    re.compile(r"starlette|uvicorn"): re.compile(
+        r"winding_dashboard/winding_dashboard/(web/|__main__\.py)"
+    ),
     re.compile(r"asyncua"): re.compile(r"winding_plc_driver/winding_plc_driver/opcua/"),
 }
 

@@ -14,7 +14,7 @@ from winding_ros.graph import GRAPH
 HEAVY = (
     "scipy.integrate", "scipy.interpolate", "scipy.linalg", "scipy.optimize", "scipy.sparse",
     "scipy.spatial", "scipy.special", "scipy.stats", "sklearn", "joblib", "matplotlib", "torch",
-    "nicegui", "pyarrow", "rosbags", "mcap", "asyncua", "coverage",
+    "uvicorn", "pyarrow", "rosbags", "mcap", "asyncua", "coverage",
 )  # fmt: skip
 # What only help and refusals are written with.
 HELP = ("typer.rich_utils", "markdown_it", "pygments")

@@ -1,4 +1,4 @@
-"""Every tutorial and the gallery run: their `sh` blocks, pasted in order into one empty folder."""
+"""Every tutorial and the gallery run: their `sh` blocks, pasted in order into one shell."""
 
 import os
 import re
@@ -42,7 +42,7 @@ def test_the_tutorial_works_when_pasted(page: Path, tmp_path: Path) -> None:
     for part in ("examples", "tests", "pyproject.toml"):
         (tmp_path / part).symlink_to(ROOT / part)
     script = "\n".join(["set -euo pipefail", *blocks(page)])
-    # A reader's shell is not a test, and NiceGUI behaves differently in one.
+    # A reader's shell is not a test.
     environment = {name: value for name, value in os.environ.items() if "PYTEST" not in name}
     environment["PATH"] = f"{Path(sys.executable).parent}:{environment['PATH']}"
     with (tmp_path / "output.txt").open("w+") as output:

@@ -14,6 +14,7 @@ from winding_cli.commands.wanted_lay import Held
 from winding_cli.output.results import run_record
 from winding_core.condition import Condition
 from winding_core.drive import DriveProfile
+from winding_core.error_verdict import PAPER_LIMIT_PCT
 from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlMode
 from winding_core.lay_records import LAY_DTYPE
 from winding_core.readings import AxisReading
@@ -27,8 +28,7 @@ from winding_recorder.playback.recorded_buffer import recorded_run
 from winding_ros import topics
 from winding_ros.cloud_messages import encode_cloud
 from winding_ros.rig_messages import encode_joint_state
-from winding_study.runs.error_verdict import PAPER_LIMIT_PCT
-from winding_supervisor.run import RunResult
+from winding_supervisor.run_result import RunResult
 
 DRIVE = DriveProfile()
 ADVANCE = DRIVE.advance_per_radian

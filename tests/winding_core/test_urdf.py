@@ -13,7 +13,7 @@ from winding_core.condition import Condition
 from winding_core.machine_axes import MachineAxes
 from winding_core.readings import ImageWindow
 from winding_core.urdf import CAMERA, GUIDE, LOAD_CELL, MARKER, machine_urdf
-from winding_dashboard.views.projection import CameraView
+from winding_dashboard.state.camera_view import CameraView
 
 # Rounding of a handful of products of numbers of order one, a million times over.
 EXACT = 1.0e-9

@@ -122,9 +122,8 @@ class Serving:
 
     @staticmethod
     def environment() -> dict[str, str]:
-        """Return an environment without what tells NiceGUI that it is being tested."""
-        hints = ("PYTEST_CURRENT_TEST", "NICEGUI_USER_SIMULATION", "NICEGUI_SCREEN_TEST_PORT")
-        return {name: value for name, value in os.environ.items() if name not in hints}
+        """Return the environment of the commands."""
+        return dict(os.environ)
 
 
 @pytest.fixture(scope="session")
@@ -189,6 +188,30 @@ def operated(tmp_path_factory: pytest.TempPathFactory, duration: float) -> Itera
         graph.wait(60.0)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ControlledPage:
+    """The page of a made-up run, and its server."""
+
+    url: str
+    process: "subprocess.Popen[str]"
+
+
+@pytest.fixture(scope="module")
+def controlled_page() -> Iterator[ControlledPage]:
+    port = free_port()
+    process = subprocess.Popen(
+        [sys.executable, str(Path(__file__).parent / "controlled_page.py"), str(port)],
+        stdout=subprocess.PIPE, text=True, env=Serving.environment(),
+    )  # fmt: skip
+    try:
+        url = f"http://127.0.0.1:{port}/"
+        wait_for_page(url)
+        yield ControlledPage(url=url, process=process)
+    finally:
+        process.terminate()
+        process.wait(30.0)
+
+
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     if not CHROMIUM.exists():
@@ -214,7 +237,7 @@ def browser() -> Iterator[Any]:
 CLIPPED = """
 () => [...document.querySelectorAll('.card, header')].flatMap(card => {
   const room = card.getBoundingClientRect();
-  return [...card.querySelectorAll('.nicegui-label, .q-btn, th, td')].filter(item => {
+  return [...card.querySelectorAll('p, button, label, th, td')].filter(item => {
     const box = item.getBoundingClientRect();
     return box.width > 0 && !item.closest('.scene') && !item.closest('.buttons') &&
       (item.scrollWidth > item.clientWidth + 1 && getComputedStyle(item).display !== 'inline' ||
@@ -224,7 +247,7 @@ CLIPPED = """
 """
 WIDE = """
 () => [...document.querySelectorAll('body *')]
-  .filter(item => !item.closest('canvas, .scene, .nicegui-error-popup'))
+  .filter(item => !item.closest('svg'))
   .map(item => [item, item.getBoundingClientRect()])
   .filter(([, box]) => box.width > 0 && box.right > document.documentElement.clientWidth + 1)
   .map(([item, box]) => `${item.tagName}.${item.className} to ${Math.round(box.right)}`)
@@ -274,7 +297,22 @@ class Tab:
         self.page.wait_for_function(script)
 
     def phase(self, text: str) -> None:
-        self.wait_for(f"document.querySelector('.phase').innerText.toLowerCase() === '{text}'")
+        """Wait until the band says what the machine does."""
+        self.wait_for(
+            "document.querySelector('[data-part=state] .word')?.innerText.toLowerCase() === "
+            f"'{text}'"
+        )
+
+    def can(self, name: str) -> None:
+        """Wait until a button of the header can be used."""
+        self.wait_for(
+            "[...document.querySelectorAll('header button')]"
+            f".find(b => b.innerText === '{name}').disabled === false"
+        )
+
+    def answer(self, name: str) -> None:
+        """Click a button of the question that is open."""
+        self.page.locator("dialog[open]").get_by_role("button", name=name, exact=True).click()
 
     def said(self, text: str) -> None:
         """Wait until the page says what came of the last command."""

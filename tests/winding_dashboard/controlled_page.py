@@ -3,28 +3,33 @@
 python controlled_page.py PORT serves the page until it is told to end; what it was told is printed.
 """
 
+import asyncio
 import math
 import sys
 import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import numpy as np
-from nicegui import app, ui
+import uvicorn
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from simulated_page import Machine, fresh_state, phase
+from simulated_page import Machine, fresh_state, phase, served, wound
 
+from winding_core.condition import Condition
 from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlMode
 from winding_core.lay_records import LAY_DTYPE, LayRecords
-from winding_core.markers import CABLE_DTYPE, wound_markers
+from winding_core.markers import CABLE_DTYPE, Markers, wound_markers
 from winding_core.readings import AxisReading
-from winding_dashboard.views import commands
-from winding_dashboard.views.page import PERIOD, Page
-from winding_dashboard.views.view_state import ViewState
+from winding_dashboard.page import commands
+from winding_dashboard.state.view_state import ViewState
+from winding_dashboard.web.server import application
 
 RADIUS, SPEED, ADVANCE, GUIDE_AHEAD = 0.017, 1.74, 2.87e-3, 0.033
 LAG = 0.2 / RADIUS
+MARKERS_APART, PERIOD = 4.65, 0.1
 
 
 def off_by(theta: np.ndarray) -> np.ndarray:
@@ -41,6 +46,14 @@ def measured_lay(theta: float) -> LayRecords:
     lay["x"], lay["y"] = RADIUS * np.cos(theta - at), RADIUS * np.sin(theta - at)
     lay["z"], lay["sigma_z"] = ADVANCE * at + off_by(at), 1.0e-4
     return lay
+
+
+def markers(theta: float) -> Markers:
+    """Return P0 and the markers behind a wound angle [rad], 79 mm of cable apart."""
+    at = np.arange(0.0, theta, MARKERS_APART)[:5]
+    return wound_markers(
+        ids=range(at.size), theta=at, z=ADVANCE * at, radius=RADIUS, cylinder_angle=theta
+    )
 
 
 def note_run(state: ViewState, theta: float, mode: ControlMode, *, step: float = 0.1) -> None:
@@ -65,14 +78,13 @@ def note_run(state: ViewState, theta: float, mode: ControlMode, *, step: float =
         ),
     )
     state.note_lay(t, measured_lay(theta))
-    state.predicted = wound_markers(
-        ids=[0], theta=np.array([0.0]), z=[0.0], radius=RADIUS, cylinder_angle=theta
-    )
+    state.note_source("predicted", t, markers(theta))
+    state.note_source("tracked", t, markers(theta))
     at = np.arange(0.0, theta, 0.3)
     cable = np.zeros(at.size, CABLE_DTYPE)
     cable["x"], cable["y"] = RADIUS * np.cos(theta - at), RADIUS * np.sin(theta - at)
     cable["z"] = ADVANCE * at + 0.4e-3 * -np.expm1(-at / LAG)
-    state.note_cable(t, cable)
+    state.note_source("cable", t, cable)
 
 
 class Controlled(Machine):
@@ -97,19 +109,24 @@ def main(port: int) -> None:
     graph = Controlled(state)
     begin = time.monotonic()
 
-    def wind() -> None:
-        phase(state, "winding")
-        note_run(state, 30.0 + 0.2 * (time.monotonic() - begin), graph.mode)
+    async def wind() -> None:
+        while True:
+            phase(state, "winding")
+            wound(state, Condition(duration=60.0))
+            note_run(state, 30.0 + 0.2 * (time.monotonic() - begin), graph.mode)
+            state.tick(time.monotonic())
+            await asyncio.sleep(PERIOD)
 
-    wind()
-    app.timer(PERIOD, wind)
-    ui.run(
-        lambda: Page(state, graph, time.monotonic),
-        port=port, host="127.0.0.1", reload=False, show=False, show_welcome_message=False,
-        # As the page itself: a browser on a busy machine may be late.
-        reconnect_timeout=30.0,
-    )  # fmt: skip
+    @asynccontextmanager
+    async def lifespan(_: object) -> AsyncIterator[None]:
+        winding = asyncio.create_task(wind())
+        yield
+        winding.cancel()
+
+    page = served(state, graph)
+    app = application(page, token="", host="127.0.0.1", lifespan=lifespan)
+    uvicorn.run(app, host="127.0.0.1", port=port, log_level="warning")
 
 
-if __name__ in {"__main__", "__mp_main__"}:
+if __name__ == "__main__":
     main(int(sys.argv[1]))

@@ -1,19 +1,27 @@
-"""A graph that answers the page as a test wants, and the hands of NiceGUI's simulated user."""
+"""A graph that answers the page as a test wants, and the page's server without a socket."""
 
 import asyncio
 import time
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
-from nicegui import ui
-from nicegui.testing import User, UserInteraction
+import httpx
 
 from winding_core.condition import OWN, Condition
 from winding_core.status import Level, Status
-from winding_dashboard.views.commands import Choice, CommandError
-from winding_dashboard.views.view_state import ViewState
+from winding_core.wound_label import WoundLabel
+from winding_dashboard.page.band import Limits
+from winding_dashboard.page.commands import Choice, CommandError, Graph
+from winding_dashboard.page.run_list import RunList
+from winding_dashboard.page.session import OperatorSession
+from winding_dashboard.page.snapshot import Snapshots
+from winding_dashboard.page.templates import Templates
+from winding_dashboard.state.view_state import ViewState
+from winding_dashboard.web.server import Served, application
 
 NODES = ("winding_rig", "cable_fem")
-PATIENCE = 10.0
+URL = "http://127.0.0.1"
 
 
 class Machine:
@@ -63,28 +71,77 @@ class Machine:
 
 
 def fresh_state() -> ViewState:
-    return ViewState(nodes=NODES, machine="winding_rig")
+    return ViewState(nodes=NODES, machine="winding_rig", solver="cable_fem")
 
 
-def phase(state: ViewState, text: str, level: Level = Level.OK) -> None:
-    state.health.note(time.monotonic(), [Status(name="winding_rig", level=level, message=text)])
+def phase(state: ViewState, text: str, level: Level = Level.OK, reason: str = "") -> None:
+    values = {"phase": text, "reason": reason}
+    status = Status(name="winding_rig", level=level, message=text, values=values)
+    state.health.note(time.monotonic(), [status])
 
 
-async def until(reached: Callable[[], bool]) -> None:
-    async with asyncio.timeout(PATIENCE):
-        while not reached():
-            await asyncio.sleep(0.01)
+def wound(state: ViewState, condition: Condition) -> None:
+    """Let the solver say what is wound."""
+    values = WoundLabel.of(condition.resolved()).values()
+    status = Status(name="cable_fem", message="following the machine", values=values)
+    state.health.note(time.monotonic(), [status])
 
 
-def buttons(user: User, text: str) -> list[ui.button]:
-    """Return the buttons of a text: the page's own first, then those of its dialogs."""
-    found = (item for item in user.find(ui.button).elements if item.text == text)
-    return sorted(found, key=lambda item: item.id)
+def served(
+    state: ViewState,
+    graph: Graph,
+    *,
+    clock: Callable[[], float] = time.monotonic,
+    runs: Path | None = None,
+    server: str = "first",
+    **limits: float,
+) -> Served:
+    """Return everything behind a page, as `winding_dashboard.__main__` puts it together."""
+    session = OperatorSession(
+        state,
+        graph,
+        Limits(**({"error_limit_pct": 4.8, "lay_tolerance": 0.5e-3} | limits)),
+        lambda: "12:00:00",
+    )
+    templates, listed = Templates(), RunList(runs)
+    snapshots = Snapshots(state, session, listed, templates.part, clock, server)
+    return Served(session=session, snapshots=snapshots, runs=listed, templates=templates)
 
 
-def button(user: User, text: str) -> ui.button:
-    return buttons(user, text)[0]
+class Desk:
+    """An operator with an HTTP client, who has seen the newest snapshot.
 
+    Attributes:
+        served: What is behind the page.
+        graph: What is commanded.
+    """
 
-def click(user: User, element: ui.button) -> None:
-    UserInteraction(user, {element}, None).click()
+    def __init__(self, state: ViewState, graph: Graph, **given: Any) -> None:
+        self.served = served(state, graph, **given)
+        self.graph = graph
+        app = application(self.served, token="", host="127.0.0.1")
+        self._transport = httpx.ASGITransport(app=app)
+
+    def request(self, method: str, path: str, **more: Any) -> httpx.Response:
+        """Return the server's answer."""
+
+        async def ask() -> httpx.Response:
+            async with httpx.AsyncClient(transport=self._transport, base_url=URL) as client:
+                return await client.request(method, path, **more)
+
+        return asyncio.run(ask())
+
+    def look(self, query: str = "") -> dict[str, Any]:
+        """Return a snapshot of this moment."""
+        self.served.snapshots.changed()
+        answer = self.request("GET", f"/snapshot{query}")
+        assert answer.status_code == 200, answer.text
+        return dict(answer.json())
+
+    def ask(self, path: str, **more: Any) -> str:
+        """Ask for something, as one who sees the present; return what the page says."""
+        seen = self.look()
+        body = {"server": seen["server"], "sequence": seen["sequence"], **more}
+        answer = self.request("POST", path, json=body)
+        assert answer.status_code == 200, answer.text
+        return str(answer.json()["said"])

@@ -8,7 +8,7 @@ import pytest
 
 from winding_core.parameters import ParameterError
 from winding_dashboard.ros.parameters import DashboardParameters
-from winding_dashboard.views.access import COOKIE, Gate
+from winding_dashboard.web.access import COOKIE, Gate
 
 TOKEN = "correct-horse-battery"
 
@@ -36,12 +36,6 @@ def test_foreign_name_that_resolves_here_is_refused() -> None:
     assert get("http://evil.example:8080/").status_code == 403
 
 
-def test_an_address_that_does_not_exist_is_not_found() -> None:
-    answer = get("http://127.0.0.1:8080/report")
-    assert answer.status_code == 404
-    assert "there is no page /report" in answer.text
-
-
 def test_other_sites_cannot_ask_on_the_operators_behalf() -> None:
     refused = get("http://127.0.0.1:8080/", origin="http://evil.example")
     assert refused.status_code == 403
@@ -59,7 +53,7 @@ def test_web_sockets_of_other_sites_are_closed() -> None:
 
     scope = {
         "type": "websocket",
-        "path": "/_nicegui_ws/socket.io/",
+        "path": "/",
         "headers": [(b"host", b"127.0.0.1:8080"), (b"origin", b"http://evil.example")],
     }
     asyncio.run(Gate(behind, token="", host="127.0.0.1")(scope, receive, send))

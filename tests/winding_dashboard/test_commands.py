@@ -1,6 +1,6 @@
 """What the page holds back before a click."""
 
-from winding_dashboard.views import commands
+from winding_dashboard.page import commands
 
 
 def test_stopping_is_never_held_back_by_what_the_page_believes() -> None:

@@ -1,7 +1,7 @@
 """Nodes: the worst is told, silence is told, strangers are bounded."""
 
 from winding_core.status import Level, Status
-from winding_dashboard.views.health import Health, node_of
+from winding_dashboard.state.health import Health, node_of
 
 
 def report(name: str, level: Level = Level.OK, message: str = "") -> Status:

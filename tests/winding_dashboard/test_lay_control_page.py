@@ -2,24 +2,20 @@
 
 import math
 import time
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from controlled_page import Controlled, note_run
-from nicegui import ui
-from nicegui.testing import user_simulation
-from simulated_page import button, buttons, click, fresh_state, phase, until
+from simulated_page import Desk, fresh_state, phase
 
 from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
 from winding_core.lay_errors import turn_errors
 from winding_core.lay_tolerance import turn_state
 from winding_core.status import Level, Status
-from winding_dashboard.views.control_chart import lay_curves
-from winding_dashboard.views.control_state import ControlState
-from winding_dashboard.views.control_words import basis_words, beliefs
-from winding_dashboard.views.page import Page
-from winding_dashboard.views.view_state import ViewState
+from winding_dashboard.drawings.control_chart import lay_curves
+from winding_dashboard.page.control_words import basis_words, beliefs
+from winding_dashboard.state.control_state import ControlState
+from winding_dashboard.state.view_state import ViewState
 
 TURN = math.tau
 DRIVE, WATCH = ControlMode.DRIVE, ControlMode.WATCH
@@ -109,95 +105,61 @@ def test_curves_are_in_turns_and_millimetres() -> None:
     assert curves["predicted off"][-1][1] == pytest.approx(0.38, abs=0.03)
 
 
-def page_of(state: ViewState, graph: Controlled) -> Callable[[], None]:
-    def show() -> None:
-        Page(state, graph, time.monotonic)
-
-    return show
-
-
-@pytest.mark.slow
-@pytest.mark.asyncio
-async def test_graph_without_a_controller_has_no_such_panel() -> None:
+def test_graph_without_a_controller_has_no_such_panel() -> None:
     state = fresh_state()
     phase(state, "winding")
-    async with user_simulation(page_of(state, Controlled(state))) as user:
-        await user.open("/")
-        await user.should_not_see("Lay control", retries=3)
+    assert Desk(state, Controlled(state)).look()["hidden"]["control-card"]
 
 
-@pytest.mark.slow
-@pytest.mark.asyncio
-async def test_panel_shows_mode_basis_turns_and_verdict() -> None:
+def test_panel_shows_mode_basis_turns_and_verdict() -> None:
     state = controlled()
-    async with user_simulation(page_of(state, Controlled(state))) as user:
-        await user.open("/")
-        for text in (
-            "Drive: commands the machine",
-            "the measured lay is fed back",
-            "195.8 ± 5.5 mm",
-            "off",
-            "the lay does not keep 0.5 mm: at most 0.73 mm off, in turn 4",
-        ):
-            await user.should_see(text, retries=50)
+    seen = Desk(state, Controlled(state)).look()
+    assert not seen["hidden"]["control-card"]
+    assert seen["texts"]["control-mode"] == "Drive: commands the machine"
+    assert seen["texts"]["control-basis"] == "the measured lay is fed back"
+    for text in ("195.8 ± 5.5 mm", '<td class="bad">off</td>', "keep 0.5 mm: at most 0.73 mm off"):
+        assert text in seen["parts"]["turns"]
 
 
-@pytest.mark.slow
-@pytest.mark.asyncio
-async def test_recording_that_is_played_has_no_switches() -> None:
+def test_verdict_of_the_band_holds_the_lay_to_the_tolerance_that_is_set() -> None:
     state = controlled()
-    async with user_simulation(page_of(state, Controlled(state, missing="nobody serves"))) as user:
-        await user.open("/")
-        await user.should_see("Drive: commands the machine", retries=50)
-        for title in ("Off", "Watch"):
-            await user.should_not_see(kind=ui.button, content=title, retries=3)
-        # The question's own button, which nobody can bring up.
-        assert len(buttons(user, "Drive")) == 1
+    desk = Desk(state, Controlled(state))
+    band = desk.look()["parts"]["band"]
+    assert "NOT GOOD" in band
+    assert "lay +0.73 mm off at most, limit 0.5 mm, turn 4" in band
+    desk.ask("/limits", limits={"lay_tolerance_mm": 0.8})
+    assert "NOT GOOD" not in desk.look()["parts"]["band"]
 
 
-@pytest.mark.slow
-@pytest.mark.asyncio
-async def test_leaving_a_machine_that_winds_is_asked_about_first() -> None:
+def test_recording_that_is_played_has_no_switches() -> None:
+    state = controlled()
+    hidden = Desk(state, Controlled(state, missing="nobody serves")).look()["hidden"]
+    assert not hidden["control-card"]
+    assert all(hidden[f"mode-{mode}"] for mode in ("off", "watch", "drive"))
+
+
+def test_leaving_a_machine_that_winds_is_asked_about_first() -> None:
     state = controlled()
     graph = Controlled(state)
-    async with user_simulation(page_of(state, graph)) as user:
-        await user.open("/")
-        await user.should_see("Drive: commands the machine", retries=50)
-        click(user, button(user, "Watch"))
-        await user.should_see("Take the carriage from the controller?")
-        assert graph.done == []
-        click(user, buttons(user, "Switch to watch")[0])
-        await until(lambda: graph.done == ["lay_control_watch"])
+    desk = Desk(state, graph)
+    assert desk.look()["ask"]["mode-watch"] == "ask-watch"
+    desk.ask("/mode/watch")
+    assert graph.done == ["lay_control_watch"]
 
 
-@pytest.mark.slow
-@pytest.mark.asyncio
-async def test_driving_is_asked_about_and_a_standing_machine_is_left_at_once() -> None:
+def test_driving_is_asked_about_and_a_standing_machine_is_left_at_once() -> None:
     state = fresh_state()
     phase(state, "idle")
     state.note_statuses(
         time.monotonic(), [Status(name="lay_control", level=Level.OK, values={"mode": "watch"})]
     )
-    graph = Controlled(state)
-    async with user_simulation(page_of(state, graph)) as user:
-        await user.open("/")
-        await user.should_see("Watch: says what it would command", retries=50)
-        click(user, button(user, "Drive"))
-        await user.should_see("Let the controller drive the machine?")
-        assert graph.done == []
-        click(user, buttons(user, "Drive")[1])
-        await until(lambda: graph.done == ["lay_control_drive"])
-        click(user, button(user, "Off"))
-        await until(lambda: graph.done == ["lay_control_drive", "lay_control_off"])
+    seen = Desk(state, Controlled(state)).look()
+    assert seen["ask"]["mode-drive"] == "ask-drive"
+    assert seen["ask"]["mode-off"] == ""
+    assert seen["pressed"] == {"mode-off": False, "mode-watch": True, "mode-drive": False}
 
 
-@pytest.mark.slow
-@pytest.mark.asyncio
-async def test_refused_switch_is_one_sentence() -> None:
+def test_refused_switch_is_one_sentence() -> None:
     state = controlled(mode=WATCH)
-    graph = Controlled(state, refusal="lay_control is not active")
-    async with user_simulation(page_of(state, graph)) as user:
-        await user.open("/")
-        await user.should_see("Watch: says what it would command", retries=50)
-        click(user, button(user, "Off"))
-        await user.should_see("lay control: lay_control is not active", retries=50)
+    desk = Desk(state, Controlled(state, refusal="lay_control is not active"))
+    assert desk.ask("/mode/off").endswith("lay control: lay_control is not active")

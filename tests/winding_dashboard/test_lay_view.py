@@ -8,9 +8,10 @@ import pytest
 
 from winding_core.lay_records import LAY_DTYPE, LayFlag, LayRecords
 from winding_core.readings import AxisReading, ImageWindow
-from winding_dashboard.views.lay_view import defects_told, lay_errors, lay_overlay
-from winding_dashboard.views.projection import CameraView
-from winding_dashboard.views.view_state import ViewState
+from winding_dashboard.drawings.lay_chart import defects_told, lay_errors
+from winding_dashboard.drawings.lay_overlay import lay_overlay
+from winding_dashboard.state.camera_view import CameraView
+from winding_dashboard.state.view_state import ViewState
 
 ADVANCE, RADIUS = 2.9e-3, 0.017
 VIEW = CameraView(
@@ -80,7 +81,7 @@ def test_nothing_is_drawn_before_anything_was_measured() -> None:
 
 
 def test_the_commanded_advance_is_kept_while_the_machine_stands() -> None:
-    state = ViewState(nodes=["winding_rig"], machine="winding_rig")
+    state = ViewState(nodes=["winding_rig"], machine="winding_rig", solver="cable_fem")
     for t, speed in ((1.0, 2.0), (2.0, 0.0)):
         moving = AxisReading(
             cylinder_angle=t, angular_speed=speed, carriage_position=0.0, feed_speed=5e-3 * speed

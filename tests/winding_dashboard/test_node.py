@@ -15,7 +15,7 @@ from winding_core.parameters import ParameterError
 from winding_core.readings import CABLE_TENSION, AxisReading
 from winding_core.status import Status
 from winding_dashboard.node import DashboardNode
-from winding_dashboard.views.commands import CommandError
+from winding_dashboard.page.commands import CommandError
 from winding_ros import topics
 from winding_ros.cloud_messages import encode_cloud
 from winding_ros.diagnostic_messages import encode_case_votes, encode_diagnostics

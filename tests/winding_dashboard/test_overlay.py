@@ -8,8 +8,8 @@ import pytest
 
 from winding_core.markers import MarkerFlag, wound_markers
 from winding_core.readings import ImageWindow
-from winding_dashboard.views.overlay import band_overlay, measured_count
-from winding_dashboard.views.projection import CameraView
+from winding_dashboard.drawings.band_overlay import band_overlay, measured_count
+from winding_dashboard.state.camera_view import CameraView
 
 MATRIX = np.array([[5000.0, 0.0, 960.0], [0.0, 5000.0, 540.0], [0.0, 0.0, 1.0]])
 DISTORTION = np.array([-0.12, 0.05, 0.001, -0.0007, 0.02])

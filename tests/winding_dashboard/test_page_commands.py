@@ -1,87 +1,129 @@
-"""The page's buttons command the machine, ask first where that is due, and say refusals."""
+"""The page's requests command the machine, and refusals are told."""
 
 import math
-import time
 
 import pytest
-from nicegui.testing import user_simulation
-from simulated_page import Machine, button, buttons, click, fresh_state, phase, until
+from simulated_page import Desk, Machine, fresh_state, phase
 
 from winding_core.readings import CABLE_TENSION
-from winding_dashboard.views import commands
-from winding_dashboard.views.page import Page
-
-pytestmark = [pytest.mark.asyncio, pytest.mark.slow]
+from winding_dashboard.page import commands
+from winding_dashboard.web.server import SEEN_WITHIN
 
 
-async def test_emergency_stop_asks_nothing() -> None:
+def test_commands_reach_the_machine() -> None:
     machine = Machine()
-    async with user_simulation(lambda: Page(fresh_state(), machine, time.monotonic)) as user:
-        await user.open("/")
-        click(user, button(user, "EMERGENCY STOP"))
-        await until(lambda: machine.done == [commands.EMERGENCY_STOP])
+    desk = Desk(fresh_state(), machine)
+    for name in (commands.START, commands.STOP, commands.EMERGENCY_STOP):
+        assert desk.ask(f"/command/{name}").endswith(": done")
+    assert machine.done == [commands.START, commands.STOP, commands.EMERGENCY_STOP]
 
 
-async def test_reset_asks_first_and_begins_a_new_run() -> None:
+def test_reset_asks_first_and_begins_a_new_run() -> None:
     machine, state = Machine(), fresh_state()
     state.measured[CABLE_TENSION] = 3.0
-    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
-        await user.open("/")
-        page_button, dialog_button = buttons(user, "Reset")
-        click(user, page_button)
-        await user.should_see("Reset the machine to the start of a run?")
-        assert machine.done == []
-        assert state.measured[CABLE_TENSION] == 3.0
-        click(user, dialog_button)
-        await until(lambda: machine.done == [commands.RESET, "renew"])
-        assert math.isnan(state.measured[CABLE_TENSION])
+    desk = Desk(state, machine)
+    assert desk.look()["ask"]["reset"] == "ask-reset"
+    desk.ask("/command/reset")
+    assert machine.done == [commands.RESET, "renew"]
+    assert math.isnan(state.measured[CABLE_TENSION])
 
 
-async def test_refused_reset_keeps_what_is_shown() -> None:
-    machine, state = Machine(refusal="cannot reset while the machine moves"), fresh_state()
+def test_refused_reset_keeps_what_is_shown() -> None:
+    state = fresh_state()
     state.measured[CABLE_TENSION] = 3.0
-    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
-        await user.open("/")
-        click(user, buttons(user, "Reset")[1])
-        await user.should_see("reset: cannot reset while the machine moves", retries=50)
-        assert state.measured[CABLE_TENSION] == 3.0
+    desk = Desk(state, Machine(refusal="cannot reset while the machine moves"))
+    assert desk.ask("/command/reset").endswith("reset: cannot reset while the machine moves")
+    assert desk.look()["alarm"]
+    assert state.measured[CABLE_TENSION] == 3.0
 
 
-async def test_refusal_is_told_in_the_graphs_own_words() -> None:
-    machine = Machine(refusal="cannot stop while the machine is in idle")
-    async with user_simulation(lambda: Page(fresh_state(), machine, time.monotonic)) as user:
-        await user.open("/")
-        click(user, button(user, "Stop"))
-        await user.should_see("stop: cannot stop while the machine is in idle", retries=50)
+def test_every_browser_reads_what_the_last_request_came_to() -> None:
+    desk = Desk(fresh_state(), Machine(refusal="cannot stop while the machine is in idle"))
+    desk.ask("/command/stop")
+    assert desk.look()["texts"]["said"].endswith("stop: cannot stop while the machine is in idle")
 
 
-async def test_buttons_are_off_with_a_reason_when_only_topics_come() -> None:
+def test_buttons_are_off_with_a_reason_when_only_topics_come() -> None:
     machine = Machine(missing="nobody serves rig/start in /winding")
-    async with user_simulation(lambda: Page(fresh_state(), machine, time.monotonic)) as user:
-        await user.open("/")
-        for text in ("Start", "Stop", "Reset", "EMERGENCY STOP", "Prepare"):
-            assert not button(user, text).enabled
-        assert button(user, "Start").props["title"] == machine.missing
-        await user.should_see("Commands are off: nobody serves rig/start in /winding")
-        await user.should_see("cannot be chosen here: nobody serves rig/start in /winding")
+    seen = Desk(fresh_state(), machine).look()
+    for name in ("start", "stop", "reset", "emergency_stop"):
+        assert seen["off"][name] == machine.missing
+    assert seen["off"]["prepare"] == f"cannot be chosen here: {machine.missing}"
+    assert seen["texts"]["why-off"] == f"Commands are off: {machine.missing}"
 
 
-async def test_start_waits_for_a_reset_when_the_run_is_over() -> None:
+def test_reason_why_start_is_off_stands_in_words() -> None:
     state = fresh_state()
     phase(state, "finished")
-    async with user_simulation(lambda: Page(state, Machine(), time.monotonic)) as user:
-        await user.open("/")
-        assert not button(user, "Start").enabled
-        assert button(user, "Start").props["title"] == "the run is finished; reset first"
-        assert button(user, "EMERGENCY STOP").enabled
+    seen = Desk(state, Machine()).look()
+    assert seen["off"]["start"] == "the run is finished; reset first"
+    assert seen["texts"]["why-off"] == "Start is off: the run is finished; reset first"
+    assert seen["off"]["emergency_stop"] == ""
 
 
-async def test_nothing_is_started_while_a_node_is_down() -> None:
+def test_nothing_is_started_while_a_node_is_down() -> None:
     state = fresh_state()
     phase(state, "idle")
     state.health.lifecycle = {"winding_rig": "active", "cable_fem": "inactive"}
-    async with user_simulation(lambda: Page(state, Machine(), time.monotonic)) as user:
-        await user.open("/")
-        await until(lambda: not button(user, "Start").enabled)
-        assert button(user, "Start").props["title"].startswith("cable_fem is inactive")
-        assert button(user, "Stop").enabled
+    seen = Desk(state, Machine()).look()
+    assert seen["off"]["start"].startswith("cable_fem is inactive")
+    assert seen["off"]["stop"] == ""
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.mark.parametrize("name", ["start", "reset"])
+def test_what_was_asked_before_an_old_picture_is_not_done(name: str) -> None:
+    clock, machine = Clock(), Machine()
+    desk = Desk(fresh_state(), machine, clock=clock)
+    seen = desk.look()
+    clock.now += SEEN_WITHIN + 1.0
+    body = {"server": seen["server"], "sequence": seen["sequence"]}
+    said = desk.request("POST", f"/command/{name}", json=body).json()["said"]
+    assert said.endswith(f"{name}: nothing was done, for the page was 6 s old; look again")
+    assert machine.done == []
+
+
+@pytest.mark.parametrize("name", ["stop", "emergency_stop"])
+def test_stops_are_carried_out_whatever_was_seen(name: str) -> None:
+    machine = Machine()
+    desk = Desk(fresh_state(), machine)
+    assert desk.request("POST", f"/command/{name}", json={}).status_code == 200
+    assert machine.done == [name]
+
+
+def test_request_of_another_server_is_of_the_past() -> None:
+    machine = Machine()
+    desk = Desk(fresh_state(), machine, server="second")
+    seen = desk.look()
+    body = {"server": "first", "sequence": seen["sequence"]}
+    assert "too old" in desk.request("POST", "/command/start", json=body).json()["said"]
+    assert machine.done == []
+
+
+@pytest.mark.parametrize(
+    ("path", "given", "status"),
+    [
+        ("/command/explode", {"json": {}}, 404),
+        ("/mode/fly", {"json": {}}, 404),
+        ("/command/stop", {"content": b"{}"}, 400),
+        ("/command/stop", {"json": [1]}, 400),
+        ("/prepare", {"json": {"form": "x" * 200_000}}, 400),
+    ],
+)
+def test_request_that_is_none_is_refused(path: str, given: dict, status: int) -> None:
+    machine = Machine()
+    answer = Desk(fresh_state(), machine).request("POST", path, **given)
+    assert answer.status_code == status
+    assert machine.done == []
+
+
+def test_an_address_that_does_not_exist_is_not_found() -> None:
+    answer = Desk(fresh_state(), Machine()).request("GET", "/report")
+    assert answer.status_code == 404
+    assert "there is no page /report" in answer.text

@@ -2,15 +2,10 @@
 
 import time
 
-import pytest
-from nicegui.testing import user_simulation
-from simulated_page import Machine, button, buttons, click, fresh_state, phase, until
+from simulated_page import Desk, Machine, fresh_state, phase
 
 from winding_core.status import Level, Status
-from winding_dashboard.views.page import Page
-from winding_dashboard.views.view_state import ViewState
-
-pytestmark = [pytest.mark.asyncio, pytest.mark.slow]
+from winding_dashboard.state.view_state import ViewState
 
 
 def recorded(state: ViewState, bag: str) -> None:
@@ -21,47 +16,40 @@ def recorded(state: ViewState, bag: str) -> None:
     )
 
 
-async def test_recording_is_begun_and_shown() -> None:
+def test_recording_is_begun_and_shown() -> None:
     machine, state = Machine(), fresh_state()
     phase(state, "winding")
-    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
-        await user.open("/")
-        await user.should_see("nothing is being recorded", retries=50)
-        click(user, button(user, "Record"))
-        await until(lambda: machine.done == ["record"])
-        recorded(state, "bag-2")
-        await user.should_see("into bag-2: 12 345 messages, 67.8 MB", retries=50)
+    desk = Desk(state, machine)
+    assert desk.look()["texts"]["recorded"] == "nothing is being recorded"
+    assert desk.look()["hidden"]["recording"]
+    desk.ask("/record", on=True)
+    assert machine.done == ["record"]
+    recorded(state, "bag-2")
+    seen = desk.look()
+    assert seen["texts"]["recorded"] == "into bag-2: 12 345 messages, 67.8 MB"
+    assert seen["texts"]["record"] == "Stop recording"
+    assert not seen["hidden"]["recording"]
 
 
-async def test_ending_a_recording_asks_while_the_machine_winds() -> None:
-    machine, state = Machine(), fresh_state()
-    phase(state, "winding")
+def test_ending_a_recording_asks_while_the_machine_winds_and_not_when_it_stands() -> None:
+    state = fresh_state()
     recorded(state, "bag")
-    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
-        await user.open("/")
-        await user.should_see("into bag:", retries=50)
-        click(user, button(user, "Stop recording"))
-        await user.should_see("Stop recording while the machine winds?", retries=50)
-        assert machine.done == []
-        click(user, buttons(user, "Stop recording")[-1])
-        await until(lambda: machine.done == ["end"])
-
-
-async def test_ending_a_recording_of_a_machine_that_stands_asks_nothing() -> None:
-    machine, state = Machine(), fresh_state()
+    desk = Desk(state, Machine())
+    phase(state, "winding")
+    assert desk.look()["ask"]["record"] == "ask-record"
     phase(state, "idle")
-    recorded(state, "bag")
-    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
-        await user.open("/")
-        await user.should_see("into bag:", retries=50)
-        click(user, button(user, "Stop recording"))
-        await until(lambda: machine.done == ["end"])
-        await user.should_see("recording: bag: 7 messages", retries=50)
+    assert desk.look()["ask"]["record"] == ""
 
 
-async def test_recording_that_nobody_serves_is_off_with_a_reason() -> None:
-    machine, state = Machine(unrecorded="nobody serves recorder/record in /winding"), fresh_state()
-    async with user_simulation(lambda: Page(state, machine, time.monotonic)) as user:
-        await user.open("/")
-        await user.should_see("nobody serves recorder/record in /winding", retries=50)
-        assert not button(user, "Record").enabled
+def test_ending_a_recording_tells_what_is_in_it() -> None:
+    machine = Machine()
+    desk = Desk(fresh_state(), machine)
+    assert desk.ask("/record", on=False).endswith("recording: bag: 7 messages")
+    assert machine.done == ["end"]
+
+
+def test_recording_that_nobody_serves_is_off_with_a_reason() -> None:
+    reason = "nobody serves recorder/record in /winding"
+    seen = Desk(fresh_state(), Machine(unrecorded=reason)).look()
+    assert seen["off"]["record"] == reason
+    assert seen["texts"]["recorded"] == reason

@@ -52,13 +52,13 @@ def memory_mb(operated: Any) -> float:
 
 def keep_winding(page: Any) -> None:
     """Begin another run whenever the last one is over."""
-    phase = page.locator(".phase").inner_text().lower()
+    phase = page.locator("[data-part=state] .word").inner_text().lower()
     header = page.locator("header")
     if phase == "finished":
         header.get_by_role("button", name="Reset", exact=True).click()
-        page.locator(".q-dialog").get_by_role("button", name="Reset").click()
+        page.locator("dialog[open]").get_by_role("button", name="Reset").click()
         page.wait_for_function(
             "document.querySelector('.said').innerText.includes('start of a run')", timeout=60_000
         )
-    elif phase == "idle" and header.get_by_role("button", name="Start").is_enabled():
+    elif phase in ("ready", "stopped") and header.get_by_role("button", name="Start").is_enabled():
         header.get_by_role("button", name="Start", exact=True).click()

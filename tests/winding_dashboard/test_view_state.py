@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from winding_core.condition import Condition
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MarkerFlag, wound_markers
 from winding_core.readings import AxisReading
 from winding_core.status import Status
-from winding_dashboard.views.health import SILENCE
-from winding_dashboard.views.shape import SCALE, cable_shape, scene_points
-from winding_dashboard.views.view_state import SAMPLES, ViewState
+from winding_core.wound_label import WoundLabel
+from winding_dashboard.state.health import SILENCE
+from winding_dashboard.state.view_state import SAMPLES, ViewState
 
 NODES = ("winding_rig", "marker_tracker", "cable_fem", "correction")
 RADIUS = 0.017
@@ -36,12 +37,12 @@ def markers(angle: float, *flags: int) -> np.ndarray:
 
 @pytest.fixture
 def state() -> ViewState:
-    return ViewState(nodes=NODES, machine="winding_rig")
+    return ViewState(nodes=NODES, machine="winding_rig", solver="cable_fem")
 
 
 def wind(state: ViewState, t: float, now: float = 0.0) -> None:
     state.note_axes(t, turning(t))
-    state.note_tracked(t, markers(turning(t).cylinder_angle, 0, 0, MarkerFlag.NOT_WOUND))
+    state.note_source("tracked", t, markers(turning(t).cylinder_angle, 0, 0, MarkerFlag.NOT_WOUND))
     state.tick(now)
 
 
@@ -93,14 +94,14 @@ def test_difference_is_taken_from_the_correction_and_its_bounds_are_told(state: 
 def test_newest_marker_is_followed(state: ViewState) -> None:
     assert state.newest_marker() == 1
     state.note_axes(1.0, turning(1.0))
-    state.note_tracked(1.0, markers(1.74, 0, 0, 0, 0))
+    state.note_source("tracked", 1.0, markers(1.74, 0, 0, 0, 0))
     state.tick(0.0)
     assert state.newest_marker() == 3
 
 
 def test_markers_seen_later_than_the_cable_are_turned_back_to_its_moment(state: ViewState) -> None:
     wind(state, 2.0)
-    state.note_cable(1.9, np.zeros(0, CABLE_DTYPE))
+    state.note_source("cable", 1.9, np.zeros(0, CABLE_DTYPE))
     assert state.drum_angle == pytest.approx(1.74 * 1.9)
     assert state.marker_turn == pytest.approx(-1.74 * 0.1)
 
@@ -113,25 +114,32 @@ def test_silence_is_noticed(state: ViewState) -> None:
     assert state.phase == "winding"
 
 
-def test_cable_is_drawn_evenly_and_coloured_by_tension() -> None:
-    cable = np.zeros(3, CABLE_DTYPE)
-    cable["z"] = [0.0, 0.01, 0.05]
-    cable["tension"] = [1.0, 1.0, 3.0]
-    shape = cable_shape(cable, count=11)
-    assert shape is not None
-    steps = np.linalg.norm(np.diff(shape.points, axis=0), axis=1)
-    # Positions are single precision: 1e-7 of the cable's length, in scene units.
-    assert steps == pytest.approx(np.full(10, 0.005 * SCALE), rel=1e-5)
-    assert (shape.low, shape.high) == (1.0, 3.0)
-    lightness = shape.colours @ np.array([0.2126, 0.7152, 0.0722])
-    assert (np.diff(lightness)[2:] > 0.0).all()
+def test_run_begins_when_the_cylinder_turns_and_again_after_a_reset(state: ViewState) -> None:
+    state.note_axes(5.0, turning(0.0, speed=0.0))
+    assert state.run_began == 5.0
+    state.note_axes(6.0, turning(0.1))
+    state.note_axes(9.0, turning(3.1))
+    assert state.run_began == 5.0
+    state.clear()
+    state.note_axes(12.0, turning(0.0, speed=0.0))
+    assert state.run_began == 12.0
 
 
-def test_scene_keeps_handedness() -> None:
-    axes = scene_points(np.eye(3)) / SCALE
-    assert np.linalg.det(axes) == pytest.approx(1.0)
+def test_who_comes_later_takes_the_way_so_far_for_time(state: ViewState) -> None:
+    state.note_axes(100.0, turning(8.0))
+    assert state.run_began == pytest.approx(92.0)
 
 
-@pytest.mark.parametrize("count", [0, 1])
-def test_less_than_two_nodes_are_no_cable(count: int) -> None:
-    assert cable_shape(np.zeros(count, CABLE_DTYPE)) is None
+def test_source_is_as_old_as_the_machines_clock_says(state: ViewState) -> None:
+    wind(state, 2.0)
+    assert state.behind("tracked") == 0.0
+    assert math.isnan(state.behind("predicted"))
+    state.note_axes(4.5, turning(4.5))
+    assert state.behind("tracked") == pytest.approx(2.5)
+
+
+def test_what_is_wound_is_what_the_solver_says(state: ViewState) -> None:
+    assert state.label is None
+    label = WoundLabel.of(Condition(case=9).resolved())
+    state.health.note(0.0, [Status(name="cable_fem", values=label.values())])
+    assert state.label == label

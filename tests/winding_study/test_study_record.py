@@ -7,9 +7,11 @@ import math
 import re
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
+from accessibility import chromium, grave_findings, opened
 from printed_page import missing_from_paper, outside_the_margins, printed_words
 
 from correction_node.live.neighbours import Noise
@@ -295,3 +297,13 @@ def test_the_folder_has_the_page_and_a_csv_file_of_every_table(small, tmp_path) 
         "neighbours_simulated.csv",
     }
     assert len((path.parent / "table_7.csv").read_text().splitlines()) == 49
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1280, 390])
+def test_axe_finds_nothing_grave_on_the_study(page: str, tmp_path: Path, width: int) -> None:
+    file = tmp_path / "study.html"
+    file.write_text(page, encoding="utf-8")
+    with chromium() as browser:
+        shown = opened(browser, file.as_uri(), width=width, dark=False)
+        assert grave_findings(shown) == []

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.processes
 MODULES = (
     "rclpy", "diagnostic_msgs", "geometry_msgs", "lifecycle_msgs", "rosgraph_msgs", "sensor_msgs",
     "std_msgs", "std_srvs", "visualization_msgs", "numpy", "scipy", "numba", "cv2", "rosbags",
-    "mcap", "nicegui", "torch", "sklearn",
+    "mcap", "uvicorn", "torch", "sklearn",
 )  # fmt: skip
 CHECKS = [
     "python",
@@ -48,6 +48,7 @@ CHECKS = [
     "memory",
     "open files",
     "net.core.rmem_max",
+    "addresses of the project",
 ]
 
 

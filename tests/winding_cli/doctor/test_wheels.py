@@ -48,11 +48,11 @@ def test_missing_wheel_is_a_failure_unless_the_graph_runs_without_it() -> None:
     fine = dict.fromkeys(WHEELS, Imported())
     assert {finding.level for finding in judge_wheels(fine)} == {Level.OK}
     gone = Imported(error="ModuleNotFoundError")
-    found = {f.check: f for f in judge_wheels(fine | {"rclpy": gone, "nicegui": gone})}
+    found = {f.check: f for f in judge_wheels(fine | {"rclpy": gone, "uvicorn": gone})}
     assert found["wheel rclpy"].level is Level.FAIL
     assert "cable-winding-twin[ros]" in found["wheel rclpy"].advice
-    assert found["wheel nicegui"].level is Level.OK
-    assert "cable-winding-twin[dashboard]" in found["wheel nicegui"].found
+    assert found["wheel uvicorn"].level is Level.OK
+    assert "cable-winding-twin[dashboard]" in found["wheel uvicorn"].found
     assert "winding train" in next(
         f.found for f in judge_wheels(fine | {"torch": gone}) if f.check == "wheel torch"
     )

@@ -17,6 +17,7 @@ from cable_fem_node.ros.prediction_task import PredictionTask
 from winding_core.markers import MARKER_DTYPE
 from winding_core.material_report import MaterialReport, refused_material
 from winding_core.status import Level, Status
+from winding_core.wound_label import WoundLabel
 from winding_ros import graph, topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.managed_node import ManagedNode
@@ -88,6 +89,7 @@ class CableFemNode(ManagedNode[FemParameters]):
         balance = handler.model.energy.balance_pct
         message = "following the machine" if handler.following else "waiting"
         values = {"time": f"{handler.model.time:.3f}", "energy_balance_pct": f"{balance:.3f}"}
+        values |= WoundLabel.of(self.configuration.resolved()).values()
         refused = False
         if self._report is not None:
             t, report = self._report

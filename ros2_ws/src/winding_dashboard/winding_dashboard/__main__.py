@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import asyncio
+import secrets
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
 
 import rclpy
-from nicegui import app, ui
+import uvicorn
 from rclpy.context import Context
 from rclpy.parameter import Parameter
+from starlette.applications import Starlette
 
 from winding_core.parameters import ParameterError
 from winding_dashboard.node import DashboardNode
-from winding_dashboard.views.access import Gate
-from winding_dashboard.views.page import PERIOD, Page
+from winding_dashboard.page.band import Limits
+from winding_dashboard.page.run_list import RunList
+from winding_dashboard.page.session import OperatorSession
+from winding_dashboard.page.snapshot import Snapshots
+from winding_dashboard.page.templates import Templates
+from winding_dashboard.web.server import Served, application
 from winding_ros.process import EXIT_REFUSED, end_with_supervisor
 
-_LIFECYCLE_PERIOD = 1.0
-_RECONNECT = 15.0
+_LOOK, _LIFECYCLE = 0.1, 1.0
+# Browsers that hold a connection must not hold up the end.
+_LAST_ANSWERS = 1
 
 
 def main(arguments: Sequence[str] | None = None, values: Mapping[str, object] | None = None) -> int:
@@ -55,34 +65,57 @@ def main(arguments: Sequence[str] | None = None, values: Mapping[str, object] | 
 def serve(node: DashboardNode) -> None:
     """Serve the page of a node; return when the web server has ended."""
     parameters = node.parameters
+    session = OperatorSession(
+        node.state,
+        node.service_client,
+        Limits(error_limit_pct=parameters.error_limit_pct, lay_tolerance=parameters.lay_tolerance),
+        lambda: time.strftime("%H:%M:%S"),
+    )
+    runs = RunList(Path(parameters.runs) if parameters.runs else None)
+    templates = Templates()
+    snapshots = Snapshots(
+        node.state, session, runs, templates.part, time.monotonic, secrets.token_hex(4)
+    )
 
-    async def ask_lifecycle() -> None:
+    async def look() -> None:
+        node.topic_reader.look(time.monotonic())
+        node.beat()
+
+    async def ask() -> None:
         node.state.health.lifecycle = await node.service_client.lifecycle()
+        await session.learn_choice()
 
-    def show() -> None:
-        Page(node.state, node.service_client, time.monotonic)
+    @asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        async with asyncio.TaskGroup() as tasks:
+            loops = [
+                tasks.create_task(_every(period, work))
+                for period, work in ((_LOOK, look), (_LIFECYCLE, ask))
+            ]
+            yield
+            for loop in loops:
+                loop.cancel()
 
-    app.add_middleware(Gate, token=parameters.token, host=parameters.host)
-    app.timer(PERIOD, lambda: node.topic_reader.look(time.monotonic()))
-    app.timer(PERIOD, node.beat)
-    app.timer(_LIFECYCLE_PERIOD, ask_lifecycle)
+    served = Served(session=session, snapshots=snapshots, runs=runs, templates=templates)
     print(f"operator's page: http://{parameters.host}:{parameters.port}", flush=True)
-    ui.run(
-        show,
-        host=parameters.host,
+    uvicorn.run(
+        application(served, token=parameters.token, host=parameters.host, lifespan=lifespan),
+        host=parameters.host.strip("[]"),
         port=parameters.port,
-        title="Cable winding",
-        language="en-US",
-        reload=False,
-        show=False,
-        show_welcome_message=False,
-        binding_refresh_interval=None,
-        # A browser on a busy machine may be late by seconds; a page that is reloaded is worse.
-        reconnect_timeout=_RECONNECT,
-        # Packing costs more time than it saves on loopback and on a local network.
-        gzip_middleware_factory=None,
+        log_level="warning",
+        access_log=False,
+        timeout_graceful_shutdown=_LAST_ANSWERS,
     )
 
 
-if __name__ in {"__main__", "__mp_main__"}:
+async def _every(period: float, work: Callable[[], Awaitable[None]]) -> None:
+    """Do something again and again, a period [s] from one beginning to the next at least."""
+    loop = asyncio.get_running_loop()
+    while True:
+        begin = loop.time()
+        await work()
+        await asyncio.sleep(max(0.0, period - (loop.time() - begin)))
+
+
+if __name__ == "__main__":
     sys.exit(main())

@@ -14,7 +14,7 @@ from rclpy.node import Node
 from winding_dashboard.ros.parameters import DashboardParameters
 from winding_dashboard.ros.service_client import NODES, ServiceClient
 from winding_dashboard.ros.topic_reader import TopicReader
-from winding_dashboard.views.view_state import ViewState
+from winding_dashboard.state.view_state import ViewState
 from winding_ros import topics
 from winding_ros.graph import PAGE
 from winding_ros.heartbeat import Heartbeat
@@ -51,6 +51,7 @@ class DashboardNode(Node):  # type: ignore[misc]
         self.state = ViewState(
             nodes=tuple(reversed(NODES)),
             machine=topics.RIG,
+            solver=topics.FEM,
             quantities=tuple(topic.quantity for topic in PAGE.beside if topic.quantity),
             lay_tolerance=self.parameters.lay_tolerance,
         )

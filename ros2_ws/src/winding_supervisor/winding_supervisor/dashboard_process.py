@@ -18,7 +18,7 @@ from winding_supervisor.event_log import EventLog
 from winding_supervisor.lifecycle import exit_error
 from winding_supervisor.node_process import NodeProcess, node_process
 
-# First starts import NiceGUI on a busy machine.
+# First starts on a busy machine.
 _START_TIMEOUT = 120.0
 _POLL = 0.1
 # Twelve seconds without a sign of life: a busy machine is late, and nothing depends on the page.
@@ -125,6 +125,21 @@ class DashboardProcess:
             self._hung = asyncio.Queue()
             await self._process.start()
             self._note("restarted", "it is served again" if await self._comes() else "it ended")
+
+    async def keep_until(self, ended: asyncio.Event) -> None:
+        """Keep the page served until its operator ends it.
+
+        Raises:
+            GraphError: As in `keep`.
+        """
+        keeping, ending = asyncio.create_task(self.keep()), asyncio.create_task(ended.wait())
+        try:
+            await asyncio.wait({keeping, ending}, return_when=asyncio.FIRST_COMPLETED)
+            if keeping.done():
+                keeping.result()
+        finally:
+            keeping.cancel()
+            ending.cancel()
 
     async def stop(self) -> None:
         """End the page, if it was started."""

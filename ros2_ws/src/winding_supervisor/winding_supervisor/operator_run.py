@@ -1,4 +1,4 @@
-"""A run that an operator starts, stops and ends; nothing here moves the machine."""
+"""Runs that an operator starts, stops and ends; nothing here moves the machine."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import asyncio
 import json
 import time
 from collections.abc import Callable, Coroutine, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from rclpy.serialization import deserialize_message
@@ -22,7 +24,10 @@ from winding_supervisor.orchestrator import Orchestrator
 
 _POLL = 0.05
 _VIEW_PERIOD = 0.25
-_FINISHED, _WINDING = "finished", "winding"
+_FINISHED, _WINDING, _EMERGENCY = "finished", "winding", "emergency stop"
+_ENDED = "the operator ended the session"
+# Why a run that is in another phase of the machine has not come to its end.
+_STOPPED = {"idle": "stopped by the operator", "stopping": "stopped by the operator"}
 # A machine that begins anew stands at angle zero; an encoder trembles by far less [rad].
 _FELL_BACK = 0.1
 
@@ -69,20 +74,38 @@ def _place(message: BufferedMessage) -> tuple[int, float] | None:
     return message.stamp_ns, reading.cylinder_angle
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OperatedRun:
+    """One of the runs of an operator.
+
+    Attributes:
+        buffer: Of this run alone; nothing is added to it.
+        wound: Parameters of the machine.
+        wall_s: How long it took [s].
+        bags: That were recorded meanwhile.
+        ended: Why it ended before its end; empty for one that came to its end.
+    """
+
+    buffer: RunBuffer
+    wound: Mapping[str, object]
+    wall_s: float
+    bags: tuple[Path, ...]
+    ended: str
+
+
 class OperatorRun:
-    """Follows what an operator does with the machine until a run is finished or ended.
+    """Follows what an operator does with the machine, run by run, until the operator ends it.
 
     The operator may prepare another condition, start, stop, reset and stop in an emergency, as
-    often as they like. The buffer keeps the last run alone.
+    often as they like. Every run that was begun is delivered once: when it is finished or stopped
+    in an emergency, when the next one begins, or at the end. The buffer keeps the last run alone.
 
     Args:
         client: The orchestrator's node.
         orchestrator: Learns what the nodes are set to, for those that it restarts.
         recorder: Its buffer and its notes.
         ended: Is set when the operator ends the session.
-
-    Attributes:
-        wound: Parameters of the machine in the last run; nothing while none was begun.
+        deliver: Takes a run that is over, in a thread of its own.
     """
 
     def __init__(
@@ -91,30 +114,35 @@ class OperatorRun:
         orchestrator: Orchestrator,
         recorder: Recorder,
         ended: asyncio.Event,
+        deliver: Callable[[OperatedRun], None],
     ) -> None:
-        self.wound: dict[str, object] = {}
         self._client = client
         self._orchestrator = orchestrator
         self._recorder = recorder
         self._ended = ended
+        self._deliver = deliver
         self._phase: str | None = None
         self._start = RunStart()
         self._ending: Completion | None = None
-        self._begun: float | None = None
+        self._begun = time.monotonic()
         self._over: float | None = None
+        self._open = False
+        self._undelivered: list[OperatedRun] = []
+        self._bags = 0
+        self._stopped = ""
+        self._wound: dict[str, object] = {}
         self._reading: asyncio.Task[None] | None = None
+        self._delivering: asyncio.Task[None] | None = None
 
     @property
     def wall_s(self) -> float:
-        """How long the last run has taken [s]."""
-        if self._begun is None:
-            return 0.0
+        """How long the present run has taken [s]."""
         return (self._over or time.monotonic()) - self._begun
 
     async def follow(
         self, work: Iterable[Coroutine[Any, Any, None]], view: Callable[[RunBuffer, float], None]
     ) -> None:
-        """Return when a run is finished and dealt with, or ended by the operator.
+        """Return when the operator has ended the session and every run is delivered.
 
         Args:
             work: What must go on meanwhile; when one of it fails, so does this.
@@ -124,21 +152,31 @@ class OperatorRun:
         beside = [asyncio.create_task(item) for item in work]
         shown = time.monotonic() - _VIEW_PERIOD
         try:
-            while not self._ended.is_set() and not self._finished():
-                for task in beside:
+            while not self._ended.is_set():
+                for task in filter(None, (*beside, self._delivering, self._reading)):
                     if task.done():
                         task.result()
                 self._notice()
+                if self._open and self._finished():
+                    self._close(buffer.before(), self._stopped)
                 if time.monotonic() - shown >= _VIEW_PERIOD:
                     view(buffer, self.wall_s)
                     shown = time.monotonic()
                 await asyncio.sleep(_POLL)
-            self._over = time.monotonic()
-            if self._reading is not None:
-                await self._reading
+            if self._open:
+                self._close(buffer.before(), self._stopped or _ENDED)
+            if self._delivering is not None:
+                await self._delivering
         finally:
             for task in (*beside, *([self._reading] if self._reading else [])):
                 task.cancel()
+
+    def remaining(self, reason: str) -> list[OperatedRun]:
+        """Return the runs that nobody took before the session ended early for a reason."""
+        if self._open:
+            self._note_over(self._recorder.buffer.before(), self._stopped or reason)
+        left, self._undelivered = self._undelivered, []
+        return [replace(run, wound=dict(self._wound)) for run in left]
 
     def _finished(self) -> bool:
         return self._ending is not None and self._ending.reached(
@@ -148,19 +186,54 @@ class OperatorRun:
     def _notice(self) -> None:
         """Look at what the operator has made of the machine since the last look."""
         if self._start.look(self._recorder.buffer):
-            self._recorder.buffer.begin_anew(*RunStart.cut(self._recorder.buffer))
-            self._begun, self._ending = time.monotonic(), None
+            cut, origin = RunStart.cut(self._recorder.buffer)
+            if self._open:
+                self._close(self._recorder.buffer.before(cut), self._stopped or "reset")
+            self._recorder.buffer.begin_anew(cut, origin)
+            self._begun, self._over, self._ending = time.monotonic(), None, None
+            self._stopped = ""
         status = self._client.status(topics.RIG) or Status(name=topics.RIG)
         phase = status.values.get("phase")
+        if phase == _EMERGENCY and "stood_at" in status.values and self._ending is None:
+            self._ending = Completion(float(status.values["stood_at"]))
         if phase == self._phase:
             return
         known, self._phase = self._phase is not None, phase
-        if phase == _WINDING and self._begun is None:
-            self._begun = time.monotonic()
-        self._ending = Completion(float(status.values["time"])) if phase == _FINISHED else None
+        if phase == _WINDING:
+            if not self._open and not self._stopped:
+                self._begun, self._over = time.monotonic(), None
+            self._open, self._stopped, self._ending = True, "", None
+        elif phase == _FINISHED:
+            self._ending, self._stopped = Completion(float(status.values["time"])), ""
+        elif self._open and phase is not None:
+            self._stopped = _STOPPED.get(phase, phase)
         # Another condition may have been prepared, or parameters set by hand.
         if phase is not None and (phase == _WINDING or not known):
             self._read(wound=phase == _WINDING)
+
+    def _close(self, buffer: RunBuffer, ended: str) -> None:
+        """Let a run be delivered after those before it."""
+        run = self._note_over(buffer, ended)
+        reading, before = self._reading, self._delivering
+
+        async def deliver() -> None:
+            for task in (before, reading):
+                if task is not None:
+                    await task
+            self._undelivered.remove(run)
+            await asyncio.to_thread(self._deliver, replace(run, wound=dict(self._wound)))
+
+        self._delivering = asyncio.create_task(deliver())
+
+    def _note_over(self, buffer: RunBuffer, ended: str) -> OperatedRun:
+        self._open, self._over = False, time.monotonic()
+        folders = tuple(self._recorder.bags.folders)
+        bags, self._bags = folders[self._bags :], len(folders)
+        run = OperatedRun(
+            buffer=buffer, wound={}, wall_s=self._over - self._begun, bags=bags, ended=ended
+        )
+        self._undelivered.append(run)
+        return run
 
     def _read(self, *, wound: bool) -> None:
         before = self._reading
@@ -171,7 +244,7 @@ class OperatorRun:
             stated = await self._orchestrator.adopt_parameters()
             self._recorder.bags.note(parameter_notes(stated))
             if wound:
-                self.wound = dict(stated.get(topics.RIG, {}))
+                self._wound = dict(stated.get(topics.RIG, {}))
 
         self._reading = asyncio.create_task(read())
 

@@ -6,13 +6,9 @@ import asyncio
 import time
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import AsyncExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
@@ -24,14 +20,15 @@ from winding_ros.topic import Topic
 from winding_supervisor.completion import Completion
 from winding_supervisor.dashboard_process import DashboardConfig, DashboardProcess
 from winding_supervisor.domain_lock import chosen_domain, domain_lock
-from winding_supervisor.event_log import Event, EventLog
+from winding_supervisor.event_log import EventLog
 from winding_supervisor.external_machine import ExternalMachine
 from winding_supervisor.interruption import Interruption, run_closing
 from winding_supervisor.machine import Machine
 from winding_supervisor.machine_description import describe_machine
-from winding_supervisor.operator_run import OperatorRun, parameter_notes
+from winding_supervisor.operator_run import OperatedRun, OperatorRun, parameter_notes
 from winding_supervisor.orchestrator import GraphConfig, Orchestrator
 from winding_supervisor.run_config import RunConfig, check_run, claim_folder
+from winding_supervisor.run_result import RunResult
 from winding_supervisor.simulated_machine import SimulatedMachine
 from winding_supervisor.supervision import Supervisor, replay_parameters
 from winding_supervisor.trace_recording import TraceRecording
@@ -41,37 +38,9 @@ _VIEW_PERIOD = 0.25
 _PICTURES = (topics.IMAGE, topics.PREVIEW)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunResult:
-    """What a run leaves.
-
-    Attributes:
-        buffer: Every message but the pictures.
-        wall_s: How long the run took [s].
-        recording_error: What ended the bag before the run, if anything did.
-        events: What supervision saw and did; nothing in a run without failures.
-        wound: Parameters of the machine in a run that an operator conducted; nothing when none
-            was begun.
-        bags: What was recorded.
-        ended: Why the run ended before its end; empty for one that came to its end.
-        simulated: Whether its machine was the simulated one, with samples at known instants.
-        trace: What the nodes noted of the corrected lengths, TRACE_DTYPE, shape (n,); None in a
-            run without a trace.
-    """
-
-    buffer: RunBuffer
-    wall_s: float
-    recording_error: Exception | None = None
-    events: tuple[Event, ...] = ()
-    wound: Mapping[str, object] = field(default_factory=dict)
-    bags: tuple[Path, ...] = ()
-    ended: str = ""
-    simulated: bool = True
-    trace: NDArray[np.void] | None = None
-
-
 View = Callable[[RunBuffer, float], None]
 Say = Callable[[str], None]
+Deliver = Callable[[RunResult], None]
 
 
 @contextmanager
@@ -103,16 +72,24 @@ class Run:
         self._log = EventLog(file=config.directory / "events.jsonl")
         self._wall = 0.0
         self._operated: OperatorRun | None = None
+        self._events = 0
+        self._delivered = False
         self._recorder_of_run: Recorder | None = None
         self._began: float | None = None
         self._trace: TraceRecording | None = None
 
-    def wind(self, view: View, say: Say = print) -> RunResult:
+    def wind(
+        self, view: View, say: Say = print, deliver: Deliver | None = None
+    ) -> RunResult | None:
         """Run the graph once from start to finish, or as an operator conducts it.
 
         Args:
             view: Called a few times per second with the buffer so far and the wall time [s].
             say: Takes the sentence with the address of the operator's page.
+            deliver: Takes every run of an operator as soon as it is over, in a thread of its own.
+
+        Returns:
+            What the run leaves; None where everything has been delivered.
 
         Raises:
             GraphError: A node refused or died; what was recorded until then is kept.
@@ -120,39 +97,58 @@ class Run:
         """
 
         async def work(stack: AsyncExitStack, interruption: Interruption) -> Recorder:
-            return await self._wind(stack, interruption, view, say)
+            return await self._wind(stack, interruption, view, say, deliver or _nobody)
 
-        return self._result(run_closing(work))
+        recorder = run_closing(work)
+        return None if self._delivered or self._operated else self._result(recorder)
 
-    def remains(self, reason: str) -> RunResult | None:
-        """Return what a run leaves that ended early for a reason; None if nothing was wound."""
+    def remains(self, reason: str) -> list[RunResult]:
+        """Return what runs leave that ended early for a reason and that nobody took."""
         recorder = self._recorder_of_run
-        begun = self._began is not None or (self._operated is not None and self._operated.wound)
-        if recorder is None or not begun or recorder.buffer.time <= 0.0:
-            return None
-        return self._result(recorder, reason)
+        if recorder is None or self._delivered:
+            return []
+        if self._operated is not None:
+            runs = self._operated.remaining(reason)
+            return [self._operated_result(recorder, run) for run in runs if run.buffer.time > 0.0]
+        if self._began is None or recorder.buffer.time <= 0.0:
+            return []
+        return [self._result(recorder, reason)]
 
     def _result(self, recorder: Recorder, ended: str = "") -> RunResult:
-        operated = self._operated
         wall = self._wall
-        if operated is not None:
-            wall = operated.wall_s
-        elif ended and self._began is not None:
+        if ended and self._began is not None:
             wall = time.monotonic() - self._began
         return RunResult(
             buffer=recorder.buffer,
             wall_s=wall,
             recording_error=recorder.error,
             events=tuple(self._log.events),
-            wound={} if operated is None else operated.wound,
             bags=tuple(recorder.bags.folders),
             ended=ended,
             simulated=self.config.machine is None,
             trace=None if self._trace is None else self._trace.since(recorder.buffer.begun_ns),
         )
 
+    def _operated_result(self, recorder: Recorder, run: OperatedRun) -> RunResult:
+        events, self._events = self._log.events[self._events :], len(self._log.events)
+        return RunResult(
+            buffer=run.buffer,
+            wall_s=run.wall_s,
+            recording_error=recorder.error,
+            events=tuple(events),
+            wound=run.wound,
+            bags=run.bags,
+            ended=run.ended,
+            trace=None if self._trace is None else self._trace.since(run.buffer.begun_ns),
+        )
+
     async def _wind(
-        self, stack: AsyncExitStack, interruption: Interruption, view: View, say: Say
+        self,
+        stack: AsyncExitStack,
+        interruption: Interruption,
+        view: View,
+        say: Say,
+        deliver: Deliver,
     ) -> Recorder:
         config = self.config
         client = AsyncClient(config.namespace)
@@ -205,9 +201,20 @@ class Run:
                 interruption.instead_of_sigint(ended.set)
             beside = () if page is None else (page.keep(),)
             await self._follow(machine, supervisor, recorder, view, ended, beside)
+            if page is not None and not ended.is_set():
+                self._delivered = True
+                await asyncio.to_thread(deliver, self._result(recorder))
+                say("the run is over; Ctrl-C ends the page")
+                await page.keep_until(ended)
             return recorder
         interruption.instead_of_sigint(ended.set)
-        self._operated = OperatorRun(client, orchestrator, recorder, ended)
+        self._operated = OperatorRun(
+            client,
+            orchestrator,
+            recorder,
+            ended,
+            lambda run: deliver(self._operated_result(recorder, run)),
+        )
         await self._operated.follow((supervisor.watch(), page.keep()), view)
         return recorder
 
@@ -313,7 +320,7 @@ class Run:
         self, parameters: Mapping[str, object], client: AsyncClient, supervisor: Supervisor
     ) -> DashboardProcess:
         page = DashboardConfig(
-            parameters=parameters,
+            parameters={**parameters, "runs": str(self.config.listed_runs)},
             namespace=self.config.namespace,
             log_directory=self.config.log_directory,
         )
@@ -328,3 +335,7 @@ class Run:
                 f"{name} was lost and runs elsewhere, where it cannot replay the run's inputs"
             )
         return {}
+
+
+def _nobody(_: RunResult) -> None:
+    """Take a run that nobody wants."""

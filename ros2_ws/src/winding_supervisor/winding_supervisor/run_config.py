@@ -83,6 +83,11 @@ class RunConfig:
         return self.directory / "log"
 
     @property
+    def listed_runs(self) -> Path:
+        """Folder whose runs the operator's page lists: those beside a folder with a number."""
+        return (self.directory.parent if self.numbered else self.directory).absolute()
+
+    @property
     def graph(self) -> tuple[NodeSpec, ...]:
         """The nodes of the run; a real machine needs no rig, and without a camera no tracker."""
         graph = GRAPH

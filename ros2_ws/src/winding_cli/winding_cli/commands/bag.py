@@ -18,9 +18,9 @@ from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_cli.commands.ros_environment import joined
 from winding_cli.commands.space_key import space_key
 from winding_cli.commands.termination import end
+from winding_core.error_verdict import ErrorLimit
 from winding_core.lay_tolerance import LayTolerance
 from winding_core.units import MEGABYTE, MILLISECOND
-from winding_study.runs.error_verdict import ErrorLimit
 
 bag = typer.Typer(
     help="Look into recordings, check, recover, play, replay and export them.",
@@ -244,6 +244,7 @@ def report(
     """
     from winding_cli.commands.bag_report import write_recorded_report
     from winding_cli.commands.wanted_lay import held_against
+    from winding_core.error_verdict import ErrorLimit
     from winding_core.options import typed_values
     from winding_core.parameters import build
     from winding_recorder.bags.failure import BagError

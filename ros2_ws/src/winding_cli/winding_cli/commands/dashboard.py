@@ -38,9 +38,9 @@ def dashboard(
         from winding_dashboard.__main__ import main
         from winding_dashboard.ros.parameters import DashboardParameters
     except ModuleNotFoundError as error:
-        if error.name != "nicegui":
+        if error.name not in ("starlette", "uvicorn"):
             raise
-        refuse("the page needs NiceGUI: pip install cable-winding-twin[dashboard]")
+        refuse("the page needs its web server: pip install cable-winding-twin[dashboard]")
     values: dict[str, object] = {"host": host, "port": port, "token": token}
     with refused(ParameterError):
         values |= held_against(given(lay_tolerance_mm=lay_tolerance_mm)).of_page

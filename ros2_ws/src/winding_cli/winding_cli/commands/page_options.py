@@ -12,7 +12,7 @@ from winding_cli.commands.refusal import refuse, refused
 
 if TYPE_CHECKING:
     from winding_core.condition import Condition
-    from winding_supervisor.run import RunResult
+    from winding_supervisor.run_result import RunResult
 
 _TRACKER, _PAGE = "marker_tracker", "dashboard"
 # The page draws frames where the tracker's camera stands.
@@ -75,8 +75,8 @@ def operated_condition(condition: Condition, result: RunResult) -> Condition | N
 def _refuse_without_page() -> None:
     from importlib.util import find_spec
 
-    if find_spec("nicegui") is None:
-        refuse("the page needs NiceGUI: pip install cable-winding-twin[dashboard]")
+    if find_spec("uvicorn") is None:
+        refuse("the page needs its web server: pip install cable-winding-twin[dashboard]")
 
 
 def _refuse_taken(host: str, port: int) -> None:

@@ -25,19 +25,14 @@ from winding_cli.commands.run_checks import (
     look_of,
     recording_of,
 )
-from winding_cli.commands.run_results import (
-    deliver,
-    refuse_flawed,
-    seed_of,
-    show,
-    write_trace,
-)
+from winding_cli.commands.run_delivery import Delivered, RunDelivery
 from winding_cli.commands.run_winding import wind
 from winding_cli.commands.wanted_lay import controlled_nodes, lead_of, tolerance_of, wish_of
 from winding_core.camera_clock import CameraClockParameters
 from winding_core.camera_pixels import CameraPixels
 from winding_core.camera_placement import CameraPlacement
 from winding_core.condition import Condition
+from winding_core.error_verdict import ErrorLimit
 from winding_core.lay_parameters import LayParameters
 from winding_core.lay_tolerance import LayTolerance
 from winding_core.lay_wish import LayWish
@@ -45,7 +40,6 @@ from winding_core.machine_axes import MachineAxes
 from winding_core.marker_parameters import MarkerParameters
 from winding_core.options import typed_values
 from winding_core.parameters import build
-from winding_study.runs.error_verdict import ErrorLimit
 
 
 @with_options(
@@ -230,7 +224,7 @@ def run(
     if secure:
         refuse_open(namespace, dashboard=dashboard, lay_control=bool(wished))
     lay = lay_of(lay, published=wound.is_published, composed=bool(camera_source), wish=wished)
-    from winding_cli.commands.page_options import operated_condition, page_parameters
+    from winding_cli.commands.page_options import page_parameters
     from winding_cli.output.origin import origin_here
     from winding_recorder.bags.notes import ORIGIN
     from winding_ros import topics
@@ -264,7 +258,12 @@ def run(
         domain=domain,
         namespace=namespace,
         attach=attach,
-        page=page_parameters(dashboard_port, parameters, namespace, where | tolerance.of_page)
+        page=page_parameters(
+            dashboard_port,
+            parameters,
+            namespace,
+            where | tolerance.of_page | {"error_limit_pct": limit.error_limit_pct},
+        )
         if dashboard
         else None,
         trace=trace is not None,
@@ -275,33 +274,22 @@ def run(
     check_output_folder(report, "--report")
     for option, file in (("--json", json), ("--trace", trace), ("--truth", truth)):
         check_output_file(file, option, make_folder=True)
-    directory, result, failure = wind(config, condition)
-    if dashboard and config.machine is None:
-        operated = operated_condition(condition, result)
-        if operated is None:
-            if failure is not None:
-                failure()
-            print("the operator ended the run before anything was wound", flush=True)
-            return
-        condition = operated
-    numbers = json or directory / "run.json"
-    parameters_of_nodes = config.parameters()
-    if result.wound:
-        parameters_of_nodes[topics.RIG] |= result.wound
-    record, page = deliver(
+    delivery = RunDelivery(
+        config,
         condition,
-        result,
-        report or directory / "report",
-        numbers,
-        wished,
-        tolerance.limit,
-        origin=origin,
-        seed=seed_of(parameters_of_nodes),
-        error_limit_pct=limit.error_limit_pct,
+        origin,
+        Delivered(
+            report=report,
+            json=json,
+            trace=trace,
+            wish=wished,
+            tolerance=tolerance.limit,
+            lay_held=tolerance.asked,
+            error_limit_pct=limit.error_limit_pct,
+            errors_held=bool(errors),
+        ),
     )
-    if trace is not None:
-        write_trace(record, result, trace)
+    failure = wind(config, condition, delivery)
     if failure is not None:
         failure()
-    show(record, page, numbers, result.bags, trace)
-    refuse_flawed(record, result, held=tolerance.asked, errors_held=bool(errors))
+    delivery.end()

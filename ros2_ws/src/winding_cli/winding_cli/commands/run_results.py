@@ -15,7 +15,7 @@ from winding_core.parameters import Value
 if TYPE_CHECKING:
     from winding_study.runs.identity import Origin
     from winding_study.runs.run_record import RunRecord
-    from winding_supervisor.run import RunResult
+    from winding_supervisor.run_result import RunResult
 
 
 def deliver(
@@ -111,10 +111,8 @@ def seed_of(parameters: Mapping[str, Mapping[str, object]]) -> int | None:
     return seed
 
 
-def refuse_flawed(
-    record: RunRecord, result: RunResult, *, held: bool, errors_held: bool = False
-) -> None:
-    """End a command whose run came to its end with a flaw.
+def flaw(record: RunRecord, result: RunResult, *, held: bool, errors_held: bool = False) -> str:
+    """Return the flaw of a run that came to its end; empty for none.
 
     Args:
         record: Of the run.
@@ -125,9 +123,19 @@ def refuse_flawed(
             keep.
     """
     if result.recording_error is not None:
-        refuse(f"the recording is incomplete: {result.recording_error}", FAILED)
+        return f"the recording is incomplete: {result.recording_error}"
     lay = record.lay
     if held and lay is not None and lay.drove and not lay.verdict.kept:
-        refuse(lay.verdict.sentence, FAILED)
+        return lay.verdict.sentence
     if errors_held and not record.verdict.good:
-        refuse(record.verdict.sentence, FAILED)
+        return record.verdict.sentence
+    return ""
+
+
+def refuse_flawed(
+    record: RunRecord, result: RunResult, *, held: bool, errors_held: bool = False
+) -> None:
+    """End a command whose run has a flaw, as `flaw` finds it."""
+    sentence = flaw(record, result, held=held, errors_held=errors_held)
+    if sentence:
+        refuse(sentence, FAILED)

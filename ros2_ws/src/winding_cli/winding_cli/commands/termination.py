@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -92,7 +93,12 @@ def uninterrupted() -> Iterator[None]:
 
 
 def _install(handler: _Handler | signal.Handlers) -> dict[int, object]:
-    """Return the handlers before; a signal that the shell ignores stays ignored."""
+    """Return the handlers before; a signal that the shell ignores stays ignored.
+
+    Signals come to the main thread: another one is interrupted by none.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return {}
     before = {number: signal.getsignal(number) for number in _NUMBERS}
     for number, present in before.items():
         if present is not signal.SIG_IGN:

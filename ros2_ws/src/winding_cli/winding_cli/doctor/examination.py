@@ -12,6 +12,7 @@ from pathlib import Path
 import psutil  # type: ignore[import-untyped]
 
 from winding_cli.doctor import host, network
+from winding_cli.doctor.addresses import installed, judge_addresses
 from winding_cli.doctor.exchange import exchange, judge_exchange
 from winding_cli.doctor.finding import Finding, fail, warn
 from winding_cli.doctor.installation import WHEELS, import_all, judge_python, judge_wheels
@@ -75,6 +76,7 @@ def examine(
     soft, _ = psutil.Process().rlimit(psutil.RLIMIT_NOFILE)
     yield host.judge_open_files(int(soft) if soft >= 0 else sys.maxsize)
     yield host.judge_receive_buffer(_receive_buffer())
+    yield judge_addresses(installed())
 
 
 def udp_ports() -> set[int]:

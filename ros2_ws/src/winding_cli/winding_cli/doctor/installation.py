@@ -42,7 +42,7 @@ WHEELS = {
     **{name: (name, "") for name in ("numpy", "scipy", "numba")},
     "cv2": ("opencv-python-headless", ""),
     **{name: (name, "") for name in ("rosbags", "mcap")},
-    "nicegui": ("nicegui", "dashboard"),
+    "uvicorn": ("uvicorn", "dashboard"),
     "torch": ("torch", "train"),
     "sklearn": ("scikit-learn", "train"),
 }

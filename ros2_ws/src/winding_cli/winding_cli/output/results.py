@@ -13,6 +13,7 @@ from winding_cli.output.lay_results import recorded_outcome
 from winding_cli.output.run_cable import last_cable
 from winding_cli.output.trained_factor import used_factor
 from winding_core.condition import Condition
+from winding_core.error_verdict import PAPER_LIMIT_PCT
 from winding_core.helix import curve_length
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
 from winding_core.parameters import Value
@@ -24,11 +25,10 @@ from winding_ros.cloud_messages import decode_cloud
 from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostics
 from winding_ros.rig_messages import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
-from winding_study.runs.error_verdict import PAPER_LIMIT_PCT
 from winding_study.runs.identity import Identity, Origin, condition_quantities
 from winding_study.runs.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 from winding_study.trace.hops import length_trace
-from winding_supervisor.run import RunResult
+from winding_supervisor.run_result import RunResult
 
 # A marker in one of these states was not measured in the frame that says so.
 _UNSEEN = int(

@@ -6,20 +6,25 @@ import ipaddress
 from dataclasses import dataclass
 
 from winding_core.camera_placement import CameraPlacement
+from winding_core.error_verdict import ErrorLimit
 from winding_core.lay_tolerance import LayTolerance
 from winding_core.machine_axes import MachineAxes
 from winding_core.parameters import ParameterError, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class DashboardParameters(CameraPlacement, MachineAxes, LayTolerance):
-    """Where the page is served, where the camera stands, the machine's axes, and a tolerance."""
+class DashboardParameters(CameraPlacement, MachineAxes, LayTolerance, ErrorLimit):
+    """Where the page is served, where the camera stands, the machine's axes, and the limits."""
 
     host: str = parameter(
         "127.0.0.1", "address that the page is served on; others than loopback need a token"
     )
     port: int = parameter(8080, "TCP port of the page", low=1, high=65535)
     token: str = parameter("", "secret that a browser must bring; empty for none")
+
+    runs: str = parameter(
+        "", "folder whose runs are listed with verdict and report; empty for no list"
+    )
 
     @property
     def loopback(self) -> bool:

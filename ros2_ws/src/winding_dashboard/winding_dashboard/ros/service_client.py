@@ -14,9 +14,9 @@ from winding_core.cases import Case
 from winding_core.condition import Condition
 from winding_core.lay_control_records import ControlMode
 from winding_core.parameters import ParameterError, build, declarations
-from winding_dashboard.views import commands
-from winding_dashboard.views.commands import Choice, CommandError
-from winding_dashboard.views.health import SILENCE, Health
+from winding_dashboard.page import commands
+from winding_dashboard.page.commands import Choice, CommandError
+from winding_dashboard.state.health import SILENCE, Health
 from winding_ros import services, topics
 from winding_ros.graph import GRAPH, controlled
 from winding_ros.graph_error import GraphError

@@ -11,8 +11,8 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from winding_dashboard.ros.parameters import DashboardParameters
-from winding_dashboard.views.projection import CameraView
-from winding_dashboard.views.view_state import ViewState
+from winding_dashboard.state.camera_view import CameraView
+from winding_dashboard.state.view_state import ViewState
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading
 from winding_ros.graph import PAGE
@@ -46,12 +46,12 @@ class TopicReader:
             topics.JOINT_COMMANDS: self._keep("setpoints"),
             topics.CAMERA_INFO: self._note_camera,
             topics.PREVIEW: state.note_picture,
-            topics.TRACKED_MARKERS: state.note_tracked,
+            topics.TRACKED_MARKERS: self._source("tracked"),
             topics.TRACKED_LAY: state.note_lay,
-            topics.FEM_MARKERS: self._keep("predicted"),
-            topics.FEM_CABLE: state.note_cable,
+            topics.FEM_MARKERS: self._source("predicted"),
+            topics.FEM_CABLE: self._source("cable"),
             topics.FEM_CABLE_LINE: self._note_width,
-            topics.CORRECTED_MARKERS: self._keep("corrected"),
+            topics.CORRECTED_MARKERS: self._source("corrected"),
             topics.FEM_PREDICTION: self._keep("ahead"),
             topics.CORRECTION_CASE: lambda _t, votes: state.note_votes(votes),
             topics.FEM_MATERIAL: self._keep("material"),
@@ -88,10 +88,14 @@ class TopicReader:
         """Return what makes a message's content an attribute of the state."""
         return lambda _t, content: setattr(self._state, name, content)
 
+    def _source(self, name: str) -> Callable[[float, Any], None]:
+        """Return what takes a source's records with their time."""
+        return lambda t, records: self._state.note_source(name, t, records)
+
     def _measured(self, topic: Topic) -> Callable[[float, Any], None]:
         quantity = topic.quantity
         assert quantity is not None, f"the page shows nothing of {topic.name}"
-        return lambda _t, value: self._state.measured.update({quantity: value})
+        return lambda t, value: self._state.note_measured(quantity, t, value)
 
     def _note_width(self, _t: float, width: float) -> None:
         self._state.cable_radius = 0.5 * width

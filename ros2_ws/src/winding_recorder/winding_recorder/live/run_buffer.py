@@ -105,6 +105,24 @@ class RunBuffer:
                     for message in later:
                         self._stamps[topic.name].add(message.stamp_ns)
 
+    def before(self, cut_ns: int | None = None) -> RunBuffer:
+        """Return a buffer of its own of what came before a moment, which nothing is added to.
+
+        Args:
+            cut_ns: Monotonic wall time [ns]; None for everything so far.
+        """
+        with self._lock:
+            copy = RunBuffer(self._kept)
+            copy.origin, copy.axes, copy.begun_ns = self.origin, self.axes, self.begun_ns
+            for topic in self._kept:
+                old = self.messages[topic.name]
+                kept = old.only(lambda item: cut_ns is None or item.received_ns < cut_ns)
+                copy.messages[topic.name] = kept
+                if topic.rate:
+                    stamps = self._stamps[topic.name]
+                    copy._stamps[topic.name] = stamps.without_last(len(old) - len(kept))
+        return copy
+
     def stamps(self, topic: Topic) -> NDArray[np.int64]:
         """Return every stamp [ns] that came on a topic with a rate, shape (n,)."""
         runs = self._stamps.get(topic.name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar, overload
 
 import numpy as np
@@ -53,6 +53,14 @@ class ThinnedHistory(Sequence[Item]):
         reel.taken = self.taken - len(kept)
         for item in kept:
             reel.append(item)
+        return reel
+
+    def only(self, keep: Callable[[Item], bool]) -> ThinnedHistory[Item]:
+        """Return a reel of its own with those items of this one that are to be kept."""
+        reel: ThinnedHistory[Item] = ThinnedHistory(whole=self._whole, sample=self._sample)
+        older, newest = self._parts
+        reel._parts = ([*filter(keep, older)], [*filter(keep, newest)])
+        reel.taken, reel.stride = self.taken - len(self) + len(reel), self.stride
         return reel
 
     def newest(self, count: int) -> list[Item]:
@@ -113,6 +121,14 @@ class StampRuns:
         else:
             self._first.append(stamp_ns)
             self._last.append(stamp_ns)
+
+    def without_last(self, count: int) -> StampRuns:
+        """Return runs of their own of all stamps but so many of the newest."""
+        runs = StampRuns(self._step_ns)
+        stamps = self.stamps()
+        for stamp in stamps[: len(stamps) - count].tolist():
+            runs.add(stamp)
+        return runs
 
     def stamps(self) -> NDArray[np.int64]:
         """Return all stamps [ns] in the order they came, shape (n,)."""

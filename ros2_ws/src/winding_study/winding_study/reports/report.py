@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from statistics import fmean
 
+from winding_core.error_verdict import CAMERA, ErrorVerdict, MarkerError
 from winding_core.units import MEGAPASCAL, MILLIMETRE
 from winding_study.documents.page import MISSING, PAGE, Tile, fixed, render_page
 from winding_study.reports.cable_pictures import cable_picture
@@ -13,7 +14,6 @@ from winding_study.reports.lay_section import lay_section
 from winding_study.reports.length_pictures import lengths_picture
 from winding_study.reports.machine_pictures import speeds_picture, tension_picture
 from winding_study.reports.trace_pictures import trace_picture
-from winding_study.runs.error_verdict import CAMERA, ErrorVerdict, MarkerError
 from winding_study.runs.identity import condition_texts
 from winding_study.runs.run_record import MarkerRow, RunRecord
 

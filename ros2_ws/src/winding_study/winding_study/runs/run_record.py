@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from winding_core.cases import Case
 from winding_core.drive import DriveProfile
-from winding_core.published import PublishedMarker, published_markers
-from winding_study.lay.lay_outcome import LayOutcome
-from winding_study.lay.outcome_record import outcome_json
-from winding_study.runs.error_verdict import (
+from winding_core.error_verdict import (
     PAPER_LIMIT_PCT,
     ErrorVerdict,
     error_pct,
     judge_lengths,
 )
+from winding_core.published import PublishedMarker, published_markers
+from winding_study.lay.lay_outcome import LayOutcome
+from winding_study.lay.outcome_record import outcome_json
 from winding_study.runs.identity import Identity
 from winding_study.runs.wound_cable import WoundCable
 from winding_study.trace.hops import LengthTrace

@@ -1,0 +1,198 @@
+// Shows the newest snapshot of the server, and nothing else; sends what an operator asks for.
+"use strict";
+
+const PERIOD = 200; // ms from one question for a snapshot to the next
+const PATIENCE = 3000; // ms that the server has for an answer
+const OLD = 1000; // ms after which what is shown is said to be old
+const AGAIN = 500; // ms until an emergency stop without an answer is sent again
+
+const byId = (id) => document.getElementById(id);
+const drawn = {};
+const sight = { yaw: -14, pitch: 18 };
+let shown = { server: "", sequence: -1, ask: {}, age: 0 };
+let asked = performance.now(); // when the shown snapshot was asked for: it is younger than this
+let late = false;
+let lost = false;
+let filled = "";
+let limited = "";
+
+// ---- what is shown
+
+function apply(snapshot) {
+  shown = snapshot;
+  for (const [id, html] of Object.entries(snapshot.parts)) {
+    if (drawn[id] === html) continue;
+    drawn[id] = html;
+    byId(id).innerHTML = html;
+  }
+  for (const [id, text] of Object.entries(snapshot.texts)) {
+    if (byId(id).textContent !== text) byId(id).textContent = text;
+  }
+  for (const [id, flag] of Object.entries(snapshot.hidden)) byId(id).hidden = flag;
+  for (const [id, flag] of Object.entries(snapshot.pressed)) byId(id).setAttribute("aria-pressed", flag);
+  for (const [id, reason] of Object.entries(snapshot.off)) {
+    byId(id).disabled = reason !== "";
+    byId(id).title = reason;
+  }
+  const picture = snapshot.picture ? `data:image/jpeg;base64,${snapshot.picture}` : "";
+  if (drawn.picture !== picture) {
+    drawn.picture = picture;
+    byId("picture").hidden = !picture;
+    if (picture) byId("picture").src = picture;
+  }
+  byId("said").classList.toggle("alarm", snapshot.alarm);
+  fill(snapshot);
+  tellAge();
+}
+
+// Fields follow the server when its values change, and keep what is typed meanwhile.
+function fill(snapshot) {
+  const form = JSON.stringify(snapshot.form);
+  if (form !== filled && snapshot.form.fields) {
+    filled = form;
+    const elements = byId("form").elements;
+    elements.case.value = snapshot.form.case;
+    elements.law.value = snapshot.form.law;
+    elements.take_up.checked = snapshot.form.take_up;
+    for (const field of document.querySelectorAll("[data-field]"))
+      field.value = snapshot.form.fields[field.name] ?? "";
+    showOwn();
+  }
+  const limits = JSON.stringify(snapshot.limits);
+  if (limits !== limited) {
+    limited = limits;
+    for (const [name, value] of Object.entries(snapshot.limits)) byId("limits").elements[name].value = value;
+  }
+}
+
+const showOwn = () => { byId("own").hidden = byId("form").elements.case.value !== "0"; };
+
+function tellAge() {
+  const age = (performance.now() - asked) / 1000 + (shown.age ?? 0);
+  const old = shown.sequence >= 0 && 1000 * age > OLD;
+  document.body.classList.toggle("old", old);
+  byId("age").hidden = !old;
+  const why = lost ? "the page's server does not answer" : "nothing is heard of the machine";
+  const text = old ? `What stands here is ${age.toFixed(0)} s old: ${why}` : "";
+  if (byId("age").textContent !== text) byId("age").textContent = text;
+}
+
+// ---- one question at a time: a slow browser skips what came meanwhile
+
+async function look() {
+  const began = performance.now();
+  const query = new URLSearchParams({ marker: byId("marker").value, yaw: sight.yaw, pitch: sight.pitch });
+  try {
+    const answer = await fetch(`snapshot?${query}`, { cache: "no-store", signal: AbortSignal.timeout(PATIENCE) });
+    if (!answer.ok) throw new Error(answer.statusText);
+    const snapshot = await answer.json();
+    lost = false;
+    const slow = performance.now() - began > OLD;
+    const newer = snapshot.server !== shown.server || snapshot.sequence > shown.sequence;
+    // An answer that was on its way while the browser slept is of the past: ask once more.
+    if (slow && !late) {
+      late = true;
+      return look();
+    }
+    late = slow;
+    if (newer || snapshot.sequence === shown.sequence) {
+      asked = began;
+      if (newer || drawn.query !== query.toString()) apply(snapshot);
+      drawn.query = query.toString();
+    }
+  } catch (error) {
+    lost = true;
+  }
+  tellAge();
+  setTimeout(look, Math.max(0, PERIOD - (performance.now() - began)));
+}
+
+// ---- what is asked for
+
+async function post(path, more = {}) {
+  const body = JSON.stringify({ server: shown.server, sequence: shown.sequence, ...more });
+  const answer = await fetch(path, {
+    method: "POST", body, headers: { "Content-Type": "application/json" }, signal: AbortSignal.timeout(150000),
+  });
+  if (!answer.ok) throw new Error(await answer.text());
+}
+
+function unanswered(what, error) {
+  byId("said").textContent = `${what}: not answered (${error.message}); use the machine's own controls`;
+  byId("said").classList.add("alarm");
+}
+
+async function stopNow() {
+  for (let passed = 0; passed < PATIENCE; passed += AGAIN) {
+    try {
+      return await post("command/emergency_stop");
+    } catch (error) {
+      unanswered("emergency stop", error);
+      await new Promise((wake) => setTimeout(wake, AGAIN));
+    }
+  }
+}
+
+function typed() {
+  const elements = byId("form").elements;
+  const fields = {};
+  for (const field of document.querySelectorAll("[data-field]")) {
+    if (field.value === "") continue;
+    fields[field.name] = field.type === "number" ? Number(field.value) : field.value;
+  }
+  return { case: Number(elements.case.value), law: elements.law.value, take_up: elements.take_up.checked, fields };
+}
+
+async function act(button) {
+  if (button.id === "emergency_stop") return stopNow();
+  let more = {};
+  if (button.id === "prepare") more = { form: typed() };
+  if (button.id === "record") more = { on: byId("recording").hidden };
+  try {
+    await post(button.dataset.post, more);
+  } catch (error) {
+    unanswered(button.textContent.toLowerCase(), error);
+  }
+}
+
+for (const button of document.querySelectorAll("[data-post]")) {
+  button.addEventListener("click", () => {
+    const dialog = shown.ask[button.id];
+    if (dialog) byId(dialog).showModal();
+    else act(button);
+  });
+}
+for (const dialog of document.querySelectorAll("dialog")) {
+  dialog.querySelector("[data-keep]").addEventListener("click", () => dialog.close());
+  dialog.querySelector("[data-act]").addEventListener("click", (event) => {
+    dialog.close();
+    act(byId(event.target.dataset.act));
+  });
+}
+byId("limits").addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const values = {};
+  for (const field of byId("limits").elements)
+    if (field.name && field.value !== "" && !field.closest("[hidden]")) values[field.name] = Number(field.value);
+  try {
+    await post("limits", { limits: values });
+  } catch (error) {
+    unanswered("limits", error);
+  }
+});
+byId("form").elements.case.addEventListener("change", showOwn);
+byId("form").addEventListener("submit", (event) => event.preventDefault());
+
+// ---- looking at the cylinder from elsewhere
+
+const scene = byId("cylinder");
+scene.addEventListener("pointerdown", (event) => scene.setPointerCapture(event.pointerId));
+scene.addEventListener("pointermove", (event) => {
+  if (!scene.hasPointerCapture(event.pointerId)) return;
+  sight.yaw = Math.round(Math.max(-80, Math.min(80, sight.yaw - 0.4 * event.movementX)));
+  sight.pitch = Math.round(Math.max(-80, Math.min(80, sight.pitch + 0.4 * event.movementY)));
+});
+
+setInterval(tellAge, 250);
+document.addEventListener("visibilitychange", tellAge);
+look();

@@ -1,0 +1,72 @@
+"""The condition as an operator types it: the options of the commands, as fields of a form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from winding_core.condition import OWN, Condition
+from winding_core.options import options, shown_values, typed_declaration
+from winding_core.parameters import Declaration, Value, refuse_unknown
+
+# Case and law are chosen from lists; everything else is typed.
+FIELDS = {
+    key: typed_declaration(key, item)
+    for key, item in options(Condition).items()
+    if key not in ("case", "law")
+}
+# These define another cable than the case's: shown without a case only.
+OWN_FIELDS = tuple(key for key, item in FIELDS.items() if item.name in OWN)
+LAWS = next(item.choices or () for key, item in options(Condition).items() if key == "law")
+
+
+def label(key: str) -> str:
+    """Return what a field of the form is called, with its unit."""
+    item = options(Condition)[key]
+    symbol = item.unit.symbol if item.unit is not None else ""
+    return f"{item.label}, {symbol}" if symbol else item.label
+
+
+def hint(item: Declaration) -> str:
+    """Return what an empty field stands for."""
+    return "" if item.default in (0.0, "") else f"{item.default:g}"
+
+
+def filled_condition(case: int, law: str, filled: Mapping[str, object]) -> Condition:
+    """Return the condition that a filled form means.
+
+    Args:
+        case: Row of Table 1; 0 for another cable.
+        law: Material law.
+        filled: What stands in the form, by option; None and nothing stand for the default.
+
+    Raises:
+        ParameterError: One sentence that names the field and its limit.
+    """
+    refuse_unknown(filled, FIELDS, owner="the form")
+    typed = {
+        key: _whole(FIELDS[key], value)
+        for key, value in filled.items()
+        if value not in (None, "") and not (case and key in OWN_FIELDS)
+    }
+    return Condition.from_typed({"case": case or None, "law": law, **typed}, spelling=label)
+
+
+def form_values(condition: Condition) -> dict[str, Value]:
+    """Return what stands in a form for a condition; nothing for what is the default."""
+    default = Condition()
+    names = [item.name for item in FIELDS.values()]
+    return shown_values(
+        Condition,
+        {
+            name: getattr(condition, name)
+            for name in names
+            if getattr(condition, name) != getattr(default, name)
+        },
+    )
+
+
+def _whole(item: Declaration, value: object) -> object:
+    """Return a browser's number as a whole one where that is declared."""
+    if isinstance(item.default, int) and isinstance(value, float) and value.is_integer():
+        return int(value)
+    return value

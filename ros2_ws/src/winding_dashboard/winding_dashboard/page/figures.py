@@ -1,0 +1,95 @@
+"""The machine's figures: speeds, what the sensors measure, and how far it has come."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from winding_core.readings import Quantity
+from winding_dashboard.page.numbers import DASH, PER_METRE, number
+from winding_dashboard.state.view_state import ViewState
+
+# Votes that are shown; the others are below.
+_TOLD_VOTES = 3
+# The clock of a simulated machine ends with its run: the last speeds are no present ones.
+_CLOCK_STANDS, _LAST = ("finished", "emergency stop"), "when its clock ended"
+# On the machine's clock an older value is no longer the present one [s].
+OLD = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """One big number.
+
+    Attributes:
+        name: With its unit.
+        value: As text.
+        remark: Beneath it.
+        old: Whether its source has fallen silent while the machine's clock went on.
+    """
+
+    name: str
+    value: str
+    remark: str
+    old: bool = False
+
+
+def figures(state: ViewState) -> list[Figure]:
+    """Return the newest readings."""
+    axes, wanted = state.axes, state.setpoints
+    speed, feed = (
+        (axes.angular_speed, axes.feed_speed) if axes is not None else (math.nan, math.nan)
+    )
+    set_speed, set_feed = (
+        (wanted.angular_speed, wanted.feed_speed) if wanted is not None else (math.nan, math.nan)
+    )
+    angle = axes.cylinder_angle if axes is not None else math.nan
+    carriage = axes.carriage_position if axes is not None else math.nan
+    best = next(iter(state.votes), None)
+    over = state.phase in _CLOCK_STANDS
+    return [
+        Figure(
+            name="Cylinder, rad/s",
+            value=number(speed, 3),
+            remark=_LAST if over else f"set {number(set_speed, 3)}",
+            old=over,
+        ),
+        Figure(
+            name="Carriage, mm/s",
+            value=number(feed, 2, PER_METRE),
+            remark=_LAST if over else f"set {number(set_feed, 2, PER_METRE)}",
+            old=over,
+        ),
+        *(_measured(state, quantity) for quantity in state.measured),
+        Figure(
+            name="Wound, turns",
+            value=number(angle / math.tau, 2),
+            remark=f"{number(angle, 2)} rad",
+        ),
+        Figure(name="Carriage at, mm", value=number(carriage, 1, PER_METRE), remark="guide"),
+        Figure(
+            name="Resembles case", value=DASH if best is None else str(best), remark=_votes(state)
+        ),
+    ]
+
+
+def _measured(state: ViewState, quantity: Quantity) -> Figure:
+    behind = state.behind(quantity.name)
+    old = behind > OLD
+    source = quantity.sensor.replace("_", " ")
+    return Figure(
+        name=f"{quantity.name.capitalize()}, {quantity.unit}",
+        value=number(state.measured[quantity], quantity.digits),
+        remark=f"{source}, {behind:.0f} s old" if old else source,
+        old=old,
+    )
+
+
+def _votes(state: ViewState) -> str:
+    if not state.votes:
+        return "nothing measured"
+    told = list(state.votes.items())[:_TOLD_VOTES]
+    return ", ".join(
+        f"{share:.0%}" if index == 0 else f"{case}: {share:.0%}"
+        for index, (case, share) in enumerate(told)
+    )

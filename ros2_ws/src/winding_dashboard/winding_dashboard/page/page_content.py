@@ -1,0 +1,53 @@
+"""What the page is made of before anything is known of a run: fields, charts, choices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from winding_core.cases import paper_cases
+from winding_core.lay_control_records import ControlMode
+from winding_core.units import MILLIMETRE
+from winding_dashboard.drawings.run_charts import CHARTS
+from winding_dashboard.page.condition_form import FIELDS, LAWS, OWN_FIELDS, hint, label
+from winding_dashboard.page.session import LIMIT_LABELS
+from winding_dashboard.state.marker_rows import MOST_MARKERS
+
+_OWN = 0
+
+
+def page_content() -> dict[str, Any]:
+    """Return what the page's template shows."""
+    return {
+        "cases": _cases(),
+        "laws": LAWS,
+        "own_fields": [_field(key) for key in OWN_FIELDS],
+        "further_fields": [_field(key) for key in FIELDS if key not in OWN_FIELDS],
+        "limit_labels": LIMIT_LABELS,
+        "charts": CHARTS,
+        "most_markers": MOST_MARKERS,
+        "modes": [mode.name.lower() for mode in ControlMode],
+    }
+
+
+def _field(key: str) -> dict[str, Any]:
+    item = FIELDS[key]
+    text = isinstance(item.default, str)
+    return {
+        "key": key,
+        "label": label(key),
+        "text": text,
+        "low": "" if text or item.low is None else f"{item.low:g}",
+        "high": "" if text or item.high is None else f"{item.high:g}",
+        "hint": "" if text else hint(item),
+    }
+
+
+def _cases() -> dict[int, str]:
+    rows = {
+        case.number: (
+            f"{case.number}: cylinder {case.cylinder_diameter / MILLIMETRE:g} mm, "
+            f"cable {case.cable_diameter / MILLIMETRE:g} mm, {case.weight:.2f} N"
+        )
+        for case in paper_cases()
+    }
+    return rows | {_OWN: "own condition"}

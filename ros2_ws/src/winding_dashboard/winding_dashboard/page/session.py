@@ -1,0 +1,198 @@
+"""What the operators of one page do: commands, preparation, recording, limits, and the answers.
+
+All browsers share it, so that a page that is loaded anew says what the others say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from winding_core.lay_control_records import ControlMode
+from winding_core.options import typed_values
+from winding_core.units import MILLIMETRE
+from winding_dashboard.page import commands
+from winding_dashboard.page.band import Limits
+from winding_dashboard.page.commands import Choice, CommandError, Graph
+from winding_dashboard.page.condition_form import filled_condition, form_values
+from winding_dashboard.state.view_state import ViewState
+
+TITLES = {
+    commands.START: "Start",
+    commands.STOP: "Stop",
+    commands.RESET: "Reset",
+    commands.EMERGENCY_STOP: "EMERGENCY STOP",
+}
+_GOING = ("winding", "stopping")
+# What the fields of the limits are called on the page, by option.
+LIMIT_LABELS = {"error_limit_pct": "Error of a length, %", "lay_tolerance_mm": "Lay, mm"}
+
+
+class OperatorSession:
+    """Does what operators ask for, one sentence for each.
+
+    Args:
+        state: What is known of the run.
+        graph: What is commanded.
+        limits: What counts as good until an operator says otherwise.
+        time_of_day: Returns the time as it stands before a sentence.
+
+    Attributes:
+        said: What came of the last request, with its time of day; empty before any.
+        alarm: Whether that was a refusal.
+        choice: What the solver is set to wind; None before it said so.
+        preparing: What is being done while another run is prepared; empty otherwise.
+        refused: Why the last preparation was refused; empty otherwise.
+    """
+
+    def __init__(
+        self,
+        state: ViewState,
+        graph: Graph,
+        limits: Limits,
+        time_of_day: Callable[[], str],
+    ) -> None:
+        self._state, self._graph, self._time_of_day = state, graph, time_of_day
+        self.limits = limits
+        self.said, self.alarm = "", False
+        self.choice: Choice | None = None
+        self.preparing = self.refused = ""
+        self._recording = False
+
+    async def command(self, name: str) -> None:
+        """Give a command to the machine."""
+        title = TITLES[name].lower()
+        if not await self._do(title, self._graph.command(name)) or name != commands.RESET:
+            return
+        self._state.clear()
+        await self._do(title, self._renewed())
+
+    async def switch(self, mode: ControlMode) -> None:
+        """Switch the controller of the lay."""
+        await self._do("lay control", self._graph.command(commands.LAY_CONTROL[mode]))
+
+    async def record(self, *, on: bool) -> None:
+        """Begin a recording or end it."""
+        self._recording = True
+        try:
+            await self._do("recording", self._graph.record(on))
+        finally:
+            self._recording = False
+
+    async def prepare(self, form: Mapping[str, Any]) -> None:
+        """Set another condition on every node.
+
+        Args:
+            form: What stands in the form: `case`, `law`, `take_up`, and `fields` by option.
+        """
+        if reason := self.unprepared():
+            self._say(f"prepare: {reason}", alarm=True)
+            return
+        try:
+            condition = filled_condition(
+                int(form.get("case") or 0), str(form.get("law")), dict(form.get("fields") or {})
+            )
+        except (ValueError, TypeError) as error:
+            self.refused = str(error)
+            self._say(f"prepare: {error}", alarm=True)
+            return
+        choice = Choice(condition=condition, take_up=bool(form.get("take_up")))
+        self.refused = ""
+        self._tell("preparing")
+        try:
+            remark = await self._graph.prepare(choice, self._tell)
+        except CommandError as error:
+            self.refused = str(error)
+            self._say(f"prepare: {error}", alarm=True)
+        else:
+            self._state.clear()
+            self.choice = choice
+            case = condition.resolved().case
+            name = f"case {case.number}" if case.number else "a condition of your own"
+            self._say(f"prepare: ready to wind {name}{f'; {remark}' if remark else ''}")
+        finally:
+            self._tell("")
+
+    def set_limits(self, typed: Mapping[str, Any]) -> None:
+        """Take what counts as good: `error_limit_pct` [%] and `lay_tolerance_mm` [mm]."""
+        try:
+            found: dict[str, Any] = typed_values(Limits, typed, LIMIT_LABELS.__getitem__)
+        except (ValueError, TypeError) as error:
+            self._say(f"limits: {error}", alarm=True)
+            return
+        self.limits = replace(self.limits, **found)
+        self._say(
+            f"limits: {self.limits.error_limit_pct:g} % of a length, "
+            f"{self.limits.lay_tolerance / MILLIMETRE:g} mm of the lay"
+        )
+
+    async def learn_choice(self) -> None:
+        """Ask the solver what it is set to wind, until it has said so."""
+        if self.choice is not None or self.preparing or self._graph.unprepared():
+            return
+        try:
+            self.choice = await self._graph.choice()
+        except CommandError as error:
+            self.refused = str(error)
+        else:
+            self.refused = ""
+
+    def form(self) -> dict[str, Any]:
+        """Return what stands in the form; nothing before the solver said what it is set to."""
+        if self.choice is None:
+            return {}
+        condition = self.choice.condition
+        return {
+            "case": condition.case,
+            "law": condition.law,
+            "take_up": self.choice.take_up,
+            "fields": form_values(condition),
+        }
+
+    def unprepared(self) -> str:
+        """Return why no other run can be prepared now; empty when one can."""
+        missing = self._graph.unprepared()
+        if missing:
+            return f"cannot be chosen here: {missing}"
+        if self.preparing:
+            return "another run is being prepared"
+        if self._state.phase in _GOING:
+            return f"cannot be chosen while the machine is {self._state.phase}"
+        if self.choice is None:
+            return "asking the solver what it is set to"
+        return ""
+
+    def unrecorded(self) -> str:
+        """Return why the recording cannot be switched now; empty when it can."""
+        return self._graph.unrecorded() or ("the recorder is at work" if self._recording else "")
+
+    def unavailable(self, command: str, phase: str) -> str:
+        """Return why a command makes no sense in the machine's phase; empty when it does."""
+        reason = self._graph.unavailable(command) or commands.out_of_phase(command, phase)
+        if command == commands.START:
+            reason = reason or (self.preparing and "another run is being prepared")
+            reason = reason or commands.asleep(self._state.health.lifecycle)
+        return reason
+
+    def refuse(self, what: str, why: str) -> None:
+        """Tell the operators that a request was not carried out."""
+        self._say(f"{what}: {why}", alarm=True)
+
+    async def _renewed(self) -> str:
+        await self._graph.renew()
+        return "the machine and its watchers stand at the start of a run"
+
+    async def _do(self, what: str, work: Awaitable[str]) -> bool:
+        try:
+            self._say(f"{what}: {await work}")
+        except CommandError as error:
+            self._say(f"{what}: {error}", alarm=True)
+            return False
+        return True
+
+    def _tell(self, what: str) -> None:
+        self.preparing = what
+
+    def _say(self, sentence: str, *, alarm: bool = False) -> None:
+        self.said, self.alarm = f"{self._time_of_day()}  {sentence}", alarm

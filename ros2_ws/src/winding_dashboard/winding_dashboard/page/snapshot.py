@@ -1,0 +1,287 @@
+"""Everything that the page shows at one moment, complete, with one sequence number.
+
+A browser shows the newest snapshot that it has and nothing else, so what it shows belongs to one
+moment however long it was away (decision 18). Single texts are in `texts`; everything else is a
+part of the page that is drawn anew when it has changed.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from winding_core.lay_control_records import ControlMode
+from winding_core.lay_errors import turn_errors
+from winding_core.options import shown_values
+from winding_dashboard.drawings.band_overlay import measured_count
+from winding_dashboard.drawings.camera_overlay import camera_overlay
+from winding_dashboard.drawings.control_chart import control_drawings
+from winding_dashboard.drawings.cylinder_view import Sight, cylinder_drawing, tension_ends
+from winding_dashboard.drawings.lay_chart import defects_told, lay_drawing
+from winding_dashboard.drawings.run_charts import length_drawing, speed_drawings
+from winding_dashboard.page import commands
+from winding_dashboard.page.band import (
+    Limits,
+    condition_cell,
+    lay_verdict,
+    progress_cell,
+    state_cell,
+    verdict_cell,
+)
+from winding_dashboard.page.control_words import basis_words, beliefs, mode_words
+from winding_dashboard.page.figures import figures
+from winding_dashboard.page.marker_table import marker_lines, old_columns
+from winding_dashboard.page.material_words import material_sentence
+from winding_dashboard.page.node_table import node_lines, warnings_told
+from winding_dashboard.page.numbers import number
+from winding_dashboard.page.run_list import RunList
+from winding_dashboard.page.session import TITLES, OperatorSession
+from winding_dashboard.page.turn_table import turn_lines
+from winding_dashboard.state.recording import recording_sentence
+from winding_dashboard.state.view_state import ViewState
+
+# Nothing is drawn more often than this [s]; charts and lists change more slowly.
+PERIOD = 0.15
+_CHARTS, _LISTS = 0.4, 1.0
+# Diagnostics come once a second: what was heard within this time is the present [s].
+_PRESENT = 1.5
+_REMEMBERED = 256
+_GOING = ("winding", "stopping")
+# Of a camera that has not said how large its pictures are [px].
+_PICTURE = (800, 120)
+
+Render = Callable[[str, dict[str, Any]], str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What one browser looks at.
+
+    Attributes:
+        marker: Whose curve length is drawn; 0 for the newest marker's.
+        sight: From where the cylinder is looked at.
+    """
+
+    marker: int = 0
+    sight: Sight = field(default_factory=Sight)
+
+
+class Snapshots:
+    """Makes snapshots, at most one for each period, whoever asks.
+
+    Args:
+        state: What is known of the run.
+        session: What operators asked for.
+        runs: Runs with their reports.
+        render: Makes a part of the page from the name of its template and what it shows.
+        clock: Wall time [s] as the state's `health` gets it.
+        server: Name of this server; another one counts from zero.
+    """
+
+    def __init__(
+        self,
+        state: ViewState,
+        session: OperatorSession,
+        runs: RunList,
+        render: Render,
+        clock: Callable[[], float],
+        server: str,
+    ) -> None:
+        self._state, self._session, self._runs = state, session, runs
+        self._render, self._clock, self._server = render, clock, server
+        self._sequence = 0
+        self._made: OrderedDict[int, float] = OrderedDict()
+        self._newest: dict[str, Any] = {}
+        self._own: dict[Wanted, dict[str, str]] = {}
+        self._charts: tuple[float, dict[str, str]] = (-math.inf, {})
+        self._lists: tuple[float, dict[str, str]] = (-math.inf, {})
+
+    def snapshot(self, wanted: Wanted) -> dict[str, Any]:
+        """Return the newest snapshot as JSON values."""
+        now = self._clock()
+        if now - self._made.get(self._sequence, -math.inf) >= PERIOD:
+            self._make(now)
+        if wanted not in self._own:
+            self._own[wanted] = {
+                "chart-length": length_drawing(self._state, wanted.marker),
+                "cylinder": cylinder_drawing(self._state, wanted.sight),
+            }
+        own = self._own[wanted]
+        marker = wanted.marker or self._state.newest_marker()
+        return {
+            **self._newest,
+            "texts": {**self._newest["texts"], "chart-length-title": f"S{marker}, mm"},
+            "parts": {**self._newest["parts"], **own},
+        }
+
+    def changed(self) -> None:
+        """Make the next snapshot anew: an operator did something."""
+        self._made[self._sequence] = -math.inf
+
+    def age(self, server: object, sequence: object) -> float:
+        """Return how old a snapshot is [s]; infinite for one that nobody remembers."""
+        if server != self._server or not isinstance(sequence, int):
+            return math.inf
+        return self._clock() - self._made.get(sequence, -math.inf)
+
+    def _make(self, now: float) -> None:
+        state, session = self._state, self._session
+        self._sequence += 1
+        self._made[self._sequence] = now
+        while len(self._made) > _REMEMBERED:
+            self._made.popitem(last=False)
+        self._own = {}
+        if now - self._charts[0] >= _CHARTS:
+            self._charts = (now, self._chart_parts())
+        if now - self._lists[0] >= _LISTS:
+            self._lists = (now, self._list_parts(now))
+        silent = now - max(state.last_data, state.health.last_heard)
+        self._newest = {
+            "server": self._server,
+            "sequence": self._sequence,
+            "time": state.time if math.isfinite(state.time) else None,
+            "resets": state.resets,
+            "age": None if math.isinf(silent) else (silent if silent > _PRESENT else 0.0),
+            "texts": self._texts(now),
+            "parts": self._quick_parts(now) | self._charts[1] | self._lists[1],
+            "off": self._off(now),
+            "ask": self._ask(now),
+            "hidden": self._hidden(now),
+            "pressed": {
+                f"mode-{mode.name.lower()}": state.control.mode is mode for mode in ControlMode
+            },
+            "form": session.form(),
+            "limits": shown_values(Limits, vars(session.limits)),
+            "alarm": session.alarm,
+            "picture": base64.b64encode(state.picture).decode("ascii"),
+        }
+
+    def _texts(self, now: float) -> dict[str, str]:
+        state, session = self._state, self._session
+        recording = state.recording(now)
+        unrecorded = session.unrecorded()
+        told = unrecorded if unrecorded and not recording.on else recording_sentence(recording)
+        tracked = f"{measured_count(state.tracked)} of {len(state.tracked)}"
+        basis, _ = basis_words(state.control, state.time)
+        return {
+            "clock": f"{number(state.time, 1)} s",
+            "said": session.said,
+            "why-off": self._why_off(now),
+            "camera-count": f"{tracked} measured in this frame",
+            "record": "Stop recording" if recording.on else "Record",
+            "recorded": told,
+            "prepare-said": session.preparing or session.unprepared() or session.refused,
+            "control-mode": mode_words(state.control.mode),
+            "control-basis": basis,
+            "material": material_sentence(state.material),
+        }
+
+    def _quick_parts(self, now: float) -> dict[str, str]:
+        state = self._state
+        label, limits = state.label, self._session.limits
+        band = (
+            ("state", state_cell(state, now)),
+            ("condition", condition_cell(label)),
+            ("progress", progress_cell(state, label)),
+            ("verdict", verdict_cell(state, limits)),
+        )
+        return {
+            "band": self._render("band", {"cells": band}),
+            "alerts": self._render("alerts", {"warnings": warnings_told(state.health, now)}),
+            "figures": self._render("figures", {"figures": figures(state)}),
+            "markers": self._render(
+                "markers", {"lines": marker_lines(state), "old": old_columns(state)}
+            ),
+            "overlay": self._render(
+                "overlay", {"size": _picture_size(state), "drawing": camera_overlay(state)}
+            ),
+            "tension-scale": self._render("scale", {"ends": tension_ends(state)}),
+        }
+
+    def _chart_parts(self) -> dict[str, str]:
+        state, limits = self._state, self._session.limits
+        parts = speed_drawings(state)
+        if state.control.known:
+            wanted = state.control.wanted
+            verdict = lay_verdict(state, limits.lay_tolerance)
+            turns = turn_errors(state.lay, wanted)
+            parts |= control_drawings(state, limits.lay_tolerance)
+            parts["turns"] = self._render(
+                "turns",
+                {
+                    "lines": turn_lines(turns, limits.lay_tolerance),
+                    "facts": beliefs(state.control),
+                    "verdict": verdict.sentence if verdict is not None else "",
+                },
+            )
+        elif len(state.lay):
+            parts["chart-helix"] = lay_drawing(state.lay, state.advance)
+            parts["defects"] = self._render("text", {"text": defects_told(state.lay)})
+        return parts
+
+    def _list_parts(self, now: float) -> dict[str, str]:
+        return {
+            "nodes": self._render("nodes", {"lines": node_lines(self._state.health, now)}),
+            "runs": self._render("runs", {"runs": self._runs.runs()}),
+        }
+
+    def _off(self, now: float) -> dict[str, str]:
+        state, session = self._state, self._session
+        phase = state.phase if state.heard(now) else ""
+        off = {name: session.unavailable(name, phase) for name in TITLES}
+        off |= {
+            f"mode-{mode.name.lower()}": session.unavailable(commands.LAY_CONTROL[mode], phase)
+            for mode in ControlMode
+        }
+        return off | {"record": session.unrecorded(), "prepare": session.unprepared()}
+
+    def _ask(self, now: float) -> dict[str, str]:
+        """Return which controls ask before they act now, with the dialog that does."""
+        state = self._state
+        going = state.phase in _GOING or state.moving
+        drives = state.control.mode is ControlMode.DRIVE
+        return {
+            commands.RESET: "ask-reset",
+            "prepare": "ask-prepare" if state.time > 0.0 else "",
+            "record": "ask-record" if state.recording(now).on and going else "",
+            "mode-drive": "" if drives else "ask-drive",
+            "mode-watch": "ask-watch" if drives and going else "",
+            "mode-off": "ask-off" if drives and going else "",
+        }
+
+    def _hidden(self, now: float) -> dict[str, bool]:
+        state = self._state
+        control = state.control.known
+        return {
+            "recording": not state.recording(now).on,
+            "control-card": not control,
+            "helix-card": control or not len(state.lay),
+            "runs-card": self._runs.folder is None,
+            "lay-limit": not control,
+            "no-picture": bool(state.picture),
+            # What plays a recording has nothing that could be switched.
+            **{
+                f"mode-{mode.name.lower()}": bool(
+                    self._session.unavailable(commands.LAY_CONTROL[mode], state.phase)
+                )
+                for mode in ControlMode
+            },
+        }
+
+    def _why_off(self, now: float) -> str:
+        """Return why nothing can be started now, beside Start; empty when it can."""
+        state, session = self._state, self._session
+        phase = state.phase if state.heard(now) else ""
+        missing = session.unavailable(commands.STOP, phase)
+        if missing:
+            return f"Commands are off: {missing}"
+        reason = session.unavailable(commands.START, phase)
+        return f"Start is off: {reason}" if reason and phase not in _GOING else ""
+
+
+def _picture_size(state: ViewState) -> tuple[int, int]:
+    return _PICTURE if state.camera is None else state.camera.size

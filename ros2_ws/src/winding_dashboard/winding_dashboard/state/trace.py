@@ -1,0 +1,56 @@
+"""The last samples of a few quantities over time, in bounded memory."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+NAN = float("nan")
+
+
+class Trace:
+    """Ring buffer of rows (t, value, value, ...).
+
+    Args:
+        columns: Names of the values.
+        capacity: Rows kept; the oldest goes first.
+    """
+
+    def __init__(self, *columns: str, capacity: int = 600) -> None:
+        self.columns = columns
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=capacity)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @property
+    def first_time(self) -> float:
+        """Time of the oldest row [s]; nan when there is none."""
+        return self._rows[0][0] if self._rows else NAN
+
+    @property
+    def last_time(self) -> float:
+        """Time of the newest row [s]; nan when there is none."""
+        return self._rows[-1][0] if self._rows else NAN
+
+    def append(self, t: float, *values: float) -> None:
+        """Add a row of time t [s]; a missing value is nan.
+
+        Raises:
+            ValueError: There are more or fewer values than columns.
+        """
+        if len(values) != len(self.columns):
+            raise ValueError(f"row needs {len(self.columns)} values, got {len(values)}")
+        self._rows.append((t, *values))
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        self._rows.clear()
+
+    def points(self, column: str, scale: float = 1.0) -> list[list[float | None]]:
+        """Return [t, scale x value] of every row; None where the value is missing."""
+        index = self.columns.index(column) + 1
+        return [
+            [round(row[0], 3), None if math.isnan(row[index]) else round(scale * row[index], 5)]
+            for row in self._rows
+        ]

@@ -1,0 +1,267 @@
+"""What is known of the run: the newest of everything, and the last minute of what moves.
+
+Somebody else decodes messages and calls the `note_*` methods with times of the machine's clock;
+`tick` then makes one sample of the charts. Everything is bounded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_core.lay_records import LAY_DTYPE, LayRecords
+from winding_core.lay_tolerance import LayTolerance
+from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE, Markers
+from winding_core.material_report import MaterialReport
+from winding_core.readings import CABLE_TENSION, AxisReading, Quantity
+from winding_core.status import Status
+from winding_core.wound_label import WoundLabel
+from winding_dashboard.state.camera_view import CameraView
+from winding_dashboard.state.control_state import ControlState
+from winding_dashboard.state.health import SILENCE, Health
+from winding_dashboard.state.marker_rows import MOST_MARKERS, MarkerRow, marker_rows
+from winding_dashboard.state.recording import RECORDER, Recording, recording_of
+from winding_dashboard.state.trace import NAN, Trace
+
+# The machine's clock went back by more: a new run, or a recording from its beginning [s].
+_NEW_RUN = 0.5
+# Pictures and markers further apart do not belong together [s].
+TOGETHER = 0.5
+_DEFAULT_CABLE_RADIUS = 0.002
+# Ten samples a second for a minute.
+SAMPLES = 600
+STANDING = 0.01
+# Attributes with records that nodes publish while the machine's clock runs.
+SOURCES = ("tracked", "predicted", "corrected", "cable")
+
+
+class ViewState:
+    """Everything the page shows.
+
+    Args:
+        nodes: Names of the graph's nodes, in the order in which they are shown.
+        machine: Name of the node whose own message is the machine's phase.
+        solver: Name of the node that says what is wound.
+        quantities: What the machine's sensors measure, the tension among it.
+        lay_tolerance: How far from the wanted lay a turn may lie [m].
+
+    Attributes:
+        health: Of the nodes.
+        time: Newest time of the machine's clock [s]; nan before any.
+        axes: Measured motion.
+        setpoints: Commanded motion.
+        measured: What each sensor of the machine says, in SI units.
+        picture: The newest preview, JPEG; empty before any.
+        votes: Share of votes by case number, best first.
+        material: What the tracked markers tell of the cable's material; None before any.
+        lay: Measured places of every turn, of `lay_time` [s].
+        picture_time: Of the picture [s]; nan before any.
+        times: Of the newest message of each source and sensor [s]; nan before any.
+        run_began: When the cylinder began to turn, or the present while it stands [s].
+        resets: How often the run was forgotten, so that time may begin again.
+        advance: Of the commanded helix [m/rad]; nan before any motion.
+        control: What the controller of the lay says.
+        speeds: Trace of measured and commanded speeds and the tension.
+        lengths: Trace of each marker's curve lengths by its number.
+    """
+
+    def __init__(
+        self,
+        *,
+        nodes: Sequence[str],
+        machine: str,
+        solver: str,
+        quantities: Sequence[Quantity] = (CABLE_TENSION,),
+        lay_tolerance: float = LayTolerance.lay_tolerance,
+    ) -> None:
+        self._machine, self._solver = machine, solver
+        self._quantities = quantities
+        self.lay_tolerance = lay_tolerance
+        self.health = Health(nodes)
+        self.control = ControlState()
+        self.speeds = Trace("speed", "speed_set", "feed", "feed_set", "tension", capacity=SAMPLES)
+        self.lengths = {
+            number: Trace("predicted", "corrected", "low", "high", "measured", capacity=SAMPLES)
+            for number in range(1, MOST_MARKERS + 1)
+        }
+        self.cable_radius = _DEFAULT_CABLE_RADIUS
+        self.camera: CameraView | None = None
+        self.last_data = float("-inf")
+        self.resets = 0
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the run; health and camera stay."""
+        self.resets += 1
+        self.time = self.run_began = NAN
+        self._begun = False
+        self.axes: AxisReading | None = None
+        self.setpoints: AxisReading | None = None
+        self.measured = dict.fromkeys(self._quantities, NAN)
+        self.picture = b""
+        self.votes: dict[int, float] = {}
+        self.material: MaterialReport | None = None
+        self.tracked: Markers = np.zeros(0, MARKER_DTYPE)
+        self.predicted: Markers = np.zeros(0, MARKER_DTYPE)
+        self.ahead: Markers = np.zeros(0, MARKER_DTYPE)
+        self.corrected: Markers = np.zeros(0, CORRECTED_DTYPE)
+        self.cable: NDArray[np.void] = np.zeros(0, CABLE_DTYPE)
+        self.lay: LayRecords = np.zeros(0, LAY_DTYPE)
+        self.lay_time = self.advance = self.picture_time = NAN
+        self.times = dict.fromkeys(SOURCES, NAN)
+        self.control.clear()
+        self.speeds.clear()
+        for trace in self.lengths.values():
+            trace.clear()
+
+    @property
+    def phase(self) -> str:
+        """What the machine says it is doing; empty when it is not heard."""
+        said = self.health.values(self._machine).get("phase", "")
+        return said or self.health.message(self._machine)
+
+    @property
+    def reason(self) -> str:
+        """Why the machine is in its phase, in its own words; empty when it does not say."""
+        return self.health.values(self._machine).get("reason", "")
+
+    @property
+    def label(self) -> WoundLabel | None:
+        """What is wound, as the solver says; None before it did."""
+        return WoundLabel.from_values(self.health.values(self._solver))
+
+    @property
+    def moving(self) -> bool:
+        """Whether an axis turns, as far as the encoders say."""
+        return self.axes is not None and abs(self.axes.angular_speed) > STANDING
+
+    @property
+    def centreline_radius(self) -> float:
+        """R + r [m]; nan before any marker cloud."""
+        for markers in (self.predicted, self.tracked, self.ahead):
+            radii = markers["r"][np.isfinite(markers["r"]) & (markers["r"] > 0.0)]
+            if radii.size:
+                return float(radii[0])
+        return NAN
+
+    def recording(self, now: float) -> Recording:
+        """Return what the recorder said of its bag, unless it is silent at wall time now [s]."""
+        silent = self.health.silent_for(RECORDER, now) > SILENCE
+        return Recording() if silent else recording_of(self.health)
+
+    def heard(self, now: float) -> bool:
+        """Return whether anything came lately, at wall time now [s]."""
+        return now - max(self.last_data, self.health.last_heard) <= SILENCE
+
+    def note_statuses(self, now: float, statuses: Sequence[Status]) -> None:
+        """Take what nodes say of themselves, received at wall time now [s]."""
+        self.health.note(now, statuses)
+        self.control.note_statuses(statuses)
+
+    def note_axes(self, t: float, reading: AxisReading) -> None:
+        """Take measured motion; time that goes back begins a new run."""
+        if t < self.time - _NEW_RUN:
+            ahead = self.ahead
+            self.clear()
+            # Latched: it was sent once, before the run that begins now.
+            self.ahead = ahead
+        if not self._begun:
+            self._begun = abs(reading.angular_speed) > STANDING
+            if not self._begun:
+                self.run_began = t
+            elif math.isnan(self.run_began):
+                # Who comes later takes the way so far for one at the present speed.
+                self.run_began = t - max(reading.cylinder_angle / reading.angular_speed, 0.0)
+        self.time = t
+        self.axes = reading
+
+    def note_picture(self, t: float, jpeg: bytes) -> None:
+        """Take a preview picture."""
+        self.picture_time, self.picture = t, jpeg
+
+    def note_source(self, name: str, t: float, records: NDArray[np.void]) -> None:
+        """Take the newest records of one of SOURCES, of time t [s]."""
+        self.times[name] = t
+        setattr(self, name, records)
+
+    def note_measured(self, quantity: Quantity, t: float, value: float) -> None:
+        """Take what a sensor says at time t [s], in SI units."""
+        self.measured[quantity] = value
+        self.times.setdefault(quantity.name, NAN)
+        self.times[quantity.name] = t
+
+    def behind(self, name: str) -> float:
+        """Return how old a source's newest message is on the machine's clock [s]; nan before any.
+
+        The clock of a machine that stands still stands too: what lies is not old.
+        """
+        return self.time - self.times.get(name, NAN)
+
+    def note_lay(self, t: float, lay: LayRecords) -> None:
+        """Take the measured lay, records of LAY_DTYPE, of time t [s]."""
+        self.lay_time, self.lay = t, lay
+
+    def note_votes(self, votes: Mapping[int, float]) -> None:
+        """Take the shares of votes by case number."""
+        self.votes = dict(sorted(votes.items(), key=lambda item: (-item[1], item[0])))
+
+    def tick(self, now: float) -> None:
+        """Add one sample to every chart if the machine's clock went on; now is wall time [s]."""
+        if math.isnan(self.time) or self.time <= self.speeds.last_time:
+            return
+        self.last_data = now
+        axes, wanted = self.axes, self.setpoints
+        if wanted is not None and abs(wanted.angular_speed) > STANDING:
+            self.advance = wanted.feed_speed / wanted.angular_speed
+        self.speeds.append(
+            self.time,
+            axes.angular_speed if axes else NAN,
+            wanted.angular_speed if wanted else NAN,
+            axes.feed_speed if axes else NAN,
+            wanted.feed_speed if wanted else NAN,
+            self.measured[CABLE_TENSION],
+        )
+        for row in self.marker_rows():
+            lengths = (row.predicted, row.corrected, row.low, row.high, row.measured)
+            if any(map(math.isfinite, lengths)):
+                self.lengths[row.id].append(self.time, *lengths)
+
+    def marker_rows(self) -> list[MarkerRow]:
+        """Return the table of markers."""
+        return marker_rows(
+            ahead=self.ahead,
+            predicted=self.predicted,
+            corrected=self.corrected,
+            tracked=self.tracked,
+        )
+
+    def newest_marker(self) -> int:
+        """Return the last marker with a curve length of its own, or 1."""
+        return max((number for number, trace in self.lengths.items() if len(trace)), default=1)
+
+    @property
+    def drum_angle(self) -> float:
+        """Theta [rad] at the time of the predicted cable; nan before any motion."""
+        return (
+            self.axes.cylinder_angle + self.turned(self.time, self._instant) if self.axes else NAN
+        )
+
+    @property
+    def marker_turn(self) -> float:
+        """How far the cylinder turned from the tracked markers to the predicted cable [rad]."""
+        return self.turned(self.times["tracked"], self._instant)
+
+    @property
+    def _instant(self) -> float:
+        return self.time if math.isnan(self.times["cable"]) else self.times["cable"]
+
+    def turned(self, start: float, end: float) -> float:
+        """Return how far the cylinder turned between two moments [s] of one view, in rad."""
+        apart = end - start
+        # Sources further apart than this are not two views of one moment.
+        if self.axes is None or not abs(apart) <= TOGETHER:
+            return 0.0
+        return apart * self.axes.angular_speed

@@ -1,1 +1,0 @@
-"""The page: what it shows and what it can ask for, without ROS."""

@@ -1,0 +1,1 @@
+"""The page's web server: what it serves, and to whom."""

@@ -1,0 +1,230 @@
+"""The page's web server: the page, its snapshots, the operators' requests, and the reports."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import AbstractAsyncContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.gzip import GZipMiddleware
+from starlette.requests import Request
+from starlette.responses import (
+    FileResponse,
+    HTMLResponse,
+    JSONResponse,
+    PlainTextResponse,
+    Response,
+)
+from starlette.routing import Route
+
+from winding_core.lay_control_records import ControlMode
+from winding_dashboard.drawings.cylinder_view import Sight
+from winding_dashboard.page import commands
+from winding_dashboard.page.page_content import page_content
+from winding_dashboard.page.run_list import RunList
+from winding_dashboard.page.session import TITLES, OperatorSession
+from winding_dashboard.page.snapshot import Snapshots, Wanted
+from winding_dashboard.page.templates import Templates
+from winding_dashboard.state.marker_rows import MOST_MARKERS
+from winding_dashboard.web.access import Gate
+
+_DATA = Path(__file__).parents[1] / "data"
+_COMPRESSED_FROM = 1000
+# Who asks for motion must have seen the machine as it was so lately [s].
+SEEN_WITHIN = 5.0
+_LARGEST_REQUEST = 100_000
+_STEEPEST = 80.0
+# Whatever the page believes, these are carried out.
+_ALWAYS = (commands.STOP, commands.EMERGENCY_STOP)
+
+Lifespan = Callable[[Starlette], AbstractAsyncContextManager[None]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Served:
+    """What the server needs.
+
+    Attributes:
+        session: Does what operators ask for.
+        snapshots: What is shown.
+        runs: Whose reports are served.
+        templates: Of the page.
+    """
+
+    session: OperatorSession
+    snapshots: Snapshots
+    runs: RunList
+    templates: Templates
+
+
+def application(
+    served: Served, *, token: str, host: str, lifespan: Lifespan | None = None
+) -> Starlette:
+    """Return the ASGI application.
+
+    Args:
+        served: What is behind it.
+        token: Secret that a browser must bring; empty for none.
+        host: Address that is served.
+        lifespan: What goes on while it serves.
+    """
+    pages = _Pages(served)
+    return Starlette(
+        routes=[
+            Route("/", pages.page),
+            Route("/page.css", pages.style),
+            Route("/page.js", pages.script),
+            Route("/snapshot", pages.snapshot),
+            Route("/command/{name}", pages.command, methods=["POST"]),
+            Route("/mode/{name}", pages.mode, methods=["POST"]),
+            Route("/prepare", pages.prepare, methods=["POST"]),
+            Route("/record", pages.record, methods=["POST"]),
+            Route("/limits", pages.limits, methods=["POST"]),
+            Route("/runs/{path:path}", pages.report),
+            Route("/{path:path}", pages.nothing),
+        ],
+        middleware=[
+            Middleware(Gate, token=token, host=host),
+            Middleware(GZipMiddleware, minimum_size=_COMPRESSED_FROM),
+        ],
+        lifespan=lifespan,
+    )
+
+
+class _Pages:
+    def __init__(self, served: Served) -> None:
+        self._session, self._snapshots = served.session, served.snapshots
+        self._runs = served.runs
+        self._page = served.templates.page(page_content())
+
+    async def page(self, _: Request) -> Response:
+        return HTMLResponse(self._page, headers={"Cache-Control": "no-store"})
+
+    async def style(self, _: Request) -> Response:
+        return FileResponse(_DATA / "page.css", headers={"Cache-Control": "no-cache"})
+
+    async def script(self, _: Request) -> Response:
+        return FileResponse(_DATA / "page.js", headers={"Cache-Control": "no-cache"})
+
+    async def snapshot(self, request: Request) -> Response:
+        try:
+            wanted = _wanted(request.query_params)
+        except ValueError as error:
+            return PlainTextResponse(str(error), 400)
+        headers = {"Cache-Control": "no-store"}
+        # Packing costs more time than it saves on loopback and on a local network.
+        headers["Content-Encoding"] = "identity"
+        return JSONResponse(self._snapshots.snapshot(wanted), headers=headers)
+
+    async def nothing(self, request: Request) -> Response:
+        return PlainTextResponse(f"there is no page {request.url.path}; the page is at /", 404)
+
+    async def report(self, request: Request) -> Response:
+        path = str(request.path_params["path"])
+        file = self._runs.file(path)
+        if file is None:
+            return PlainTextResponse(f"there is no report {path}", 404)
+        return FileResponse(file)
+
+    async def command(self, request: Request) -> Response:
+        name = str(request.path_params["name"])
+        if name not in TITLES:
+            return PlainTextResponse(f"there is no command {name}", 404)
+        return await self._answered(
+            request,
+            TITLES[name].lower(),
+            lambda _: self._session.command(name),
+            always=name in _ALWAYS,
+        )
+
+    async def mode(self, request: Request) -> Response:
+        name = str(request.path_params["name"]).upper()
+        if name not in ControlMode.__members__:
+            return PlainTextResponse(f"there is no mode {name.lower()}", 404)
+        mode = ControlMode[name]
+        return await self._answered(request, "lay control", lambda _: self._session.switch(mode))
+
+    async def prepare(self, request: Request) -> Response:
+        async def do(body: Mapping[str, Any]) -> None:
+            form = body.get("form")
+            await self._session.prepare(form if isinstance(form, dict) else {})
+
+        return await self._answered(request, "prepare", do)
+
+    async def record(self, request: Request) -> Response:
+        return await self._answered(
+            request, "recording", lambda body: self._session.record(on=bool(body.get("on")))
+        )
+
+    async def limits(self, request: Request) -> Response:
+        async def do(body: Mapping[str, Any]) -> None:
+            limits = body.get("limits")
+            self._session.set_limits(limits if isinstance(limits, dict) else {})
+
+        return await self._answered(request, "limits", do, always=True)
+
+    async def _answered(
+        self,
+        request: Request,
+        what: str,
+        do: Callable[[Mapping[str, Any]], Awaitable[None]],
+        *,
+        always: bool = False,
+    ) -> Response:
+        """Do what is asked for, unless it was asked by somebody who saw the past.
+
+        Args:
+            request: With JSON of the snapshot that was seen, and more.
+            what: Name of what is asked for.
+            do: Does it.
+            always: It is done whatever was seen.
+        """
+        body = await _json(request)
+        if body is None:
+            return PlainTextResponse("the request must be a JSON object", 400)
+        age = self._snapshots.age(body.get("server"), body.get("sequence"))
+        if age > SEEN_WITHIN and not always:
+            seen = f"{age:.0f} s old" if math.isfinite(age) else "too old"
+            self._session.refuse(what, f"nothing was done, for the page was {seen}; look again")
+        else:
+            await do(body)
+        self._snapshots.changed()
+        return JSONResponse({"said": self._session.said})
+
+
+async def _json(request: Request) -> dict[str, Any] | None:
+    # A form of another site cannot send this type.
+    if request.headers.get("content-type", "").split(";")[0] != "application/json":
+        return None
+    if int(request.headers.get("content-length", _LARGEST_REQUEST)) >= _LARGEST_REQUEST:
+        return None
+    try:
+        body = json.loads(await request.body())
+    except ValueError:
+        return None
+    return body if isinstance(body, dict) else None
+
+
+def _wanted(query: Mapping[str, str]) -> Wanted:
+    """Return what a browser looks at.
+
+    Raises:
+        ValueError: A number is none, or outside its limits.
+    """
+    default = Sight()
+    marker = int(query.get("marker", "0"))
+    if not 0 <= marker <= MOST_MARKERS:
+        raise ValueError(f"marker must be from 0 to {MOST_MARKERS}, got {marker}")
+    angles = []
+    for name, usual in (("yaw", default.yaw), ("pitch", default.pitch)):
+        degrees = float(query.get(name, math.degrees(usual)))
+        if not abs(degrees) <= _STEEPEST:
+            raise ValueError(f"{name} must be within {_STEEPEST:g} degrees, got {degrees:g}")
+        angles.append(math.radians(degrees))
+    return Wanted(marker=marker, sight=Sight(yaw=angles[0], pitch=angles[1]))

@@ -1,0 +1,38 @@
+"""The site can be read by everybody: every kind of page, in both themes."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from accessibility import chromium, grave_findings, opened
+
+pytestmark = [pytest.mark.campaign, pytest.mark.slow]
+
+ROOT = Path(__file__).parents[2]
+# One of each kind: entry, table, tutorial with commands, decision, code and pictures, reference.
+PAGES = ("index.html", "docs/commands", "docs/tutorials/newcomer", "docs/decisions", "docs/gallery")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--config-file",
+         str(ROOT / "site" / "mkdocs.yml"), "--site-dir", str(folder)],
+        check=True, cwd=ROOT,
+    )  # fmt: skip
+    return folder
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_axe_finds_nothing_grave_on_the_site(site: Path, dark: bool) -> None:
+    found = {}
+    with chromium() as browser:
+        for name in PAGES:
+            file = site / name if name.endswith(".html") else next(site.glob(f"{name}*/index.html"))
+            page = opened(browser, file.as_uri(), width=1280, dark=dark)
+            if findings := grave_findings(page):
+                found[name] = findings
+            page.context.close()
+    assert found == {}

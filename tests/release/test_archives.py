@@ -1,0 +1,83 @@
+"""What is released: the same bytes from every clone, and all that is committed."""
+
+import sys
+import tarfile
+import time
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+# What a build writes into a source archive beside the committed files.
+WRITTEN = {"PKG-INFO", "setup.cfg"}
+METADATA = "cable_winding_twin.egg-info/"
+
+pytestmark = pytest.mark.campaign
+
+
+def test_two_clones_give_the_same_bytes(builds: Any) -> None:
+    first, second = builds
+    assert first.archive.name == second.archive.name
+    assert first.archive.read_bytes() == second.archive.read_bytes()
+    assert first.wheel.name == second.wheel.name
+    assert first.wheel.read_bytes() == second.wheel.read_bytes()
+
+
+def test_archives_bear_the_time_of_the_commit(builds: Any, run: Callable[..., str]) -> None:
+    committed = int(run(["git", "log", "-1", "--format=%ct"], ROOT))
+    with tarfile.open(builds[0].archive) as archive:
+        members = archive.getmembers()
+    assert {member.mtime for member in members} == {committed}
+    assert {(member.uid, member.gid, member.uname, member.gname) for member in members} == {
+        (0, 0, "", "")
+    }
+    # A zip counts seconds by two.
+    stamp = time.gmtime(committed)
+    with zipfile.ZipFile(builds[0].wheel) as wheel:
+        assert {item.date_time for item in wheel.infolist()} == {
+            (*stamp[:5], stamp.tm_sec // 2 * 2)
+        }
+
+
+def test_the_source_archive_holds_every_committed_file(
+    builds: Any, run: Callable[..., str]
+) -> None:
+    committed = set(run(["git", "ls-files"], builds[0].clone).splitlines())
+    with tarfile.open(builds[0].archive) as archive:
+        held = {member.name.partition("/")[2] for member in archive.getmembers() if member.isfile()}
+    assert {name for name in held if not name.startswith(METADATA)} == committed | WRITTEN
+
+
+def test_the_wheel_holds_every_module_and_the_licence(builds: Any, run: Callable[..., str]) -> None:
+    source = builds[0].clone / "ros2_ws" / "src"
+    committed = run(["git", "ls-files", source], builds[0].clone).splitlines()
+    modules = {
+        "/".join(path.split("/")[3:])
+        for path in committed
+        if len(path.split("/")) > 4 and path.split("/")[2] == path.split("/")[3]
+    }
+    with zipfile.ZipFile(builds[0].wheel) as wheel:
+        held = {name for name in wheel.namelist() if ".dist-info/" not in name}
+        licences = [name for name in wheel.namelist() if name.endswith("licenses/LICENSE")]
+    assert len(modules) > 300
+    assert held == modules
+    assert len(licences) == 1
+
+
+def test_a_wheel_from_a_clone_is_the_one_from_the_source_archive(
+    builds: Any, run: Callable[..., str], tmp_path: Path
+) -> None:
+    committed = run(["git", "log", "-1", "--format=%ct"], ROOT).strip()
+    clone = tmp_path / "clone"
+    run(["git", "clone", "--quiet", ROOT, clone], tmp_path, umask=0o022)
+    run(
+        [sys.executable, "-m", "build", "--no-isolation", "--wheel", "--outdir", tmp_path, clone],
+        tmp_path,
+        umask=0o022,
+        SOURCE_DATE_EPOCH=committed,
+    )
+    (wheel,) = tmp_path.glob("*.whl")
+    assert wheel.read_bytes() == builds[0].wheel.read_bytes()

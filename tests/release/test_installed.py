@@ -1,0 +1,123 @@
+"""The wheel in an environment of its own, without the clone: it winds, and its types are seen."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+CONSUMER = Path(__file__).with_name("consumer.py")
+
+pytestmark = [pytest.mark.campaign, pytest.mark.timeout(1200)]
+
+
+def environment(home: Path) -> dict[str, str]:
+    """Return variables with which nothing of the clone or its environment is found."""
+    kept = {name: value for name, value in os.environ.items() if name.startswith("PIP_")}
+    return {**kept, "HOME": str(home), "PATH": "/usr/local/bin:/usr/bin:/bin"}
+
+
+@pytest.fixture(scope="module")
+def installed(
+    builds: Any, run: Callable[..., str], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """Return an environment with the wheel and what a run needs, from the package index."""
+    folder = tmp_path_factory.mktemp("installed") / "environment"
+    run([sys.executable, "-m", "venv", folder], ROOT)
+    run(
+        [
+            folder / "bin" / "python", "-m", "pip", "install", "--quiet", "--no-compile",
+            "--constraint", ROOT / "constraints.txt", f"{builds[0].wheel}[ros]",
+        ],
+        folder,
+        PYTHONPATH="",
+    )  # fmt: skip
+    return folder
+
+
+@pytest.mark.processes
+def test_a_run_needs_no_clone(installed: Path, tmp_path: Path) -> None:
+    place = tmp_path / "empty"
+    place.mkdir()
+    ended = subprocess.run(
+        [
+            installed / "bin" / "winding", "run", "--case", "4", "--duration-s", "3",
+            "--output", "left",
+        ],
+        cwd=place,
+        env=environment(tmp_path),
+        capture_output=True,
+        text=True,
+        check=False,
+    )  # fmt: skip
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert [path.name for path in place.iterdir()] == ["left"]
+    assert json.loads((place / "left" / "run.json").read_text(encoding="utf-8"))["markers"]
+    assert (place / "left" / "report" / "index.html").is_file()
+
+
+def test_learning_and_the_page_are_not_installed(installed: Path, run: Callable[..., str]) -> None:
+    listed = run([installed / "bin" / "python", "-m", "pip", "list", "--format=json"], installed)
+    names = {item["name"].lower() for item in json.loads(listed)}
+    assert "cable-winding-twin" in names
+    assert not names & {"torch", "scikit-learn", "nicegui", "pyarrow", "pytest"}
+
+
+def mypy(installed: Path, folder: Path, text: str) -> str:
+    """Return what mypy says of a program in the environment."""
+    (folder / "program.py").write_text(text, encoding="utf-8")
+    ended = subprocess.run(
+        [
+            sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "--config-file=",
+            "--python-executable", installed / "bin" / "python", "program.py",
+        ],
+        cwd=folder,
+        env=environment(folder),
+        capture_output=True,
+        text=True,
+        check=False,
+    )  # fmt: skip
+    assert not ended.stderr
+    return ended.stdout
+
+
+def test_types_are_seen_from_outside(installed: Path, tmp_path: Path) -> None:
+    assert mypy(installed, tmp_path, CONSUMER.read_text(encoding="utf-8")) == ""
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "complaint"),
+    [
+        ("case=case", 'case="four"', "[arg-type]"),
+        ("case=case", "case_number=case", "[call-arg]"),
+        ("predict(config", "predict(resolved", "[arg-type]"),
+        (".resolved()", ".dissolved()", "[attr-defined]"),
+        ("assert_type(config.friction, float)", "config.friction = 1.0", "[misc]"),
+        ("-> Prediction", "-> str", "[return-value]"),
+    ],
+    ids=["value", "keyword", "argument", "attribute", "frozen", "return"],
+)
+def test_misuse_is_an_error(
+    installed: Path, tmp_path: Path, right: str, wrong: str, complaint: str
+) -> None:
+    text = CONSUMER.read_text(encoding="utf-8")
+    assert right in text
+    assert complaint in mypy(installed, tmp_path, text.replace(right, wrong))
+
+
+def test_the_consumer_runs(installed: Path, tmp_path: Path) -> None:
+    ended = subprocess.run(
+        [installed / "bin" / "python", CONSUMER],
+        cwd=tmp_path,
+        env=environment(tmp_path),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert 0.0 <= float(ended.stdout) < 1.0

@@ -1,0 +1,168 @@
+"""What a snapshot says of a run, from the real view state, through the page's real server."""
+
+import numpy as np
+import pytest
+from simulated_page import Desk, Machine, fresh_state, phase, wound
+
+from winding_core.condition import Condition
+from winding_core.markers import CORRECTED_DTYPE, wound_markers
+from winding_core.material_report import MaterialReport
+from winding_core.readings import CABLE_TENSION, AxisReading
+from winding_core.status import Level, Status
+from winding_dashboard.state.view_state import ViewState
+
+
+def running() -> ViewState:
+    state = fresh_state()
+    phase(state, "winding")
+    wound(state, Condition(case=4, duration=20.0))
+    for t, angle, speed in ((0.0, 0.0, 0.0), (12.3, 20.0, 1.74)):
+        state.note_axes(
+            t,
+            AxisReading(
+                cylinder_angle=angle, angular_speed=speed, carriage_position=0.06, feed_speed=0.005
+            ),
+        )
+    state.note_measured(CABLE_TENSION, 12.3, 3.92)
+    tracked = wound_markers(
+        ids=[1], theta=np.array([6.0]), z=[0.01], radius=0.017, cylinder_angle=20.0
+    )
+    state.note_source("tracked", 12.3, tracked)
+    corrected = np.zeros(1, CORRECTED_DTYPE)
+    corrected["id"], corrected["s"], corrected["s_low"], corrected["s_high"] = 1, 0.1, 0.09, 0.11
+    state.note_source("corrected", 12.3, corrected)
+    state.note_votes({3: 0.25, 4: 0.75})
+    return state
+
+
+def test_numbers_of_the_run_are_shown() -> None:
+    seen = Desk(running(), Machine()).look()
+    parts = seen["parts"]
+    assert seen["texts"]["clock"] == "12.3 s"
+    for text in ("1.740", "5.00", "3.92", "75%, 3: 25%"):
+        assert text in parts["figures"]
+    for text in ("100.00", "90.0–110.0", "102.49", "+2.49 %"):
+        assert text in parts["markers"]
+
+
+def test_band_says_state_condition_progress_and_verdict() -> None:
+    desk = Desk(running(), Machine(), error_limit_pct=4.8)
+    band = desk.look()["parts"]["band"]
+    for text in (
+        "WINDING", "CASE 4", "cylinder 30 mm, cable 4 mm, 3.92 N", "62 %", "12.3 of 20 s, 8 s left",
+        "GOOD", "largest error 2.49 %, limit 4.8 %, P1",
+    ):  # fmt: skip
+        assert text in band, text
+
+
+def test_verdict_follows_the_limit_that_an_operator_sets() -> None:
+    desk = Desk(running(), Machine())
+    assert "NOT GOOD" not in desk.look()["parts"]["band"]
+    desk.ask("/limits", limits={"error_limit_pct": 2.0})
+    assert "NOT GOOD" in desk.look()["parts"]["band"]
+    assert desk.look()["limits"]["error_limit_pct"] == 2.0
+
+
+def test_refused_limit_says_value_and_bound_and_changes_nothing() -> None:
+    desk = Desk(running(), Machine())
+    said = desk.ask("/limits", limits={"error_limit_pct": -3.0})
+    assert "Error of a length, % must be positive, got -3" in said
+    assert desk.look()["limits"]["error_limit_pct"] == 4.8
+
+
+def test_finished_run_shows_no_speeds_as_present() -> None:
+    state = running()
+    phase(state, "finished")
+    parts = Desk(state, Machine()).look()["parts"]
+    assert "FINISHED" in parts["band"]
+    assert "100 %" in parts["band"]
+    assert parts["figures"].count("when its clock ended") == 2
+
+
+def test_stopped_run_says_where_it_stands() -> None:
+    state = running()
+    phase(state, "idle")
+    state.note_axes(
+        13.0,
+        AxisReading(cylinder_angle=20.4, angular_speed=0.0, carriage_position=0.06, feed_speed=0.0),
+    )
+    band = Desk(state, Machine()).look()["parts"]["band"]
+    assert "STOPPED" in band
+    assert "stopped at 13.0 s" in band
+
+
+def test_changes_are_shown() -> None:
+    state = fresh_state()
+    desk = Desk(state, Machine())
+    assert "NO DATA" in desk.look()["parts"]["band"]
+    phase(state, "emergency stop", Level.ERROR, reason="pressed")
+    band = desk.look()["parts"]["band"]
+    assert "E-STOP" in band
+    assert "pressed" in band
+
+
+def test_warnings_stand_beside_start() -> None:
+    state = running()
+    warning = Status(
+        name="cable_fem", level=Level.WARN, message="prediction: 90 N is more than the cable bears"
+    )
+    state.health.note(0.0, [warning])
+    desk = Desk(state, Machine(), clock=lambda: 0.5)
+    assert "cable_fem: prediction: 90 N is more than" in desk.look()["parts"]["alerts"]
+
+
+def test_source_that_falls_silent_while_time_goes_on_is_marked_with_its_age() -> None:
+    state = running()
+    assert " old" not in Desk(state, Machine()).look()["parts"]["markers"]
+    state.note_axes(
+        15.4,
+        AxisReading(
+            cylinder_angle=25.0, angular_speed=1.74, carriage_position=0.07, feed_speed=0.005
+        ),
+    )
+    parts = Desk(state, Machine()).look()["parts"]
+    assert "3 s old" in parts["markers"]
+    assert "load cell, 3 s old" in parts["figures"]
+
+
+def test_material_is_told_with_its_half_width() -> None:
+    state = fresh_state()
+    desk = Desk(state, Machine())
+    assert desk.look()["texts"]["material"] == "Effective modulus: no marker is measured yet"
+    state.material = MaterialReport(
+        law="neo_hookean",
+        young=2.61e6,
+        standard_error=3.0e4,
+        half_width_90=5.2e4,
+        markers=(1, 2),
+        worst_share=0.01,
+        taken_up=False,
+    )
+    assert desk.look()["texts"]["material"] == (
+        "Effective modulus 2.610 ± 0.052 MPa (nine times in ten), neo hookean, from P1, P2; "
+        "the model keeps its own"
+    )
+
+
+def test_text_from_the_graph_is_text_and_never_markup() -> None:
+    state = fresh_state()
+    phase(state, "<b>idle</b>", Level.WARN, reason="<script>")
+    parts = Desk(state, Machine()).look()["parts"]
+    assert "&lt;b&gt;idle&lt;/b&gt;" in parts["nodes"]
+    for part in parts.values():
+        assert "<b>" not in part
+        assert "<script>" not in part
+
+
+@pytest.mark.parametrize("query", ["?marker=99", "?marker=x", "?yaw=91", "?pitch=nan"])
+def test_view_that_cannot_be_is_refused(query: str) -> None:
+    answer = Desk(fresh_state(), Machine()).request("GET", f"/snapshot{query}")
+    assert answer.status_code == 400
+
+
+def test_every_part_of_a_snapshot_has_its_element_on_the_page() -> None:
+    desk = Desk(running(), Machine())
+    page, seen = desk.request("GET", "/").text, desk.look()
+    named = [*seen["parts"], *seen["texts"], *seen["off"], *seen["hidden"], *seen["pressed"]]
+    for name in [*named, *filter(None, seen["ask"].values())]:
+        assert f'id="{name}"' in page, name

@@ -1,0 +1,97 @@
+"""The list of runs: newest first, with verdict and report, and nothing else of the disk."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from simulated_page import Desk, Machine, fresh_state
+
+from winding_dashboard.page.run_list import RunList
+
+REPORT = "<html>the report</html>"
+
+
+def written(
+    folder: Path, name: str, *, when: float, report: str = "report", **changes: Any
+) -> None:
+    """Write a run's numbers, as `winding_study.runs.run_record` does, and its report."""
+    folder.mkdir(parents=True, exist_ok=True)
+    verdict = {"good": True, "sentence": "good: largest error 1.20 %, limit 4.8 %, marker P1"}
+    content = {
+        "identity": {"date": "2026-11-23 15:00:00 +0000"},
+        "case": 4,
+        "ended": None,
+        "error_verdict": verdict,
+        **changes,
+    }
+    (folder / name).write_text(json.dumps(content), encoding="utf-8")
+    os.utime(folder / name, (when, when))
+    if report:
+        (folder / report).mkdir()
+        (folder / report / "index.html").write_text(REPORT, encoding="utf-8")
+
+
+def test_newest_run_comes_first_with_its_own_report(tmp_path: Path) -> None:
+    written(tmp_path, "run.json", when=100.0)
+    written(tmp_path, "run-2.json", when=200.0, report="report-2", case=0)
+    listed = RunList(tmp_path).runs()
+    assert [run.report for run in listed] == ["report-2/index.html", "report/index.html"]
+    assert [run.condition for run in listed] == ["own condition", "case 4"]
+    assert {run.style for run in listed} == {"good"}
+
+
+def test_runs_one_level_below_are_listed_too(tmp_path: Path) -> None:
+    written(tmp_path / "monday", "run.json", when=100.0)
+    assert RunList(tmp_path).runs()[0].report == "monday/report/index.html"
+
+
+def test_run_that_ended_early_or_missed_its_lay_says_so(tmp_path: Path) -> None:
+    lay = {"kept": False, "sentence": "the lay does not keep 0.5 mm"}
+    written(tmp_path, "run.json", when=100.0, ended="emergency stop", verdict=lay)
+    (run,) = RunList(tmp_path).runs()
+    assert run.style == "not-good"
+    assert run.verdict.startswith("ended early, emergency stop; the lay does not keep 0.5 mm; good")
+
+
+def test_report_that_comes_later_is_found(tmp_path: Path) -> None:
+    written(tmp_path, "run.json", when=100.0, report="")
+    runs = RunList(tmp_path)
+    assert runs.runs()[0].report == ""
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report" / "index.html").write_text(REPORT, encoding="utf-8")
+    assert runs.runs()[0].report == "report/index.html"
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"error_verdict": 3}', "{"])
+def test_file_that_is_no_run_is_named_and_harms_nothing(tmp_path: Path, content: str) -> None:
+    (tmp_path / "run.json").write_text(content, encoding="utf-8")
+    (run,) = RunList(tmp_path).runs()
+    assert run.date == "run.json"
+    assert run.verdict.startswith("cannot be read")
+
+
+def test_page_lists_runs_and_serves_their_reports(tmp_path: Path) -> None:
+    written(tmp_path, "run.json", when=100.0)
+    desk = Desk(fresh_state(), Machine(), runs=tmp_path)
+    seen = desk.look()
+    assert not seen["hidden"]["runs-card"]
+    assert 'href="runs/report/index.html"' in seen["parts"]["runs"]
+    assert desk.request("GET", "/runs/report/index.html").text == REPORT
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["run.json", "../secret", "report/../run.json", "/etc/passwd", "report/", "%2e%2e/secret"],
+)
+def test_nothing_but_reports_is_served(tmp_path: Path, path: str) -> None:
+    folder = tmp_path / "runs"
+    written(folder, "run.json", when=100.0)
+    (tmp_path / "secret").write_text("secret", encoding="utf-8")
+    answer = Desk(fresh_state(), Machine(), runs=folder).request("GET", f"/runs/{path}")
+    assert answer.status_code == 404
+
+
+def test_page_without_a_folder_has_no_list() -> None:
+    assert Desk(fresh_state(), Machine()).look()["hidden"]["runs-card"]
