@@ -62,8 +62,8 @@ def test_a_recording_becomes_a_moving_picture(recorded_run: Any, tmp_path: Path)
     pictures = [pixels for pixels, _ in found]
     assert all((a != b).any() for a, b in itertools.pairwise(pictures))
     boxed = [bool((abs(p - (93, 255, 143)) < 40).all(axis=2).sum() > 50) for p in pictures]
-    # P0 leaves the window at once; a turn later it comes back with P1.
-    assert boxed[0]
+    # P0 leaves the window within 0.7 s; a turn later it comes back with P1.
+    assert any(boxed[:10])
     assert not any(boxed[10:35])
     assert any(boxed[35:])
 
