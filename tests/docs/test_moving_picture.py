@@ -53,6 +53,7 @@ def test_the_readme_begins_with_a_loop_of_ten_to_fifteen_seconds() -> None:
     assert LENGTH_S[0] <= sum(shown for _, shown in frames(picture)) <= LENGTH_S[1]
 
 
+@pytest.mark.campaign
 @pytest.mark.processes
 @pytest.mark.slow
 def test_a_recording_becomes_a_moving_picture(recorded_run: Any, tmp_path: Path) -> None:
