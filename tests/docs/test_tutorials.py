@@ -14,7 +14,10 @@ pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 TUTORIALS = [*sorted((DOCS / "tutorials").glob("*.md")), DOCS / "gallery.md"]
-PATIENCE = 280.0
+# The newcomer's ten minutes, and the kernels of a first start.
+PATIENCE = 840.0
+# In this order.
+NEWCOMER = ("predict_lay.py", "winding predict", "winding track", "read_bag.py")
 
 
 def blocks(page: Path) -> list[str]:
@@ -25,8 +28,15 @@ def test_every_tutorial_has_something_to_run() -> None:
     assert [page.name for page in TUTORIALS if not blocks(page)] == []
 
 
+def test_the_newcomer_gets_a_picture_a_cable_a_film_and_a_recording() -> None:
+    text = "".join(blocks(DOCS / "tutorials" / "newcomer.md"))
+    places = [text.index(command) for command in NEWCOMER]
+    assert places == sorted(places)
+
+
 @pytest.mark.processes
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_the_tutorial_works_when_pasted(page: Path, tmp_path: Path) -> None:
     for part in ("examples", "tests", "pyproject.toml"):

@@ -42,7 +42,7 @@ REFUSED: list[tuple[list[object], str]] = [
     (["--case", 4, "--domain", 233], "whole number of 0 to 232, got 233"),
     (["--case", 4, "--namespace", "a b"], "namespace must be made of letters"),
     (["--case", 4, "--parameters", "absent.yaml"], "--parameters: there is no file absent.yaml"),
-    (["--case", 4, "--speed", -1], "--speed must be finite and not negative, got -1"),
+    (["--case", 4, "--speed", -1], "--speed must be at least 0, got -1"),
     (
         ["--case", 4, "--lay", "driven", "--compose", "camera"],
         "--lay driven is shown by the rig's own camera alone",

@@ -14,6 +14,7 @@ from winding_cli.commands.wanted_lay import Held
 from winding_cli.output.results import run_record
 from winding_core.condition import Condition
 from winding_core.drive import DriveProfile
+from winding_core.error_verdict import PAPER_LIMIT_PCT
 from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlMode
 from winding_core.lay_records import LAY_DTYPE
 from winding_core.readings import AxisReading
@@ -85,7 +86,11 @@ def recording(folder: Path, *, off: float, mode: ControlMode = ControlMode.DRIVE
 @pytest.mark.slow
 def test_recorded_run_has_its_report_and_its_verdict(tmp_path: Path) -> None:
     write_recorded_report(
-        recording(tmp_path / "bag", off=0.3e-3), tmp_path / "out", HALF_MILLIMETRE
+        recording(tmp_path / "bag", off=0.3e-3),
+        tmp_path / "out",
+        HALF_MILLIMETRE,
+        PAPER_LIMIT_PCT,
+        errors_held=False,
     )
     numbers = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
     assert numbers["verdict"]["kept"] is True

@@ -14,6 +14,7 @@ from winding_study.closed_loop.study import (
     closed_loop_study,
     miss_summary,
     summary,
+    verdict,
 )
 
 
@@ -56,6 +57,14 @@ def test_a_summary_has_percentiles_of_every_marker(rows: list[ClosedLoopRow]) ->
     for parts in found.values():
         assert set(parts) == {"P1", "P2", "P3", "P4", "turns"}
         assert all((np.diff(values) >= 0.0).all() for values in parts.values())
+
+
+def test_the_verdict_is_that_of_the_worst_turn_under_control(rows: list[ClosedLoopRow]) -> None:
+    worst = max(row.turn_rms[2:].max() for row in rows if row.mode == "closed")
+    said = verdict(rows, 0.5e-3)
+    assert said.startswith("good: ")
+    assert f" {1e3 * worst:.2f} mm (rms)" in said
+    assert verdict(rows, 0.99 * worst).startswith("not good: ")
 
 
 def test_a_row_is_json(rows: list[ClosedLoopRow], tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
 from winding_cli.commands.extras import need_extra
 from winding_cli.commands.output_path import check_output_folder, staged
@@ -17,6 +18,8 @@ from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_cli.commands.ros_environment import joined
 from winding_cli.commands.space_key import space_key
 from winding_cli.commands.termination import end
+from winding_core.error_verdict import ErrorLimit
+from winding_core.lay_tolerance import LayTolerance
 from winding_core.units import MEGABYTE, MILLISECOND
 
 bag = typer.Typer(
@@ -225,30 +228,21 @@ def replay(
 
 
 @bag.command()
+@with_options(LayTolerance, ErrorLimit)
 def report(
-    source: Source,
+    judged: Typed,
+    errors: Typed,
     *,
+    source: Source,
     out: Annotated[
         Path, typer.Option("--output", "--out", help="New folder of the report and run.json.")
     ],
-    lay_tolerance_mm: Annotated[
-        float | None,
-        typer.Option(
-            help="Largest distance from the wanted lay in every turn after the second; "
-            "0.5 by default. Exit code 1 if a lay that was driven is not known to keep it."
-        ),
-    ] = None,
-    error_limit_pct: Annotated[
-        float | None,
-        typer.Option(
-            help="Largest error of a corrected length that counts as good, in percent; the mean "
-            "error of the paper's Table 8, 4.8, by default. Exit code 1 if it is not kept."
-        ),
-    ] = None,
 ) -> None:
-    """Write the report and the numbers of a recorded run, as `winding run` does."""
+    """Write the report and the numbers of a recorded run, as `winding run` does.
+
+    Exit code 1 if a limit that is given is not known to be kept.
+    """
     from winding_cli.commands.bag_report import write_recorded_report
-    from winding_cli.commands.condition_options import spelled
     from winding_cli.commands.wanted_lay import held_against
     from winding_core.error_verdict import ErrorLimit
     from winding_core.options import typed_values
@@ -256,15 +250,12 @@ def report(
     from winding_recorder.bags.failure import BagError
 
     with refused(ValueError):
-        held = held_against(
-            {} if lay_tolerance_mm is None else {"lay_tolerance_mm": lay_tolerance_mm}
-        )
-        if error_limit_pct is not None:
-            checked = typed_values(ErrorLimit, {"error_limit_pct": error_limit_pct}, spelled)
-            build(ErrorLimit, checked, owner="winding bag report")
+        held = held_against(judged)
+        limit = typed_values(ErrorLimit, errors, spelled)
+        kept = build(ErrorLimit, limit, owner="winding bag report")
     check_output_folder(out, "--output", new=True)
     with refused(BagError, code=FAILED):
-        write_recorded_report(source, out, held, error_limit_pct)
+        write_recorded_report(source, out, held, kept.error_limit_pct, errors_held=bool(limit))
 
 
 @bag.command()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def write_recorded_report(
-    source: Path, out: Path, held: Held, error_limit_pct: float | None = None
+    source: Path, out: Path, held: Held, error_limit_pct: float, *, errors_held: bool
 ) -> None:
     """Write index.html and run.json of a recording into a folder, and print what they say.
 
@@ -23,14 +23,13 @@ def write_recorded_report(
         source: The recording.
         out: New folder.
         held: What a lay that was driven is held against.
-        error_limit_pct: What the errors of the lengths must keep [%]; None only judges them, by the
-            default.
+        error_limit_pct: What the errors of the lengths are held against [%].
+        errors_held: Whether the command fails where they do not keep it.
 
     Raises:
         BagError: The recording cannot be read, or does not say what was wound.
     """
     from winding_core.condition import Condition
-    from winding_core.error_verdict import PAPER_LIMIT_PCT
     from winding_core.lay_wish import LayWish
     from winding_recorder.bags.recorded_parameters import configuration_of
     from winding_recorder.playback.recorded_buffer import recorded_run
@@ -57,10 +56,10 @@ def write_recorded_report(
         held.limit,
         origin=_origin(run.origin),
         seed=seed_of(run.parameters),
-        error_limit_pct=PAPER_LIMIT_PCT if error_limit_pct is None else error_limit_pct,
+        error_limit_pct=error_limit_pct,
     )
     show(record, page, numbers, (source,), None)
-    refuse_flawed(record, result, held=held.asked, errors_held=error_limit_pct is not None)
+    refuse_flawed(record, result, held=held.asked, errors_held=errors_held)
 
 
 def _origin(text: str) -> Origin | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -12,14 +13,13 @@ from winding_cli.commands.refusal import refuse, refused
 from winding_core.condition import ResolvedCondition
 from winding_core.machine_axes import MachineAxes
 from winding_core.options import typed_values
-from winding_core.parameters import ParameterError, build
+from winding_core.parameters import ParameterError, build, declarations
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
     from winding_supervisor.external_machine import ExternalMachineConfig
 
 SIMULATED, EXTERNAL = "simulated", "external"
-_NOT_NEGATIVE = ("speed", "camera-noise")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,10 +66,8 @@ def machine_of(
     if machine == SIMULATED:
         for name in (*axes, *_typed_beside(options)):
             refuse(f"{spelled(name)} needs --machine {EXTERNAL}")
-        for name in _NOT_NEGATIVE:
-            value = simulated.get(name)
-            if isinstance(value, float) and not 0.0 <= value < math.inf:
-                refuse(f"--{name} must be finite and not negative, got {value:g}")
+        with refused(ParameterError):
+            _check_numbers(simulated)
         return None
     for name, value in simulated.items():
         if value is not None:
@@ -86,6 +84,16 @@ def machine_of(
         standing_limit=options.standing_s,
         lead=options.lead,
     )
+
+
+def _check_numbers(simulated: Mapping[str, object]) -> None:
+    """Hold the numbers that were typed, by option, against what the rig's parameters declare."""
+    from winding_rig_node.ros.parameters import RigParameters
+
+    declared = {spelled(item.name)[2:]: item for item in declarations(RigParameters)}
+    for name, value in simulated.items():
+        if isinstance(value, int | float) and name in declared:
+            dataclasses.replace(declared[name], title=f"--{name}").convert(value)
 
 
 def _typed_beside(options: MachineOptions) -> Iterator[str]:

@@ -27,7 +27,8 @@ def closed_loop(
         json: File of every run; None for none.
         brake: Whether a brake lands markers at angles within its reach.
     """
-    from winding_study.closed_loop.study import ClosedLoopConfig, closed_loop_study
+    from winding_core.lay_tolerance import LayTolerance
+    from winding_study.closed_loop.study import ClosedLoopConfig, closed_loop_study, verdict
 
     config = ClosedLoopConfig(cases=cases, draws=draws, brake=brake)
     with progress_bar(MofNCompleteColumn()) as bar:
@@ -37,6 +38,8 @@ def closed_loop(
             bar.update(task, completed=done, total=runs)
 
         rows = closed_loop_study(config, processes=processes, progress=show)
+    said = verdict(rows, LayTolerance.lay_tolerance)
+    result_console().print(said, highlight=False, soft_wrap=True)
     result_console().print(_table(rows, draws))
     if brake:
         result_console().print(_misses(rows))

@@ -213,6 +213,25 @@ def _within_reach(
     return {n: float(np.interp(n * case.marker_spacing, laid, theta)) for n in numbers}
 
 
+def verdict(rows: list[ClosedLoopRow], tolerance: float) -> str:
+    """Return one sentence: whether the turns lie within a tolerance under control, and without.
+
+    Args:
+        rows: Of a study.
+        tolerance: Of the rms distance from the helix, of every turn after the second [m].
+    """
+    worst = {
+        mode: max((part["turns"][2] for (_, of), part in summary(rows).items() if of == mode))
+        for mode in MODES
+    }
+    kept = worst["closed"] <= tolerance
+    return (
+        f"{'good' if kept else 'not good'}: under control no turn after the second lies further "
+        f"than {1.0e3 * worst['closed']:.2f} mm (rms) from where it is wanted, "
+        f"limit {1.0e3 * tolerance:g} mm; without control {1.0e3 * worst['open']:.2f} mm"
+    )
+
+
 def miss_summary(rows: list[ClosedLoopRow]) -> dict[str, Mapping[str, Array]]:
     """Return percentiles of how far markers missed their angles under control, by truth.
 
