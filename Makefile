@@ -95,7 +95,7 @@ bench-peers: $(WHOLE)
 
 # The pages as a site in build/site, whole without a network; a warning fails.
 docs: $(WHOLE)
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet --config-file site/mkdocs.yml
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --config-file site/mkdocs.yml
 
 lint: $(WHOLE)
 	$(BIN)/ruff check .

@@ -2,7 +2,7 @@
 
     winding run --case 4 --speed 0 --output run --bag run/bag
     python docs/images/moving_picture.py run run/bag docs/images/run-case-4.webp
-    python docs/images/moving_picture.py page http://127.0.0.1:8090/ page.webp
+    python docs/images/moving_picture.py page http://127.0.0.1:8090/ docs/images/page.webp
 
 The second needs a page that is up, beside a run or a played recording, playwright and Chromium.
 """
@@ -60,10 +60,12 @@ def page_pictures(url: str, chromium: str, seconds: float) -> list[Image.Image]:
 
     found = []
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(
+            executable_path=chromium, args=["--no-sandbox", "--disable-gpu"]
+        )
         tab = browser.new_page(viewport=VIEWPORT)
         tab.goto(url)
-        tab.wait_for_load_state("networkidle")
+        tab.wait_for_selector("#band .word")
         for _ in range(round(1000 * seconds / PAGE_PERIOD_MS)):
             shot = Image.open(io.BytesIO(tab.screenshot())).convert("RGB")
             found.append(shot.resize((WIDTH, round(WIDTH * shot.height / shot.width))))

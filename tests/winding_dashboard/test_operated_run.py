@@ -116,7 +116,7 @@ def test_wrong_condition_is_refused_where_it_was_typed(desk: Any) -> None:
     for label, value in (
         ("Cylinder diameter, mm", "3000"),
         ("Cable diameter, mm", "4"),
-        ("Tension, N", "3.5"),
+        ("Weight, N", "3.5"),
         ("Marker spacing, mm", "80"),
     ):
         setup(desk).get_by_label(label).fill(value)
