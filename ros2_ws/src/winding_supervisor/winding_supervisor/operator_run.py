@@ -26,8 +26,7 @@ _POLL = 0.05
 _VIEW_PERIOD = 0.25
 _FINISHED, _WINDING, _EMERGENCY = "finished", "winding", "emergency stop"
 _ENDED = "the operator ended the session"
-# Why a run that is in another phase of the machine has not come to its end.
-_STOPPED = {"idle": "stopped by the operator", "stopping": "stopped by the operator"}
+_STANDING = ("idle", "stopping")
 # A machine that begins anew stands at angle zero; an encoder trembles by far less [rad].
 _FELL_BACK = 0.1
 
@@ -206,7 +205,9 @@ class OperatorRun:
         elif phase == _FINISHED:
             self._ending, self._stopped = Completion(float(status.values["time"])), ""
         elif self._open and phase is not None:
-            self._stopped = _STOPPED.get(phase, phase)
+            # A machine that was reset stands idle, too, and does not say why.
+            by_operator = self._stopped or "stopped by the operator"
+            self._stopped = by_operator if phase in _STANDING else phase
         # Another condition may have been prepared, or parameters set by hand.
         if phase is not None and (phase == _WINDING or not known):
             self._read(wound=phase == _WINDING)
