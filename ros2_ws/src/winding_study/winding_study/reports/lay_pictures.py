@@ -121,7 +121,8 @@ def lay_picture(record: RunRecord) -> Picture:
         axes.set_title("axial position, mm")
         axes.set_xlim(left=0.0)
         axes.set_ylim(bottom=0.0)
-        axes.legend(loc="upper left")
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(loc="upper left")
     return picture(
         figure,
         "The lay on the unrolled cylinder",
