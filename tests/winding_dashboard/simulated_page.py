@@ -102,6 +102,7 @@ def served(
         graph,
         Limits(**({"error_limit_pct": 4.8, "lay_tolerance": 0.5e-3} | limits)),
         lambda: "12:00:00",
+        lambda limits: None,
     )
     templates, listed = Templates(), RunList(runs)
     snapshots = Snapshots(state, session, listed, templates.part, clock, server)

@@ -121,6 +121,16 @@ def test_panel_shows_mode_basis_turns_and_verdict() -> None:
         assert text in seen["parts"]["turns"]
 
 
+def test_fall_back_stands_out_on_the_page() -> None:
+    state = controlled()
+    desk = Desk(state, Controlled(state))
+    assert not desk.look()["bad"]["control-basis"]
+    state.time += 5.0
+    seen = desk.look()
+    assert seen["texts"]["control-basis"].startswith("silent for 5 s")
+    assert seen["bad"]["control-basis"]
+
+
 def test_verdict_of_the_band_holds_the_lay_to_the_tolerance_that_is_set() -> None:
     state = controlled()
     desk = Desk(state, Controlled(state))

@@ -21,6 +21,8 @@ pytestmark = [
 
 PATIENCE = 240.0
 RUNS, STOPPED = 10, (3, 6, 8)
+# Of the last run [%]: less than the correction leaves of case 4.
+LIMIT = 0.2
 # Allocators keep some of a report's pictures; a run that stayed in memory would be 10 MB and more.
 GROWTH_MB = 60.0
 ROWS = "document.querySelectorAll('#runs tbody th').length"
@@ -70,6 +72,10 @@ def test_ten_runs_leave_ten_reports_a_live_page_and_flat_memory(
         desk.can("Start")
         desk.button("Start").click()
         desk.phase("winding")
+        if run == RUNS:
+            desk.page.get_by_label("Error of a length, %").fill(str(LIMIT))
+            desk.page.get_by_role("button", name="Set", exact=True).click()
+            desk.said("limits: ")
         if run in STOPPED:
             desk.wait_for("parseFloat(byId('clock').textContent) % 1000 > 0.5")
             desk.button("EMERGENCY STOP").click()
@@ -93,6 +99,8 @@ def test_ten_runs_leave_ten_reports_a_live_page_and_flat_memory(
         record = json.loads(file.read_text(encoding="utf-8"))
         assert (record["ended"] == "emergency stop") == (n in STOPPED), (n, record["ended"])
         assert (file.parent / "report" / "index.html").is_file()
+    last = json.loads(numbers[-1].read_text(encoding="utf-8"))["error_verdict"]
+    assert (last["good"], last["limit_pct"]) == (False, LIMIT)
     identities = {json.loads(f.read_text(encoding="utf-8"))["identity"]["run_id"] for f in numbers}
     assert len(identities) == RUNS
 

@@ -70,6 +70,7 @@ def serve(node: DashboardNode) -> None:
         node.service_client,
         Limits(error_limit_pct=parameters.error_limit_pct, lay_tolerance=parameters.lay_tolerance),
         lambda: time.strftime("%H:%M:%S"),
+        lambda limits: node.adopt(vars(limits)),
     )
     runs = RunList(Path(parameters.runs) if parameters.runs else None)
     templates = Templates()

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections.abc import Mapping
 from typing import Any
 
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from winding_dashboard.ros.parameters import DashboardParameters
 from winding_dashboard.ros.service_client import NODES, ServiceClient
@@ -47,7 +49,8 @@ class DashboardNode(Node):  # type: ignore[misc]
         super().__init__(NAME, context=context, **kwargs)
         self.parameters = declare_parameters(self, DashboardParameters)
         self.parameters.check()
-        refuse_invalid(self, DashboardParameters, lambda: True)
+        self._adopting = False
+        refuse_invalid(self, DashboardParameters, lambda: not self._adopting)
         self.state = ViewState(
             nodes=tuple(reversed(NODES)),
             machine=topics.RIG,
@@ -82,6 +85,14 @@ class DashboardNode(Node):  # type: ignore[misc]
         """Say that the page is being served."""
         if self._heartbeat is not None:
             self._heartbeat.beat()
+
+    def adopt(self, values: Mapping[str, float]) -> None:
+        """Take what an operator has set on the page as parameters, which others may read."""
+        self._adopting = True
+        try:
+            self.set_parameters([Parameter(name, value=value) for name, value in values.items()])
+        finally:
+            self._adopting = False
 
     def close(self) -> None:
         """Stop spinning and leave the graph."""

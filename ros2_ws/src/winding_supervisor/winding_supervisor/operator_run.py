@@ -6,7 +6,7 @@ import asyncio
 import json
 import time
 from collections.abc import Callable, Coroutine, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +83,7 @@ class OperatedRun:
         wall_s: How long it took [s].
         bags: That were recorded meanwhile.
         ended: Why it ended before its end; empty for one that came to its end.
+        limits: What the operator called good at its end, by parameter.
     """
 
     buffer: RunBuffer
@@ -90,6 +91,7 @@ class OperatedRun:
     wall_s: float
     bags: tuple[Path, ...]
     ended: str
+    limits: Mapping[str, object] = field(default_factory=dict)
 
 
 class OperatorRun:
@@ -221,8 +223,10 @@ class OperatorRun:
             for task in (before, reading):
                 if task is not None:
                     await task
+            limits = await self._orchestrator.limits_of_page()
             self._undelivered.remove(run)
-            await asyncio.to_thread(self._deliver, replace(run, wound=dict(self._wound)))
+            over = replace(run, wound=dict(self._wound), limits=limits)
+            await asyncio.to_thread(self._deliver, over)
 
         self._delivering = asyncio.create_task(deliver())
 

@@ -139,6 +139,7 @@ class Run:
             wound=run.wound,
             bags=run.bags,
             ended=run.ended,
+            limits=run.limits,
             trace=None if self._trace is None else self._trace.since(run.buffer.begun_ns),
         )
 

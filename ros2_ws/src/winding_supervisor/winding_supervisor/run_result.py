@@ -26,6 +26,7 @@ class RunResult:
             was begun.
         bags: What was recorded.
         ended: Why the run ended before its end; empty for one that came to its end.
+        limits: What an operator called good at its end, by parameter; nothing of a run without one.
         simulated: Whether its machine was the simulated one, with samples at known instants.
         trace: What the nodes noted of the corrected lengths, TRACE_DTYPE, shape (n,); None in a
             run without a trace.
@@ -38,5 +39,6 @@ class RunResult:
     wound: Mapping[str, object] = field(default_factory=dict)
     bags: tuple[Path, ...] = ()
     ended: str = ""
+    limits: Mapping[str, object] = field(default_factory=dict)
     simulated: bool = True
     trace: NDArray[np.void] | None = None

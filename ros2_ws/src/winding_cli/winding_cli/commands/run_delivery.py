@@ -107,10 +107,10 @@ class RunDelivery:
             self._numbered(into.report) or folder / "report",
             numbers,
             into.wish,
-            into.tolerance,
+            float(str(result.limits.get("lay_tolerance", into.tolerance))),
             origin=self._own_origin(),
             seed=seed_of(parameters),
-            error_limit_pct=into.error_limit_pct,
+            error_limit_pct=float(str(result.limits.get("error_limit_pct", into.error_limit_pct))),
         )
         trace = self._numbered(into.trace)
         if trace is not None:

@@ -30,6 +30,7 @@ function apply(snapshot) {
   }
   for (const [id, flag] of Object.entries(snapshot.hidden)) byId(id).hidden = flag;
   for (const [id, flag] of Object.entries(snapshot.pressed)) byId(id).setAttribute("aria-pressed", flag);
+  for (const [id, flag] of Object.entries(snapshot.bad)) byId(id).classList.toggle("bad", flag);
   for (const [id, reason] of Object.entries(snapshot.off)) {
     byId(id).disabled = reason !== "";
     byId(id).title = reason;

@@ -37,6 +37,7 @@ class OperatorSession:
         graph: What is commanded.
         limits: What counts as good until an operator says otherwise.
         time_of_day: Returns the time as it stands before a sentence.
+        publish: Takes limits that an operator has set, for those who judge the run afterwards.
 
     Attributes:
         said: What came of the last request, with its time of day; empty before any.
@@ -52,8 +53,10 @@ class OperatorSession:
         graph: Graph,
         limits: Limits,
         time_of_day: Callable[[], str],
+        publish: Callable[[Limits], object],
     ) -> None:
         self._state, self._graph, self._time_of_day = state, graph, time_of_day
+        self._publish = publish
         self.limits = limits
         self.said, self.alarm = "", False
         self.choice: Choice | None = None
@@ -122,6 +125,7 @@ class OperatorSession:
             self._say(f"limits: {error}", alarm=True)
             return
         self.limits = replace(self.limits, **found)
+        self._publish(self.limits)
         self._say(
             f"limits: {self.limits.error_limit_pct:g} % of a length, "
             f"{self.limits.lay_tolerance / MILLIMETRE:g} mm of the lay"

@@ -157,6 +157,10 @@ class Snapshots:
             "form": session.form(),
             "limits": shown_values(Limits, vars(session.limits)),
             "alarm": session.alarm,
+            "bad": {
+                "control-basis": basis_words(state.control, state.time)[1],
+                "prepare-said": bool(session.refused),
+            },
             "picture": base64.b64encode(state.picture).decode("ascii"),
         }
 
