@@ -3,10 +3,12 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from test_drawings import contrast
 
 import winding_dashboard
+from winding_dashboard.drawings.palette import tension_colours
 
 STYLE = (Path(winding_dashboard.__file__).parent / "data" / "page.css").read_text(encoding="utf-8")
 TEXT = ("ink", "soft", "predicted", "corrected", "measured", "danger", "warn", "good")
@@ -43,3 +45,9 @@ def test_band_of_tolerance_leaves_the_curves_readable(name: str) -> None:
     colours = theme(name)
     for curve in ("predicted", "measured"):
         assert contrast(colours[curve], colours["band"]) >= 3.0, curve
+
+
+def test_scale_of_the_tension_has_the_colours_of_the_cable() -> None:
+    (scale,) = re.findall(r"linear-gradient\(to right, ([^)]*)\)", STYLE)
+    stops = scale.split(", ")
+    assert stops == tension_colours(np.linspace(0.0, 1.0, len(stops)))

@@ -20,7 +20,6 @@ DRUM, EDGE = "#242d36", "#8a97a5"
 # viridis from its middle on, in even steps: monotone in lightness, so also readable in grey, and
 # 3 : 1 or more against the drum.
 _STOPS = ["21908d", "1fa187", "27ad81", "4ac16d", "7ad151", "bbdf27", "fde725"]
-GRADIENT = f"linear-gradient(to right, {', '.join(f'#{stop}' for stop in _STOPS)})"
 
 
 def tension_colours(share: NDArray[np.float64]) -> list[str]:
