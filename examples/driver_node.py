@@ -1,6 +1,7 @@
 """A winding machine's driver, as short as it can be: put your hardware where the comments are."""
 
 import signal
+import threading
 from typing import Any
 
 import rclpy
@@ -67,10 +68,13 @@ class Driver(Node):
 
 
 if __name__ == "__main__":
-    # rclpy would end its context in the middle of a publication.
+    # rclpy would end its context in the middle of a publication, and an exception out of a signal
+    # handler may be raised where nobody lets it through.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        rclpy.spin(Driver())
-    except KeyboardInterrupt:
-        rclpy.try_shutdown()  # your axes come to rest before this line
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    driver = Driver()
+    while not ended.is_set():
+        rclpy.spin_once(driver, timeout_sec=0.1)
+    rclpy.try_shutdown()  # your axes come to rest before this line
