@@ -43,10 +43,14 @@ MODULES = {
 # A line that is nothing but a link to a program of examples/: the site shows the program itself.
 _PROGRAM = re.compile(r"^\[[^\]]+\]\((\.\./(?:\.\./)*(examples/\S+\.py))\)$", re.MULTILINE)
 _LINK = re.compile(r"(\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
+# Named as `extra_css` in mkdocs.yml.
+STYLE = "site.css"
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the repository's pages, the Python reference, and files that pages link to."""
+    style = Path(__file__).with_name(STYLE).read_text("utf-8")
+    files.append(File.generated(config, STYLE, content=style))
     linked: set[str] = set()
     for file in files.documentation_pages():
         linked |= _outside(file.src_uri, Path(config.docs_dir, file.src_uri).read_text("utf-8"))
