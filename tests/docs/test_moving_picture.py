@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from chromium import CHROMIUM
 from PIL import Image
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = ROOT / "docs" / "images" / "moving_picture.py"
 SHOWN = ROOT / "docs" / "images" / "run-case-4.webp"
-CHROMIUM = Path("/usr/bin/chromium")
+
 # Of a reader's patience, and of a forge.
 LARGEST, WIDEST, LENGTH_S = 2_000_000, 960, (10.0, 15.0)
 

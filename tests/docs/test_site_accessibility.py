@@ -5,7 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from accessibility import chromium, grave_findings, opened
+from accessibility import grave_findings, opened
+from chromium import chromium
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 

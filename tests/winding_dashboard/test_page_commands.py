@@ -89,6 +89,16 @@ def test_what_was_asked_before_an_old_picture_is_not_done(name: str) -> None:
     assert machine.done == []
 
 
+def test_two_requests_after_one_look_are_both_carried_out() -> None:
+    machine = Machine()
+    desk = Desk(fresh_state(), machine)
+    seen = desk.look()
+    body = {"server": seen["server"], "sequence": seen["sequence"]}
+    for name in ("start", "reset"):
+        desk.request("POST", f"/command/{name}", json=body)
+    assert machine.done == [commands.START, commands.RESET, "renew"]
+
+
 @pytest.mark.parametrize("name", ["stop", "emergency_stop"])
 def test_stops_are_carried_out_whatever_was_seen(name: str) -> None:
     machine = Machine()

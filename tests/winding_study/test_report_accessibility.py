@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from accessibility import chromium, grave_findings, opened
+from accessibility import grave_findings, opened
+from chromium import chromium
 
 from winding_study.reports.report import write_report
 

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from accessibility import chromium, grave_findings, opened
+from accessibility import grave_findings, opened
+from chromium import chromium
 from printed_page import missing_from_paper, outside_the_margins, printed_words
 
 from correction_node.live.neighbours import Noise

@@ -244,7 +244,6 @@ def report(
     """
     from winding_cli.commands.bag_report import write_recorded_report
     from winding_cli.commands.wanted_lay import held_against
-    from winding_core.error_verdict import ErrorLimit
     from winding_core.options import typed_values
     from winding_core.parameters import build
     from winding_recorder.bags.failure import BagError

@@ -7,12 +7,18 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.commands.condition_options import spelled
+from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.refusal import refuse, refused
 from winding_cli.commands.ros_environment import check_namespace, joined
+from winding_core.error_verdict import ErrorLimit
+from winding_core.lay_tolerance import LayTolerance
 
 
+@with_options(LayTolerance, ErrorLimit)
 def dashboard(
+    judged: Typed,
+    errors: Typed,
+    *,
     namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
     domain: Annotated[
         int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
@@ -25,22 +31,12 @@ def dashboard(
         str,
         typer.Option(envvar="WINDING_DASHBOARD_TOKEN", help="Secret that a browser must bring."),
     ] = "",
-    lay_tolerance_mm: Annotated[
-        float | None,
-        typer.Option(help="Band around a wanted lay, from the third turn on; 0.5 by default."),
-    ] = None,
-    error_limit_pct: Annotated[
-        float | None,
-        typer.Option(help="Largest error of a corrected length that counts as good; 4.8."),
-    ] = None,
     runs: Annotated[
         Path | None, typer.Option(help="Folder whose runs are listed with verdict and report.")
     ] = None,
 ) -> None:
     """Serve the operator's page; Ctrl-C ends it."""
-    from winding_cli.commands.run_checks import given
     from winding_cli.commands.wanted_lay import held_against
-    from winding_core.error_verdict import ErrorLimit
     from winding_core.options import typed_values
     from winding_core.parameters import ParameterError, build
     from winding_ros.environment import ros_arguments
@@ -58,8 +54,8 @@ def dashboard(
             refuse(f"--runs {runs} is no folder")
         values["runs"] = str(runs.absolute())
     with refused(ParameterError):
-        values |= typed_values(ErrorLimit, given(error_limit_pct=error_limit_pct), spelled)
-        values |= held_against(given(lay_tolerance_mm=lay_tolerance_mm)).of_page
+        values |= typed_values(ErrorLimit, errors, spelled)
+        values |= held_against(judged).of_page
         build(DashboardParameters, values, owner="winding dashboard").check()
     if namespace:
         check_namespace(namespace)

@@ -25,7 +25,7 @@ from winding_cli.commands.run_checks import (
     look_of,
     recording_of,
 )
-from winding_cli.commands.run_delivery import Delivered, RunDelivery
+from winding_cli.commands.run_delivery import DeliveryOptions, RunDelivery
 from winding_cli.commands.run_winding import wind
 from winding_cli.commands.wanted_lay import controlled_nodes, lead_of, tolerance_of, wish_of
 from winding_core.camera_clock import CameraClockParameters
@@ -278,7 +278,7 @@ def run(
         config,
         condition,
         origin,
-        Delivered(
+        DeliveryOptions(
             report=report,
             json=json,
             trace=trace,

@@ -18,9 +18,11 @@ if TYPE_CHECKING:
     from winding_supervisor.run_config import RunConfig
     from winding_supervisor.run_result import RunResult
 
+_RIG = "winding_rig"
+
 
 @dataclass(frozen=True, kw_only=True)
-class Delivered:
+class DeliveryOptions:
     """Where what a run leaves goes, and what it is held against.
 
     Attributes:
@@ -55,7 +57,7 @@ class RunDelivery:
     """
 
     def __init__(
-        self, config: RunConfig, condition: Condition, origin: Origin, into: Delivered
+        self, config: RunConfig, condition: Condition, origin: Origin, into: DeliveryOptions
     ) -> None:
         self._config, self._condition, self._into = config, condition, into
         self._origin: Origin | None = origin
@@ -116,10 +118,9 @@ class RunDelivery:
         if trace is not None:
             write_trace(record, result, trace)
         show(record, page, numbers, result.bags, trace)
-        self._flaws += filter(
-            None,
-            [flaw(record, result, held=into.lay_held, errors_held=into.errors_held)],
-        )
+        found = flaw(record, result, held=into.lay_held, errors_held=into.errors_held)
+        if found:
+            self._flaws.append(found)
 
     def _own_origin(self) -> Origin:
         from winding_cli.output.origin import origin_here
@@ -137,6 +138,3 @@ class RunDelivery:
         if path is None or self._count == 1:
             return path
         return path.with_name(f"{path.stem}-{self._count}{path.suffix}")
-
-
-_RIG = "winding_rig"

@@ -13,7 +13,6 @@ from winding_dashboard.page.numbers import DASH, seconds
 from winding_dashboard.state.marker_rows import MarkerRow
 from winding_dashboard.state.view_state import ViewState
 
-_GOING = ("winding", "stopping")
 # Phase of the machine -> the word on the band, and its style.
 _WORDS = {
     "winding": ("WINDING", "winding"),
@@ -51,7 +50,7 @@ def state_cell(state: ViewState, now: float) -> Cell:
     phase, reason = state.phase, state.reason
     if phase in _WORDS:
         word, style = _WORDS[phase]
-        remark = reason or (_speed(state) if phase in _GOING else f"at {state.time:.1f} s")
+        remark = reason or (_speed(state) if state.going else f"at {state.time:.1f} s")
         return Cell(word=word, remark=remark, style=style)
     if state.moving:
         return Cell(word="WINDING", remark=_speed(state), style="winding")
@@ -89,7 +88,7 @@ def verdict_cell(state: ViewState, limits: Limits) -> Cell:
     said, goods = [], []
     lay = lay_verdict(state, limits.lay_tolerance)
     if lay is not None and lay.worst is not None:
-        goods.append(bool(lay.kept) or abs(lay.worst.largest) <= limits.lay_tolerance)
+        goods.append(abs(lay.worst.largest) <= limits.lay_tolerance)
         off, limit = (1000.0 * value for value in (lay.worst.largest, limits.lay_tolerance))
         said.append(f"lay {off:+.2f} mm off at most, limit {limit:g} mm, turn {lay.worst.number}")
     worst = lengths.worst

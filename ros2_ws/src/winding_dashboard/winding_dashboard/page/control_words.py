@@ -6,9 +6,9 @@ import math
 
 from winding_core.lay_control_records import ControlBasis, ControlMode
 from winding_core.units import MILLIMETRE
+from winding_dashboard.page.numbers import DASH
 from winding_dashboard.state.control_state import ControlState
 
-_DASH = "–"
 _BASES = {
     ControlBasis.MEASURED: "the measured lay is fed back",
     ControlBasis.MODEL: "TRACKER LOST: no lay has been measured for more than 1.5 turns; the guide "
@@ -24,7 +24,7 @@ _MODES = {
 
 def mode_words(mode: ControlMode | None) -> str:
     """Return what a mode means; a dash before it is known."""
-    return _DASH if mode is None else _MODES[mode]
+    return DASH if mode is None else _MODES[mode]
 
 
 def basis_words(control: ControlState, now: float) -> tuple[str, bool]:
@@ -45,7 +45,7 @@ def beliefs(control: ControlState) -> dict[str, str]:
     if newest is None:
         return dict.fromkeys(
             ("Lands at", "Wanted there", "Free length", "Share of the pull", "Guide", "Pull"),
-            _DASH,
+            DASH,
         )
     would = "" if control.mode is ControlMode.DRIVE else "would be "
     return {

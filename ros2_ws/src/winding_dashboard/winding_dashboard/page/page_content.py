@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from winding_core.cases import paper_cases
+from winding_core.condition import Condition
 from winding_core.lay_control_records import ControlMode
-from winding_core.units import MILLIMETRE
+from winding_core.wound_label import WoundLabel
 from winding_dashboard.drawings.run_charts import CHARTS
 from winding_dashboard.page.condition_form import FIELDS, LAWS, OWN_FIELDS, hint, label
 from winding_dashboard.page.session import LIMIT_LABELS
@@ -43,11 +44,6 @@ def _field(key: str) -> dict[str, Any]:
 
 
 def _cases() -> dict[int, str]:
-    rows = {
-        case.number: (
-            f"{case.number}: cylinder {case.cylinder_diameter / MILLIMETRE:g} mm, "
-            f"cable {case.cable_diameter / MILLIMETRE:g} mm, {case.weight:.2f} N"
-        )
-        for case in paper_cases()
-    }
+    labels = (WoundLabel.of(Condition(case=case.number).resolved()) for case in paper_cases())
+    rows = {label.case: f"{label.case}: {label.sentence}" for label in labels}
     return rows | {_OWN: "own condition"}

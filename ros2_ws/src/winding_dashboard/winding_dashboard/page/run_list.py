@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -52,7 +53,11 @@ class RunList:
         if self.folder is None:
             return []
         found = [path for level in _LEVELS for path in self.folder.glob(f"{level}{_NUMBERS}")]
-        changed = {path: path.stat().st_mtime_ns for path in found if path.is_file()}
+        changed: dict[Path, int] = {}
+        for path in found:
+            # Folders may be moved away meanwhile.
+            with suppress(FileNotFoundError):
+                changed[path] = path.stat().st_mtime_ns
         newest = sorted(changed, key=lambda path: changed[path], reverse=True)[:_MOST]
         self._known = {path: self._look(path, changed[path]) for path in newest}
         return [run for _, run in self._known.values()]
@@ -68,17 +73,17 @@ class RunList:
         return wanted if _REPORT in below else None
 
     def _look(self, path: Path, changed: int) -> tuple[int, ListedRun]:
-        known = self._known.get(path)
-        # A report comes a moment after the numbers.
-        if known is not None and known[0] == changed and known[1].report:
-            return known
         assert self.folder is not None
         page = path.parent / _REPORT / "index.html"
         report = str(page.relative_to(self.folder)) if page.is_file() else ""
+        known = self._known.get(path)
+        # A report comes a moment after the numbers.
+        if known is not None and known[0] == changed and known[1].report == report:
+            return known
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             return changed, _listed(content, report)
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             return changed, ListedRun(
                 date=str(path.relative_to(self.folder)),
                 condition="",

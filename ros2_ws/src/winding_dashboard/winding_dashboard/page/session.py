@@ -24,7 +24,6 @@ TITLES = {
     commands.RESET: "Reset",
     commands.EMERGENCY_STOP: "EMERGENCY STOP",
 }
-_GOING = ("winding", "stopping")
 # What the fields of the limits are called on the page, by option.
 LIMIT_LABELS = {"error_limit_pct": "Error of a length, %", "lay_tolerance_mm": "Lay, mm"}
 
@@ -161,7 +160,7 @@ class OperatorSession:
             return f"cannot be chosen here: {missing}"
         if self.preparing:
             return "another run is being prepared"
-        if self._state.phase in _GOING:
+        if self._state.going:
             return f"cannot be chosen while the machine is {self._state.phase}"
         if self.choice is None:
             return "asking the solver what it is set to"

@@ -50,7 +50,8 @@ _CHARTS, _LISTS = 0.4, 1.0
 # Diagnostics come once a second: what was heard within this time is the present [s].
 _PRESENT = 1.5
 _REMEMBERED = 256
-_GOING = ("winding", "stopping")
+# Element of each switch of the lay's controller.
+_MODES = {mode: f"mode-{mode.name.lower()}" for mode in ControlMode}
 # Of a camera that has not said how large its pictures are [px].
 _PICTURE = (800, 120)
 
@@ -95,6 +96,7 @@ class Snapshots:
         self._render, self._clock, self._server = render, clock, server
         self._sequence = 0
         self._made: OrderedDict[int, float] = OrderedDict()
+        self._due = -math.inf
         self._newest: dict[str, Any] = {}
         self._own: dict[Wanted, dict[str, str]] = {}
         self._charts: tuple[float, dict[str, str]] = (-math.inf, {})
@@ -103,7 +105,7 @@ class Snapshots:
     def snapshot(self, wanted: Wanted) -> dict[str, Any]:
         """Return the newest snapshot as JSON values."""
         now = self._clock()
-        if now - self._made.get(self._sequence, -math.inf) >= PERIOD:
+        if now >= self._due:
             self._make(now)
         if wanted not in self._own:
             self._own[wanted] = {
@@ -120,7 +122,7 @@ class Snapshots:
 
     def changed(self) -> None:
         """Make the next snapshot anew: an operator did something."""
-        self._made[self._sequence] = -math.inf
+        self._due = -math.inf
 
     def age(self, server: object, sequence: object) -> float:
         """Return how old a snapshot is [s]; infinite for one that nobody remembers."""
@@ -131,7 +133,7 @@ class Snapshots:
     def _make(self, now: float) -> None:
         state, session = self._state, self._session
         self._sequence += 1
-        self._made[self._sequence] = now
+        self._made[self._sequence], self._due = now, now + PERIOD
         while len(self._made) > _REMEMBERED:
             self._made.popitem(last=False)
         self._own = {}
@@ -140,6 +142,7 @@ class Snapshots:
         if now - self._lists[0] >= _LISTS:
             self._lists = (now, self._list_parts(now))
         silent = now - max(state.last_data, state.health.last_heard)
+        off = self._off(now)
         self._newest = {
             "server": self._server,
             "sequence": self._sequence,
@@ -148,12 +151,10 @@ class Snapshots:
             "age": None if math.isinf(silent) else (silent if silent > _PRESENT else 0.0),
             "texts": self._texts(now),
             "parts": self._quick_parts(now) | self._charts[1] | self._lists[1],
-            "off": self._off(now),
+            "off": off,
             "ask": self._ask(now),
-            "hidden": self._hidden(now),
-            "pressed": {
-                f"mode-{mode.name.lower()}": state.control.mode is mode for mode in ControlMode
-            },
+            "hidden": self._hidden(now, off),
+            "pressed": {name: state.control.mode is mode for mode, name in _MODES.items()},
             "form": session.form(),
             "limits": shown_values(Limits, vars(session.limits)),
             "alarm": session.alarm,
@@ -238,15 +239,15 @@ class Snapshots:
         phase = state.phase if state.heard(now) else ""
         off = {name: session.unavailable(name, phase) for name in TITLES}
         off |= {
-            f"mode-{mode.name.lower()}": session.unavailable(commands.LAY_CONTROL[mode], phase)
-            for mode in ControlMode
+            name: session.unavailable(commands.LAY_CONTROL[mode], phase)
+            for mode, name in _MODES.items()
         }
         return off | {"record": session.unrecorded(), "prepare": session.unprepared()}
 
     def _ask(self, now: float) -> dict[str, str]:
         """Return which controls ask before they act now, with the dialog that does."""
         state = self._state
-        going = state.phase in _GOING or state.moving
+        going = state.going or state.moving
         drives = state.control.mode is ControlMode.DRIVE
         return {
             commands.RESET: "ask-reset",
@@ -257,7 +258,7 @@ class Snapshots:
             "mode-off": "ask-off" if drives and going else "",
         }
 
-    def _hidden(self, now: float) -> dict[str, bool]:
+    def _hidden(self, now: float, off: dict[str, str]) -> dict[str, bool]:
         state = self._state
         control = state.control.known
         return {
@@ -268,12 +269,7 @@ class Snapshots:
             "lay-limit": not control,
             "no-picture": bool(state.picture),
             # What plays a recording has nothing that could be switched.
-            **{
-                f"mode-{mode.name.lower()}": bool(
-                    self._session.unavailable(commands.LAY_CONTROL[mode], state.phase)
-                )
-                for mode in ControlMode
-            },
+            **{name: bool(off[name]) for name in _MODES.values()},
         }
 
     def _why_off(self, now: float) -> str:
@@ -284,7 +280,7 @@ class Snapshots:
         if missing:
             return f"Commands are off: {missing}"
         reason = session.unavailable(commands.START, phase)
-        return f"Start is off: {reason}" if reason and phase not in _GOING else ""
+        return f"Start is off: {reason}" if reason and not state.going else ""
 
 
 def _picture_size(state: ViewState) -> tuple[int, int]:

@@ -124,6 +124,11 @@ class ViewState:
         return said or self.health.message(self._machine)
 
     @property
+    def going(self) -> bool:
+        """Whether the machine says that it winds, or is about to come to rest."""
+        return self.phase in ("winding", "stopping")
+
+    @property
     def reason(self) -> str:
         """Why the machine is in its phase, in its own words; empty when it does not say."""
         return self.health.values(self._machine).get("reason", "")
