@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import rclpy
 from geometry_msgs.msg import WrenchStamped
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import CameraInfo, Image, JointState
@@ -205,17 +204,13 @@ class CommandedCell(Node):
 
 def main() -> None:
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     node = CommandedCell(int(sys.argv[1]), Path(sys.argv[2]))
-    try:
-        # A signal is only seen between two waits.
-        while True:
-            rclpy.spin_once(node, timeout_sec=0.02)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        node.quit.set()
-        node.thread.join()
-        node.write()
-        rclpy.try_shutdown()
+    signal.signal(signal.SIGTERM, lambda *_: node.quit.set())
+    while not node.quit.is_set():
+        rclpy.spin_once(node, timeout_sec=0.02)
+    node.thread.join()
+    node.write()
+    rclpy.try_shutdown()
 
 
 if __name__ == "__main__":

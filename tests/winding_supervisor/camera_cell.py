@@ -19,7 +19,6 @@ from typing import Any
 import rclpy
 from geometry_msgs.msg import WrenchStamped
 from pictures import Pictures
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import CameraInfo, Image, JointState
@@ -213,17 +212,13 @@ class CellNode(Node):
 
 def main() -> None:
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     node = CellNode(Cell(**json.loads(sys.argv[1])))
-    try:
-        # A signal is only seen between two waits.
-        while True:
-            rclpy.spin_once(node, timeout_sec=0.1)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        node.quit.set()
-        for thread in node.threads:
-            thread.join()
-        rclpy.try_shutdown()
+    signal.signal(signal.SIGTERM, lambda *_: node.quit.set())
+    while not node.quit.is_set():
+        rclpy.spin_once(node, timeout_sec=0.1)
+    for thread in node.threads:
+        thread.join()
+    rclpy.try_shutdown()
 
 
 if __name__ == "__main__":

@@ -83,11 +83,12 @@ def test_a_reversed_axis_is_named_and_what_was_wound_is_kept(
 
 SERVE = 'f"rig/{name}", getattr(self, name)'
 RESET = "    def reset(self"
-# It goes on measuring, and never answers.
+# It goes on measuring, and never answers while it lives.
 HANG = """\
-    def hang(self, *_):
-        while True:
+    def hang(self, _, response):
+        while not ended.is_set():
             self.sample()
+        return response
 
 """
 
