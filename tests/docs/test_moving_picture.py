@@ -76,7 +76,8 @@ def test_a_recording_becomes_a_moving_picture(recorded_run: Any, tmp_path: Path)
 def test_a_page_becomes_a_moving_picture(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     page.write_text(
-        "<body style='margin:0'><script>let n = 0; setInterval(() => document.body.style.background"
+        "<body style='margin:0'><div id='band'><b class='word'>WINDING</b></div>"
+        "<script>let n = 0; setInterval(() => document.body.style.background"
         " = `hsl(${n += 40} 100% 50%)`, 50)</script>",
         encoding="utf-8",
     )

@@ -9,9 +9,9 @@ from typing import Any
 import httpx
 
 from winding_core.condition import OWN, Condition
+from winding_core.operator_limits import OperatorLimits
 from winding_core.status import Level, Status
 from winding_core.wound_label import WoundLabel
-from winding_dashboard.page.band import Limits
 from winding_dashboard.page.commands import Choice, CommandError, Graph
 from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import OperatorSession
@@ -97,13 +97,8 @@ def served(
     **limits: float,
 ) -> Served:
     """Return everything behind a page, as `winding_dashboard.__main__` puts it together."""
-    session = OperatorSession(
-        state,
-        graph,
-        Limits(**({"error_limit_pct": 4.8, "lay_tolerance": 0.5e-3} | limits)),
-        lambda: "12:00:00",
-        lambda limits: None,
-    )
+    kept = [OperatorLimits(**limits)]
+    session = OperatorSession(state, graph, lambda: kept[-1], lambda: "12:00:00", kept.append)
     templates, listed = Templates(), RunList(runs)
     snapshots = Snapshots(state, session, listed, templates.part, clock, server)
     return Served(session=session, snapshots=snapshots, runs=listed, templates=templates)

@@ -1,6 +1,7 @@
 """The page's node on a real graph of topics and services."""
 
 import asyncio
+import os
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -11,6 +12,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from winding_core.markers import wound_markers
+from winding_core.operator_limits import OperatorLimits
 from winding_core.parameters import ParameterError
 from winding_core.readings import CABLE_TENSION, AxisReading
 from winding_core.status import Status
@@ -18,7 +20,12 @@ from winding_dashboard.node import DashboardNode
 from winding_dashboard.page.commands import CommandError
 from winding_ros import topics
 from winding_ros.cloud_messages import encode_cloud
-from winding_ros.diagnostic_messages import encode_case_votes, encode_diagnostics
+from winding_ros.diagnostic_messages import (
+    decode_diagnostics,
+    encode_case_votes,
+    encode_diagnostics,
+)
+from winding_ros.process import SUPERVISED
 from winding_ros.rig_messages import encode_joint_state, encode_tension
 
 
@@ -110,6 +117,33 @@ def test_command_is_unavailable_until_somebody_serves_it(
 def test_emergency_stop_without_an_answer_says_what_to_do(dashboard: DashboardNode) -> None:
     with pytest.raises(CommandError, match="use the machine's own button"):
         asyncio.run(dashboard.service_client.command("emergency_stop"))
+
+
+def test_supervised_page_says_what_its_operator_calls_good(
+    ros: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[OperatorLimits | None] = []
+    probe = ros.plain()
+
+    def note(message: Any) -> None:
+        _, (status,) = decode_diagnostics(message)
+        assert status.name == "dashboard: limits"
+        said.append(OperatorLimits.from_values(status.values))
+
+    topics.DIAGNOSTICS.subscribe(probe, note)
+    monkeypatch.setenv(SUPERVISED, str(os.getpid()))
+    page = DashboardNode(ros.context)
+    try:
+        ros.spin_until(lambda: page.count_subscribers(topics.DIAGNOSTICS.name) == 2)
+        limits = OperatorLimits(error_limit_pct=1.0 / 3.0, lay_tolerance=0.1e-3)
+        page.set_limits(limits)
+        ros.spin_until(lambda: limits in said)
+        (refused,) = page.set_parameters([Parameter("error_limit_pct", value=2000.0)])
+        assert not refused.successful
+        assert page.limits == limits
+    finally:
+        page.start()
+        page.close()
 
 
 def test_open_host_without_token_is_refused_before_the_node_works(ros: Any) -> None:

@@ -1,19 +1,13 @@
 """`winding run --dashboard`, clicked through in a real browser, with a recording on and off."""
 
-import contextlib
 import json
 import re
-import signal
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
+from attended_run import NAMESPACE, AttendedRun, attended_run, until
 
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
@@ -28,63 +22,18 @@ pytestmark = [
     pytest.mark.timeout(900),
 ]
 
-PATIENCE = 240.0
-NAMESPACE = "attended"
 # The run lasts 13 minutes unless it is ended: the operator's steps take two on a quick computer.
 SPEED = 0.125
 DURATION = "100"
 FULL_SPEED = 1.74 * 0.97
 
 
-@dataclass(frozen=True, kw_only=True)
-class Run:
-    """The command in its folder."""
-
-    url: str
-    folder: Path
-    process: "subprocess.Popen[str]"
-
-    def page(self) -> psutil.Process | None:
-        """Return the page's present process."""
-        for child in psutil.Process(self.process.pid).children():
-            # One that was killed a moment ago has no command line any more.
-            with contextlib.suppress(psutil.NoSuchProcess):
-                if "winding_dashboard" in child.cmdline():
-                    return child
-        return None
-
-    def end(self) -> tuple[int, str]:
-        """Return exit code and output once the command has ended."""
-        said, _ = self.process.communicate(timeout=PATIENCE)
-        return self.process.returncode, said
-
-
-def until(reached: Callable[[], Any]) -> Any:
-    end = time.monotonic() + PATIENCE
-    while not (value := reached()):
-        assert time.monotonic() < end
-        time.sleep(0.05)
-    return value
-
-
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Iterator[Run]:
+def run(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Iterator[AttendedRun]:
     folder = tmp_path_factory.mktemp("operated") / "run"
-    port = serving.free_port()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "winding_cli.cli", "run", "--case", "4", "--dashboard",
-         "--dashboard-port", str(port), "--namespace", NAMESPACE, "--output", str(folder),
-         "--duration-s", DURATION, "--speed", str(SPEED)],
-        stdout=subprocess.PIPE, text=True, env=serving.environment(),
-    )  # fmt: skip
-    try:
-        # Kernels may have to be compiled on a busy machine.
-        serving.wait_for_line(process, "operator's page: http://127.0.0.1:", 500.0)
-        yield Run(url=f"http://127.0.0.1:{port}/", folder=folder, process=process)
-    finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-            process.wait(PATIENCE)
+    options = ("--namespace", NAMESPACE, "--duration-s", DURATION, "--speed", str(SPEED))
+    with attended_run(serving, folder, *options) as attended:
+        yield attended
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +42,7 @@ def motion(motion_of: Any) -> Any:
 
 
 @pytest.fixture(scope="module")
-def desk(new_tab: Any, run: Run) -> Any:
+def desk(new_tab: Any, run: AttendedRun) -> Any:
     return new_tab("desk", run.url)
 
 
@@ -132,7 +81,7 @@ def test_own_condition_is_prepared(desk: Any, pictures: Path) -> None:
     desk.said("ready to wind a condition of your own")
 
 
-def test_recording_begins_before_the_run(desk: Any, run: Run) -> None:
+def test_recording_begins_before_the_run(desk: Any, run: AttendedRun) -> None:
     recording(desk).get_by_role("button", name="Record", exact=True).click()
     desk.said("recording into")
     desk.page.locator(".recording").wait_for(state="visible")
@@ -146,7 +95,10 @@ def test_start_winds(desk: Any, motion: Any) -> None:
     recording(desk).get_by_text(re.compile(r"into bag: [1-9][\d ]+ messages, [\d.]+ MB")).wait_for()
 
 
-def test_dead_page_comes_back_and_stops_nothing(desk: Any, run: Run, motion: Any) -> None:
+def test_dead_page_comes_back_and_stops_nothing(desk: Any, run: AttendedRun, motion: Any) -> None:
+    desk.page.get_by_label("Error of a length, %").fill("7.5")
+    desk.page.get_by_role("button", name="Set", exact=True).click()
+    desk.said("limits: 7.5 %")
     before = until(run.page)
     before.kill()
     until(lambda: (page := run.page()) is not None and page.pid != before.pid)
@@ -159,6 +111,7 @@ def test_dead_page_comes_back_and_stops_nothing(desk: Any, run: Run, motion: Any
     desk.page.goto(run.url)
     desk.complaints.clear()
     desk.phase("winding")
+    assert desk.page.get_by_label("Error of a length, %").input_value() == "7.5"
     assert motion.samples[-1][1] > FULL_SPEED
 
 
@@ -171,14 +124,14 @@ def end_recording(desk: Any) -> None:
     recording(desk).get_by_text("nothing is being recorded").wait_for()
 
 
-def test_ending_a_recording_asks_and_leaves_a_whole_bag(desk: Any, run: Run) -> None:
+def test_ending_a_recording_asks_and_leaves_a_whole_bag(desk: Any, run: AttendedRun) -> None:
     end_recording(desk)
     desk.phase("winding")
     assert check(run.folder / "bag").findings == []
 
 
 def test_recording_again_goes_into_another_bag(
-    desk: Any, run: Run, new_tab: Any, pictures: Path
+    desk: Any, run: AttendedRun, new_tab: Any, pictures: Path
 ) -> None:
     recording(desk).get_by_role("button", name="Record", exact=True).click()
     recording(desk).get_by_text(re.compile("into bag-2: ")).wait_for()
@@ -206,7 +159,7 @@ def test_stop_holds_and_start_resumes(desk: Any, motion: Any) -> None:
     until(lambda: motion.samples[-1][1] > FULL_SPEED)
 
 
-def test_emergency_stop_and_reset_are_no_failures(desk: Any, run: Run, motion: Any) -> None:
+def test_emergency_stop_and_reset_are_no_failures(desk: Any, run: AttendedRun, motion: Any) -> None:
     end_recording(desk)
     assert check(run.folder / "bag-2").findings == []
     desk.button("EMERGENCY STOP").click()
@@ -223,7 +176,7 @@ def test_emergency_stop_and_reset_are_no_failures(desk: Any, run: Run, motion: A
     assert {event.node for event in read_events(run.folder / "events.jsonl")} == {"dashboard"}
 
 
-def test_prepared_case_gets_a_bag_of_its_own(desk: Any, run: Run, motion: Any) -> None:
+def test_prepared_case_gets_a_bag_of_its_own(desk: Any, run: AttendedRun, motion: Any) -> None:
     desk.button("Stop").click()
     desk.phase("stopped")
     setup(desk).get_by_label("Case").select_option("5")
@@ -238,8 +191,9 @@ def test_prepared_case_gets_a_bag_of_its_own(desk: Any, run: Run, motion: Any) -
     assert desk.complaints == []
 
 
-def test_ctrl_c_ends_the_session_and_every_run_has_its_report(run: Run, motion: Any) -> None:
-    run.process.send_signal(signal.SIGINT)
+def test_ctrl_c_ends_the_session_and_every_run_has_its_report(
+    run: AttendedRun, motion: Any
+) -> None:
     code, said = run.end()
     assert code == 0, said
     assert "Curve lengths of case 5" in said

@@ -1,16 +1,12 @@
 """Ten runs in a row from one page of `winding run --dashboard`, three stopped on purpose."""
 
 import json
-import signal
-import subprocess
-import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
+from attended_run import NAMESPACE, AttendedRun, attended_run
 
 pytestmark = [
     pytest.mark.campaign,
@@ -19,7 +15,6 @@ pytestmark = [
     pytest.mark.timeout(1800),
 ]
 
-PATIENCE = 240.0
 RUNS, STOPPED = 10, (3, 6, 8)
 # Of the last run [%]: less than the correction leaves of case 4.
 LIMIT = 0.2
@@ -28,42 +23,16 @@ GROWTH_MB = 60.0
 ROWS = "document.querySelectorAll('#runs tbody th').length"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Session:
-    """The command, its folder and its page."""
-
-    url: str
-    folder: Path
-    process: "subprocess.Popen[str]"
-
-    def memory_mb(self) -> float:
-        """Return what the command and its page hold [MB]."""
-        command = psutil.Process(self.process.pid)
-        pages = [c for c in command.children() if "winding_dashboard" in " ".join(c.cmdline())]
-        return sum(item.memory_info().rss for item in (command, *pages)) / 1e6
-
-
 @pytest.fixture(scope="module")
-def session(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Iterator[Session]:
+def session(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Iterator[AttendedRun]:
     folder = tmp_path_factory.mktemp("session") / "runs"
-    port = serving.free_port()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "winding_cli.cli", "run", "--case", "4", "--dashboard",
-         "--dashboard-port", str(port), "--namespace", "attended", "--output", str(folder),
-         "--duration-s", "5"],
-        stdout=subprocess.PIPE, text=True, env=serving.environment(),
-    )  # fmt: skip
-    try:
-        serving.wait_for_line(process, "operator's page: http://127.0.0.1:", 500.0)
-        yield Session(url=f"http://127.0.0.1:{port}/", folder=folder, process=process)
-    finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-            process.communicate(timeout=PATIENCE)
+    options = ("--namespace", NAMESPACE, "--duration-s", "5")
+    with attended_run(serving, folder, *options) as attended:
+        yield attended
 
 
 def test_ten_runs_leave_ten_reports_a_live_page_and_flat_memory(
-    session: Session, new_tab: Any, pictures: Path
+    session: AttendedRun, new_tab: Any, pictures: Path
 ) -> None:
     desk = new_tab("desk", session.url)
     held = []
@@ -105,7 +74,7 @@ def test_ten_runs_leave_ten_reports_a_live_page_and_flat_memory(
     assert len(identities) == RUNS
 
 
-def test_report_opens_from_the_page(session: Session, new_tab: Any) -> None:
+def test_report_opens_from_the_page(session: AttendedRun, new_tab: Any) -> None:
     desk = new_tab("desk", session.url)
     desk.wait_for(f"{ROWS} === {RUNS}")
     with desk.page.expect_popup() as opened:
@@ -113,8 +82,7 @@ def test_report_opens_from_the_page(session: Session, new_tab: Any) -> None:
     opened.value.get_by_text("largest error").first.wait_for()
 
 
-def test_ctrl_c_ends_the_session_without_a_failure(session: Session) -> None:
-    session.process.send_signal(signal.SIGINT)
-    said, _ = session.process.communicate(timeout=PATIENCE)
-    assert session.process.returncode == 0, said
+def test_ctrl_c_ends_the_session_without_a_failure(session: AttendedRun) -> None:
+    code, said = session.end()
+    assert code == 0, said
     assert said.count("Curve lengths of case 4") == RUNS

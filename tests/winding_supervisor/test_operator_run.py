@@ -3,7 +3,9 @@
 import asyncio
 import math
 import os
-from collections.abc import Iterator
+import signal
+import socket
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,20 +13,23 @@ import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from winding_core.operator_limits import OperatorLimits
 from winding_core.readings import AxisReading
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.environment import set_process_environment
 from winding_ros.graph_error import GraphError
+from winding_ros.lifecycle import LifecycleDriver
 from winding_ros.rig_messages import encode_joint_state
 from winding_supervisor.dashboard_process import DashboardConfig, DashboardProcess
 from winding_supervisor.discovery import outsiders
-from winding_supervisor.event_log import EventLog
+from winding_supervisor.event_log import EventLog, read_events
 from winding_supervisor.operator_run import RunStart
 
 NAMESPACE = "attended"
 SPEED = 1.74
+PATIENCE = 120.0
 
 
 class Machine:
@@ -156,6 +161,44 @@ def keeper(client: AsyncClient, folder: Path, **parameters: object) -> Dashboard
     set_process_environment(int(os.environ["ROS_DOMAIN_ID"]), folder)
     page = DashboardConfig(parameters=parameters, namespace=NAMESPACE, log_directory=folder)
     return DashboardProcess(page, client, EventLog(file=folder / "events.jsonl"), lambda: math.nan)
+
+
+@pytest.mark.processes
+def test_limits_of_an_operator_outlive_the_page(client: AsyncClient, tmp_path: Path) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    page = keeper(client, tmp_path, host="127.0.0.1", port=port, error_limit_pct=6.0)
+    nodes = LifecycleDriver(client, NAMESPACE, unasked)
+    limits = OperatorLimits(error_limit_pct=2.5, lay_tolerance=0.8e-3)
+    log = tmp_path / "events.jsonl"
+
+    async def until(reached: Callable[[], bool]) -> None:
+        async with asyncio.timeout(PATIENCE):
+            while not reached():
+                await asyncio.sleep(0.05)
+
+    async def work() -> dict[str, object]:
+        await page.start()
+        keeping = asyncio.create_task(page.keep())
+        try:
+            await until(lambda: page.limits == OperatorLimits(error_limit_pct=6.0))
+            await nodes.set_parameters("dashboard", vars(limits))
+            await until(lambda: page.limits == limits)
+            first = page.pid
+            os.kill(first, signal.SIGKILL)
+            await until(lambda: any(event.what == "restarted" for event in read_events(log)))
+            assert page.pid != first
+            return await nodes.parameters("dashboard", list(vars(limits)), PATIENCE)
+        finally:
+            keeping.cancel()
+            await page.stop()
+
+    assert asyncio.run(work()) == vars(limits)
+
+
+async def unasked(node: str) -> str:
+    raise AssertionError(f"{node} makes no transition here")
 
 
 @pytest.mark.processes

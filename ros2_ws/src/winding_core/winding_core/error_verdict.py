@@ -29,6 +29,7 @@ class ErrorLimit:
         PLAIN,
         1.0e-3,
         1.0e3,
+        read_only=False,
     )
 
 

@@ -25,6 +25,7 @@ class LayTolerance:
         LENGTH,
         1.0e-5,
         0.1,
+        read_only=False,
     )
 
 

@@ -18,7 +18,6 @@ from starlette.applications import Starlette
 
 from winding_core.parameters import ParameterError
 from winding_dashboard.node import DashboardNode
-from winding_dashboard.page.band import Limits
 from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots
@@ -68,9 +67,9 @@ def serve(node: DashboardNode) -> None:
     session = OperatorSession(
         node.state,
         node.service_client,
-        Limits(error_limit_pct=parameters.error_limit_pct, lay_tolerance=parameters.lay_tolerance),
+        lambda: node.limits,
         lambda: time.strftime("%H:%M:%S"),
-        lambda limits: node.adopt(vars(limits)),
+        node.set_limits,
     )
     runs = RunList(Path(parameters.runs) if parameters.runs else None)
     templates = Templates()
@@ -83,6 +82,7 @@ def serve(node: DashboardNode) -> None:
         node.beat()
 
     async def ask() -> None:
+        node.state_limits()
         node.state.health.lifecycle = await node.service_client.lifecycle()
         await session.learn_choice()
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
-from collections.abc import Mapping
 from typing import Any
 
 from rclpy.context import Context
@@ -13,14 +13,17 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from winding_core.operator_limits import COMPONENT, OperatorLimits
+from winding_core.status import Status
 from winding_dashboard.ros.parameters import DashboardParameters
 from winding_dashboard.ros.service_client import NODES, ServiceClient
 from winding_dashboard.ros.topic_reader import TopicReader
 from winding_dashboard.state.view_state import ViewState
 from winding_ros import topics
+from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.graph import PAGE
 from winding_ros.heartbeat import Heartbeat
-from winding_ros.node_parameters import declare_parameters, refuse_invalid
+from winding_ros.node_parameters import declare_parameters, read_parameters, refuse_invalid
 from winding_ros.process import SUPERVISED
 
 NAME = topics.DASHBOARD
@@ -29,14 +32,15 @@ _SPIN_PERIOD = 0.1
 
 
 class DashboardNode(Node):  # type: ignore[misc]
-    """Plain node `dashboard`: reads every topic of the graph, publishes none.
+    """Plain node `dashboard`: reads every topic of the graph.
 
     Calls rig/start, rig/stop, rig/reset, rig/emergency_stop, lay_control/off, lay_control/watch,
     lay_control/drive, recorder/record, and the lifecycle and parameter services of the graph's
-    nodes. A supervised one gives signs of life.
+    nodes. A supervised one gives signs of life and says in /diagnostics what its operator calls
+    good; anybody may set those two parameters.
 
     Attributes:
-        parameters: Of the page.
+        parameters: As the page was started.
         state: What the page shows.
         topic_reader: Takes the newest messages into the state.
         service_client: Calls the graph's services.
@@ -49,14 +53,12 @@ class DashboardNode(Node):  # type: ignore[misc]
         super().__init__(NAME, context=context, **kwargs)
         self.parameters = declare_parameters(self, DashboardParameters)
         self.parameters.check()
-        self._adopting = False
-        refuse_invalid(self, DashboardParameters, lambda: not self._adopting)
+        refuse_invalid(self, DashboardParameters, lambda: True)
         self.state = ViewState(
             nodes=tuple(reversed(NODES)),
             machine=topics.RIG,
             solver=topics.FEM,
             quantities=tuple(topic.quantity for topic in PAGE.beside if topic.quantity),
-            lay_tolerance=self.parameters.lay_tolerance,
         )
         self._watcher = Node(
             f"{NAME}_eyes",
@@ -74,6 +76,7 @@ class DashboardNode(Node):  # type: ignore[misc]
         # Two pages of one graph may not vouch for each other.
         supervised = bool(os.environ.get(SUPERVISED))
         self._heartbeat = Heartbeat(self, NAME) if supervised else None
+        self._diagnostics = topics.DIAGNOSTICS.advertise(self) if supervised else None
         self._quit = threading.Event()
         self._thread = threading.Thread(target=self._spin, name="dashboard")
 
@@ -86,13 +89,23 @@ class DashboardNode(Node):  # type: ignore[misc]
         if self._heartbeat is not None:
             self._heartbeat.beat()
 
-    def adopt(self, values: Mapping[str, float]) -> None:
-        """Take what an operator has set on the page as parameters, which others may read."""
-        self._adopting = True
-        try:
-            self.set_parameters([Parameter(name, value=value) for name, value in values.items()])
-        finally:
-            self._adopting = False
+    @property
+    def limits(self) -> OperatorLimits:
+        """What counts as good now."""
+        return read_parameters(self, OperatorLimits)
+
+    def set_limits(self, limits: OperatorLimits) -> None:
+        """Take what an operator has set on the page."""
+        self.set_parameters([Parameter(name, value=value) for name, value in vars(limits).items()])
+        self.state_limits()
+
+    def state_limits(self) -> None:
+        """Say what counts as good, for those who judge the run and start a next page."""
+        if self._diagnostics is not None:
+            time_now = self.state.time if math.isfinite(self.state.time) else 0.0
+            status = Status(name=f"{NAME}: {COMPONENT}", values=self.limits.values())
+            message = encode_diagnostics(time_now, [status], hardware_id=self.get_namespace())
+            self._diagnostics.publish(message)
 
     def close(self) -> None:
         """Stop spinning and leave the graph."""

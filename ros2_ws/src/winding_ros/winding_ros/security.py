@@ -87,7 +87,7 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = controlled()) -> 
     _allow(profile, "services", "reply", served_by(topics.RECORDER))
     profiles = _enclave(enclaves, namespace, PAGE.name)
     profile = _profile(profiles, namespace, PAGE.name)
-    _allow(profile, "topics", "publish", [heartbeat_topic(PAGE.name)])
+    _allow(profile, "topics", "publish", [heartbeat_topic(PAGE.name), topics.DIAGNOSTICS.name])
     _allow(
         profile,
         "services",

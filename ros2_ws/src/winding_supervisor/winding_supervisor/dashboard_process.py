@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from winding_core.operator_limits import COMPONENT, OperatorLimits
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph import PAGE
 from winding_ros.graph_error import GraphError
@@ -87,6 +88,12 @@ class DashboardProcess:
         return self._config.url
 
     @property
+    def limits(self) -> OperatorLimits | None:
+        """What its operator called good when it last said so; None before it did."""
+        status = self._client.status(f"{PAGE.name}: {COMPONENT}")
+        return None if status is None else OperatorLimits.from_values(status.values)
+
+    @property
     def pid(self) -> int:
         """Process id of the present page."""
         return self._process.pid
@@ -153,7 +160,9 @@ class DashboardProcess:
 
     def _new(self) -> NodeProcess:
         config = self._config
-        return node_process(PAGE, config.namespace, config.log_directory, config.parameters)
+        set_on_page = {} if self.limits is None else vars(self.limits)
+        parameters = {**config.parameters, **set_on_page}
+        return node_process(PAGE, config.namespace, config.log_directory, parameters)
 
     async def _served(self) -> None:
         ended = asyncio.create_task(self._process.ended())

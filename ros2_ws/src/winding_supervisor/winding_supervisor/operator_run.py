@@ -6,12 +6,13 @@ import asyncio
 import json
 import time
 from collections.abc import Callable, Coroutine, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from rclpy.serialization import deserialize_message
 
+from winding_core.operator_limits import OperatorLimits
 from winding_core.status import Status
 from winding_recorder.bags.notes import PARAMETERS
 from winding_recorder.live.recorder import BufferedMessage, Recorder, RunBuffer
@@ -83,7 +84,7 @@ class OperatedRun:
         wall_s: How long it took [s].
         bags: That were recorded meanwhile.
         ended: Why it ended before its end; empty for one that came to its end.
-        limits: What the operator called good at its end, by parameter.
+        limits: What the operator called good at its end; None where the page did not say.
     """
 
     buffer: RunBuffer
@@ -91,7 +92,7 @@ class OperatedRun:
     wall_s: float
     bags: tuple[Path, ...]
     ended: str
-    limits: Mapping[str, object] = field(default_factory=dict)
+    limits: OperatorLimits | None = None
 
 
 class OperatorRun:
@@ -107,6 +108,7 @@ class OperatorRun:
         recorder: Its buffer and its notes.
         ended: Is set when the operator ends the session.
         deliver: Takes a run that is over, in a thread of its own.
+        limits: Returns what the operator calls good; None where nobody has said.
     """
 
     def __init__(
@@ -116,8 +118,10 @@ class OperatorRun:
         recorder: Recorder,
         ended: asyncio.Event,
         deliver: Callable[[OperatedRun], None],
+        limits: Callable[[], OperatorLimits | None],
     ) -> None:
         self._client = client
+        self._limits = limits
         self._orchestrator = orchestrator
         self._recorder = recorder
         self._ended = ended
@@ -177,7 +181,8 @@ class OperatorRun:
         if self._open:
             self._note_over(self._recorder.buffer.before(), self._stopped or reason)
         left, self._undelivered = self._undelivered, []
-        return [replace(run, wound=dict(self._wound)) for run in left]
+        limits = self._limits()
+        return [replace(run, wound=dict(self._wound), limits=limits) for run in left]
 
     def _finished(self) -> bool:
         return self._ending is not None and self._ending.reached(
@@ -223,9 +228,8 @@ class OperatorRun:
             for task in (before, reading):
                 if task is not None:
                     await task
-            limits = await self._orchestrator.limits_of_page()
             self._undelivered.remove(run)
-            over = replace(run, wound=dict(self._wound), limits=limits)
+            over = replace(run, wound=dict(self._wound), limits=self._limits())
             await asyncio.to_thread(self._deliver, over)
 
         self._delivering = asyncio.create_task(deliver())

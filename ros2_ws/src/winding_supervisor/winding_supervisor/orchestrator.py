@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from winding_core.error_verdict import ErrorLimit
-from winding_core.lay_tolerance import LayTolerance
 from winding_core.parameters import declarations
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.deadline import deadline
-from winding_ros.graph import GRAPH, PAGE, NodeSpec, parameters_of
+from winding_ros.graph import GRAPH, NodeSpec, parameters_of
 from winding_ros.graph_error import GraphError
 from winding_ros.lifecycle import (
     ACTIVATE,
@@ -165,13 +163,6 @@ class Orchestrator:
                 if len(values) == len(stated):
                     self._adopted[name] = values
         return dict(self._adopted)
-
-    async def limits_of_page(self) -> dict[str, object]:
-        """Return what the operator calls good; nothing where the page does not answer."""
-        names = [item.name for kind in (ErrorLimit, LayTolerance) for item in declarations(kind)]
-        with contextlib.suppress(TimeoutError):
-            return await self._transitions.parameters(PAGE.name, names, ANSWER_PATIENCE)
-        return {}
 
     async def begin_anew(self) -> None:
         """Let every node but the rig begin a new run: what it knew of the last one is gone."""

@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from winding_core.operator_limits import OperatorLimits
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
@@ -77,6 +78,7 @@ class Run:
         self._recorder_of_run: Recorder | None = None
         self._began: float | None = None
         self._trace: TraceRecording | None = None
+        self._dashboard: DashboardProcess | None = None
 
     def wind(
         self, view: View, say: Say = print, deliver: Deliver | None = None
@@ -125,9 +127,13 @@ class Run:
             events=tuple(self._log.events),
             bags=tuple(recorder.bags.folders),
             ended=ended,
+            limits=self._limits(),
             simulated=self.config.machine is None,
             trace=None if self._trace is None else self._trace.since(recorder.buffer.begun_ns),
         )
+
+    def _limits(self) -> OperatorLimits | None:
+        return None if self._dashboard is None else self._dashboard.limits
 
     def _operated_result(self, recorder: Recorder, run: OperatedRun) -> RunResult:
         events, self._events = self._log.events[self._events :], len(self._log.events)
@@ -182,7 +188,7 @@ class Run:
         )
         page: DashboardProcess | None = None
         if config.page is not None:
-            page = self._page({**config.page, **axes}, client, supervisor)
+            page = self._dashboard = self._page({**config.page, **axes}, client, supervisor)
             stack.push_async_callback(page.kill)
             stack.push_async_callback(interruption.unless_hastened, page.stop)
         stack.push_async_callback(orchestrator.kill)
@@ -215,6 +221,7 @@ class Run:
             recorder,
             ended,
             lambda run: deliver(self._operated_result(recorder, run)),
+            self._limits,
         )
         await self._operated.follow((supervisor.watch(), page.keep()), view)
         return recorder

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from winding_core.operator_limits import OperatorLimits
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_supervisor.event_log import Event
 
@@ -26,7 +27,7 @@ class RunResult:
             was begun.
         bags: What was recorded.
         ended: Why the run ended before its end; empty for one that came to its end.
-        limits: What an operator called good at its end, by parameter; nothing of a run without one.
+        limits: What an operator called good at its end; None of a run without a page.
         simulated: Whether its machine was the simulated one, with samples at known instants.
         trace: What the nodes noted of the corrected lengths, TRACE_DTYPE, shape (n,); None in a
             run without a trace.
@@ -39,6 +40,6 @@ class RunResult:
     wound: Mapping[str, object] = field(default_factory=dict)
     bags: tuple[Path, ...] = ()
     ended: str = ""
-    limits: Mapping[str, object] = field(default_factory=dict)
+    limits: OperatorLimits | None = None
     simulated: bool = True
     trace: NDArray[np.void] | None = None

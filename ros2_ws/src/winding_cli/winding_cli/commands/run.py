@@ -38,6 +38,7 @@ from winding_core.lay_tolerance import LayTolerance
 from winding_core.lay_wish import LayWish
 from winding_core.machine_axes import MachineAxes
 from winding_core.marker_parameters import MarkerParameters
+from winding_core.operator_limits import OperatorLimits
 from winding_core.options import typed_values
 from winding_core.parameters import build
 
@@ -283,9 +284,10 @@ def run(
             json=json,
             trace=trace,
             wish=wished,
-            tolerance=tolerance.limit,
+            limits=OperatorLimits(
+                lay_tolerance=tolerance.limit, error_limit_pct=limit.error_limit_pct
+            ),
             lay_held=tolerance.asked,
-            error_limit_pct=limit.error_limit_pct,
             errors_held=bool(errors),
         ),
     )

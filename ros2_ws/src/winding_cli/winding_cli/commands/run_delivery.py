@@ -11,6 +11,7 @@ from winding_cli.commands.page_options import operated_condition
 from winding_cli.commands.refusal import FAILED, complain, refuse
 from winding_cli.commands.run_results import deliver, flaw, seed_of, show, write_trace
 from winding_core.condition import Condition
+from winding_core.operator_limits import OperatorLimits
 from winding_core.parameters import Value
 
 if TYPE_CHECKING:
@@ -30,19 +31,17 @@ class DeliveryOptions:
         json: File of the numbers; None for `run.json` in the run's folder.
         trace: File of the trace, or None.
         wish: Parameters of the wanted lay, if there is one.
-        tolerance: Of that lay [m].
-        lay_held: Whether the user gave that tolerance.
-        error_limit_pct: Largest error of a corrected length that counts as good [%].
-        errors_held: Whether the user gave that limit.
+        limits: Of that lay and of the corrected lengths, where no operator sets others.
+        lay_held: Whether the user gave the lay's.
+        errors_held: Whether the user gave the lengths'.
     """
 
     report: Path | None
     json: Path | None
     trace: Path | None
     wish: Mapping[str, Value]
-    tolerance: float
+    limits: OperatorLimits
     lay_held: bool
-    error_limit_pct: float
     errors_held: bool
 
 
@@ -101,6 +100,7 @@ class RunDelivery:
         parameters = self._config.parameters()
         if result.wound:
             parameters[_RIG] |= result.wound
+        limits = result.limits or into.limits
         folder = self._folder()
         numbers = self._numbered(into.json) or folder / "run.json"
         record, page = deliver(
@@ -109,10 +109,10 @@ class RunDelivery:
             self._numbered(into.report) or folder / "report",
             numbers,
             into.wish,
-            float(str(result.limits.get("lay_tolerance", into.tolerance))),
+            limits.lay_tolerance,
             origin=self._own_origin(),
             seed=seed_of(parameters),
-            error_limit_pct=float(str(result.limits.get("error_limit_pct", into.error_limit_pct))),
+            error_limit_pct=limits.error_limit_pct,
         )
         trace = self._numbered(into.trace)
         if trace is not None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from winding_core.error_verdict import ErrorLimit, ErrorVerdict, judge_lengths
+from winding_core.error_verdict import ErrorVerdict, judge_lengths
 from winding_core.lay_errors import turn_errors
-from winding_core.lay_tolerance import LayTolerance, LayVerdict, judge
+from winding_core.lay_tolerance import LayVerdict, judge
+from winding_core.operator_limits import OperatorLimits
 from winding_core.wound_label import WoundLabel
 from winding_dashboard.page.numbers import DASH, seconds
 from winding_dashboard.state.marker_rows import MarkerRow
@@ -36,11 +37,6 @@ class Cell:
     word: str
     remark: str
     style: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Limits(ErrorLimit, LayTolerance):
-    """What the operator calls good."""
 
 
 def state_cell(state: ViewState, now: float) -> Cell:
@@ -82,7 +78,7 @@ def progress_cell(state: ViewState, label: WoundLabel | None) -> Cell:
     )
 
 
-def verdict_cell(state: ViewState, limits: Limits) -> Cell:
+def verdict_cell(state: ViewState, limits: OperatorLimits) -> Cell:
     """Return whether the lay is good so far: every limit that there is something to hold to."""
     lengths = length_verdict(state.marker_rows(), limits.error_limit_pct)
     said, goods = [], []

@@ -10,10 +10,10 @@ from dataclasses import replace
 from typing import Any
 
 from winding_core.lay_control_records import ControlMode
+from winding_core.operator_limits import OperatorLimits
 from winding_core.options import typed_values
 from winding_core.units import MILLIMETRE
 from winding_dashboard.page import commands
-from winding_dashboard.page.band import Limits
 from winding_dashboard.page.commands import Choice, CommandError, Graph
 from winding_dashboard.page.condition_form import filled_condition, form_values
 from winding_dashboard.state.view_state import ViewState
@@ -34,9 +34,9 @@ class OperatorSession:
     Args:
         state: What is known of the run.
         graph: What is commanded.
-        limits: What counts as good until an operator says otherwise.
+        limits: Returns what counts as good.
         time_of_day: Returns the time as it stands before a sentence.
-        publish: Takes limits that an operator has set, for those who judge the run afterwards.
+        keep: Takes limits that an operator has set.
 
     Attributes:
         said: What came of the last request, with its time of day; empty before any.
@@ -50,13 +50,12 @@ class OperatorSession:
         self,
         state: ViewState,
         graph: Graph,
-        limits: Limits,
+        limits: Callable[[], OperatorLimits],
         time_of_day: Callable[[], str],
-        publish: Callable[[Limits], object],
+        keep: Callable[[OperatorLimits], object],
     ) -> None:
         self._state, self._graph, self._time_of_day = state, graph, time_of_day
-        self._publish = publish
-        self.limits = limits
+        self._limits, self._keep = limits, keep
         self.said, self.alarm = "", False
         self.choice: Choice | None = None
         self.preparing = self.refused = ""
@@ -119,16 +118,20 @@ class OperatorSession:
     def set_limits(self, typed: Mapping[str, Any]) -> None:
         """Take what counts as good: `error_limit_pct` [%] and `lay_tolerance_mm` [mm]."""
         try:
-            found: dict[str, Any] = typed_values(Limits, typed, LIMIT_LABELS.__getitem__)
+            found: dict[str, Any] = typed_values(OperatorLimits, typed, LIMIT_LABELS.__getitem__)
         except (ValueError, TypeError) as error:
             self._say(f"limits: {error}", alarm=True)
             return
-        self.limits = replace(self.limits, **found)
-        self._publish(self.limits)
+        self._keep(replace(self.limits, **found))
         self._say(
             f"limits: {self.limits.error_limit_pct:g} % of a length, "
             f"{self.limits.lay_tolerance / MILLIMETRE:g} mm of the lay"
         )
+
+    @property
+    def limits(self) -> OperatorLimits:
+        """What counts as good."""
+        return self._limits()
 
     async def learn_choice(self) -> None:
         """Ask the solver what it is set to wind, until it has said so."""

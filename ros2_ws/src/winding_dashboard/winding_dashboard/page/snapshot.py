@@ -16,6 +16,7 @@ from typing import Any
 
 from winding_core.lay_control_records import ControlMode
 from winding_core.lay_errors import turn_errors
+from winding_core.operator_limits import OperatorLimits
 from winding_core.options import shown_values
 from winding_dashboard.drawings.band_overlay import measured_count
 from winding_dashboard.drawings.camera_overlay import camera_overlay
@@ -25,7 +26,6 @@ from winding_dashboard.drawings.lay_chart import defects_told, lay_drawing
 from winding_dashboard.drawings.run_charts import length_drawing, speed_drawings
 from winding_dashboard.page import commands
 from winding_dashboard.page.band import (
-    Limits,
     condition_cell,
     lay_verdict,
     progress_cell,
@@ -156,7 +156,7 @@ class Snapshots:
             "hidden": self._hidden(now, off),
             "pressed": {name: state.control.mode is mode for mode, name in _MODES.items()},
             "form": session.form(),
-            "limits": shown_values(Limits, vars(session.limits)),
+            "limits": shown_values(OperatorLimits, vars(session.limits)),
             "alarm": session.alarm,
             "bad": {
                 "control-basis": basis_words(state.control, state.time)[1],

@@ -6,14 +6,13 @@ import ipaddress
 from dataclasses import dataclass
 
 from winding_core.camera_placement import CameraPlacement
-from winding_core.error_verdict import ErrorLimit
-from winding_core.lay_tolerance import LayTolerance
 from winding_core.machine_axes import MachineAxes
+from winding_core.operator_limits import OperatorLimits
 from winding_core.parameters import ParameterError, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class DashboardParameters(CameraPlacement, MachineAxes, LayTolerance, ErrorLimit):
+class DashboardParameters(CameraPlacement, MachineAxes, OperatorLimits):
     """Where the page is served, where the camera stands, the machine's axes, and the limits."""
 
     host: str = parameter(

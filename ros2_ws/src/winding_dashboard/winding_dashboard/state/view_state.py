@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.lay_records import LAY_DTYPE, LayRecords
-from winding_core.lay_tolerance import LayTolerance
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE, Markers
 from winding_core.material_report import MaterialReport
 from winding_core.readings import CABLE_TENSION, AxisReading, Quantity
@@ -46,7 +45,6 @@ class ViewState:
         machine: Name of the node whose own message is the machine's phase.
         solver: Name of the node that says what is wound.
         quantities: What the machine's sensors measure, the tension among it.
-        lay_tolerance: How far from the wanted lay a turn may lie [m].
 
     Attributes:
         health: Of the nodes.
@@ -75,11 +73,9 @@ class ViewState:
         machine: str,
         solver: str,
         quantities: Sequence[Quantity] = (CABLE_TENSION,),
-        lay_tolerance: float = LayTolerance.lay_tolerance,
     ) -> None:
         self._machine, self._solver = machine, solver
         self._quantities = quantities
-        self.lay_tolerance = lay_tolerance
         self.health = Health(nodes)
         self.control = ControlState()
         self.speeds = Trace("speed", "speed_set", "feed", "feed_set", "tension", capacity=SAMPLES)

@@ -1,0 +1,74 @@
+"""`winding run --dashboard` in a process of its own, for the browsers of the tests."""
+
+import contextlib
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+PATIENCE = 240.0
+# Kernels may have to be compiled on a busy machine.
+_FIRST_START = 500.0
+NAMESPACE = "attended"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttendedRun:
+    """The command, its folder and its page."""
+
+    url: str
+    folder: Path
+    process: "subprocess.Popen[str]"
+
+    def page(self) -> psutil.Process | None:
+        """Return the page's present process."""
+        for child in psutil.Process(self.process.pid).children():
+            # One that was killed a moment ago has no command line any more.
+            with contextlib.suppress(psutil.NoSuchProcess):
+                if "winding_dashboard" in child.cmdline():
+                    return child
+        return None
+
+    def memory_mb(self) -> float:
+        """Return what the command and its page hold [MB]."""
+        held = filter(None, (psutil.Process(self.process.pid), self.page()))
+        return sum(item.memory_info().rss for item in held) / 1e6
+
+    def end(self) -> tuple[int, str]:
+        """Interrupt the command; return its exit code and what it said once it has ended."""
+        self.process.send_signal(signal.SIGINT)
+        said, _ = self.process.communicate(timeout=PATIENCE)
+        return self.process.returncode, said
+
+
+@contextlib.contextmanager
+def attended_run(serving: Any, folder: Path, *options: str) -> Iterator[AttendedRun]:
+    """Run case 4 as an operator conducts it, from the moment its page is served."""
+    port = serving.free_port()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "winding_cli.cli", "run", "--case", "4", "--dashboard",
+         "--dashboard-port", str(port), "--output", str(folder), *options],
+        stdout=subprocess.PIPE, text=True, env=serving.environment(),
+    )  # fmt: skip
+    try:
+        serving.wait_for_line(process, "operator's page: http://127.0.0.1:", _FIRST_START)
+        yield AttendedRun(url=f"http://127.0.0.1:{port}/", folder=folder, process=process)
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=PATIENCE)
+
+
+def until(reached: Callable[[], Any]) -> Any:
+    """Return the first value that counts as true."""
+    end = time.monotonic() + PATIENCE
+    while not (value := reached()):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    return value
