@@ -1,0 +1,60 @@
+"""A bag that is played looks on the page like the machine that it was recorded of."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.slow]
+
+MARKERS = "[...document.querySelectorAll('#markers tbody tr')].map(r => r.innerText.split('\\t'))"
+
+
+@pytest.fixture
+def page_url(serving: Any) -> Iterator[str]:
+    port = serving.free_port()
+    page = subprocess.Popen(
+        [sys.executable, "-m", "winding_cli.cli", "dashboard", "--port", str(port)],
+        env=serving.environment(),
+    )
+    try:
+        serving.wait_for_page(url := f"http://127.0.0.1:{port}/")
+        yield url
+    finally:
+        page.terminate()
+        page.wait(30.0)
+
+
+def test_a_played_bag_looks_like_the_machine(
+    recorded_run: Any, page_url: str, new_tab: Callable[[str, str], Any], pictures: Any
+) -> None:
+    desk = new_tab("desk", page_url)
+    desk.phase("no data")
+    player = subprocess.Popen(
+        [sys.executable, "-m", "winding_cli.cli", "bag", "play", str(recorded_run.bag)]
+    )
+    try:
+        desk.phase("winding")
+        clock: list[float] = []
+        while player.poll() is None:
+            shown = desk.measured("parseFloat(document.querySelector('#clock').innerText)")
+            clock.append(shown if shown == shown else 0.0)
+        assert player.returncode == 0
+    finally:
+        player.kill()
+    desk.wait_for(f"document.querySelector('#clock').innerText.startsWith('{5.0:.1f}')")
+    assert clock == sorted(clock)
+    assert len(set(clock)) > 5
+    assert desk.button("Start").is_disabled()
+    band = desk.page.locator("#band").inner_text()
+    assert "case 4" in band.lower()
+    desk.shoot(pictures, "played")
+    rows = desk.measured(MARKERS)
+    print(band, rows)
+    recorded = json.loads(recorded_run.json.read_text(encoding="utf-8"))["markers"][0]
+    assert any(f"{1e3 * recorded['s_corrected_m']:.2f}" in cell for cell in rows[0])
+    assert desk.misfits() == []
+    assert desk.complaints == []
