@@ -59,7 +59,9 @@ def test_band_lies_between_its_ends() -> None:
 def test_axis_of_nothing_is_an_axis() -> None:
     assert ends_of([], 0.2).high > 0.0
     for live in SPEEDS:
-        assert "nan" not in live.drawing(Trace("speed", "speed_set", "feed", "feed_set", "tension"))
+        assert "nan" not in live.drawing(
+            Trace("speed", "speed_set", "feed", "feed_set", "tension"), 0.0
+        )
 
 
 @pytest.mark.parametrize(("yaw", "pitch"), [(0.0, 0.0), (-14.0, 18.0), (60.0, -40.0)])

@@ -1,4 +1,4 @@
-"""The page of a machine of one's own: its run comes to an end, and the page stays with its report."""
+"""The page of a machine of one's own."""
 
 import json
 from collections.abc import Iterator

@@ -1,6 +1,7 @@
 """What the page shows: bounded, one run at a time, sources of one moment."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -10,9 +11,12 @@ from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MarkerFlag, wound
 from winding_core.readings import AxisReading
 from winding_core.status import Status
 from winding_core.wound_label import WoundLabel
+from winding_dashboard.drawings.run_charts import speed_drawings
 from winding_dashboard.state.health import SILENCE
 from winding_dashboard.state.view_state import SAMPLES, ViewState
 
+# Seconds since 1970.
+EPOCH = 1.79e9
 NODES = ("winding_rig", "marker_tracker", "cable_fem", "correction")
 RADIUS = 0.017
 
@@ -58,6 +62,31 @@ def test_standing_clock_adds_no_samples(state: ViewState) -> None:
     for _ in range(5):
         wind(state, 1.0)
     assert len(state.speeds) == 1
+
+
+def test_run_is_timed_from_the_first_turn_of_a_machine_whose_clock_counts_from_1970(
+    state: ViewState,
+) -> None:
+    assert math.isnan(state.run_time)
+    standing = AxisReading(
+        cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0
+    )
+    for sample in range(30):
+        state.note_axes(EPOCH + 0.1 * sample, standing)
+        state.tick(0.1 * sample)
+    assert state.run_time == 0.0
+    for sample in range(21):
+        state.note_axes(EPOCH + 2.9 + 0.1 * sample, turning(0.1 * sample))
+        state.tick(2.9 + 0.1 * sample)
+    assert state.run_time == pytest.approx(2.0)
+    # Doubles of such times are a quarter of a microsecond apart.
+    labels = re.findall(r">(-?[\d.]+) s<", speed_drawings(state)["chart-speed"])
+    assert {"0", "2"} <= set(labels)
+
+
+def test_marker_that_no_camera_speaks_of_is_not_seen(state: ViewState) -> None:
+    state.note_source("predicted", 1.0, markers(turning(1.0).cylinder_angle, 0, 0))
+    assert [row.state for row in state.marker_rows()] == ["not seen"]
 
 
 def test_clock_that_goes_back_begins_a_new_run_with_the_prediction_kept(state: ViewState) -> None:

@@ -55,7 +55,7 @@ class DashboardNode(Node):  # type: ignore[misc]
         self.parameters.check()
         refuse_invalid(self, DashboardParameters, lambda: True)
         self.state = ViewState(
-            nodes=tuple(reversed(NODES)),
+            nodes=tuple(reversed(self.parameters.named_nodes or NODES)),
             machine=topics.RIG,
             solver=topics.FEM,
             quantities=tuple(topic.quantity for topic in PAGE.beside if topic.quantity),
@@ -71,7 +71,11 @@ class DashboardNode(Node):  # type: ignore[misc]
         self._executor = EventsExecutor(context=context)
         self._executor.add_node(self)
         self.service_client = ServiceClient(
-            self, self._executor.wake, self.state.health, time.monotonic
+            self,
+            self._executor.wake,
+            self.state.health,
+            time.monotonic,
+            self.parameters.named_nodes,
         )
         # Two pages of one graph may not vouch for each other.
         supervised = bool(os.environ.get(SUPERVISED))

@@ -328,7 +328,11 @@ class Run:
         self, parameters: Mapping[str, object], client: AsyncClient, supervisor: Supervisor
     ) -> DashboardProcess:
         page = DashboardConfig(
-            parameters={**parameters, "runs": str(self.config.listed_runs)},
+            parameters={
+                **parameters,
+                "runs": str(self.config.listed_runs),
+                "nodes": ",".join(spec.name for spec in self.config.graph),
+            },
             namespace=self.config.namespace,
             log_directory=self.config.log_directory,
         )

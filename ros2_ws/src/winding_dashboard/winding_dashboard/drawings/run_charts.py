@@ -33,7 +33,7 @@ class Series:
 
 @dataclass(frozen=True, kw_only=True)
 class LiveChart:
-    """Curves of one trace over the machine's time.
+    """Curves of one trace over the time of the run.
 
     Attributes:
         id: Of its element.
@@ -49,18 +49,20 @@ class LiveChart:
     scale: float = 1.0
     least: float = 1.0
 
-    def drawing(self, trace: Trace) -> str:
-        """Return the inside of its SVG element."""
+    def drawing(self, trace: Trace, origin: float) -> str:
+        """Return the inside of its SVG element; time counts from an origin [s]."""
         curves = [
-            Curve(points=trace.points(item.column, self.scale), style=item.style)
+            Curve(points=trace.points(item.column, self.scale, origin), style=item.style)
             for item in self.series
         ]
-        first, last = trace.first_time, trace.last_time
+        first, last = trace.first_time - origin, trace.last_time - origin
         low, high = 0.0, _LEAST_SPAN
         if math.isfinite(last):
-            low = math.floor(min(first, max(0.0, last - _LEAST_SPAN)))
+            low = min(first, max(0.0, last - _LEAST_SPAN))
             high = max(last, low + _LEAST_SPAN)
         step = next((step for step in _TICKS if (high - low) / step <= _MOST_TICKS), _TICKS[-1])
+        # Ticks stand at whole multiples, whenever the first sample came.
+        low = step * math.floor(low / step)
         return chart(curves, Ends(low, high, step), ends_of(curves, self.least), unit=" s")
 
 
@@ -107,9 +109,9 @@ CHARTS = (*SPEEDS, LENGTH)
 
 def speed_drawings(state: ViewState) -> dict[str, str]:
     """Return the drawings of the machine's charts by their elements."""
-    return {item.id: item.drawing(state.speeds) for item in SPEEDS}
+    return {item.id: item.drawing(state.speeds, state.run_began) for item in SPEEDS}
 
 
 def length_drawing(state: ViewState, marker: int) -> str:
     """Return the drawing of a marker's curve length; 0 is the newest marker."""
-    return LENGTH.drawing(state.lengths[marker or state.newest_marker()])
+    return LENGTH.drawing(state.lengths[marker or state.newest_marker()], state.run_began)

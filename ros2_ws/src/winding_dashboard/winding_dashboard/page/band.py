@@ -46,12 +46,12 @@ def state_cell(state: ViewState, now: float) -> Cell:
     phase, reason = state.phase, state.reason
     if phase in _WORDS:
         word, style = _WORDS[phase]
-        remark = reason or (_speed(state) if state.going else f"at {state.time:.1f} s")
+        remark = reason or (_speed(state) if state.going else f"at {state.run_time:.1f} s")
         return Cell(word=word, remark=remark, style=style)
     if state.moving:
         return Cell(word="WINDING", remark=_speed(state), style="winding")
-    if math.isfinite(state.time) and state.time > state.run_began:
-        return Cell(word="STOPPED", remark=f"stopped at {state.time:.1f} s", style="stopped")
+    if state.run_time > 0.0:
+        return Cell(word="STOPPED", remark=f"stopped at {state.run_time:.1f} s", style="stopped")
     return Cell(word="READY", remark=phase or "standing", style="ready")
 
 
@@ -65,7 +65,7 @@ def condition_cell(label: WoundLabel | None) -> Cell:
 
 def progress_cell(state: ViewState, label: WoundLabel | None) -> Cell:
     """Return how far the run has come, on the machine's clock."""
-    passed = max(state.time - state.run_began, 0.0)
+    passed = state.run_time
     if label is None or not math.isfinite(passed):
         return Cell(word=DASH, remark="not begun")
     if state.phase == "finished":

@@ -156,6 +156,10 @@ class OperatorSession:
             "fields": form_values(condition),
         }
 
+    def choosable(self) -> bool:
+        """Return whether there is a condition to show and to change."""
+        return self.choice is not None or not self._graph.unprepared()
+
     def unprepared(self) -> str:
         """Return why no other run can be prepared now; empty when one can."""
         missing = self._graph.unprepared()

@@ -173,7 +173,7 @@ class Snapshots:
         tracked = f"{measured_count(state.tracked)} of {len(state.tracked)}"
         basis, _ = basis_words(state.control, state.time)
         return {
-            "clock": f"{number(state.time, 1)} s",
+            "clock": f"{number(state.run_time, 1)} s",
             "said": session.said,
             "why-off": self._why_off(now),
             "camera-count": f"{tracked} measured in this frame",
@@ -266,6 +266,7 @@ class Snapshots:
             "control-card": not control,
             "helix-card": control or not len(state.lay),
             "runs-card": self._runs.folder is None,
+            "condition-fields": not self._session.choosable(),
             "lay-limit": not control,
             "no-picture": bool(state.picture),
             # What plays a recording has nothing that could be switched.

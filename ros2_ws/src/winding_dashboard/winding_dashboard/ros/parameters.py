@@ -25,6 +25,17 @@ class DashboardParameters(CameraPlacement, MachineAxes, OperatorLimits):
         "", "folder whose runs are listed with verdict and report; empty for no list"
     )
 
+    nodes: str = parameter(
+        "",
+        "names of the graph's nodes in the order of activation, with commas between; empty for "
+        "those of a simulated machine",
+    )
+
+    @property
+    def named_nodes(self) -> tuple[str, ...]:
+        """The names in `nodes`."""
+        return tuple(name.strip() for name in self.nodes.split(",") if name.strip())
+
     @property
     def loopback(self) -> bool:
         """Whether only this machine can reach the page."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import asdict
 from typing import Any
@@ -56,6 +56,8 @@ class ServiceClient:
         wake: Tells the executor that the node has further clients.
         health: What the nodes say of themselves.
         clock: Wall time [s] as `health` gets it.
+        nodes: Names of the graph's nodes in the order of activation; empty for those of a
+            simulated machine.
     """
 
     def __init__(
@@ -64,7 +66,9 @@ class ServiceClient:
         wake: Callable[[], None],
         health: Health,
         clock: Callable[[], float],
+        nodes: Sequence[str] = (),
     ) -> None:
+        self._given = tuple(nodes)
         self._namespace = node.get_namespace()
         self._health = health
         self._clock = clock
@@ -78,6 +82,8 @@ class ServiceClient:
 
     def unprepared(self) -> str:
         """Return why no other case can be chosen now; empty when it can."""
+        if topics.RIG not in self._nodes:
+            return "the machine has a driver of its own; another condition takes another run"
         return self._driver.unserved(self._nodes)
 
     async def command(self, command: str) -> str:
@@ -162,6 +168,8 @@ class ServiceClient:
     @property
     def _nodes(self) -> tuple[str, ...]:
         """The graph's nodes in the order of activation, the lay's controller if it is there."""
+        if self._given:
+            return self._given
         heard = self._health.silent_for(topics.LAY_CONTROL, self._clock()) <= SILENCE
         there = heard or not self._driver.unserved([topics.LAY_CONTROL])
         return _CONTROLLED if there else NODES

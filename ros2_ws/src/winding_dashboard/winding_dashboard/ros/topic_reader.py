@@ -12,6 +12,7 @@ from rclpy.subscription import Subscription
 
 from winding_dashboard.ros.parameters import DashboardParameters
 from winding_dashboard.state.camera_view import CameraView
+from winding_dashboard.state.health import node_of
 from winding_dashboard.state.view_state import ViewState
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading
@@ -77,7 +78,7 @@ class TopicReader:
                 if message is None:
                     break
                 if topic is topics.DIAGNOSTICS:
-                    self._leave_out_others(message)
+                    self._keep_the_graphs(message)
                 try:
                     note(*self._decode.get(topic, topic.decode)(message))
                 except MessageError:
@@ -107,10 +108,14 @@ class TopicReader:
             tilt=np.array(self._parameters.camera_tilt),
         )
 
-    def _leave_out_others(self, diagnostics: Any) -> None:
-        """Leave out what other graphs of the domain say of themselves."""
+    def _keep_the_graphs(self, diagnostics: Any) -> None:
+        """Leave out what other graphs of the domain say of themselves, and what pages say."""
         own = ("", self._namespace)
-        diagnostics.status = [item for item in diagnostics.status if item.hardware_id in own]
+        diagnostics.status = [
+            item
+            for item in diagnostics.status
+            if item.hardware_id in own and node_of(item.name) != topics.DASHBOARD
+        ]
 
 
 def _subscribe(node: Node, topic: Topic) -> Subscription:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from winding_core.markers import MarkerFlag, Markers
@@ -72,11 +73,16 @@ def marker_rows(
             **{name: found.get(number, NAN) for name, found in sources.items()},
             low=low.get(number, NAN),
             high=high.get(number, NAN),
-            state=states.get(number, "not wound"),
+            state=states.get(number, _unseen(sources, number)),
         )
         for number in numbers
         if 0 < number <= MOST_MARKERS
     ]
+
+
+def _unseen(sources: Mapping[str, Mapping[int, float]], number: int) -> str:
+    """Return the state of a marker that no camera speaks of."""
+    return "not seen" if math.isfinite(sources["predicted"].get(number, NAN)) else "not wound"
 
 
 def _lengths(markers: Markers) -> dict[int, float]:

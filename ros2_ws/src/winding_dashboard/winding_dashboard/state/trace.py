@@ -47,10 +47,15 @@ class Trace:
         """Forget all rows."""
         self._rows.clear()
 
-    def points(self, column: str, scale: float = 1.0) -> list[list[float | None]]:
-        """Return [t, scale x value] of every row; None where the value is missing."""
+    def points(
+        self, column: str, scale: float = 1.0, origin: float = 0.0
+    ) -> list[list[float | None]]:
+        """Return [t - origin, scale x value] of every row; None where the value is missing."""
         index = self.columns.index(column) + 1
         return [
-            [round(row[0], 3), None if math.isnan(row[index]) else round(scale * row[index], 5)]
+            [
+                round(row[0] - origin, 3),
+                None if math.isnan(row[index]) else round(scale * row[index], 5),
+            ]
             for row in self._rows
         ]

@@ -114,6 +114,11 @@ class ViewState:
             trace.clear()
 
     @property
+    def run_time(self) -> float:
+        """How long the run has gone on, on the machine's clock [s]: 0 before; nan without it."""
+        return max(self.time - self.run_began, 0.0)
+
+    @property
     def phase(self) -> str:
         """What the machine says it is doing; empty when it is not heard."""
         said = self.health.values(self._machine).get("phase", "")
