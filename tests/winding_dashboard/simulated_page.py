@@ -66,8 +66,9 @@ class Machine:
         self.done.append("record" if on else "end")
         return "recording into bag" if on else "bag: 7 messages"
 
-    async def renew(self) -> None:
+    async def renew(self) -> str:
         self.done.append("renew")
+        return "the machine and its watchers stand at the start of a run"
 
 
 def fresh_state() -> ViewState:

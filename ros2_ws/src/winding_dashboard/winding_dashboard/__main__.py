@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import secrets
 import sys
 import time
@@ -18,6 +19,7 @@ from starlette.applications import Starlette
 
 from winding_core.parameters import ParameterError
 from winding_dashboard.node import DashboardNode
+from winding_dashboard.page.commands import CommandError
 from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots
@@ -85,6 +87,10 @@ def serve(node: DashboardNode) -> None:
         node.state_limits()
         node.state.health.lifecycle = await node.service_client.lifecycle()
         await session.learn_choice()
+        with contextlib.suppress(CommandError):
+            axes = await node.service_client.axes()
+            if axes is not None:
+                node.topic_reader.read_axes(axes)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:

@@ -198,6 +198,11 @@ def parameters_of(spec: NodeSpec) -> type:
     return stated
 
 
+def without_replay(graph: tuple[NodeSpec, ...] = GRAPH) -> dict[str, dict[str, object]]:
+    """Return the parameters, by node, with which a node that was started again forgets its run."""
+    return {spec.name: {"replay": ""} for spec in graph if spec.policy is Policy.REPLAY}
+
+
 def pace_topics(graph: tuple[NodeSpec, ...] = GRAPH) -> tuple[Topic, ...]:
     """Return the topics whose stamps hold simulated time back, the recorder's included."""
     answers = tuple(spec.answer for spec in graph if spec.answer is not None)

@@ -79,7 +79,8 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = controlled()) -> 
     _allow(profile, "topics", "subscribe", heard)
     asked = [f"{spec.name}/{name}" for spec in graph for name in _OWN_SERVICES]
     _allow(profile, "services", "request", [*served_by(topics.RIG), *asked])
-    _allow(profile, "services", "reply", [f"{ORCHESTRATOR}/{n}" for n in _PARAMETER_SERVICES])
+    own = (f"{ORCHESTRATOR}/{n}" for n in _PARAMETER_SERVICES)
+    _allow(profile, "services", "reply", [*served_by(ORCHESTRATOR), *own])
     profile = _profile(process, namespace, topics.RECORDER)
     _allow(profile, "topics", "publish", [topics.RECORDER_PROGRESS.name])
     recorded = [topic.name for topic in topics.TOPICS if topic.recorded]

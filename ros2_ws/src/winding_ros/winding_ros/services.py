@@ -12,7 +12,7 @@ from rclpy.node import Node
 from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import SetBool, Trigger
 
-from winding_ros.topics import LAY_CONTROL, RECORDER, RIG, RUN_SERVER
+from winding_ros.topics import LAY_CONTROL, ORCHESTRATOR, RECORDER, RIG, RUN_SERVER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +90,14 @@ RECORD = _service(
     RECORDER,
     "record into a further bag of the run's folder, or close the one that is being recorded; "
     "in a run with an operator's page",
+)
+
+NEXT_RUN = _service(
+    "orchestrator/next_run",
+    Trigger,
+    ORCHESTRATOR,
+    "reset a machine that stands and make the nodes ready for another run that begins there; for "
+    "a machine with a driver of its own, in a run with an operator's page",
 )
 
 # Served between runs, too: a cell controller's way to them.

@@ -177,7 +177,10 @@ class ExternalMachine:
         Raises:
             GraphError: No driver is heard, its joints have other names, or the machine moves.
         """
-        self.axes = await standing_axes(self._client.node, self._buffer, self.axes, self._clock)
+        known = self._config.axes
+        self.axes = await standing_axes(self._client.node, self._buffer, known, self._clock)
+        self.began = self.end = self._still_since = None
+        self._wrong, self._unstoppable = "", False
         self._buffer.axes = self.axes
         self._buffer.origin = math.inf
         self._reader = AxisReader(self.axes)
@@ -243,6 +246,18 @@ class ExternalMachine:
     async def quick_stop(self) -> str:
         """Call rig/quick_stop, and rig/stop if that fails or is late; return how both failed."""
         return await self._stop(services.QUICK_STOP, services.STOP)
+
+    async def reset(self) -> None:
+        """Call rig/reset between two runs, unless the machine begins by itself.
+
+        Raises:
+            GraphError: It was refused, or nobody serves it.
+        """
+        if self._config.starts_itself:
+            return
+        failure = await self._ask(services.RESET.name, _START_TIMEOUT)
+        if failure:
+            raise GraphError(failure)
 
     async def leave(self) -> None:
         """Bring a machine to rest that this run has started; it stays to its driver otherwise."""

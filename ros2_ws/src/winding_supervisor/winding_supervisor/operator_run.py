@@ -26,7 +26,7 @@ from winding_supervisor.orchestrator import Orchestrator
 _POLL = 0.05
 _VIEW_PERIOD = 0.25
 _FINISHED, _WINDING, _EMERGENCY = "finished", "winding", "emergency stop"
-_ENDED = "the operator ended the session"
+SESSION_ENDED = "the operator ended the session"
 _STANDING = ("idle", "stopping")
 # A machine that begins anew stands at angle zero; an encoder trembles by far less [rad].
 _FELL_BACK = 0.1
@@ -169,7 +169,7 @@ class OperatorRun:
                     shown = time.monotonic()
                 await asyncio.sleep(_POLL)
             if self._open:
-                self._close(buffer.before(), self._stopped or _ENDED)
+                self._close(buffer.before(), self._stopped or SESSION_ENDED)
             if self._delivering is not None:
                 await self._delivering
         finally:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from winding_core.parameters import declarations
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.deadline import deadline
-from winding_ros.graph import GRAPH, NodeSpec, parameters_of
+from winding_ros.graph import GRAPH, NodeSpec, parameters_of, without_replay
 from winding_ros.graph_error import GraphError
 from winding_ros.lifecycle import (
     ACTIVATE,
@@ -163,6 +163,26 @@ class Orchestrator:
                 if len(values) == len(stated):
                     self._adopted[name] = values
         return dict(self._adopted)
+
+    async def bring_up_anew(self, parameters: Mapping[str, Mapping[str, object]]) -> None:
+        """Take every node down and bring it up with other parameters; one that has ended, too.
+
+        Raises:
+            GraphError, TimeoutError: A node refuses, or does not come up.
+        """
+        self.config = replace(self.config, parameters=parameters)
+        self._adopted = {}
+        for process in tuple(self.processes):
+            if process.started and process.return_code is not None:
+                await self._replace(process.spec.name, {})
+        fresh = without_replay(self.config.graph)
+        values = {name: {**parameters.get(name, {}), **fresh.get(name, {})} for name in self._names}
+        await self._while_alive(self._transitions.rebuild(self._names, values, lambda _: None))
+        await self._while_alive(self._matched())
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(process.spec.name for process in self.processes)
 
     async def begin_anew(self) -> None:
         """Let every node but the rig begin a new run: what it knew of the last one is gone."""

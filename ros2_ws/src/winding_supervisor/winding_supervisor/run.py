@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import time
-from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AsyncExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -18,15 +17,22 @@ from winding_ros.environment import set_process_environment
 from winding_ros.graph import Policy
 from winding_ros.graph_error import GraphError
 from winding_ros.topic import Topic
-from winding_supervisor.completion import Completion
 from winding_supervisor.dashboard_process import DashboardConfig, DashboardProcess
 from winding_supervisor.domain_lock import chosen_domain, domain_lock
 from winding_supervisor.event_log import EventLog
 from winding_supervisor.external_machine import ExternalMachine
+from winding_supervisor.external_session import ExternalSession
 from winding_supervisor.interruption import Interruption, run_closing
 from winding_supervisor.machine import Machine
 from winding_supervisor.machine_description import describe_machine
-from winding_supervisor.operator_run import OperatedRun, OperatorRun, parameter_notes
+from winding_supervisor.machine_run import MachineRun, View
+from winding_supervisor.next_run import NextRun
+from winding_supervisor.operator_run import (
+    SESSION_ENDED,
+    OperatedRun,
+    OperatorRun,
+    parameter_notes,
+)
 from winding_supervisor.orchestrator import GraphConfig, Orchestrator
 from winding_supervisor.run_config import RunConfig, check_run, claim_folder
 from winding_supervisor.run_result import RunResult
@@ -34,12 +40,9 @@ from winding_supervisor.simulated_machine import SimulatedMachine
 from winding_supervisor.supervision import Supervisor, replay_parameters
 from winding_supervisor.trace_recording import TraceRecording
 
-_POLL = 0.05
-_VIEW_PERIOD = 0.25
 _PICTURES = (topics.IMAGE, topics.PREVIEW)
 
 
-View = Callable[[RunBuffer, float], None]
 Say = Callable[[str], None]
 Deliver = Callable[[RunResult], None]
 
@@ -71,12 +74,11 @@ class Run:
     def __init__(self, config: RunConfig) -> None:
         self.config = config
         self._log = EventLog(file=config.directory / "events.jsonl")
-        self._wall = 0.0
         self._operated: OperatorRun | None = None
-        self._events = 0
+        self._events = self._bags = 0
         self._delivered = False
         self._recorder_of_run: Recorder | None = None
-        self._began: float | None = None
+        self._following: MachineRun | None = None
         self._trace: TraceRecording | None = None
         self._dashboard: DashboardProcess | None = None
 
@@ -102,7 +104,11 @@ class Run:
             return await self._wind(stack, interruption, view, say, deliver or _nobody)
 
         recorder = run_closing(work)
-        return None if self._delivered or self._operated else self._result(recorder)
+        if self._delivered or self._operated:
+            return None
+        if self.config.page is None:
+            return self._result(recorder)
+        return None if recorder.buffer.time <= 0.0 else self._result(recorder, SESSION_ENDED)
 
     def remains(self, reason: str) -> list[RunResult]:
         """Return what runs leave that ended early for a reason and that nobody took."""
@@ -112,20 +118,18 @@ class Run:
         if self._operated is not None:
             runs = self._operated.remaining(reason)
             return [self._operated_result(recorder, run) for run in runs if run.buffer.time > 0.0]
-        if self._began is None or recorder.buffer.time <= 0.0:
+        if self._following is None or not self._following.begun or recorder.buffer.time <= 0.0:
             return []
         return [self._result(recorder, reason)]
 
     def _result(self, recorder: Recorder, ended: str = "") -> RunResult:
-        wall = self._wall
-        if ended and self._began is not None:
-            wall = time.monotonic() - self._began
+        wall = 0.0 if self._following is None else self._following.wall_s
         return RunResult(
             buffer=recorder.buffer,
             wall_s=wall,
             recording_error=recorder.error,
-            events=tuple(self._log.events),
-            bags=tuple(recorder.bags.folders),
+            events=tuple(self._log.events[self._events :]),
+            bags=tuple(recorder.bags.folders[self._bags :]),
             ended=ended,
             limits=self._limits(),
             simulated=self.config.machine is None,
@@ -201,20 +205,34 @@ class Run:
         if page is not None:
             await page.start()
             say(f"operator's page: {page.url}  (Start is there; Ctrl-C here ends the run)")
-        if page is None or not machine.simulated:
+        if page is None:
             await machine.ready()
             if not machine.simulated:
                 say("ready; Ctrl-C ends the run")
                 interruption.instead_of_sigint(ended.set)
-            beside = () if page is None else (page.keep(),)
-            await self._follow(machine, supervisor, recorder, view, ended, beside)
-            if page is not None and not ended.is_set():
-                self._delivered = True
-                await asyncio.to_thread(deliver, self._result(recorder))
-                say("the run is over; Ctrl-C ends the page")
-                await page.keep_until(ended)
+            self._following = MachineRun(machine, recorder.buffer, operated=False)
+            await self._following.follow(view, ended.is_set, (supervisor.watch(),))
             return recorder
         interruption.instead_of_sigint(ended.set)
+        if isinstance(machine, ExternalMachine):
+            await machine.ready()
+            say("ready; Ctrl-C ends the session")
+            next_run = NextRun(client, lambda: machine.t, lambda: machine.standing)
+            session = ExternalSession(
+                machine,
+                orchestrator,
+                supervisor,
+                next_run,
+                ended,
+                lambda: self.config.own_parameters(machine.parameters()),
+            )
+            await session.follow(
+                partial(self._next, machine, recorder),
+                view,
+                partial(self._deliver_external, machine, recorder, deliver, say),
+                page.keep(),
+            )
+            return recorder
         self._operated = OperatorRun(
             client,
             orchestrator,
@@ -226,58 +244,27 @@ class Run:
         await self._operated.follow((supervisor.watch(), page.keep()), view)
         return recorder
 
-    async def _follow(
-        self,
-        machine: Machine,
-        supervisor: Supervisor,
-        recorder: Recorder,
-        view: View,
-        ended: asyncio.Event,
-        further: Sequence[Coroutine[Any, Any, None]],
+    def _next(self, machine: ExternalMachine, recorder: Recorder) -> MachineRun:
+        """Return what follows the next run of a machine that an operator conducts."""
+        parameters = self.config.parameters(machine.parameters())
+        recorder.bags.note(parameter_notes(parameters))
+        self._delivered = False
+        self._following = MachineRun(machine, recorder.buffer, operated=True)
+        return self._following
+
+    async def _deliver_external(
+        self, machine: ExternalMachine, recorder: Recorder, deliver: Deliver, say: Say
     ) -> None:
-        """Start the machine and wait until every node has dealt with the run's last sample.
-
-        Args:
-            machine: Started here, unless it or its operator does that.
-            supervisor: Watches meanwhile.
-            recorder: Its buffer.
-            view: Shows the run.
-            ended: Ends the run at once.
-            further: What must go on meanwhile; when one of it fails, so does this.
-        """
-        supervision = asyncio.create_task(supervisor.watch())
-        starting = asyncio.create_task(self._begin(machine))
-        beside = [supervision, starting, *map(asyncio.create_task, further)]
-        ending: Completion | None = None
-        shown = -_VIEW_PERIOD
-        try:
-            while ending is None or not ending.reached(recorder.buffer, time.monotonic()):
-                if ended.is_set():
-                    break
-                for task in beside:
-                    if task.done():
-                        task.result()
-                begin = self._began or time.monotonic()
-                if ending is None and starting.done() and machine.end is not None:
-                    ending = Completion(machine.end, camera=topics.CAMERA_INFO in machine.sensors)
-                now = time.monotonic()
-                if now - shown >= _VIEW_PERIOD:
-                    view(recorder.buffer, now - begin)
-                    shown = now
-                await asyncio.sleep(_POLL)
-            view(recorder.buffer, time.monotonic() - begin)
-        finally:
-            for task in beside:
-                task.cancel()
-        self._wall = time.monotonic() - (self._began or time.monotonic())
-
-    async def _begin(self, machine: Machine) -> None:
-        """Let the machine wind; an operator's begins when the operator wants."""
-        self._began = time.monotonic()
-        if self.config.page is None:
-            await machine.start()
-        await machine.begun()
-        self._began = time.monotonic()
+        """Bring the machine to rest and hand over its run, if it has begun."""
+        if recorder.buffer.time <= 0.0:
+            return
+        ended = "" if machine.end is not None else "reset by the operator"
+        result = replace(self._result(recorder, ended), buffer=recorder.buffer.before())
+        await machine.leave()
+        await asyncio.to_thread(deliver, result)
+        self._delivered = True
+        self._events, self._bags = len(self._log.events), len(recorder.bags.folders)
+        say("the run is over; Reset on the page begins the next, Ctrl-C here ends the session")
 
     def _recorder(self, client: AsyncClient) -> Recorder:
         """Return the recorder; an operator's takes pictures only while a bag is asked for."""

@@ -9,6 +9,7 @@ from winding_core.error_verdict import ErrorVerdict, judge_lengths
 from winding_core.lay_errors import turn_errors
 from winding_core.lay_tolerance import LayVerdict, judge
 from winding_core.operator_limits import OperatorLimits
+from winding_core.run_phase import RunPhase
 from winding_core.wound_label import WoundLabel
 from winding_dashboard.page.numbers import DASH, seconds
 from winding_dashboard.state.marker_rows import MarkerRow
@@ -50,6 +51,8 @@ def state_cell(state: ViewState, now: float) -> Cell:
         return Cell(word=word, remark=remark, style=style)
     if state.moving:
         return Cell(word="WINDING", remark=_speed(state), style="winding")
+    if state.run_phase is RunPhase.OVER:
+        return Cell(word="STOPPED", remark="the run is over", style="stopped")
     if state.run_time > 0.0:
         return Cell(word="STOPPED", remark=f"stopped at {state.run_time:.1f} s", style="stopped")
     return Cell(word="READY", remark=phase or "standing", style="ready")
@@ -68,13 +71,11 @@ def progress_cell(state: ViewState, label: WoundLabel | None) -> Cell:
     passed = state.run_time
     if label is None or not math.isfinite(passed):
         return Cell(word=DASH, remark="not begun")
-    if state.phase == "finished":
+    if state.phase == "finished" or passed >= label.duration:
         return Cell(word="100 %", remark=f"all of {label.duration:g} s")
-    share = min(passed / label.duration, 1.0)
-    left = max(label.duration - passed, 0.0)
     return Cell(
-        word=f"{100.0 * share:.0f} %",
-        remark=f"{passed:.1f} of {label.duration:g} s, {seconds(left)} left",
+        word=f"{100.0 * passed / label.duration:.0f} %",
+        remark=f"{passed:.1f} of {label.duration:g} s, {seconds(label.duration - passed)} left",
     )
 
 

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from winding_core.condition import Condition
 from winding_core.lay_control_records import ControlMode
+from winding_core.run_phase import RunPhase
 
 START, STOP, RESET, EMERGENCY_STOP = "start", "stop", "reset", "emergency_stop"
 # What the controller of the lay is switched to.
@@ -61,8 +62,12 @@ class Graph(Protocol):
             What the operator should know of it, or nothing.
         """
 
-    async def renew(self) -> None:
-        """Let the watching nodes begin a new run; raise CommandError."""
+    async def renew(self) -> str:
+        """Let the watching nodes begin a new run; raise CommandError.
+
+        Returns:
+            The sentence for the operator; empty where there was nothing left to do.
+        """
 
     def unrecorded(self) -> str:
         """Return why the recording cannot be switched now; empty when it can."""
@@ -95,6 +100,23 @@ def asleep(lifecycle: Mapping[str, str]) -> str:
     for node, state in lifecycle.items():
         if state not in _WORKING:
             return f"{node} is {state}; wait for it, or prepare the run"
+    return ""
+
+
+def between_runs(command: str, phase: RunPhase | None, *, moving: bool) -> str:
+    """Return why a command does not fit how far a run is; empty when it does.
+
+    Args:
+        command: To a machine with a driver of its own.
+        phase: As the orchestrator says; None where it says nothing.
+        moving: Whether the machine moves.
+    """
+    if phase is RunPhase.PREPARED and command in (START, RESET):
+        return "the next run is being prepared"
+    if phase is RunPhase.OVER and command == START:
+        return "the run is over; reset makes the machine ready for the next"
+    if phase is RunPhase.UNDER_WAY and command == RESET and moving:
+        return "stop the machine first"
     return ""
 
 

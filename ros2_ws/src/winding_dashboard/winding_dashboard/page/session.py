@@ -67,7 +67,7 @@ class OperatorSession:
         if not await self._do(title, self._graph.command(name)) or name != commands.RESET:
             return
         self._state.clear()
-        await self._do(title, self._renewed())
+        await self._do(title, self._graph.renew())
 
     async def switch(self, mode: ControlMode) -> None:
         """Switch the controller of the lay."""
@@ -179,7 +179,12 @@ class OperatorSession:
 
     def unavailable(self, command: str, phase: str) -> str:
         """Return why a command makes no sense in the machine's phase; empty when it does."""
-        reason = self._graph.unavailable(command) or commands.out_of_phase(command, phase)
+        state = self._state
+        reason = (
+            self._graph.unavailable(command)
+            or commands.out_of_phase(command, phase)
+            or commands.between_runs(command, state.run_phase, moving=state.moving)
+        )
         if command == commands.START:
             reason = reason or (self.preparing and "another run is being prepared")
             reason = reason or commands.asleep(self._state.health.lifecycle)
@@ -189,13 +194,11 @@ class OperatorSession:
         """Tell the operators that a request was not carried out."""
         self._say(f"{what}: {why}", alarm=True)
 
-    async def _renewed(self) -> str:
-        await self._graph.renew()
-        return "the machine and its watchers stand at the start of a run"
-
     async def _do(self, what: str, work: Awaitable[str]) -> bool:
         try:
-            self._say(f"{what}: {await work}")
+            answer = await work
+            if answer:
+                self._say(f"{what}: {answer}")
         except CommandError as error:
             self._say(f"{what}: {error}", alarm=True)
             return False

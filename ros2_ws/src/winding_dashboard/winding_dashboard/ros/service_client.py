@@ -13,12 +13,13 @@ from rclpy.node import Node
 from winding_core.cases import Case
 from winding_core.condition import Condition
 from winding_core.lay_control_records import ControlMode
+from winding_core.machine_axes import MachineAxes
 from winding_core.parameters import ParameterError, build, declarations
 from winding_dashboard.page import commands
 from winding_dashboard.page.commands import Choice, CommandError
 from winding_dashboard.state.health import SILENCE, Health
 from winding_ros import services, topics
-from winding_ros.graph import GRAPH, controlled
+from winding_ros.graph import GRAPH, controlled, without_replay
 from winding_ros.graph_error import GraphError
 from winding_ros.lifecycle import LifecycleDriver
 from winding_ros.service_calls import ServiceCaller
@@ -78,11 +79,11 @@ class ServiceClient:
 
     def unavailable(self, command: str) -> str:
         """Return why a command cannot be given now; empty when it can."""
-        return self._unserved(_COMMANDS[command])
+        return self._unserved(self._service(command))
 
     def unprepared(self) -> str:
         """Return why no other case can be chosen now; empty when it can."""
-        if topics.RIG not in self._nodes:
+        if self._driven_elsewhere:
             return "the machine has a driver of its own; another condition takes another run"
         return self._driver.unserved(self._nodes)
 
@@ -92,7 +93,7 @@ class ServiceClient:
         Raises:
             CommandError: It was refused, or not answered in time.
         """
-        service = _COMMANDS[command]
+        service = self._service(command)
         emergency = command == commands.EMERGENCY_STOP
         try:
             return await self._ask(service, service.type.Request(), _ANSWER, retry=emergency)
@@ -128,6 +129,8 @@ class ServiceClient:
         nodes = self._nodes
         values: dict[str, dict[str, object]] = {name: dict(condition) for name in nodes}
         values[topics.FEM] |= {_TAKE_UP: choice.take_up}
+        for name, fresh in without_replay().items():
+            values[name] |= fresh
         async with _as_commands():
             values[topics.RIG] |= await self._lay(choice.condition.resolved().case)
             before = self._readers()
@@ -150,20 +153,50 @@ class ServiceClient:
         async with _as_commands():
             return await self._ask(services.RECORD, request, _CLOSING)
 
-    async def renew(self) -> None:
-        """Let the listeners begin a new run.
+    async def renew(self) -> str:
+        """Let the listeners begin a new run, unless the reset has done so.
 
         Raises:
             CommandError: One of them refused, or did not answer in time.
         """
+        if self._driven_elsewhere:
+            return ""
         async with _as_commands():
             await self._driver.renew(name for name in self._nodes if name != topics.RIG)
+        return "the machine and its watchers stand at the start of a run"
+
+    async def axes(self) -> MachineAxes | None:
+        """Return how the solver reads the machine's axes; None for a simulated machine.
+
+        Raises:
+            CommandError: It does not answer, or with something else.
+        """
+        if not self._driven_elsewhere:
+            return None
+        names = [item.name for item in declarations(MachineAxes)]
+        async with _as_commands():
+            got = await self._driver.parameters(topics.FEM, names)
+        try:
+            return build(MachineAxes, got, owner=topics.FEM)
+        except ParameterError as error:
+            raise CommandError(f"{topics.FEM}: {error}") from error
 
     async def lifecycle(self) -> dict[str, str]:
         """Return the state of every node that answers, by name."""
         nodes = self._nodes
         states = await asyncio.gather(*(self._state(name) for name in nodes))
         return {name: state for name, state in zip(nodes, states, strict=True) if state}
+
+    @property
+    def _driven_elsewhere(self) -> bool:
+        """Whether the machine has a driver of its own, which no condition is set on."""
+        return topics.RIG not in self._nodes
+
+    def _service(self, command: str) -> Service:
+        """Return what is called; the orchestrator resets a machine with a driver of its own."""
+        if command == commands.RESET and self._driven_elsewhere:
+            return services.NEXT_RUN
+        return _COMMANDS[command]
 
     @property
     def _nodes(self) -> tuple[str, ...]:

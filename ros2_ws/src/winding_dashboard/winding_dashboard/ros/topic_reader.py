@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from winding_core.machine_axes import MachineAxes
 from winding_dashboard.ros.parameters import DashboardParameters
 from winding_dashboard.state.camera_view import CameraView
 from winding_dashboard.state.health import node_of
@@ -63,8 +64,16 @@ class TopicReader:
             (_subscribe(node, topic), topic, notes.get(topic) or self._measured(topic))
             for topic in PAGE.beside
         ]
-        self._decode = {topics.JOINT_STATES: JointStateReader(parameters)}
+        self._axes: MachineAxes = parameters
+        self._decode = {topics.JOINT_STATES: JointStateReader(self._axes)}
         self._now = 0.0
+
+    def read_axes(self, axes: MachineAxes) -> None:
+        """Read the machine's joints in another way from now on, unless it is the same."""
+        if vars(axes) == {name: getattr(self._axes, name) for name in vars(axes)}:
+            return
+        self._axes = axes
+        self._decode = {topics.JOINT_STATES: JointStateReader(axes)}
 
     def look(self, now: float) -> None:
         """Tell the state what came since the last look; now is wall time [s].

@@ -16,6 +16,7 @@ from winding_core.lay_records import LAY_DTYPE, LayRecords
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE, Markers
 from winding_core.material_report import MaterialReport
 from winding_core.readings import CABLE_TENSION, AxisReading, Quantity
+from winding_core.run_phase import STATUS, RunPhase
 from winding_core.status import Status
 from winding_core.wound_label import WoundLabel
 from winding_dashboard.state.camera_view import CameraView
@@ -123,6 +124,12 @@ class ViewState:
         """What the machine says it is doing; empty when it is not heard."""
         said = self.health.values(self._machine).get("phase", "")
         return said or self.health.message(self._machine)
+
+    @property
+    def run_phase(self) -> RunPhase | None:
+        """How far the run of a machine with a driver of its own is; None where nobody says."""
+        said = self.health.values(STATUS).get("phase")
+        return next((phase for phase in RunPhase if phase.value == said), None)
 
     @property
     def going(self) -> bool:

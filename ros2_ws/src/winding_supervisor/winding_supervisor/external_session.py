@@ -1,0 +1,119 @@
+"""Runs of a machine with a driver of its own, one after the other as its operator conducts it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+from winding_core.run_phase import RunPhase
+from winding_ros.graph_error import GraphError
+from winding_supervisor.external_machine import ExternalMachine
+from winding_supervisor.machine_run import MachineRun, View
+from winding_supervisor.next_run import NextRun
+from winding_supervisor.orchestrator import Orchestrator
+from winding_supervisor.supervision import Supervisor
+
+_POLL = 0.05
+
+Parameters = dict[str, dict[str, object]]
+
+
+class ExternalSession:
+    """Follows run after run until the operator ends the session.
+
+    A run is over when the machine has come to its end or has stood for long enough; the machine
+    is then brought to rest and may be moved by hand. The next one begins at the place where the
+    machine stands when the operator asks for it (orchestrator/next_run).
+
+    Args:
+        machine: Stands where the first run begins.
+        orchestrator: Makes the nodes ready for the next run.
+        supervisor: Watches while a run is under way.
+        next_run: Takes the operator's wish.
+        ended: Is set when the operator ends the session.
+        parameters: Returns the parameters of every node that reads axes, by node.
+    """
+
+    def __init__(
+        self,
+        machine: ExternalMachine,
+        orchestrator: Orchestrator,
+        supervisor: Supervisor,
+        next_run: NextRun,
+        ended: asyncio.Event,
+        parameters: Callable[[], Parameters],
+    ) -> None:
+        self._machine, self._orchestrator = machine, orchestrator
+        self._supervisor, self._next_run = supervisor, next_run
+        self._ended, self._parameters = ended, parameters
+
+    async def follow(
+        self,
+        new_run: Callable[[], MachineRun],
+        view: View,
+        deliver: Callable[[], Coroutine[Any, Any, None]],
+        work: Coroutine[Any, Any, None],
+    ) -> None:
+        """Return when the operator has ended the session.
+
+        Args:
+            new_run: Returns what follows the run that begins now.
+            view: Called a few times per second while a run is waited for or under way.
+            deliver: Brings the machine to rest and hands over its run, if one has begun.
+            work: What must go on meanwhile; when it fails, so does this.
+        """
+        working = asyncio.create_task(work)
+        saying = asyncio.create_task(self._next_run.keep_saying())
+        try:
+            while not self._ended.is_set():
+                beside = (self._supervisor.watch(), self._note_begin(), _as_long_as(working))
+                await new_run().follow(view, self._cut, beside)
+                if self._ended.is_set():
+                    return
+                self._next_run.enter(RunPhase.OVER)
+                await deliver()
+                await self._until_ready(working)
+        finally:
+            working.cancel()
+            saying.cancel()
+
+    def _cut(self) -> bool:
+        return self._ended.is_set() or self._next_run.is_asked
+
+    async def _note_begin(self) -> None:
+        while self._machine.began is None:
+            await asyncio.sleep(_POLL)
+        self._next_run.enter(RunPhase.UNDER_WAY)
+
+    async def _until_ready(self, working: asyncio.Task[None]) -> None:
+        """Wait until the machine and all nodes are ready for another run, or the session ends."""
+        while not self._ended.is_set():
+            waits = [
+                asyncio.create_task(self._next_run.asked()),
+                asyncio.create_task(self._ended.wait()),
+            ]
+            try:
+                await asyncio.wait([*waits, working], return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                for task in waits:
+                    task.cancel()
+            if working.done():
+                working.result()
+            if self._ended.is_set():
+                return
+            self._next_run.enter(RunPhase.PREPARED)
+            try:
+                await self._machine.reset()
+                await self._machine.stand()
+                await self._orchestrator.bring_up_anew(self._parameters())
+                await self._machine.ready()
+            except (GraphError, TimeoutError) as error:
+                self._next_run.enter(RunPhase.OVER, f"no next run: {error}")
+            else:
+                self._next_run.enter(RunPhase.READY)
+                return
+
+
+async def _as_long_as(task: asyncio.Task[None]) -> None:
+    await asyncio.shield(task)
