@@ -21,10 +21,13 @@ def test_next_run_is_asked_for_between_two_runs() -> None:
     def off(command: str, phase: RunPhase | None, *, moving: bool = False) -> bool:
         return bool(commands.between_runs(command, phase, moving=moving))
 
-    assert not off(commands.START, None) and not off(commands.RESET, None)
+    assert not off(commands.START, None)
+    assert not off(commands.RESET, None)
     assert not off(commands.START, RunPhase.READY)
-    assert off(commands.START, RunPhase.OVER) and not off(commands.RESET, RunPhase.OVER)
-    assert off(commands.START, RunPhase.PREPARED) and off(commands.RESET, RunPhase.PREPARED)
+    assert off(commands.START, RunPhase.OVER)
+    assert not off(commands.RESET, RunPhase.OVER)
+    assert off(commands.START, RunPhase.PREPARED)
+    assert off(commands.RESET, RunPhase.PREPARED)
     assert off(commands.RESET, RunPhase.UNDER_WAY, moving=True)
     # A run that was broken off stands.
     assert not off(commands.RESET, RunPhase.UNDER_WAY)
