@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from std_srvs.srv import Trigger
 
@@ -68,6 +69,12 @@ class Session:
             assert time.monotonic() < end, self.said
             self._ros.executor.spin_once(timeout_sec=0.05)
 
+    def kill(self, package: str) -> None:
+        """Kill a node's process."""
+        children = psutil.Process(self.process.pid).children(recursive=True)
+        (node,) = (child for child in children if package in child.cmdline())
+        node.kill()
+
     def end(self) -> int:
         """Interrupt the command; return its exit code."""
         self.process.send_signal(signal.SIGINT)
@@ -97,6 +104,8 @@ def test_second_run_begins_where_the_machine_stands(session: Session, predicted_
     assert not refused.success
     assert refused.message == "a run is under way; stop the machine first"
     session.reach(RunPhase.OVER)
+    # Nobody watches the nodes between two runs.
+    session.kill("cable_fem_node")
     assert session.call("orchestrator/next_run").success
     session.reach(RunPhase.READY)
     assert session.call("rig/start").success
@@ -108,6 +117,19 @@ def test_second_run_begins_where_the_machine_stands(session: Session, predicted_
         assert record["ended"] is None
         # The machine's speeds are what its encoder says: the specification's 0.05 %.
         assert record["markers"][0]["s_fem_m"] == pytest.approx(predicted_p1, rel=5.0e-4)
+
+
+SERVE = 'f"rig/{name}", getattr(self, name)'
+UNSTOPPABLE = '"rig/" + ("no_" * ("stop" in name)) + name, getattr(self, name)'
+
+
+@pytest.mark.parametrize("driver", [{SERVE: UNSTOPPABLE}], indirect=True)
+def test_a_machine_that_cannot_be_stopped_at_its_end_is_said(session: Session) -> None:
+    session.reach(RunPhase.READY)
+    assert session.call("rig/start").success
+    session.reach(RunPhase.OVER, message="the stop could not be delivered: nobody serves rig/stop")
+    assert session.end() == 0
+    assert session.record(1)["ended"] is None
 
 
 RESET = """        self.goal, self.latched, response.success = 0.0, False, True

@@ -259,11 +259,15 @@ class ExternalMachine:
         if failure:
             raise GraphError(failure)
 
-    async def leave(self) -> None:
-        """Bring a machine to rest that this run has started; it stays to its driver otherwise."""
+    async def leave(self) -> str:
+        """Bring a machine to rest that this run has started; it stays to its driver otherwise.
+
+        Returns:
+            How that failed, or nothing.
+        """
         if self._config.starts_itself or self.began is None or self._unstoppable or self.standing:
-            return
-        await self._stop(services.STOP, services.QUICK_STOP)
+            return ""
+        return await self._stop(services.STOP, services.QUICK_STOP)
 
     async def _stop(self, *ways: Service) -> str:
         """Call services until one has stopped the machine; return how all failed, or nothing.

@@ -12,6 +12,7 @@ from winding_supervisor.external_machine import ExternalMachine
 from winding_supervisor.machine_run import MachineRun, View
 from winding_supervisor.next_run import NextRun
 from winding_supervisor.orchestrator import Orchestrator
+from winding_supervisor.run_result import RunResult
 from winding_supervisor.supervision import Supervisor
 
 _POLL = 0.05
@@ -52,7 +53,8 @@ class ExternalSession:
         self,
         new_run: Callable[[], MachineRun],
         view: View,
-        deliver: Callable[[], Coroutine[Any, Any, None]],
+        take: Callable[[], RunResult | None],
+        deliver: Callable[[RunResult], Coroutine[Any, Any, None]],
         work: Coroutine[Any, Any, None],
     ) -> None:
         """Return when the operator has ended the session.
@@ -60,7 +62,8 @@ class ExternalSession:
         Args:
             new_run: Returns what follows the run that begins now.
             view: Called a few times per second while a run is waited for or under way.
-            deliver: Brings the machine to rest and hands over its run, if one has begun.
+            take: Returns what the run that is over leaves; None where none has begun.
+            deliver: Hands it over.
             work: What must go on meanwhile; when it fails, so does this.
         """
         working = asyncio.create_task(work)
@@ -71,8 +74,10 @@ class ExternalSession:
                 await new_run().follow(view, self._cut, beside)
                 if self._ended.is_set():
                     return
-                self._next_run.enter(RunPhase.OVER)
-                await deliver()
+                result = take()
+                self._next_run.enter(RunPhase.OVER, await self._machine.leave())
+                if result is not None:
+                    await deliver(result)
                 await self._until_ready(working)
         finally:
             working.cancel()
@@ -88,20 +93,21 @@ class ExternalSession:
 
     async def _until_ready(self, working: asyncio.Task[None]) -> None:
         """Wait until the machine and all nodes are ready for another run, or the session ends."""
-        while not self._ended.is_set():
-            waits = [
-                asyncio.create_task(self._next_run.asked()),
-                asyncio.create_task(self._ended.wait()),
-            ]
-            try:
-                await asyncio.wait([*waits, working], return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for task in waits:
-                    task.cancel()
-            if working.done():
-                working.result()
-            if self._ended.is_set():
-                return
+        preparing = asyncio.create_task(self._prepare())
+        ending = asyncio.create_task(self._ended.wait())
+        try:
+            await asyncio.wait([preparing, ending, working], return_when=asyncio.FIRST_COMPLETED)
+            for task in (working, preparing):
+                if task.done():
+                    task.result()
+        finally:
+            preparing.cancel()
+            ending.cancel()
+
+    async def _prepare(self) -> None:
+        """Make machine and nodes ready when the operator asks, again and again until they are."""
+        while True:
+            await self._next_run.asked()
             self._next_run.enter(RunPhase.PREPARED)
             try:
                 await self._machine.reset()

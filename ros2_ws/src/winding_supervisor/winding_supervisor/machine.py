@@ -79,8 +79,8 @@ class Machine(Protocol):
             GraphError: The machine does not begin.
         """
 
-    async def leave(self) -> None:
-        """Leave the machine at rest when the run ends."""
+    async def leave(self) -> str:
+        """Leave the machine at rest when the run ends; return how that failed, or nothing."""
 
     async def quick_stop(self) -> str:
         """Ask it to come to rest; return how that failed, or nothing."""

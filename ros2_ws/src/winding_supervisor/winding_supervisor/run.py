@@ -229,7 +229,8 @@ class Run:
             await session.follow(
                 partial(self._next, machine, recorder),
                 view,
-                partial(self._deliver_external, machine, recorder, deliver, say),
+                partial(self._take_external, machine, recorder),
+                partial(self._deliver_external, recorder, deliver, say),
                 page.keep(),
             )
             return recorder
@@ -252,15 +253,16 @@ class Run:
         self._following = MachineRun(machine, recorder.buffer, operated=True)
         return self._following
 
-    async def _deliver_external(
-        self, machine: ExternalMachine, recorder: Recorder, deliver: Deliver, say: Say
-    ) -> None:
-        """Bring the machine to rest and hand over its run, if it has begun."""
+    def _take_external(self, machine: ExternalMachine, recorder: Recorder) -> RunResult | None:
+        """Return what a run that is over leaves; None where none has begun."""
         if recorder.buffer.time <= 0.0:
-            return
+            return None
         ended = "" if machine.end is not None else "reset by the operator"
-        result = replace(self._result(recorder, ended), buffer=recorder.buffer.before())
-        await machine.leave()
+        return replace(self._result(recorder, ended), buffer=recorder.buffer.before())
+
+    async def _deliver_external(
+        self, recorder: Recorder, deliver: Deliver, say: Say, result: RunResult
+    ) -> None:
         await asyncio.to_thread(deliver, result)
         self._delivered = True
         self._events, self._bags = len(self._log.events), len(recorder.bags.folders)

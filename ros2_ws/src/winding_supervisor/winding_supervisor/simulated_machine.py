@@ -95,8 +95,9 @@ class SimulatedMachine:
     async def begun(self) -> None:
         """Return at once: time begins with its start."""
 
-    async def leave(self) -> None:
+    async def leave(self) -> str:
         """Return at once: its node brings it to rest when it ends."""
+        return ""
 
     async def start(self) -> None:
         """Let it wind, or wind on.
