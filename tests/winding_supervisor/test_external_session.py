@@ -1,94 +1,22 @@
 """`winding run --machine external --dashboard`: run after run, conducted by services alone."""
 
-import json
-import signal
-import socket
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
-from std_srvs.srv import Trigger
+from conducted_session import ConductedSession
 
-from winding_core.run_phase import STATUS, RunPhase
-from winding_ros import topics
-from winding_ros.diagnostic_messages import decode_diagnostics
+from winding_core.run_phase import RunPhase
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
 
-PATIENCE = 240.0
-DURATION = "5"
-
-
-class Session:
-    """The command, and what a cell's controller hears and asks of it."""
-
-    def __init__(self, ros: Any, namespace: str, folder: Path) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = free.getsockname()[1]
-        self.folder = folder
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "winding_cli.cli", "run", "--case", "4",
-             "--machine", "external", "--no-camera", "--namespace", namespace,
-             "--duration-s", DURATION, "--dashboard", "--dashboard-port", str(port),
-             "--output", str(folder)],
-        )  # fmt: skip
-        self._ros, self._namespace = ros, namespace
-        self._node = ros.plain("controller")
-        self.said: dict[str, str] = {}
-        topics.DIAGNOSTICS.subscribe(self._node, self._note)
-
-    def _note(self, message: Any) -> None:
-        for status in decode_diagnostics(message)[1]:
-            if status.name == STATUS:
-                self.said = {"message": status.message, **status.values}
-
-    def reach(self, phase: RunPhase, *, message: str = "") -> None:
-        """Wait until the orchestrator says that a run is so far."""
-        self._until(
-            lambda: (
-                self.said.get("phase") == phase.value and message in self.said.get("message", "")
-            )
-        )
-
-    def call(self, service: str) -> Any:
-        """Call a service of the graph."""
-        return self._ros.call(
-            self._node, Trigger, f"/{self._namespace}/{service}", Trigger.Request()
-        )
-
-    def _until(self, reached: Callable[[], bool]) -> None:
-        end = time.monotonic() + PATIENCE
-        while not reached():
-            assert self.process.poll() is None
-            assert time.monotonic() < end, self.said
-            self._ros.executor.spin_once(timeout_sec=0.05)
-
-    def kill(self, package: str) -> None:
-        """Kill a node's process."""
-        children = psutil.Process(self.process.pid).children(recursive=True)
-        (node,) = (child for child in children if package in child.cmdline())
-        node.kill()
-
-    def end(self) -> int:
-        """Interrupt the command; return its exit code."""
-        self.process.send_signal(signal.SIGINT)
-        return self.process.wait(PATIENCE)
-
-    def record(self, number: int) -> Any:
-        """Return the numbers of a run."""
-        folder = self.folder if number == 1 else self.folder / f"run-{number}"
-        return json.loads((folder / "run.json").read_text(encoding="utf-8"))
+EXTERNAL = ("--machine", "external", "--no-camera", "--duration-s", "5")
 
 
 @pytest.fixture
-def session(ros: Any, driver: Any, tmp_path: Path) -> Iterator[Session]:
-    made = Session(ros, driver.namespace, tmp_path / "runs")
+def session(ros: Any, driver: Any, tmp_path: Path) -> Iterator[ConductedSession]:
+    made = ConductedSession(ros, driver.namespace, tmp_path / "runs", *EXTERNAL)
     try:
         yield made
     finally:
@@ -96,7 +24,9 @@ def session(ros: Any, driver: Any, tmp_path: Path) -> Iterator[Session]:
             made.end()
 
 
-def test_second_run_begins_where_the_machine_stands(session: Session, predicted_p1: float) -> None:
+def test_second_run_begins_where_the_machine_stands(
+    session: ConductedSession, predicted_p1: float
+) -> None:
     session.reach(RunPhase.READY)
     assert session.call("rig/start").success
     session.reach(RunPhase.UNDER_WAY)
@@ -124,7 +54,7 @@ UNSTOPPABLE = '"rig/" + ("no_" * ("stop" in name)) + name, getattr(self, name)'
 
 
 @pytest.mark.parametrize("driver", [{SERVE: UNSTOPPABLE}], indirect=True)
-def test_a_machine_that_cannot_be_stopped_at_its_end_is_said(session: Session) -> None:
+def test_a_machine_that_cannot_be_stopped_at_its_end_is_said(session: ConductedSession) -> None:
     session.reach(RunPhase.READY)
     assert session.call("rig/start").success
     session.reach(RunPhase.OVER, message="the stop could not be delivered: nobody serves rig/stop")
@@ -143,7 +73,7 @@ REFUSED_ONCE = """        first, self.asked = not hasattr(self, "asked"), True
 
 
 @pytest.mark.parametrize("driver", [{RESET: REFUSED_ONCE}], indirect=True)
-def test_a_reset_that_is_refused_is_said_and_asked_again(session: Session) -> None:
+def test_a_reset_that_is_refused_is_said_and_asked_again(session: ConductedSession) -> None:
     session.reach(RunPhase.READY)
     assert session.call("orchestrator/next_run").success
     session.reach(RunPhase.OVER, message="no next run: rig/reset was refused: the door is open")

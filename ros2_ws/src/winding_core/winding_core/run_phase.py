@@ -1,4 +1,4 @@
-"""How far a run of a machine with a driver of its own is, as the orchestrator says it."""
+"""How far a run that an operator conducts is, as the orchestrator says it."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ STATUS = f"orchestrator: {COMPONENT}"
 
 
 class RunPhase(Enum):
-    """Of one run after the other, conducted by an operator."""
+    """Of one run after the other; a simulated machine says all but FAILED by itself."""
 
     READY = "ready"
     UNDER_WAY = "under way"
     OVER = "over"
     PREPARED = "being prepared"
+    FAILED = "failed"

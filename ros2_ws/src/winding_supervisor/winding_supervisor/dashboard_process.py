@@ -133,6 +133,21 @@ class DashboardProcess:
             await self._process.start()
             self._note("restarted", "it is served again" if await self._comes() else "it ended")
 
+    async def keep_until(self, ended: asyncio.Event) -> None:
+        """Keep the page served until its operator ends it.
+
+        Raises:
+            GraphError: As in `keep`.
+        """
+        keeping, ending = asyncio.create_task(self.keep()), asyncio.create_task(ended.wait())
+        try:
+            await asyncio.wait({keeping, ending}, return_when=asyncio.FIRST_COMPLETED)
+            if keeping.done():
+                keeping.result()
+        finally:
+            keeping.cancel()
+            ending.cancel()
+
     async def stop(self) -> None:
         """End the page, if it was started."""
         if self._process.started:

@@ -27,7 +27,8 @@ _POLL = 0.05
 _VIEW_PERIOD = 0.25
 _FINISHED, _WINDING, _EMERGENCY = "finished", "winding", "emergency stop"
 SESSION_ENDED = "the operator ended the session"
-_STANDING = ("idle", "stopping")
+_IDLE = "idle"
+_STANDING = (_IDLE, "stopping")
 # A machine that begins anew stands at angle zero; an encoder trembles by far less [rad].
 _FELL_BACK = 0.1
 
@@ -80,7 +81,7 @@ class OperatedRun:
 
     Attributes:
         buffer: Of this run alone; nothing is added to it.
-        wound: Parameters of the machine.
+        wound: Parameters of the machine; empty while they are being read.
         wall_s: How long it took [s].
         bags: That were recorded meanwhile.
         ended: Why it ended before its end; empty for one that came to its end.
@@ -136,6 +137,8 @@ class OperatorRun:
         self._bags = 0
         self._stopped = ""
         self._wound: dict[str, object] = {}
+        # What the machine was last found to be set to.
+        self._set: Mapping[str, object] = {}
         self._reading: asyncio.Task[None] | None = None
         self._delivering: asyncio.Task[None] | None = None
 
@@ -182,7 +185,8 @@ class OperatorRun:
             self._note_over(self._recorder.buffer.before(), self._stopped or reason)
         left, self._undelivered = self._undelivered, []
         limits = self._limits()
-        return [replace(run, wound=dict(self._wound), limits=limits) for run in left]
+        wound = dict(self._wound)
+        return [replace(run, wound=run.wound or wound, limits=limits) for run in left]
 
     def _finished(self) -> bool:
         return self._ending is not None and self._ending.reached(
@@ -216,7 +220,7 @@ class OperatorRun:
             by_operator = self._stopped or "stopped by the operator"
             self._stopped = by_operator if phase in _STANDING else phase
         # Another condition may have been prepared, or parameters set by hand.
-        if phase is not None and (phase == _WINDING or not known):
+        if phase is not None and (phase in (_WINDING, _IDLE) or not known):
             self._read(wound=phase == _WINDING)
 
     def _close(self, buffer: RunBuffer, ended: str) -> None:
@@ -229,7 +233,7 @@ class OperatorRun:
                 if task is not None:
                     await task
             self._undelivered.remove(run)
-            over = replace(run, wound=dict(self._wound), limits=self._limits())
+            over = replace(run, wound=run.wound or dict(self._wound), limits=self._limits())
             await asyncio.to_thread(self._deliver, over)
 
         self._delivering = asyncio.create_task(deliver())
@@ -239,21 +243,29 @@ class OperatorRun:
         folders = tuple(self._recorder.bags.folders)
         bags, self._bags = folders[self._bags :], len(folders)
         run = OperatedRun(
-            buffer=buffer, wound={}, wall_s=self._over - self._begun, bags=bags, ended=ended
+            buffer=buffer,
+            wound=dict(self._wound) if self._reading is None or self._reading.done() else {},
+            wall_s=self._over - self._begun,
+            bags=bags,
+            ended=ended,
         )
         self._undelivered.append(run)
         return run
 
     def _read(self, *, wound: bool) -> None:
         before = self._reading
+        if wound:
+            # A run may fail before the nodes have answered.
+            self._wound = dict(self._set)
 
         async def read() -> None:
             if before is not None:
                 await before
             stated = await self._orchestrator.adopt_parameters()
             self._recorder.bags.note(parameter_notes(stated))
+            self._set = stated.get(topics.RIG, {})
             if wound:
-                self._wound = dict(stated.get(topics.RIG, {}))
+                self._wound = dict(self._set)
 
         self._reading = asyncio.create_task(read())
 

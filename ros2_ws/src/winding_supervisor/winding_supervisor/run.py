@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import AsyncExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 from winding_core.operator_limits import OperatorLimits
 from winding_recorder.live.recorder import Recorder, RunBuffer
@@ -16,12 +15,12 @@ from winding_ros.async_client import AsyncClient
 from winding_ros.environment import set_process_environment
 from winding_ros.graph import Policy
 from winding_ros.graph_error import GraphError
-from winding_ros.topic import Topic
-from winding_supervisor.dashboard_process import DashboardConfig, DashboardProcess
+from winding_supervisor.dashboard_process import DashboardProcess
 from winding_supervisor.domain_lock import chosen_domain, domain_lock
 from winding_supervisor.event_log import EventLog
 from winding_supervisor.external_machine import ExternalMachine
 from winding_supervisor.external_session import ExternalSession
+from winding_supervisor.failed_session import outlive
 from winding_supervisor.interruption import Interruption, run_closing
 from winding_supervisor.machine import Machine
 from winding_supervisor.machine_description import describe_machine
@@ -33,15 +32,12 @@ from winding_supervisor.operator_run import (
     OperatorRun,
     parameter_notes,
 )
-from winding_supervisor.orchestrator import GraphConfig, Orchestrator
+from winding_supervisor.orchestrator import Orchestrator
 from winding_supervisor.run_config import RunConfig, check_run, claim_folder
+from winding_supervisor.run_parts import graph_config, new_machine, new_recorder, page_config
 from winding_supervisor.run_result import RunResult
-from winding_supervisor.simulated_machine import SimulatedMachine
 from winding_supervisor.supervision import Supervisor, replay_parameters
 from winding_supervisor.trace_recording import TraceRecording
-
-_PICTURES = (topics.IMAGE, topics.PREVIEW)
-
 
 Say = Callable[[str], None]
 Deliver = Callable[[RunResult], None]
@@ -62,6 +58,19 @@ def opened_run(config: RunConfig) -> Iterator[Run]:
         claimed = replace(config, directory=claim_folder(config))
         set_process_environment(domain, claimed.log_directory)
         yield Run(claimed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Cast:
+    """Who takes part in a session that an operator conducts."""
+
+    client: AsyncClient
+    machine: Machine
+    orchestrator: Orchestrator
+    supervisor: Supervisor
+    recorder: Recorder
+    page: DashboardProcess
+    ended: asyncio.Event
 
 
 class Run:
@@ -164,19 +173,19 @@ class Run:
         config = self.config
         client = AsyncClient(config.namespace)
         stack.callback(client.close)
-        recorder = self._recorder_of_run = self._recorder(client)
+        recorder = self._recorder_of_run = new_recorder(config, client)
         # It publishes until everything is stored, so it is closed before the client.
         stack.callback(recorder.close)
         if config.trace:
             self._trace = TraceRecording(client.node)
         client.start()
-        machine = self._machine(client, recorder.buffer)
+        machine = new_machine(config, client, recorder.buffer)
         await machine.stand()
         axes = machine.parameters()
         describe_machine(config, axes, client.node, say)
         if axes:
             recorder.bags.note(parameter_notes(config.parameters(axes)))
-        orchestrator = Orchestrator(self._graph(axes), client)
+        orchestrator = Orchestrator(graph_config(config, axes), client)
         supervisor = Supervisor(
             orchestrator,
             machine,
@@ -191,8 +200,10 @@ class Run:
             operated=config.page is not None,
         )
         page: DashboardProcess | None = None
-        if config.page is not None:
-            page = self._dashboard = self._page({**config.page, **axes}, client, supervisor)
+        served = page_config(config, axes)
+        if served is not None:
+            page = DashboardProcess(served, client, self._log, lambda: supervisor.t)
+            self._dashboard = page
             stack.push_async_callback(page.kill)
             stack.push_async_callback(interruption.unless_hastened, page.stop)
         stack.push_async_callback(orchestrator.kill)
@@ -214,36 +225,59 @@ class Run:
             await self._following.follow(view, ended.is_set, (supervisor.watch(),))
             return recorder
         interruption.instead_of_sigint(ended.set)
-        if isinstance(machine, ExternalMachine):
-            await machine.ready()
+        cast = _Cast(
+            client=client,
+            machine=machine,
+            orchestrator=orchestrator,
+            supervisor=supervisor,
+            recorder=recorder,
+            page=page,
+            ended=ended,
+        )
+        try:
+            await self._conduct(cast, view, say, deliver)
+        except (GraphError, TimeoutError) as error:
+            say(f"the session cannot go on: {error}; the page stays, Ctrl-C here ends it")
+            await machine.leave()
+            await orchestrator.stop()
+            for result in self.remains(str(error)):
+                await asyncio.to_thread(deliver, result)
+            self._delivered = True
+            await outlive(str(error), page, client, ended)
+            raise
+        return recorder
+
+    async def _conduct(self, cast: _Cast, view: View, say: Say, deliver: Deliver) -> None:
+        """Follow what an operator does with the machine until the session ends."""
+        if isinstance(cast.machine, ExternalMachine):
+            await cast.machine.ready()
             say("ready; Ctrl-C ends the session")
-            next_run = NextRun(client, lambda: machine.t, lambda: machine.standing)
+            next_run = NextRun(cast.client, lambda: cast.machine.t, lambda: cast.machine.standing)
             session = ExternalSession(
-                machine,
-                orchestrator,
-                supervisor,
+                cast.machine,
+                cast.orchestrator,
+                cast.supervisor,
                 next_run,
-                ended,
-                lambda: self.config.own_parameters(machine.parameters()),
+                cast.ended,
+                lambda: self.config.own_parameters(cast.machine.parameters()),
             )
             await session.follow(
-                partial(self._next, machine, recorder),
+                partial(self._next, cast.machine, cast.recorder),
                 view,
-                partial(self._take_external, machine, recorder),
-                partial(self._deliver_external, recorder, deliver, say),
-                page.keep(),
+                partial(self._take_external, cast.machine, cast.recorder),
+                partial(self._deliver_external, cast.recorder, deliver, say),
+                cast.page.keep(),
             )
-            return recorder
+            return
         self._operated = OperatorRun(
-            client,
-            orchestrator,
-            recorder,
-            ended,
-            lambda run: deliver(self._operated_result(recorder, run)),
+            cast.client,
+            cast.orchestrator,
+            cast.recorder,
+            cast.ended,
+            lambda run: deliver(self._operated_result(cast.recorder, run)),
             self._limits,
         )
-        await self._operated.follow((supervisor.watch(), page.keep()), view)
-        return recorder
+        await self._operated.follow((cast.supervisor.watch(), cast.page.keep()), view)
 
     def _next(self, machine: ExternalMachine, recorder: Recorder) -> MachineRun:
         """Return what follows the next run of a machine that an operator conducts."""
@@ -267,65 +301,6 @@ class Run:
         self._delivered = True
         self._events, self._bags = len(self._log.events), len(recorder.bags.folders)
         say("the run is over; Reset on the page begins the next, Ctrl-C here ends the session")
-
-    def _recorder(self, client: AsyncClient) -> Recorder:
-        """Return the recorder; an operator's takes pictures only while a bag is asked for."""
-        config = self.config
-        further: dict[str, Any] = {}
-        if config.page is not None:
-            further = {
-                "further": config.bag or config.directory / "bag",
-                "on_demand": _PICTURES,
-            }
-        return Recorder(
-            client.node,
-            config.bag,
-            recorded=self._recorded(),
-            config=config.recording,
-            notes={**config.notes, **parameter_notes(config.parameters())},
-            **further,
-        )
-
-    def _recorded(self) -> tuple[Topic, ...]:
-        throughout = self.config.bag is not None and self.config.page is None
-        return tuple(
-            topic
-            for topic in topics.TOPICS
-            if topic.recorded and (throughout or topic not in _PICTURES)
-        )
-
-    def _machine(self, client: AsyncClient, buffer: RunBuffer) -> Machine:
-        config = self.config
-        if config.machine is None:
-            return SimulatedMachine(client, buffer, config.duration)
-        return ExternalMachine(config.machine, client, buffer)
-
-    def _graph(self, axes: Mapping[str, object]) -> GraphConfig:
-        config = self.config
-        return GraphConfig(
-            namespace=config.namespace,
-            log_directory=config.log_directory,
-            parameters=config.own_parameters(axes),
-            parameters_file=config.parameters_file,
-            recorded=frozenset(topic.name for topic in self._recorded()),
-            attach=config.attach,
-            graph=config.graph,
-            sim_time=config.machine is None,
-        )
-
-    def _page(
-        self, parameters: Mapping[str, object], client: AsyncClient, supervisor: Supervisor
-    ) -> DashboardProcess:
-        page = DashboardConfig(
-            parameters={
-                **parameters,
-                "runs": str(self.config.listed_runs),
-                "nodes": ",".join(spec.name for spec in self.config.graph),
-            },
-            namespace=self.config.namespace,
-            log_directory=self.config.log_directory,
-        )
-        return DashboardProcess(page, client, self._log, lambda: supervisor.t)
 
     def _replay(self, buffer: RunBuffer, name: str) -> dict[str, object]:
         """Return the parameters with which a restarted node takes up the run."""

@@ -60,7 +60,7 @@ class RunDelivery:
     ) -> None:
         self._config, self._condition, self._into = config, condition, into
         self._origin: Origin | None = origin
-        self._operated = config.page is not None and config.machine is None
+        self._operated = config.page is not None
         self._directory = config.directory
         self._count = 0
         self._flaws: list[str] = []
@@ -78,7 +78,9 @@ class RunDelivery:
         if not self._operated:
             self._deliver(self._condition, result)
             return
-        condition = operated_condition(self._condition, result)
+        # The condition of a machine with a driver of its own is the command line's in every run.
+        simulated = self._config.machine is None
+        condition = operated_condition(self._condition, result) if simulated else self._condition
         if condition is None:
             return
         try:

@@ -44,6 +44,8 @@ def state_cell(state: ViewState, now: float) -> Cell:
     """Return what the machine does, at wall time now [s]."""
     if not state.heard(now):
         return Cell(word="NO DATA", remark="nothing heard of the machine", style="alarm")
+    if state.run_phase is RunPhase.FAILED:
+        return Cell(word="FAILED", remark="the session cannot go on", style="alarm")
     phase, reason = state.phase, state.reason
     if phase in _WORDS:
         word, style = _WORDS[phase]

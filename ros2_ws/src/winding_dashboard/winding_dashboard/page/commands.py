@@ -107,10 +107,12 @@ def between_runs(command: str, phase: RunPhase | None, *, moving: bool) -> str:
     """Return why a command does not fit how far a run is; empty when it does.
 
     Args:
-        command: To a machine with a driver of its own.
+        command: To the machine.
         phase: As the orchestrator says; None where it says nothing.
         moving: Whether the machine moves.
     """
+    if phase is RunPhase.FAILED and command in (START, RESET):
+        return "the session cannot go on; begin another"
     if phase is RunPhase.PREPARED and command in (START, RESET):
         return "the next run is being prepared"
     if phase is RunPhase.OVER and command == START:

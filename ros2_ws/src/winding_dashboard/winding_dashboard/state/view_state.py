@@ -127,7 +127,7 @@ class ViewState:
 
     @property
     def run_phase(self) -> RunPhase | None:
-        """How far the run of a machine with a driver of its own is; None where nobody says."""
+        """How far the run is, as the orchestrator says; None where it does not."""
         said = self.health.values(STATUS).get("phase")
         return next((phase for phase in RunPhase if phase.value == said), None)
 
