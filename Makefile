@@ -30,7 +30,7 @@ unexport PYTHONDONTWRITEBYTECODE
 install: $(WHOLE)
 
 $(STAMP): pyproject.toml constraints.txt
-	$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12) and "Python 3.11 or 3.12 is needed, got " + sys.version.split()[0] + "; set PYTHON=")'
+	$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13) and "Python 3.11, 3.12 or 3.13 is needed, got " + sys.version.split()[0] + "; set PYTHON=")'
 	$(PYTHON) -m venv --clear $(VENV)
 	$(PIP) --no-compile --editable '.[$(EXTRAS)]'
 	touch $@

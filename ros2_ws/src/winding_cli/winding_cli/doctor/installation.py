@@ -16,7 +16,7 @@ from typing import Any
 
 from winding_cli.doctor.finding import Finding, fail, ok, warn
 
-PYTHONS = ((3, 11), (3, 12))
+PYTHONS = ((3, 11), (3, 12), (3, 13))
 _PATIENCE = 180.0
 # Extra that a graph runs without -> commands that need it.
 NEEDED_BY = {
