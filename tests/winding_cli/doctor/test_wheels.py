@@ -14,9 +14,9 @@ from winding_cli.doctor.installation import (
 
 
 def test_python_is_one_that_ros_has_wheels_for() -> None:
-    versions = ((3, 10, 9), (3, 11, 7), (3, 12, 0), (3, 13, 1))
+    versions = ((3, 10, 9), (3, 11, 7), (3, 12, 0), (3, 13, 1), (3, 14, 0))
     levels = [judge_python(version).level for version in versions]
-    assert levels == [Level.FAIL, Level.OK, Level.OK, Level.FAIL]
+    assert levels == [Level.FAIL, Level.OK, Level.OK, Level.OK, Level.FAIL]
 
 
 def test_imports_end_as_they_do_and_none_takes_the_others_along(tmp_path: Path) -> None:
