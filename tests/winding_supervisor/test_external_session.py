@@ -82,3 +82,17 @@ def test_a_reset_that_is_refused_is_said_and_asked_again(session: ConductedSessi
     assert session.end() == 0
     # Nothing was wound.
     assert not (session.folder / "run.json").exists()
+
+
+@pytest.mark.parametrize("driver", [{"[self.angle, self": "[-self.angle, self"}], indirect=True)
+def test_a_session_that_cannot_go_on_refuses_the_next_run(session: ConductedSession) -> None:
+    session.reach(RunPhase.READY)
+    assert session.call("rig/start").success
+    session.reach(RunPhase.FAILED, message="the cylinder turned backwards")
+    refused = session.call("orchestrator/next_run")
+    assert (refused.success, refused.message) == (False, "the session cannot go on")
+    session.until(lambda: "FAILED" in session.page()["parts"]["band"])
+    assert session.page()["off"]["reset"]
+    session.until(lambda: "href=" in session.page()["parts"]["runs"])
+    assert session.end() == 1
+    assert "the cylinder turned backwards" in session.record(1)["ended"]

@@ -34,5 +34,7 @@ def test_the_page_outlives_a_machine_that_died(session: ConductedSession) -> Non
     session.until(lambda: "FAILED" in session.page()["parts"]["band"])
     assert session.page()["off"]["start"]
     session.until(lambda: "href=" in session.page()["parts"]["runs"])
-    assert "winding_rig ended" in session.record(1)["ended"]
+    record = session.record(1)
+    assert record["case"] == 4
+    assert "winding_rig ended" in record["ended"]
     assert session.end() == 1

@@ -79,6 +79,9 @@ class ExternalSession:
                 if result is not None:
                     await deliver(result)
                 await self._until_ready(working)
+        except (GraphError, TimeoutError):
+            self._next_run.enter(RunPhase.FAILED)
+            raise
         finally:
             working.cancel()
             saying.cancel()

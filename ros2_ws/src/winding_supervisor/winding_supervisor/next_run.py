@@ -70,6 +70,8 @@ class NextRun:
         return response
 
     def _refusal(self) -> str:
+        if self._phase is RunPhase.FAILED:
+            return "the session cannot go on"
         if self._phase is RunPhase.PREPARED:
             return "the next run is being prepared"
         if self._phase is RunPhase.UNDER_WAY and not self._standing():

@@ -110,6 +110,7 @@ class OperatorRun:
         ended: Is set when the operator ends the session.
         deliver: Takes a run that is over, in a thread of its own.
         limits: Returns what the operator calls good; None where nobody has said.
+        started_with: Parameters that the machine was started with.
     """
 
     def __init__(
@@ -120,6 +121,7 @@ class OperatorRun:
         ended: asyncio.Event,
         deliver: Callable[[OperatedRun], None],
         limits: Callable[[], OperatorLimits | None],
+        started_with: Mapping[str, object],
     ) -> None:
         self._client = client
         self._limits = limits
@@ -138,7 +140,7 @@ class OperatorRun:
         self._stopped = ""
         self._wound: dict[str, object] = {}
         # What the machine was last found to be set to.
-        self._set: Mapping[str, object] = {}
+        self._set = started_with
         self._reading: asyncio.Task[None] | None = None
         self._delivering: asyncio.Task[None] | None = None
 
@@ -263,7 +265,7 @@ class OperatorRun:
                 await before
             stated = await self._orchestrator.adopt_parameters()
             self._recorder.bags.note(parameter_notes(stated))
-            self._set = stated.get(topics.RIG, {})
+            self._set = stated.get(topics.RIG, self._set)
             if wound:
                 self._wound = dict(self._set)
 

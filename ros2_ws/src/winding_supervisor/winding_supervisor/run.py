@@ -61,7 +61,7 @@ def opened_run(config: RunConfig) -> Iterator[Run]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Cast:
+class _Session:
     """Who takes part in a session that an operator conducts."""
 
     client: AsyncClient
@@ -225,7 +225,7 @@ class Run:
             await self._following.follow(view, ended.is_set, (supervisor.watch(),))
             return recorder
         interruption.instead_of_sigint(ended.set)
-        cast = _Cast(
+        session = _Session(
             client=client,
             machine=machine,
             orchestrator=orchestrator,
@@ -235,7 +235,7 @@ class Run:
             ended=ended,
         )
         try:
-            await self._conduct(cast, view, say, deliver)
+            await self._conduct(session, view, say, deliver)
         except (GraphError, TimeoutError) as error:
             say(f"the session cannot go on: {error}; the page stays, Ctrl-C here ends it")
             await machine.leave()
@@ -247,37 +247,40 @@ class Run:
             raise
         return recorder
 
-    async def _conduct(self, cast: _Cast, view: View, say: Say, deliver: Deliver) -> None:
+    async def _conduct(self, session: _Session, view: View, say: Say, deliver: Deliver) -> None:
         """Follow what an operator does with the machine until the session ends."""
-        if isinstance(cast.machine, ExternalMachine):
-            await cast.machine.ready()
+        if isinstance(session.machine, ExternalMachine):
+            await session.machine.ready()
             say("ready; Ctrl-C ends the session")
-            next_run = NextRun(cast.client, lambda: cast.machine.t, lambda: cast.machine.standing)
-            session = ExternalSession(
-                cast.machine,
-                cast.orchestrator,
-                cast.supervisor,
-                next_run,
-                cast.ended,
-                lambda: self.config.own_parameters(cast.machine.parameters()),
+            next_run = NextRun(
+                session.client, lambda: session.machine.t, lambda: session.machine.standing
             )
-            await session.follow(
-                partial(self._next, cast.machine, cast.recorder),
+            external = ExternalSession(
+                session.machine,
+                session.orchestrator,
+                session.supervisor,
+                next_run,
+                session.ended,
+                lambda: self.config.own_parameters(session.machine.parameters()),
+            )
+            await external.follow(
+                partial(self._next, session.machine, session.recorder),
                 view,
-                partial(self._take_external, cast.machine, cast.recorder),
-                partial(self._deliver_external, cast.recorder, deliver, say),
-                cast.page.keep(),
+                partial(self._take_external, session.machine, session.recorder),
+                partial(self._deliver_external, session.recorder, deliver, say),
+                session.page.keep(),
             )
             return
         self._operated = OperatorRun(
-            cast.client,
-            cast.orchestrator,
-            cast.recorder,
-            cast.ended,
-            lambda run: deliver(self._operated_result(cast.recorder, run)),
+            session.client,
+            session.orchestrator,
+            session.recorder,
+            session.ended,
+            lambda run: deliver(self._operated_result(session.recorder, run)),
             self._limits,
+            self.config.parameters()[topics.RIG],
         )
-        await self._operated.follow((cast.supervisor.watch(), cast.page.keep()), view)
+        await self._operated.follow((session.supervisor.watch(), session.page.keep()), view)
 
     def _next(self, machine: ExternalMachine, recorder: Recorder) -> MachineRun:
         """Return what follows the next run of a machine that an operator conducts."""
