@@ -11,8 +11,8 @@ from typing import Generic, TypeVar
 
 Result = TypeVar("Result")
 
-# A third of the share of a thread in real time, and not starved on a busy machine.
-_NICENESS = 5
+# A third of the share of the process's other threads, and not starved on a busy machine.
+_NICER, _NICEST = 5, 19
 
 
 class BackgroundTask(Generic[Result]):
@@ -46,5 +46,7 @@ class BackgroundTask(Generic[Result]):
 
 def _lower_priority() -> None:
     if sys.platform == "linux":
-        # Linux keeps a niceness per thread.
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
+        # Linux keeps a niceness per thread; a process that is nice itself may not become less so.
+        thread = threading.get_native_id()
+        present = os.getpriority(os.PRIO_PROCESS, thread)
+        os.setpriority(os.PRIO_PROCESS, thread, min(present + _NICER, _NICEST))
