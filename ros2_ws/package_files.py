@@ -97,6 +97,10 @@ PACKAGES = {
         script=("winding", "winding_cli.cli"),
         tests=("winding_cli",),
     ),
+    "winding_verification": Package(
+        description="Evidence: verification of the solver, experiments, studies, fault campaign.",
+        tests=("faults",),
+    ),
     "winding_bringup": Package(
         description="Launch file, access policy and viewer layouts of the winding graph.",
         tests=("docs/test_viewers.py",),

@@ -14,6 +14,7 @@ import time
 
 import numpy as np
 import pytest
+from rig_forecast import evidence_of, forecast, learned_prior
 
 from cable_fem_node.identification import (
     Readings,
@@ -28,7 +29,6 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
 from winding_core.planned_inputs import planned_inputs
-from winding_study.paper.rig_forecast import evidence_of, forecast, learned_prior
 
 RIGS = int(os.environ.get("WINDING_RIGS", "40"))
 FINE = 2.5e-3

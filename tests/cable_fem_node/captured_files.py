@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.verification.external.held_cable import HeldCable, predict
+from winding_verification.experiments.held_cable import HeldCable, predict
 
 CABLE = HeldCable(bending=0.05, viscosity=0.1, drag=0.0, natural=(0.0, 0.0), own=0.0)
 GAPS = np.array([0.02, 0.08, 0.08, 0.08, 0.08, 0.08, 0.02])

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from cable_fem_node.rod.rod import Rod
-from cable_fem_node.rod.rod_section import RodSection
-from cable_fem_node.verification.external import held_cable, held_cable_fit
-from cable_fem_node.verification.external.held_cable import loss, predict
-from cable_fem_node.verification.external.motion_capture import read_cable, read_run
-from cable_fem_node.verification.external.rest_shape import shape_of_its_own
-from cable_fem_node.verification.external.scenario import ExternalFileError
-from cable_fem_node.verification.rod_statics import line
 from winding_cli.commands.app import app
+from winding_verification.experiments import held_cable, held_cable_fit
+from winding_verification.experiments.held_cable import loss, predict
+from winding_verification.experiments.motion_capture import read_cable, read_run
+from winding_verification.experiments.rest_shape import shape_of_its_own
+from winding_verification.experiments.scenario import ExternalFileError
+from winding_verification.rod.rod import Rod
+from winding_verification.rod.rod_section import RodSection
+from winding_verification.solver.rod_statics import line
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from cable_fem_node.verification.external.elastic_capstan import (
+from winding_cli.commands.app import app
+from winding_verification.experiments.elastic_capstan import (
     lift_off,
     limiting_ratio,
     slipping_ratio,
 )
-from winding_cli.commands.app import app
 
 COLUMNS = "friction,wrap_angle_rad,stiffness,force_ratio"
 

@@ -13,11 +13,11 @@ import pytest
 from scipy.special import jn_zeros
 from typer.testing import CliRunner
 
-from cable_fem_node.verification.external import cosserat_experiments as experiments
-from cable_fem_node.verification.external.comparison import compare, found_experiments
-from cable_fem_node.verification.external.external_row import ExternalRow
-from cable_fem_node.verification.external.scenario import ExternalFileError, read_scenario
 from winding_cli.commands.app import app
+from winding_verification.experiments import cosserat_experiments as experiments
+from winding_verification.experiments.comparison import compare, found_experiments
+from winding_verification.experiments.external_row import ExternalRow
+from winding_verification.experiments.scenario import ExternalFileError, read_scenario
 
 
 def rows(file: Path) -> dict[str, ExternalRow]:
@@ -148,7 +148,7 @@ def test_bar_that_is_not_kept_ends_with_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     files.cantilever(tmp_path)
-    module = "cable_fem_node.verification.external.comparison"
+    module = "winding_verification.experiments.comparison"
     monkeypatch.setattr(f"{module}._BARS", {"tip_deflection_error": 1.0e-9})
     done = CliRunner().invoke(app, ["verify", "--external", str(tmp_path)])
     assert done.exit_code == 1

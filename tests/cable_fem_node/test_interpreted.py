@@ -13,8 +13,8 @@ import pytest
 SCRIPT = """
 import json
 import numpy as np
-from cable_fem_node.rod.rod import Rod
-from cable_fem_node.rod.rod_section import RodSection
+from winding_verification.rod.rod import Rod
+from winding_verification.rod.rod_section import RodSection
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import block

@@ -9,13 +9,13 @@ import pytest
 
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.surroundings import CylinderContact
-from cable_fem_node.rod.rod import Rod
-from cable_fem_node.rod.rod_section import RodSection
-from cable_fem_node.rod.statics import equilibrium, frequencies
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import block, round_bar
-from cable_fem_node.verification.rod_statics import line
+from winding_verification.rod.rod import Rod
+from winding_verification.rod.rod_section import RodSection
+from winding_verification.rod.statics import equilibrium, frequencies
+from winding_verification.solver.rod_statics import line
 
 SECTION = RodSection(diameter=4.0e-3, law="neo_hookean")
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from cable_fem_node.verification.suite import run_problem
 from cable_fem_node.winding import rod_winding, solid_winding
 from cable_fem_node.winding.rod_winding import RodWinding
+from winding_verification.solver.suite import run_problem
 
 Change = Callable[[dict[str, Any], float], None]
 

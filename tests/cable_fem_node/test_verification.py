@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cable_fem_node.verification.suite import PROBLEMS, references, run_problem
+from winding_verification.solver.suite import PROBLEMS, references, run_problem
 
 # More than two seconds of processor time.
 SLOW = {"B07", "B08", "B10", "B11", "B17", "D03", "D10", "D10r", "V06", "V11", "W04"}

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.verification.machine import Machine
 from cable_fem_node.winding.overlap import OverlapError
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.rod_winding import RodWinding
@@ -19,6 +18,7 @@ from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_core.markers import MarkerFlag, is_wound
 from winding_core.tension import RigTension
+from winding_verification.solver.machine import Machine
 
 DRIVE = DriveProfile()
 

@@ -10,7 +10,7 @@ from correction_node.live.neighbours import (
     published_lengths,
     repeated_runs,
 )
-from correction_node.training.repeatability import (
+from winding_verification.correction.repeatability import (
     LABEL,
     NoiseAccuracy,
     accuracy_by_noise,

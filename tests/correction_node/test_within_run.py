@@ -7,7 +7,7 @@ import pytest
 
 from correction_node.live.within_run import WithinRun, published_within_run
 from correction_node.models.dataset import load_data_set
-from correction_node.training.within_run_learning import (
+from winding_verification.correction.within_run_learning import (
     conformal_quantile,
     expected_lengths,
     fit_build_up,
@@ -15,7 +15,7 @@ from correction_node.training.within_run_learning import (
     learn_within_run,
     run_table,
 )
-from correction_node.training.within_run_score import WithinRunScore, score_within_run
+from winding_verification.correction.within_run_score import WithinRunScore, score_within_run
 
 CELLS = load_data_set("rod").cells
 SPACING = 0.1

@@ -9,13 +9,13 @@ from collections.abc import Awaitable, Iterator
 from pathlib import Path
 
 import pytest
-from fault_table.campaign import NAMESPACE, row_names
-from fault_table.cell import FaultCell
-from fault_table.outcome import Outcome
-from fault_table.table import LONE_ROWS, ROWS
 
 from winding_ros.environment import set_process_environment
 from winding_supervisor.domain_lock import domain_lock
+from winding_verification.faults.campaign import NAMESPACE, row_names
+from winding_verification.faults.cell import FaultCell
+from winding_verification.faults.outcome import Outcome
+from winding_verification.faults.table import LONE_ROWS, ROWS
 
 pytestmark = [
     pytest.mark.campaign,

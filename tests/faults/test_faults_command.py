@@ -4,13 +4,13 @@ import io
 from pathlib import Path
 
 import pytest
-from fault_table import campaign
-from fault_table.outcome import Outcome
 from rich.console import Console
 from typer.testing import CliRunner
 
-from winding_cli.commands import faults
 from winding_cli.commands.app import app
+from winding_verification.commands import faults
+from winding_verification.faults import campaign
+from winding_verification.faults.outcome import Outcome
 
 LATE = {"fault": "late", "outcome": "the run went on", "detected_after": 2.0, "detect_within": 1.0}
 

@@ -10,10 +10,9 @@ import sys
 import time
 from pathlib import Path
 
-from fault_table.cell import FaultCell
-
 from winding_ros.environment import set_process_environment
 from winding_supervisor.domain_lock import domain_lock
+from winding_verification.faults.cell import FaultCell
 
 NAMESPACE = "soak"
 # Simulated time after which the cell begins a new run by itself [s].

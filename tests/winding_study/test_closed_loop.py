@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from winding_study.closed_loop.study import (
+from winding_verification.closed_loop.study import (
     ClosedLoopConfig,
     ClosedLoopRow,
     closed_loop_study,

@@ -13,11 +13,11 @@ from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
 from winding_core.lay_records import LAY_DTYPE
 from winding_rig_node.machine.hidden_rig import HiddenRig
-from winding_study.closed_loop.run import ClosedResult, ClosedRun, wind
 from winding_study.lay.lay_outcome import LaidLine, LaidRun, LayOutcome, lay_outcome
 from winding_study.lay.outcome_record import outcome_json
 from winding_study.reports.report import render_report
 from winding_study.runs.run_record import run_json
+from winding_verification.closed_loop.run import ClosedResult, ClosedRun, wind
 
 TURNS = 4.0
 WANTED = LayControlParameters(case=4, law="neo_hookean")

@@ -26,7 +26,6 @@ from correction_node.training.comparison import (
     ModelScore,
 )
 from correction_node.training.learners import RIG
-from correction_node.training.repeatability import NoiseAccuracy
 from winding_core.cases import paper_case
 from winding_core.published import Lay, published_markers
 from winding_study.paper.comparison import compare, compare_paper
@@ -35,6 +34,7 @@ from winding_study.paper.study_record import StudyRecord
 from winding_study.paper.study_tables import noise_table
 from winding_study.reports.study_report import render_study, write_study
 from winding_study.runs.case_result import CaseResult
+from winding_verification.correction.repeatability import NoiseAccuracy
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 

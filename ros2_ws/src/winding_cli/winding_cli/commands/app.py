@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Mapping
+from importlib.metadata import EntryPoint, entry_points
 from typing import Annotated, Any
 
 import typer
@@ -27,9 +28,6 @@ SAID = {
         "Identify the cable's material from tracked markers by inverse winding, or from a test."
     ),
     "study": "Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models.",
-    "verify": (
-        "Compare the solver with closed forms and reference solutions; exit code 1 if one fails."
-    ),
     "train": (
         "Learn the correction factor h and compare it, in-sample and by case left out, with others."
     ),
@@ -39,9 +37,6 @@ SAID = {
     "calibrate": "Fit camera matrix and distortion, and write the YAML that ROS tools read.",
     "conform": "Listen to a running driver and say, promise by promise, what it keeps.",
     "doctor": "Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL.",
-    "faults": (
-        "Kill, hold and mislead a running graph in every way of the table; exit 1 if it fails one."
-    ),
     "dashboard": "Serve the operator's page; Ctrl-C ends it.",
     "health": "Listen to /diagnostics; exit 1 when a node is silent or in error.",
     "graph": "Show the nodes, their topics and who listens.",
@@ -49,13 +44,19 @@ SAID = {
 }
 
 
+def _installed() -> dict[str, EntryPoint]:
+    """Return the commands that other packages bring, by name."""
+    return {point.name: point for point in entry_points(group="winding.commands")}
+
+
 class _LateCommands(Mapping[str, Any]):
     """Commands by name; one that is asked for is imported with all that it needs."""
 
     def __getitem__(self, name: str) -> Any:
-        if name not in SAID:
-            raise KeyError(name)
-        command = getattr(importlib.import_module(f"winding_cli.commands.{name}"), name)
+        if name in SAID:
+            command = getattr(importlib.import_module(f"winding_cli.commands.{name}"), name)
+        else:
+            command = _installed()[name].load()
         if not isinstance(command, typer.Typer):
             alone = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
             alone.command(cls=LeanCommand)(command)
@@ -63,10 +64,10 @@ class _LateCommands(Mapping[str, Any]):
         return typer.main.get_command(command)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(SAID)
+        return iter((*SAID, *_installed()))
 
     def __len__(self) -> int:
-        return len(SAID)
+        return len(SAID) + len(_installed())
 
 
 class _LateGroup(LeanGroup):
@@ -83,6 +84,7 @@ class _LateGroup(LeanGroup):
         import_help()
         late = self.commands
         self.commands = {name: TyperCommand(name, help=said) for name, said in SAID.items()}
+        self.commands.update({name: late[name] for name in _installed()})
         try:
             super().format_help(ctx, formatter)
         finally:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from importlib.metadata import entry_points
 from importlib.util import find_spec
+from typing import Any
 
 from winding_cli.commands.refusal import refuse
 
@@ -20,3 +23,15 @@ def need_extra(extra: str, what: str) -> None:
     missing = [name for name in _MODULES[extra] if find_spec(name) is None]
     if missing:
         refuse(f"{what} needs {' and '.join(missing)}: pip install 'cable-winding-twin[{extra}]'")
+
+
+def evidence(name: str) -> Callable[..., Any]:
+    """Return what the package of evidence brings under a name; end the command without it.
+
+    Args:
+        name: Of an entry point of the group `winding.evidence`.
+    """
+    for point in entry_points(group="winding.evidence", name=name):
+        loaded: Callable[..., Any] = point.load()
+        return loaded
+    refuse(f"{name} is evidence, and the package winding_verification is not installed")

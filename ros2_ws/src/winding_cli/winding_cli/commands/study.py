@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.commands.extras import need_extra
+from winding_cli.commands.extras import evidence, need_extra
 from winding_cli.commands.output_path import check_output_file, check_output_folder
 from winding_cli.commands.refusal import refuse, refused
 
@@ -107,10 +107,8 @@ def study(
     check_output_folder(report, "--report")
     check_output_folder(store, "--store")
     if closed_loop:
-        from winding_cli.commands import study_closed_loop
-
         with refused(ValueError):
-            study_closed_loop.closed_loop(_cases(cases), draws, processes, json, brake=brake)
+            evidence("closed_loop")(_cases(cases), draws, processes, json, brake=brake)
         return
     if calibrate_rig:
         if lengths is not None or report is not None:

@@ -6,15 +6,15 @@ from collections.abc import Callable
 
 from correction_node.models.dataset import DataSet, join_experiment, load_data_set
 from correction_node.training.comparison import compare_models
-from correction_node.training.repeatability import accuracy_by_noise
 from correction_node.training.training import TrainingConfig
-from correction_node.training.within_run_score import score_within_run
 from winding_core.drive import PAPER_DURATION
 from winding_study.paper.comparison import Comparison, compare, compare_paper
 from winding_study.paper.study import StudyConfig, predicted_lengths
 from winding_study.paper.study_record import StudyRecord
 from winding_study.paper.study_tables import noise_table, within_table
 from winding_study.runs.case_result import CaseResult
+from winding_verification.correction.repeatability import accuracy_by_noise
+from winding_verification.correction.within_run_score import score_within_run
 
 # Of a length between repetitions, from a good camera to a poor one.
 NOISES = (0.0025, 0.005, 0.01, 0.02, 0.04)

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 
 from correction_node.live.neighbours import Noise
 from correction_node.training.comparison import ModelScore
-from correction_node.training.repeatability import LABEL, NoiseAccuracy
-from correction_node.training.within_run_score import WithinRunScore
 from winding_core.units import MILLIMETRE
 from winding_study.documents.data_table import Column, DataTable, Value
 from winding_study.paper.comparison import Comparison
+from winding_verification.correction.repeatability import LABEL, NoiseAccuracy
+from winding_verification.correction.within_run_score import WithinRunScore
 
 
 def models_table(models: Mapping[str, ModelScore]) -> DataTable:

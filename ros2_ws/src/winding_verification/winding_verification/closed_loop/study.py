@@ -1,0 +1,268 @@
+"""The twelve cases under hidden rigs, with the loop closed and open: where the markers land."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import joblib
+import numpy as np
+from numpy.typing import NDArray
+
+from lay_control_node.control.control_parameters import ControlParameters
+from lay_control_node.control.expected_landing import expected_landings
+from lay_control_node.control.guide_law import WantedLay
+from lay_control_node.control.wanted_program import WantedProgram
+from lay_control_node.programs.simple_programs import even_helix
+from winding_core.condition import Condition, ResolvedCondition
+from winding_core.lay_control_records import ControlMode
+from winding_rig_node.machine.hidden_rig import HiddenRig
+from winding_verification.closed_loop.run import ClosedRun, wind
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+_FULL_TURN = 2.0 * math.pi
+# The hidden cable is neo-Hookean, and that is no secret: the paper's rig is best told with it.
+_LAW = "neo_hookean"
+# Markers are wanted where this share of the weight lands them, in the middle of 0.3 to 1.5; a run
+# goes on for so many radians behind the last one.
+_MIDDLE_PULL, _BEYOND = 0.9, 2.0
+_STEP = 0.02
+# Turns by which P1 and those behind it may miss their angles under a brake that can reach them.
+MISS_BARS = (0.02, 0.01)
+MODES = {"closed": ControlMode.DRIVE, "open": ControlMode.WATCH}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClosedLoopConfig:
+    """What is wound.
+
+    Attributes:
+        cases: Rows of Table 1.
+        draws: Hidden rigs of each case.
+        truths: Of `TRUTHS`.
+        sees_lay: Whether every turn is measured, or markers alone.
+        first_seed: Of the hidden rigs.
+        brake: Whether a brake lands markers at angles that are within its reach.
+    """
+
+    cases: tuple[int, ...]
+    draws: int
+    truths: tuple[str, ...] = ("driven", "rod")
+    sees_lay: bool = True
+    first_seed: int = 0
+    brake: bool = False
+
+    def __post_init__(self) -> None:
+        if self.draws < 1:
+            raise ValueError(f"draws must be 1 or more, got {self.draws}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClosedLoopRow:
+    """One run: what was hidden, and how far the cable lies from the even helix.
+
+    Attributes:
+        case: Row of Table 1.
+        seed: Of the hidden rig.
+        truth: Of `TRUTHS`.
+        mode: closed or open.
+        marker_error: z less the helix at P1 and on [m], shape (m,); nan for one not landed.
+        turn_rms: Of each complete turn [m], shape (n,).
+        marker_miss: Angle of P1 and on less the wanted one [rad], shape (m,); nan for one that has
+            not landed, empty without a brake.
+        said_miss: How far each may miss as said beforehand, two deviations [rad]; shape as above.
+        free_length: Hidden [m].
+        estimated_length: At the end [m].
+        sigma_length: Of that [m].
+    """
+
+    case: int
+    seed: int
+    truth: str
+    mode: str
+    marker_error: Array
+    turn_rms: Array
+    marker_miss: Array
+    said_miss: Array
+    free_length: float
+    estimated_length: float
+    sigma_length: float
+
+    def record(self) -> dict[str, Any]:
+        """Return the row for a file of JSON."""
+        return {
+            "case": self.case,
+            "seed": self.seed,
+            "truth": self.truth,
+            "mode": self.mode,
+            "marker_error_mm": [_known(1.0e3 * value) for value in self.marker_error],
+            "turn_rms_mm": [_known(1.0e3 * value) for value in self.turn_rms],
+            "marker_miss_turns": [_known(value / _FULL_TURN) for value in self.marker_miss],
+            "said_miss_turns": [_known(value / _FULL_TURN) for value in self.said_miss],
+            "free_length_m": self.free_length,
+            "estimated_free_length_m": self.estimated_length,
+            "sigma_free_length_m": self.sigma_length,
+        }
+
+
+def planned(config: ClosedLoopConfig) -> Iterator[tuple[int, int, str, str]]:
+    """Yield case, seed, truth and mode of every run."""
+    for case in config.cases:
+        for seed in range(config.first_seed, config.first_seed + config.draws):
+            for truth in config.truths:
+                for mode in MODES:
+                    yield case, seed, truth, mode
+
+
+def closed_loop_study(
+    config: ClosedLoopConfig, *, processes: int, progress: Progress
+) -> list[ClosedLoopRow]:
+    """Wind every run of a study; the order is that of `planned`.
+
+    Args:
+        config: What is wound.
+        processes: At a time.
+        progress: Called with the runs done and those there are.
+    """
+    runs = list(planned(config))
+    rows = []
+    work = joblib.Parallel(n_jobs=processes, return_as="generator")(
+        joblib.delayed(_wound)(*run, config) for run in runs
+    )
+    for row in work:
+        rows.append(row)
+        progress(len(rows), len(runs))
+    return rows
+
+
+def summary(rows: list[ClosedLoopRow]) -> dict[tuple[str, str], Mapping[str, Array]]:
+    """Return percentiles over the runs, by truth and mode.
+
+    The 50th, 95th and 100th percentile of |z error| at each marker and of the rms of the turns
+    after the second [m], shape (3,) each; of markers that landed.
+    """
+    found: dict[tuple[str, str], Mapping[str, Array]] = {}
+    for truth, mode in sorted({(row.truth, row.mode) for row in rows}):
+        chosen = [row for row in rows if (row.truth, row.mode) == (truth, mode)]
+        most = max(row.marker_error.size for row in chosen)
+        parts: dict[str, Array] = {}
+        for n in range(most):
+            errors = np.array([row.marker_error[n] for row in chosen if row.marker_error.size > n])
+            parts[f"P{n + 1}"] = _percentiles(np.abs(errors))
+        parts["turns"] = _percentiles(np.concatenate([row.turn_rms[2:] for row in chosen]))
+        found[truth, mode] = parts
+    return found
+
+
+def _wound(case: int, seed: int, truth: str, mode: str, config: ClosedLoopConfig) -> ClosedLoopRow:
+    what = Condition(case=case, law=_LAW).resolved()
+    control = ControlParameters()
+    turns = what.drive.positions(what.duration)[0] / _FULL_TURN
+    program = even_helix(what.drive.pitch, turns + 2.0)
+    hidden = HiddenRig.drawn(np.random.default_rng((case, seed)))
+    wanted = WantedProgram.of(program, what, control.limits(what))
+    markers = _within_reach(control, what, wanted) if config.brake else {}
+    run = ClosedRun(
+        what=what,
+        wanted=wanted,
+        markers=markers,
+        end=max([_FULL_TURN * turns, *(angle + _BEYOND for angle in markers.values())]),
+        truth=truth,
+        hidden=hidden,
+        control=control,
+        mode=MODES[mode],
+        sees_lay=config.sees_lay,
+        seed=seed,
+    )
+    result = wind(run)
+    lay = result.setpoints[-1].lay
+    said = expected_landings(control, what, wanted, markers)
+    return ClosedLoopRow(
+        case=case,
+        seed=seed,
+        truth=truth,
+        mode=mode,
+        marker_error=result.marker_error,
+        turn_rms=result.turn_rms(),
+        marker_miss=np.array([result.marker_theta[n - 1] - angle for n, angle in markers.items()]),
+        said_miss=np.array([item.misses for item in said]),
+        free_length=hidden.free_length,
+        estimated_length=lay.free_length,
+        sigma_length=lay.sigma_length,
+    )
+
+
+def _within_reach(
+    control: ControlParameters, what: ResolvedCondition, wanted: WantedLay
+) -> dict[int, float]:
+    """Return where markers land [rad] under a share of the weight, if all is as believed."""
+    case = what.case
+    watching = control.controller(what, wanted, markers={1: 1.0}, mode=ControlMode.WATCH)
+    assert watching.landing is not None
+    theta = np.arange(_STEP, 2.0 * _FULL_TURN * (case.marker_count + 1), _STEP)
+    slope = np.array([wanted.at(float(angle)).slope for angle in theta])
+    tension = watching.stretch.estimate.tension(
+        _MIDDLE_PULL * case.weight, case.centreline_radius * theta
+    )
+    laid = np.cumsum(watching.landing.law.density(tension, slope) * _STEP)
+    numbers = range(1, case.marker_count + 1)
+    return {n: float(np.interp(n * case.marker_spacing, laid, theta)) for n in numbers}
+
+
+def verdict(rows: list[ClosedLoopRow], tolerance: float) -> str:
+    """Return one sentence: whether the turns lie within a tolerance under control, and without.
+
+    Args:
+        rows: Of a study.
+        tolerance: Of the rms distance from the helix, of every turn after the second [m].
+    """
+    worst = {
+        mode: max((part["turns"][2] for (_, of), part in summary(rows).items() if of == mode))
+        for mode in MODES
+    }
+    kept = worst["closed"] <= tolerance
+    return (
+        f"{'good' if kept else 'not good'}: under control no turn after the second lies further "
+        f"than {1.0e3 * worst['closed']:.2f} mm (rms) from where it is wanted, "
+        f"limit {1.0e3 * tolerance:g} mm; without control {1.0e3 * worst['open']:.2f} mm"
+    )
+
+
+def miss_summary(rows: list[ClosedLoopRow]) -> dict[str, Mapping[str, Array]]:
+    """Return percentiles of how far markers missed their angles under control, by truth.
+
+    The 50th, 95th and 100th percentile of |miss| by marker in turns, shape (3,) each, and for
+    every marker under `said` the share of runs within what was said beforehand, or within its
+    bar, 0.02 turns of P1 and 0.01 of others, shape (1,).
+    """
+    found: dict[str, Mapping[str, Array]] = {}
+    closed = [row for row in rows if row.mode == "closed" and row.marker_miss.size]
+    for truth in sorted({row.truth for row in closed}):
+        chosen = [row for row in closed if row.truth == truth]
+        parts: dict[str, Array] = {}
+        for n in range(max(row.marker_miss.size for row in chosen)):
+            pairs = [
+                (row.marker_miss[n], row.said_miss[n]) for row in chosen if row.marker_miss.size > n
+            ]
+            miss, said = np.abs(np.array(pairs)).T / _FULL_TURN
+            known = np.isfinite(miss)
+            parts[f"P{n + 1}"] = _percentiles(miss)
+            held = miss[known] <= np.maximum(said[known], MISS_BARS[min(n, 1)])
+            parts[f"P{n + 1} said"] = np.array([held.mean() if held.size else np.nan])
+        found[truth] = parts
+    return found
+
+
+def _percentiles(values: Array) -> Array:
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return np.full(3, np.nan)
+    return np.asarray(np.percentile(known, (50.0, 95.0, 100.0)))
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

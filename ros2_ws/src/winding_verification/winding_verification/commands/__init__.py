@@ -1,0 +1,1 @@
+"""What the evidence adds to the command `winding`."""

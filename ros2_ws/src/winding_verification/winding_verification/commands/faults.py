@@ -1,0 +1,56 @@
+"""`winding faults`: put every fault of the table into real processes and measure what happens."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from winding_cli.commands.console import result_console
+from winding_cli.commands.output_path import check_output_file, write_json
+from winding_cli.commands.refusal import FAILED, refuse, refused
+from winding_cli.commands.ros_environment import joined
+
+
+def faults(
+    json: Annotated[Path | None, typer.Option(help="Also write the table to this file.")] = None,
+    only: Annotated[
+        str | None, typer.Option(help="Try only the rows whose name contains this text.")
+    ] = None,
+    domain: Annotated[
+        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
+    ] = None,
+) -> None:
+    """Kill, hold and mislead a running graph in every way of the table; exit 1 if it fails one."""
+    from winding_supervisor.domain_lock import DomainError, domain_lock
+    from winding_supervisor.interruption import Interruption, run_closing
+    from winding_verification.faults import campaign
+
+    check_output_file(json, "--json")
+    names = {name for name in campaign.row_names() if (only or "") in name}
+    if not names:
+        refuse(f"no row of the fault table contains {only!r}")
+
+    async def work(_stack: AsyncExitStack, _interruption: Interruption) -> list[Any]:
+        outcomes: list[Any] = await campaign.try_rows(names, place.folder, _tell)
+        return outcomes
+
+    with (
+        refused(DomainError),
+        joined(domain) as place,
+        domain_lock(place.domain, campaign.NAMESPACE),
+    ):
+        outcomes = run_closing(work)
+    campaign.show(outcomes, result_console())
+    if json is not None:
+        write_json(json, [outcome.as_record() for outcome in outcomes])
+    if not all(outcome.passed for outcome in outcomes):
+        raise typer.Exit(FAILED)
+
+
+def _tell(outcome: Any) -> None:
+    words = "ok    " if outcome.passed else "FAILED"
+    print(f"{words}  {outcome.fault}", file=sys.stderr, flush=True)

@@ -1,0 +1,1 @@
+"""Research of the correction: the law within a run, and runs that do not repeat exactly."""

@@ -1,0 +1,133 @@
+"""The experiments of cosseratbench in a folder: ours beside the figures that it published."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
+
+from winding_verification.experiments import cosserat_experiments as cosserat
+from winding_verification.experiments.external_row import ExternalRow
+from winding_verification.experiments.scenario import (
+    ExternalFileError,
+    NothingFoundError,
+    Scenario,
+    read_scenario,
+)
+
+EXPERIMENTS: dict[str, Callable[[Scenario], cosserat.Metrics]] = {
+    "cantilever": cosserat.cantilever,
+    "capstan": cosserat.capstan,
+    "catenary": cosserat.catenary,
+    "pendulum": cosserat.pendulum,
+    "twist": cosserat.twist,
+}
+
+# Greatest magnitude. The references leave out: bending in the catenary, which lifts the sag of a
+# short span by 0.8 %; the size of the swing, 2e-5 of the period; stretch and shear elsewhere.
+_BARS = {
+    "tip_deflection_error": 1.0e-3,
+    "shape_error": 5.0e-3,
+    "sag_error": 1.0e-2,
+    "period_error": 5.0e-4,
+    "amplitude_change": 1.0e-3,
+    "critical_twist_error": 5.0e-3,
+}
+# A rope that holds moves by less [m], one that does not by more.
+_HOLDS, _SLIDES = 2.0e-4, 1.0e-2
+# What varies the solver and not the experiment.
+_OF_THE_SOLVER = ("resolution", "time_step_scale")
+
+
+def found_experiments(
+    folder: Path, wanted: Collection[str] = tuple(EXPERIMENTS)
+) -> tuple[list[Path], tuple[str, ...]]:
+    """Return the files to compare, each physical problem once, and the names of others there.
+
+    Args:
+        folder: Somewhere above them.
+        wanted: Names of EXPERIMENTS.
+
+    Raises:
+        NothingFoundError: The folder holds none.
+        ExternalFileError: There is no such folder, or a file is no experiment.
+    """
+    if not folder.is_dir():
+        raise ExternalFileError(f"there is no folder {folder}")
+    chosen: dict[tuple[str, str], tuple[bool, Path]] = {}
+    others = set()
+    for file in sorted(folder.rglob("experiment.json")):
+        name, values, of_the_solver = _told(file)
+        if name not in wanted:
+            others.add(name)
+            continue
+        before = chosen.get((name, values))
+        if before is None or (before[0] and not of_the_solver):
+            chosen[name, values] = (of_the_solver, file)
+    if not chosen:
+        raise NothingFoundError(
+            f"{folder} holds no experiment.json of {', '.join(wanted)}; it is to be a "
+            "results folder of cosseratbench, or one above it"
+        )
+    return [file for _, (_, file) in sorted(chosen.items())], tuple(sorted(others))
+
+
+def compare(file: Path) -> Iterator[ExternalRow]:
+    """Wind through one experiment; yield its quantities.
+
+    Raises:
+        ExternalFileError: The file is no experiment, or asks for what the rod has not.
+        SolverError: The rod cannot compute it.
+    """
+    scenario = read_scenario(file)
+    if lacks := _lacks(scenario):
+        raise ExternalFileError(f"{file}: a {scenario.experiment} needs {lacks}")
+    for quantity, computed in EXPERIMENTS[scenario.experiment](scenario).items():
+        at_least = quantity == "slide" and scenario.values["overhang"] > 1.0
+        bar = (_SLIDES if at_least else _HOLDS) if quantity == "slide" else _BARS[quantity]
+        yield ExternalRow(
+            experiment=scenario.experiment,
+            variant=scenario.variant,
+            quantity=quantity,
+            computed=float(computed),
+            bar=bar,
+            at_least=at_least,
+            published={
+                solver: _usable(metrics.get(quantity))
+                for solver, metrics in scenario.published.items()
+            },
+        )
+
+
+def _lacks(scenario: Scenario) -> str:
+    """Return what an experiment does not tell and is nothing without; empty if it tells all."""
+    loaded = all(rod.load.any() for rod in scenario.rods)
+    turned = all(rod.turn.size and rod.turn[-1] > 0.0 for rod in scenario.rods)
+    needs = {
+        "cantilever": (("a load", loaded),),
+        "capstan": (
+            ("gravity", bool(scenario.gravity.any())),
+            ("a cylinder", bool(scenario.obstacles)),
+            ("an overhang", "overhang" in scenario.values),
+        ),
+        "catenary": (("gravity", bool(scenario.gravity.any())),),
+        "pendulum": (("gravity", bool(scenario.gravity.any())),),
+        "twist": (("a load on every rod", loaded), ("an end_motion of every rod", turned)),
+    }
+    return " and ".join(what for what, told in needs[scenario.experiment] if not told)
+
+
+def _usable(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _told(file: Path) -> tuple[str, str, bool]:
+    """Return an experiment's name, its parameters as text, whether it varies the solver alone."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        values = json.dumps(content["values"], sort_keys=True)
+        varied = content.get("varied") or {}
+        return str(content["name"]), values, any(name in varied for name in _OF_THE_SOLVER)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise ExternalFileError(f"{file} is no experiment of cosseratbench: {error}") from error

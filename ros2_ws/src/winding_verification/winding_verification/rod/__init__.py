@@ -1,0 +1,1 @@
+"""A rod of any shape and load, for problems with closed forms; it winds nothing."""
