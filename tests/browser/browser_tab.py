@@ -89,9 +89,9 @@ class Tab:
         """Click a button of the question that is open."""
         self.page.locator("dialog[open]").get_by_role("button", name=name, exact=True).click()
 
-    def said(self, text: str) -> None:
-        """Wait until the page says what came of the last command."""
-        self.wait_for(f"document.querySelector('.said').innerText.includes({text!r})")
+    def answered(self, text: str) -> None:
+        """Wait until the page shows the outcome of the last command."""
+        self.wait_for(f"document.querySelector('#answer').innerText.includes({text!r})")
 
     def click_time(self, name: str) -> float:
         """Click a button and return the time of its click event [s since the epoch]."""

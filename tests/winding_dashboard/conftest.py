@@ -10,6 +10,7 @@ import time
 import urllib.request
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -195,11 +196,12 @@ class ControlledPage:
     process: "subprocess.Popen[str]"
 
 
-@pytest.fixture(scope="module")
-def controlled_page() -> Iterator[ControlledPage]:
+@contextmanager
+def made_up_page(*arguments: str) -> Iterator[ControlledPage]:
+    """Serve controlled_page.py until the end of the body."""
     port = free_port()
     process = subprocess.Popen(
-        [sys.executable, str(Path(__file__).parent / "controlled_page.py"), str(port)],
+        [sys.executable, str(Path(__file__).parent / "controlled_page.py"), str(port), *arguments],
         stdout=subprocess.PIPE, text=True, env=Serving.environment(),
     )  # fmt: skip
     try:
@@ -209,6 +211,18 @@ def controlled_page() -> Iterator[ControlledPage]:
     finally:
         process.terminate()
         process.wait(30.0)
+
+
+@pytest.fixture(scope="module")
+def controlled_page() -> Iterator[ControlledPage]:
+    with made_up_page() as page:
+        yield page
+
+
+@pytest.fixture
+def standing_page() -> Iterator[ControlledPage]:
+    with made_up_page("standing") as page:
+        yield page
 
 
 @pytest.fixture(scope="module")

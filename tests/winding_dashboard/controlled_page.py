@@ -1,6 +1,7 @@
 """Serve the page of a made-up controlled run, whose graph does as it is told, without ROS.
 
-python controlled_page.py PORT serves the page until it is told to end; what it was told is printed.
+python controlled_page.py PORT serves the page until it is ended; the commands it gets are printed.
+With `standing` behind it the machine stands, and another condition can be prepared.
 """
 
 import asyncio
@@ -104,10 +105,17 @@ class Controlled(Machine):
         return answer
 
 
-def main(port: int) -> None:
+def main(port: int, *, standing: bool) -> None:
     state = fresh_state()
     graph = Controlled(state)
     begin = time.monotonic()
+    page = served(state, graph)
+
+    async def stand() -> None:
+        while True:
+            phase(state, "idle")
+            await page.session.learn_choice()
+            await asyncio.sleep(PERIOD)
 
     async def wind() -> None:
         while True:
@@ -119,14 +127,13 @@ def main(port: int) -> None:
 
     @asynccontextmanager
     async def lifespan(_: object) -> AsyncIterator[None]:
-        winding = asyncio.create_task(wind())
+        winding = asyncio.create_task(stand() if standing else wind())
         yield
         winding.cancel()
 
-    page = served(state, graph)
     app = application(page, token="", host="127.0.0.1", lifespan=lifespan)
     uvicorn.run(app, host="127.0.0.1", port=port, log_level="warning")
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]))
+    main(int(sys.argv[1]), standing="standing" in sys.argv)

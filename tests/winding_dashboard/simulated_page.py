@@ -141,4 +141,4 @@ class Desk:
         body = {"server": seen["server"], "sequence": seen["sequence"], **more}
         answer = self.request("POST", path, json=body)
         assert answer.status_code == 200, answer.text
-        return str(answer.json()["said"])
+        return str(answer.json()["answer"])

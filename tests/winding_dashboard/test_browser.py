@@ -63,7 +63,7 @@ def test_case_and_law_are_prepared_on_every_node(desk: Any) -> None:
     setup.get_by_label("Material law").select_option("neo_hookean")
     setup.get_by_label("Case").select_option("5")
     setup.get_by_role("button", name="Prepare").click()
-    desk.wait_for("document.querySelector('.said').innerText.includes('ready to wind case 5')")
+    desk.wait_for("document.querySelector('#answer').innerText.includes('ready to wind case 5')")
     desk.wait_for(
         "[...document.querySelectorAll('.nodes tbody tr')].slice(0, 4)"
         ".every(row => row.innerText.includes('active'))"
@@ -135,7 +135,7 @@ def reset(desk: Any) -> None:
     desk.button("Reset").click()
     desk.answer("Reset")
     desk.phase("ready")
-    desk.wait_for("document.querySelector('.said').innerText.includes('start of a run')")
+    desk.wait_for("document.querySelector('#answer').innerText.includes('start of a run')")
     desk.can("Start")
 
 

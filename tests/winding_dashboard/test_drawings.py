@@ -10,8 +10,7 @@ from simulated_page import fresh_state
 
 from winding_core.lay_control_records import ControlMode
 from winding_core.markers import CABLE_DTYPE
-from winding_dashboard.drawings.cable_shape import cable_shape
-from winding_dashboard.drawings.cylinder_view import SIZE, Sight, cylinder_drawing
+from winding_dashboard.drawings.cylinder_view import SIZE, Sight, cable_shape, cylinder_drawing
 from winding_dashboard.drawings.line_chart import Band, Curve, Ends, chart, ends_of
 from winding_dashboard.drawings.palette import DRUM, GROUND, MEASURED, tension_colours
 from winding_dashboard.drawings.run_charts import SPEEDS

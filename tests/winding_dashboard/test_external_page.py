@@ -25,7 +25,7 @@ def run(driver: Any, serving: Any, tmp_path: Path) -> Iterator[AttendedRun]:
 def set_limit(desk: Any) -> None:
     desk.page.get_by_label("Error of a length, %").fill(str(LIMIT))
     desk.page.get_by_role("button", name="Set", exact=True).click()
-    desk.said(f"limits: {LIMIT} %")
+    desk.answered(f"limits: {LIMIT} %")
 
 
 def start(desk: Any) -> None:
@@ -39,7 +39,7 @@ def reset(desk: Any) -> None:
     desk.can("Reset")
     desk.button("Reset").click()
     desk.answer("Reset")
-    desk.said("made ready for the next run")
+    desk.answered("made ready for the next run")
 
 
 def records(folder: Path) -> list[Any]:

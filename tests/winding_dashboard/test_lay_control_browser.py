@@ -34,7 +34,30 @@ def test_switch_asks_acts_and_is_shown(controlled_page: Any, new_tab: Any, servi
     panel.get_by_role("button", name="Watch").click()
     tab.answer("Switch to watch")
     serving.wait_for_line(controlled_page.process, "told lay_control_watch")
-    tab.said("lay control: done")
+    tab.answered("lay control: done")
     tab.wait_for(
-        "document.querySelector('.control').innerText.includes('Watch: says what it would command')"
+        "document.querySelector('.control').innerText.includes('Watch: shows what it would command')"
     )
+
+
+def test_typed_values_stay_when_another_tab_prepares_a_case(
+    standing_page: Any, new_tab: Any
+) -> None:
+    first, second = (new_tab("desk", standing_page.url) for _ in range(2))
+    for tab in (first, second):
+        tab.wait_for("document.querySelector('[name=case]').value !== ''")
+    setup = first.page.get_by_role("region", name="Next run")
+    setup.get_by_label("Case").select_option("0")
+    setup.get_by_label("Cylinder diameter, mm").fill("33")
+    first.page.get_by_label("Error of a length, %").fill("7.25")
+    other = second.page.get_by_role("region", name="Next run")
+    other.get_by_label("Case").select_option("7")
+    other.get_by_role("button", name="Prepare").click()
+    second.answered("ready to wind case 7")
+    setup.get_by_text("has been set elsewhere").wait_for()
+    assert setup.get_by_label("Case").input_value() == "0"
+    assert setup.get_by_label("Cylinder diameter, mm").input_value() == "33"
+    assert first.page.get_by_label("Error of a length, %").input_value() == "7.25"
+    setup.get_by_role("button", name="Discard changes").click()
+    first.wait_for("document.querySelector('[name=case]').value === '7'")
+    assert setup.get_by_label("Cylinder diameter, mm").input_value() == ""

@@ -12,8 +12,8 @@ from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlBasis, Co
 from winding_core.lay_errors import turn_errors
 from winding_core.lay_tolerance import turn_state
 from winding_core.status import Level, Status
-from winding_dashboard.drawings.control_chart import lay_curves
-from winding_dashboard.page.control_words import basis_words, beliefs
+from winding_dashboard.drawings.lay_charts import lay_curves
+from winding_dashboard.page.control_card import basis_words, beliefs
 from winding_dashboard.state.control_state import ControlState
 from winding_dashboard.state.view_state import ViewState
 

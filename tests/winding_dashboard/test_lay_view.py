@@ -8,8 +8,8 @@ import pytest
 
 from winding_core.lay_records import LAY_DTYPE, LayFlag, LayRecords
 from winding_core.readings import AxisReading, ImageWindow
-from winding_dashboard.drawings.lay_chart import defects_told, lay_errors
-from winding_dashboard.drawings.lay_overlay import lay_overlay
+from winding_dashboard.drawings.camera_overlay import lay_overlay
+from winding_dashboard.drawings.lay_charts import defect_sentence, helix_errors
 from winding_dashboard.state.camera_view import CameraView
 from winding_dashboard.state.view_state import ViewState
 
@@ -61,7 +61,7 @@ def test_what_lies_wrongly_is_ringed_and_named() -> None:
     records = lay()
     wrong = np.abs(records["theta"] - 8.0) < 0.2
     records["flags"][wrong] = LayFlag.GAP
-    assert defects_told(records) == "gap on turn 2"
+    assert defect_sentence(records) == "gap on turn 2"
     facing = np.cos(20.0 - records["theta"][wrong]) > 0.4
     assert lay_overlay(records, VIEW).count("<circle") == facing.sum()
 
@@ -69,7 +69,7 @@ def test_what_lies_wrongly_is_ringed_and_named() -> None:
 def test_an_even_lay_has_no_error_and_a_shifted_one_its_shift() -> None:
     records = lay()
     records["z"][36:] += 0.7e-3
-    errors = np.array(lay_errors(records, ADVANCE))
+    errors = np.array(helix_errors(records, ADVANCE))
     # Single precision of z: a tenth of a micrometre.
     np.testing.assert_allclose(errors[:36, 1], 0.0, atol=1e-3)
     np.testing.assert_allclose(errors[36:, 1], 0.7, atol=1e-3)

@@ -100,7 +100,7 @@ def test_message_that_cannot_be_used_is_counted_and_changes_nothing(
 def test_command_is_unavailable_until_somebody_serves_it(
     ros: Any, dashboard: DashboardNode
 ) -> None:
-    assert dashboard.service_client.unavailable("stop") == "nobody serves rig/stop in /"
+    assert dashboard.service_client.unavailable("stop") == "no node serves rig/stop in /"
     assert "does not serve" in dashboard.service_client.unprepared()
     probe = ros.plain()
 

@@ -78,12 +78,12 @@ def test_own_condition_is_prepared(desk: Any, pictures: Path) -> None:
     desk.shoot(pictures, "own-condition")
     assert desk.misfits() == []
     setup(desk).get_by_role("button", name="Prepare").click()
-    desk.said("ready to wind a condition of your own")
+    desk.answered("ready to wind a condition of your own")
 
 
 def test_recording_begins_before_the_run(desk: Any, run: AttendedRun) -> None:
     recording(desk).get_by_role("button", name="Record", exact=True).click()
-    desk.said("recording into")
+    desk.answered("recording into")
     desk.page.locator(".recording").wait_for(state="visible")
     assert (run.folder / "bag").is_dir()
 
@@ -98,7 +98,7 @@ def test_start_winds(desk: Any, motion: Any) -> None:
 def test_dead_page_comes_back_and_stops_nothing(desk: Any, run: AttendedRun, motion: Any) -> None:
     desk.page.get_by_label("Error of a length, %").fill("7.5")
     desk.page.get_by_role("button", name="Set", exact=True).click()
-    desk.said("limits: 7.5 %")
+    desk.answered("limits: 7.5 %")
     before = until(run.page)
     before.kill()
     until(lambda: (page := run.page()) is not None and page.pid != before.pid)
@@ -120,7 +120,7 @@ def end_recording(desk: Any) -> None:
     recording(desk).get_by_role("button", name="Stop recording").click()
     desk.page.get_by_text("Stop recording while the machine winds?").wait_for()
     desk.answer("Stop recording")
-    desk.said("messages")
+    desk.answered("messages")
     recording(desk).get_by_text("nothing is being recorded").wait_for()
 
 
@@ -166,7 +166,7 @@ def test_emergency_stop_and_reset_are_no_failures(desk: Any, run: AttendedRun, m
     desk.phase("e-stop")
     desk.button("Reset").click()
     desk.answer("Reset")
-    desk.said("start of a run")
+    desk.answered("start of a run")
     desk.phase("ready")
     desk.button("Start").click()
     desk.phase("winding")
@@ -182,7 +182,7 @@ def test_prepared_case_gets_a_bag_of_its_own(desk: Any, run: AttendedRun, motion
     setup(desk).get_by_label("Case").select_option("5")
     setup(desk).get_by_role("button", name="Prepare").click()
     desk.answer("Prepare")
-    desk.said("ready to wind case 5")
+    desk.answered("ready to wind case 5")
     desk.button("Start").click()
     desk.phase("winding")
     until(lambda: motion.samples[-1][1] > FULL_SPEED)

@@ -8,7 +8,7 @@ import pytest
 
 from winding_core.markers import MarkerFlag, wound_markers
 from winding_core.readings import ImageWindow
-from winding_dashboard.drawings.band_overlay import band_overlay, measured_count
+from winding_dashboard.drawings.camera_overlay import band_overlay, measured_count
 from winding_dashboard.state.camera_view import CameraView
 
 MATRIX = np.array([[5000.0, 0.0, 960.0], [0.0, 5000.0, 540.0], [0.0, 0.0, 1.0]])

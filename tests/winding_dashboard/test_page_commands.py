@@ -40,7 +40,7 @@ def test_refused_reset_keeps_what_is_shown() -> None:
 def test_every_browser_reads_what_the_last_request_came_to() -> None:
     desk = Desk(fresh_state(), Machine(refusal="cannot stop while the machine is in idle"))
     desk.ask("/command/stop")
-    assert desk.look()["texts"]["said"].endswith("stop: cannot stop while the machine is in idle")
+    assert desk.look()["texts"]["answer"].endswith("stop: cannot stop while the machine is in idle")
 
 
 def test_buttons_are_off_with_a_reason_when_only_topics_come() -> None:
@@ -84,7 +84,7 @@ def test_what_was_asked_before_an_old_picture_is_not_done(name: str) -> None:
     seen = desk.look()
     clock.now += SEEN_WITHIN + 1.0
     body = {"server": seen["server"], "sequence": seen["sequence"]}
-    said = desk.request("POST", f"/command/{name}", json=body).json()["said"]
+    said = desk.request("POST", f"/command/{name}", json=body).json()["answer"]
     assert said.endswith(f"{name}: nothing was done, for the page was 6 s old; look again")
     assert machine.done == []
 
@@ -112,7 +112,7 @@ def test_request_of_another_server_is_of_the_past() -> None:
     desk = Desk(fresh_state(), machine, server="second")
     seen = desk.look()
     body = {"server": "first", "sequence": seen["sequence"]}
-    assert "too old" in desk.request("POST", "/command/start", json=body).json()["said"]
+    assert "too old" in desk.request("POST", "/command/start", json=body).json()["answer"]
     assert machine.done == []
 
 

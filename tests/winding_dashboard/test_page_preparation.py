@@ -76,7 +76,7 @@ def test_wrong_own_condition_is_refused_with_value_and_limits() -> None:
     assert "say what to wind: Case 1 to 12, or Cylinder" in desk.ask("/prepare", form=form(0))
     said = desk.ask("/prepare", form=form(0, **{**OWN, "cylinder_diameter_mm": 3000}))
     assert "Cylinder diameter, mm must be at most 2000, got 3000" in said
-    assert desk.look()["texts"]["prepare-said"].endswith("at most 2000, got 3000")
+    assert desk.look()["texts"]["prepare-answer"].endswith("at most 2000, got 3000")
     assert desk.graph.done == []
 
 
@@ -91,4 +91,4 @@ def test_refused_preparation_says_why_beside_its_button() -> None:
     refusal = "cable_fem cannot configure: the weight is too much"
     desk = at_desk(machine=Machine(refusal=refusal))
     assert desk.ask("/prepare", form=form(4)).endswith(f"prepare: {refusal}")
-    assert desk.look()["texts"]["prepare-said"] == refusal
+    assert desk.look()["texts"]["prepare-answer"] == refusal

@@ -58,7 +58,7 @@ def keep_winding(page: Any) -> None:
         header.get_by_role("button", name="Reset", exact=True).click()
         page.locator("dialog[open]").get_by_role("button", name="Reset").click()
         page.wait_for_function(
-            "document.querySelector('.said').innerText.includes('start of a run')", timeout=60_000
+            "document.querySelector('#answer').innerText.includes('start of a run')", timeout=60_000
         )
     elif phase in ("ready", "stopped") and header.get_by_role("button", name="Start").is_enabled():
         header.get_by_role("button", name="Start", exact=True).click()

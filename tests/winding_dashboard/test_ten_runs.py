@@ -44,7 +44,7 @@ def test_ten_runs_leave_ten_reports_a_live_page_and_flat_memory(
         if run == RUNS:
             desk.page.get_by_label("Error of a length, %").fill(str(LIMIT))
             desk.page.get_by_role("button", name="Set", exact=True).click()
-            desk.said("limits: ")
+            desk.answered("limits: ")
         if run in STOPPED:
             desk.wait_for("parseFloat(byId('clock').textContent) % 1000 > 0.5")
             desk.button("EMERGENCY STOP").click()
@@ -57,7 +57,7 @@ def test_ten_runs_leave_ten_reports_a_live_page_and_flat_memory(
             desk.shoot(pictures, f"after-run-{run}")
         desk.button("Reset").click()
         desk.answer("Reset")
-        desk.said("start of a run")
+        desk.answered("start of a run")
         held.append(session.memory_mb())
     print("MB after each run:", [round(value) for value in held])
     assert desk.complaints == []

@@ -36,8 +36,8 @@ class DashboardNode(Node):  # type: ignore[misc]
 
     Calls rig/start, rig/stop, rig/reset, rig/emergency_stop, lay_control/off, lay_control/watch,
     lay_control/drive, recorder/record, and the lifecycle and parameter services of the graph's
-    nodes. A supervised one gives signs of life and says in /diagnostics what its operator calls
-    good; anybody may set those two parameters.
+    nodes. A supervised one publishes heartbeats and, in /diagnostics, the operator's limits;
+    any client may set those two parameters.
 
     Attributes:
         parameters: As the page was started.

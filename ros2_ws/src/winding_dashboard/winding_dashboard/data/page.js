@@ -3,7 +3,7 @@
 
 const PERIOD = 200; // ms from one question for a snapshot to the next
 const PATIENCE = 3000; // ms that the server has for an answer
-const OLD = 1000; // ms after which what is shown is said to be old
+const OLD = 1000; // ms after which what is shown is marked as old
 const AGAIN = 500; // ms until an emergency stop without an answer is sent again
 
 const byId = (id) => document.getElementById(id);
@@ -13,8 +13,8 @@ let shown = { server: "", sequence: -1, ask: {}, age: 0 };
 let asked = performance.now(); // when the shown snapshot was asked for: it is younger than this
 let late = false;
 let lost = false;
-let filled = "";
-let limited = "";
+// A form follows the server until something is typed in it, and again once that is taken or discarded.
+const forms = { form: { server: "", edited: new Set() }, limits: { server: "", edited: new Set() } };
 
 // ---- what is shown
 
@@ -41,29 +41,43 @@ function apply(snapshot) {
     byId("picture").hidden = !picture;
     if (picture) byId("picture").src = picture;
   }
-  byId("said").classList.toggle("alarm", snapshot.alarm);
+  byId("answer").classList.toggle("alarm", snapshot.alarm);
   fill(snapshot);
   tellAge();
 }
 
-// Fields follow the server when its values change, and keep what is typed meanwhile.
 function fill(snapshot) {
-  const form = JSON.stringify(snapshot.form);
-  if (form !== filled && snapshot.form.fields) {
-    filled = form;
-    const elements = byId("form").elements;
-    elements.case.value = snapshot.form.case;
-    elements.law.value = snapshot.form.law;
-    elements.take_up.checked = snapshot.form.take_up;
-    for (const field of document.querySelectorAll("[data-field]"))
-      field.value = snapshot.form.fields[field.name] ?? "";
+  if (snapshot.form.fields) {
+    const { fields, ...choices } = snapshot.form;
+    const empty = Object.fromEntries([...document.querySelectorAll("[data-field]")].map((field) => [field.name, ""]));
+    follow("form", { ...empty, ...fields, ...choices });
     showOwn();
   }
-  const limits = JSON.stringify(snapshot.limits);
-  if (limits !== limited) {
-    limited = limits;
-    for (const [name, value] of Object.entries(snapshot.limits)) byId("limits").elements[name].value = value;
+  follow("limits", snapshot.limits);
+  const { server, known, edited } = forms.form;
+  byId("discard").hidden = !edited.size;
+  byId("elsewhere").hidden = !edited.size || server === known;
+}
+
+// The first values of the server fill what is not typed yet; later ones leave an edited form alone, whole,
+// so that it never holds a mixture of two operators' conditions.
+function follow(id, values) {
+  const form = forms[id];
+  const first = form.known === undefined;
+  form.server = JSON.stringify(values);
+  if (form.server === form.known || (form.edited.size && !first)) return;
+  form.known = form.server;
+  for (const [name, value] of Object.entries(values)) {
+    const element = byId(id).elements[name];
+    if (form.edited.has(name)) continue;
+    if (element.type === "checkbox") element.checked = value;
+    else element.value = value;
   }
+}
+
+function release(id) {
+  forms[id].edited.clear();
+  forms[id].known = "";
 }
 
 const showOwn = () => { byId("own").hidden = byId("form").elements.case.value !== "0"; };
@@ -116,11 +130,12 @@ async function post(path, more = {}) {
     method: "POST", body, headers: { "Content-Type": "application/json" }, signal: AbortSignal.timeout(150000),
   });
   if (!answer.ok) throw new Error(await answer.text());
+  return answer.json();
 }
 
 function unanswered(what, error) {
-  byId("said").textContent = `${what}: not answered (${error.message}); use the machine's own controls`;
-  byId("said").classList.add("alarm");
+  byId("answer").textContent = `${what}: not answered (${error.message}); use the machine's own controls`;
+  byId("answer").classList.add("alarm");
 }
 
 async function stopNow() {
@@ -150,7 +165,8 @@ async function act(button) {
   if (button.id === "prepare") more = { form: typed() };
   if (button.id === "record") more = { on: byId("recording").hidden };
   try {
-    await post(button.dataset.post, more);
+    const { refused } = await post(button.dataset.post, more);
+    if (button.id === "prepare" && !refused) release("form");
   } catch (error) {
     unanswered(button.textContent.toLowerCase(), error);
   }
@@ -176,11 +192,15 @@ byId("limits").addEventListener("submit", async (event) => {
   for (const field of byId("limits").elements)
     if (field.name && field.value !== "" && !field.closest("[hidden]")) values[field.name] = Number(field.value);
   try {
-    await post("limits", { limits: values });
+    const { refused } = await post("limits", { limits: values });
+    if (!refused) release("limits");
   } catch (error) {
     unanswered("limits", error);
   }
 });
+for (const id of Object.keys(forms))
+  byId(id).addEventListener("input", (event) => forms[id].edited.add(event.target.name));
+byId("discard").addEventListener("click", () => release("form"));
 byId("form").elements.case.addEventListener("change", showOwn);
 byId("form").addEventListener("submit", (event) => event.preventDefault());
 

@@ -14,11 +14,55 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.markers import MarkerFlag
-from winding_dashboard.drawings.cable_shape import CableShape, cable_shape
 from winding_dashboard.drawings.palette import DRUM, EDGE, INK, MEASURED, PAPER, tension_colours
 from winding_dashboard.state.view_state import ViewState
 
-FloatArray = NDArray[np.float64]
+# The span to the guide leaves the picture above this height over the axis [m].
+_TOP = 0.07
+# Enough dots to look like a cable and few enough to send five times a second.
+CABLE_POINTS = 360
+# A tension that varies by less is one colour [N]; the load cell's noise is 0.01 N.
+_LEAST_SPREAD = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class CableShape:
+    """The cable as dots.
+
+    Attributes:
+        points: In the lab frame, shape (n, 3) [m].
+        share: Of the tension between low and high, shape (n,).
+        low: Least tension [N].
+        high: Largest tension [N].
+    """
+
+    points: NDArray[np.float64]
+    share: NDArray[np.float64]
+    low: float
+    high: float
+
+
+def cable_shape(cable: NDArray[np.void], count: int = CABLE_POINTS) -> CableShape | None:
+    """Return the cable's nodes as evenly spaced dots; None for less than two finite nodes.
+
+    Args:
+        cable: Records of CABLE_DTYPE, in order along the cable.
+        count: Number of dots.
+    """
+    nodes = np.stack([cable[name] for name in ("x", "y", "z")], axis=1).astype(float)
+    tension = cable["tension"].astype(float)
+    finite = np.isfinite(nodes).all(axis=1) & np.isfinite(tension) & (nodes[:, 1] > -_TOP)
+    nodes, tension = nodes[finite], tension[finite]
+    if len(nodes) < 2:
+        return None
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
+    at = np.linspace(0.0, way[-1], count)
+    dots = np.stack([np.interp(at, way, column) for column in nodes.T], axis=1)
+    along = np.interp(at, way, tension)
+    low, high = float(tension.min()), float(tension.max())
+    share = (along - low) / max(high - low, _LEAST_SPREAD)
+    return CableShape(points=dots, share=share, low=low, high=high)
+
 
 # The cylinder is drawn from here to there, and further when the carriage goes further [m].
 _FROM, _TO, _BEYOND = -0.02, 0.125, 0.02
@@ -44,7 +88,7 @@ class Sight:
     pitch: float = math.radians(18.0)
 
     @property
-    def rows(self) -> FloatArray:
+    def rows(self) -> NDArray[np.float64]:
         """Rows right, up and towards the eye of lab vectors, shape (3, 3).
 
         From straight ahead one looks as the camera does: +z to the right, -y up, +x towards one.
@@ -90,12 +134,12 @@ class _Drawing:
         behind, before = self._cable()
         return behind + self._drum() + before + self._markers()
 
-    def _pixels(self, points: FloatArray) -> FloatArray:
+    def _pixels(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         seen = points @ self._rows.T
         flat = (seen[:, :2] - self._middle) * self._scale * (1.0, -1.0)
         return np.asarray(flat + 0.5 * np.array(SIZE))
 
-    def _near(self, points: FloatArray, margin: float = 0.0) -> NDArray[np.bool_]:
+    def _near(self, points: NDArray[np.float64], margin: float = 0.0) -> NDArray[np.bool_]:
         """Return which points of the surface face the eye."""
         outward = points * (1.0, 1.0, 0.0)
         length = np.maximum(np.linalg.norm(outward, axis=1), 1.0e-9)
@@ -189,7 +233,9 @@ def _pieces(before: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(itertools.pairwise(places))
 
 
-def _strand(shape: CableShape, pixels: FloatArray, start: int, stop: int, width: float) -> str:
+def _strand(
+    shape: CableShape, pixels: NDArray[np.float64], start: int, stop: int, width: float
+) -> str:
     line = " ".join(f"{u:.1f},{v:.1f}" for u, v in pixels[start : stop + 1])
     colour = tension_colours(shape.share[start : start + 1])[0]
     return (

@@ -1,1 +1,1 @@
-"""What the page says and what it can ask for, without ROS and without a web server."""
+"""What the page shows and what it can request, without ROS and without a web server."""

@@ -84,16 +84,16 @@ def progress_cell(state: ViewState, label: WoundLabel | None) -> Cell:
 def verdict_cell(state: ViewState, limits: OperatorLimits) -> Cell:
     """Return whether the lay is good so far: every limit that there is something to hold to."""
     lengths = length_verdict(state.marker_rows(), limits.error_limit_pct)
-    said, goods = [], []
+    remarks, goods = [], []
     lay = lay_verdict(state, limits.lay_tolerance)
     if lay is not None and lay.worst is not None:
         goods.append(abs(lay.worst.largest) <= limits.lay_tolerance)
         off, limit = (1000.0 * value for value in (lay.worst.largest, limits.lay_tolerance))
-        said.append(f"lay {off:+.2f} mm off at most, limit {limit:g} mm, turn {lay.worst.number}")
+        remarks.append(f"lay {off:+.2f} mm off at most, limit {limit:g} mm, turn {lay.worst.number}")
     worst = lengths.worst
     if worst is not None and worst.corrected is not None:
         goods.append(bool(lengths.good))
-        said.append(
+        remarks.append(
             f"largest error {worst.corrected:.2f} %, limit {limits.error_limit_pct:g} %, "
             f"{worst.name}"
         )
@@ -102,7 +102,7 @@ def verdict_cell(state: ViewState, limits: OperatorLimits) -> Cell:
     good = all(goods)
     return Cell(
         word="GOOD" if good else "NOT GOOD",
-        remark="; ".join(said),
+        remark="; ".join(remarks),
         style="good" if good else "not-good",
     )
 

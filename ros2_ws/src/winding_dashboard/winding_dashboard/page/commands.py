@@ -29,7 +29,7 @@ class Choice:
 
     Attributes:
         condition: As every node takes it.
-        take_up: Whether the solver goes on with the modulus that the markers tell.
+        take_up: Whether the solver continues with the identified modulus.
     """
 
     condition: Condition
@@ -55,7 +55,7 @@ class Graph(Protocol):
     async def choice(self) -> Choice:
         """Return what the nodes are set to."""
 
-    async def prepare(self, choice: Choice, tell: Callable[[str], None]) -> str:
+    async def prepare(self, choice: Choice, report: Callable[[str], None]) -> str:
         """Set a choice on every node and bring all nodes up; raise CommandError.
 
         Returns:
@@ -80,7 +80,7 @@ class Graph(Protocol):
         """
 
 
-# What the machine refuses in which phase, so that the page can say so before a click.
+# What the machine refuses in which phase, so that the page can show it before a click.
 _OUT_OF_PHASE = {
     (START, "winding"): "the machine is winding",
     (START, "finished"): "the run is finished; reset first",
@@ -108,7 +108,7 @@ def between_runs(command: str, phase: RunPhase | None, *, moving: bool) -> str:
 
     Args:
         command: To the machine.
-        phase: As the orchestrator says; None where it says nothing.
+        phase: As the orchestrator reports it; None where it reports none.
         moving: Whether the machine moves.
     """
     if phase is RunPhase.FAILED and command in (START, RESET):
@@ -125,6 +125,6 @@ def between_runs(command: str, phase: RunPhase | None, *, moving: bool) -> str:
 def out_of_phase(command: str, phase: str) -> str:
     """Return why a command makes no sense in the machine's phase; empty when it does.
 
-    Stop and emergency stop are never held back: what the page believes may be old.
+    Stop and emergency stop are never held back: the page's state may be old.
     """
     return _OUT_OF_PHASE.get((command, phase), "")

@@ -5,12 +5,31 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from winding_core.material_report import MaterialReport
 from winding_core.readings import Quantity
 from winding_dashboard.page.numbers import DASH, PER_METRE, number
 from winding_dashboard.state.view_state import ViewState
 
+_MEGA = 1.0e6
+
+
+def material_sentence(material: MaterialReport | None) -> str:
+    """Return the identified modulus as a sentence."""
+    if material is None:
+        return "Effective modulus: no marker is measured yet"
+    if material.refusal:
+        return f"Effective modulus: {material.refusal}"
+    markers = ", ".join(f"P{number}" for number in material.markers)
+    return (
+        f"Effective modulus {material.young / _MEGA:.3f} ± "
+        f"{material.half_width_90 / _MEGA:.3f} MPa (nine times in ten), "
+        f"{material.law.replace('_', ' ')}, from {markers}; "
+        f"the model {'goes on with it' if material.taken_up else 'keeps its own'}"
+    )
+
+
 # Votes that are shown; the others are below.
-_TOLD_VOTES = 3
+_SHOWN_VOTES = 3
 # The clock of a simulated machine ends with its run: the last speeds are no present ones.
 _CLOCK_STANDS, _LAST = ("finished", "emergency stop"), "when its clock ended"
 # On the machine's clock an older value is no longer the present one [s].
@@ -88,8 +107,8 @@ def _measured(state: ViewState, quantity: Quantity) -> Figure:
 def _votes(state: ViewState) -> str:
     if not state.votes:
         return "nothing measured"
-    told = list(state.votes.items())[:_TOLD_VOTES]
+    shown = list(state.votes.items())[:_SHOWN_VOTES]
     return ", ".join(
         f"{share:.0%}" if index == 0 else f"{case}: {share:.0%}"
-        for index, (case, share) in enumerate(told)
+        for index, (case, share) in enumerate(shown)
     )

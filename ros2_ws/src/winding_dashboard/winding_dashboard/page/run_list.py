@@ -95,17 +95,17 @@ class RunList:
 
 def _listed(content: Mapping[str, Any], report: str) -> ListedRun:
     verdict = content["error_verdict"]
-    good, said = verdict["good"], str(verdict["sentence"])
+    good, sentence = verdict["good"], str(verdict["sentence"])
     lay = content.get("verdict")
     if lay is not None:
         good = None if lay["kept"] is None else bool(lay["kept"]) and good is not False
-        said = f"{lay['sentence']}; {said}"
+        sentence = f"{lay['sentence']}; {sentence}"
     if content.get("ended"):
-        said = f"ended early, {content['ended']}; {said}"
+        sentence = f"ended early, {content['ended']}; {sentence}"
     return ListedRun(
         date=str(content["identity"].get("date") or "").replace("T", " ").removesuffix("Z"),
         condition=_condition(content),
-        verdict=said,
+        verdict=sentence,
         style={True: "good", False: "not-good"}.get(good, ""),
         report=report,
     )

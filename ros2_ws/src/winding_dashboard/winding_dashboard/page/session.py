@@ -1,6 +1,6 @@
 """What the operators of one page do: commands, preparation, recording, limits, and the answers.
 
-All browsers share it, so that a page that is loaded anew says what the others say.
+All browsers share it, so that a page that is loaded anew shows what the others show.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ class OperatorSession:
         keep: Takes limits that an operator has set.
 
     Attributes:
-        said: What came of the last request, with its time of day; empty before any.
+        answer: What came of the last request, with its time of day; empty before any.
         alarm: Whether that was a refusal.
-        choice: What the solver is set to wind; None before it said so.
+        choice: What the solver is set to wind; None before it answered.
         preparing: What is being done while another run is prepared; empty otherwise.
         refused: Why the last preparation was refused; empty otherwise.
     """
@@ -56,7 +56,7 @@ class OperatorSession:
     ) -> None:
         self._state, self._graph, self._time_of_day = state, graph, time_of_day
         self._limits, self._keep = limits, keep
-        self.said, self.alarm = "", False
+        self.answer, self.alarm = "", False
         self.choice: Choice | None = None
         self.preparing = self.refused = ""
         self._recording = False
@@ -88,7 +88,7 @@ class OperatorSession:
             form: What stands in the form: `case`, `law`, `take_up`, and `fields` by option.
         """
         if reason := self.unprepared():
-            self._say(f"prepare: {reason}", alarm=True)
+            self._answer(f"prepare: {reason}", alarm=True)
             return
         try:
             condition = filled_condition(
@@ -96,34 +96,34 @@ class OperatorSession:
             )
         except (ValueError, TypeError) as error:
             self.refused = str(error)
-            self._say(f"prepare: {error}", alarm=True)
+            self._answer(f"prepare: {error}", alarm=True)
             return
         choice = Choice(condition=condition, take_up=bool(form.get("take_up")))
         self.refused = ""
-        self._tell("preparing")
+        self._show("preparing")
         try:
-            remark = await self._graph.prepare(choice, self._tell)
+            remark = await self._graph.prepare(choice, self._show)
         except CommandError as error:
             self.refused = str(error)
-            self._say(f"prepare: {error}", alarm=True)
+            self._answer(f"prepare: {error}", alarm=True)
         else:
             self._state.clear()
             self.choice = choice
             case = condition.resolved().case
             name = f"case {case.number}" if case.number else "a condition of your own"
-            self._say(f"prepare: ready to wind {name}{f'; {remark}' if remark else ''}")
+            self._answer(f"prepare: ready to wind {name}{f'; {remark}' if remark else ''}")
         finally:
-            self._tell("")
+            self._show("")
 
     def set_limits(self, typed: Mapping[str, Any]) -> None:
         """Take what counts as good: `error_limit_pct` [%] and `lay_tolerance_mm` [mm]."""
         try:
             found: dict[str, Any] = typed_values(OperatorLimits, typed, LIMIT_LABELS.__getitem__)
         except (ValueError, TypeError) as error:
-            self._say(f"limits: {error}", alarm=True)
+            self._answer(f"limits: {error}", alarm=True)
             return
         self._keep(replace(self.limits, **found))
-        self._say(
+        self._answer(
             f"limits: {self.limits.error_limit_pct:g} % of a length, "
             f"{self.limits.lay_tolerance / MILLIMETRE:g} mm of the lay"
         )
@@ -134,7 +134,7 @@ class OperatorSession:
         return self._limits()
 
     async def learn_choice(self) -> None:
-        """Ask the solver what it is set to wind, until it has said so."""
+        """Ask the solver what it is set to wind, until it answers."""
         if self.choice is not None or self.preparing or self._graph.unprepared():
             return
         try:
@@ -145,7 +145,7 @@ class OperatorSession:
             self.refused = ""
 
     def form(self) -> dict[str, Any]:
-        """Return what stands in the form; nothing before the solver said what it is set to."""
+        """Return what stands in the form; empty before the solver has answered."""
         if self.choice is None:
             return {}
         condition = self.choice.condition
@@ -191,21 +191,21 @@ class OperatorSession:
         return reason
 
     def refuse(self, what: str, why: str) -> None:
-        """Tell the operators that a request was not carried out."""
-        self._say(f"{what}: {why}", alarm=True)
+        """Report that a request was not carried out."""
+        self._answer(f"{what}: {why}", alarm=True)
 
     async def _do(self, what: str, work: Awaitable[str]) -> bool:
         try:
             answer = await work
             if answer:
-                self._say(f"{what}: {answer}")
+                self._answer(f"{what}: {answer}")
         except CommandError as error:
-            self._say(f"{what}: {error}", alarm=True)
+            self._answer(f"{what}: {error}", alarm=True)
             return False
         return True
 
-    def _tell(self, what: str) -> None:
+    def _show(self, what: str) -> None:
         self.preparing = what
 
-    def _say(self, sentence: str, *, alarm: bool = False) -> None:
-        self.said, self.alarm = f"{self._time_of_day()}  {sentence}", alarm
+    def _answer(self, sentence: str, *, alarm: bool = False) -> None:
+        self.answer, self.alarm = f"{self._time_of_day()}  {sentence}", alarm

@@ -18,11 +18,9 @@ from winding_core.lay_control_records import ControlMode
 from winding_core.lay_errors import turn_errors
 from winding_core.operator_limits import OperatorLimits
 from winding_core.options import shown_values
-from winding_dashboard.drawings.band_overlay import measured_count
-from winding_dashboard.drawings.camera_overlay import camera_overlay
-from winding_dashboard.drawings.control_chart import control_drawings
+from winding_dashboard.drawings.camera_overlay import camera_overlay, measured_count
 from winding_dashboard.drawings.cylinder_view import Sight, cylinder_drawing, tension_ends
-from winding_dashboard.drawings.lay_chart import defects_told, lay_drawing
+from winding_dashboard.drawings.lay_charts import control_drawings, defect_sentence, lay_drawing
 from winding_dashboard.drawings.run_charts import length_drawing, speed_drawings
 from winding_dashboard.page import commands
 from winding_dashboard.page.band import (
@@ -32,16 +30,13 @@ from winding_dashboard.page.band import (
     state_cell,
     verdict_cell,
 )
-from winding_dashboard.page.control_words import basis_words, beliefs, mode_words
-from winding_dashboard.page.figures import figures
-from winding_dashboard.page.marker_table import marker_lines, old_columns
-from winding_dashboard.page.material_words import material_sentence
-from winding_dashboard.page.node_table import node_lines, warnings_told
+from winding_dashboard.page.control_card import basis_words, beliefs, mode_words, turn_lines
+from winding_dashboard.page.figures import figures, material_sentence
 from winding_dashboard.page.numbers import number
 from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import TITLES, OperatorSession
-from winding_dashboard.page.turn_table import turn_lines
-from winding_dashboard.state.recording import recording_sentence
+from winding_dashboard.page.tables import active_warnings, marker_lines, node_lines, old_columns
+from winding_dashboard.state.health import recording_sentence
 from winding_dashboard.state.view_state import ViewState
 
 # Nothing is drawn more often than this [s]; charts and lists change more slowly.
@@ -52,7 +47,7 @@ _PRESENT = 1.5
 _REMEMBERED = 256
 # Element of each switch of the lay's controller.
 _MODES = {mode: f"mode-{mode.name.lower()}" for mode in ControlMode}
-# Of a camera that has not said how large its pictures are [px].
+# Of a camera whose picture size is not known yet [px].
 _PICTURE = (800, 120)
 
 Render = Callable[[str, dict[str, Any]], str]
@@ -125,7 +120,7 @@ class Snapshots:
         self._due = -math.inf
 
     def age(self, server: object, sequence: object) -> float:
-        """Return how old a snapshot is [s]; infinite for one that nobody remembers."""
+        """Return how old a snapshot is [s]; infinite for one that is no longer kept."""
         if server != self._server or not isinstance(sequence, int):
             return math.inf
         return self._clock() - self._made.get(sequence, -math.inf)
@@ -160,7 +155,7 @@ class Snapshots:
             "alarm": session.alarm,
             "bad": {
                 "control-basis": basis_words(state.control, state.time)[1],
-                "prepare-said": bool(session.refused),
+                "prepare-answer": bool(session.refused),
             },
             "picture": base64.b64encode(state.picture).decode("ascii"),
         }
@@ -169,17 +164,17 @@ class Snapshots:
         state, session = self._state, self._session
         recording = state.recording(now)
         unrecorded = session.unrecorded()
-        told = unrecorded if unrecorded and not recording.on else recording_sentence(recording)
+        recorded = unrecorded if unrecorded and not recording.on else recording_sentence(recording)
         tracked = f"{measured_count(state.tracked)} of {len(state.tracked)}"
         basis, _ = basis_words(state.control, state.time)
         return {
             "clock": f"{number(state.run_time, 1)} s",
-            "said": session.said,
+            "answer": session.answer,
             "why-off": self._why_off(now),
             "camera-count": f"{tracked} measured in this frame",
             "record": "Stop recording" if recording.on else "Record",
-            "recorded": told,
-            "prepare-said": session.preparing or session.unprepared() or session.refused,
+            "recorded": recorded,
+            "prepare-answer": session.preparing or session.unprepared() or session.refused,
             "control-mode": mode_words(state.control.mode),
             "control-basis": basis,
             "material": material_sentence(state.material),
@@ -196,7 +191,7 @@ class Snapshots:
         )
         return {
             "band": self._render("band", {"cells": band}),
-            "alerts": self._render("alerts", {"warnings": warnings_told(state.health, now)}),
+            "alerts": self._render("alerts", {"warnings": active_warnings(state.health, now)}),
             "figures": self._render("figures", {"figures": figures(state)}),
             "markers": self._render(
                 "markers", {"lines": marker_lines(state), "old": old_columns(state)}
@@ -225,13 +220,14 @@ class Snapshots:
             )
         elif len(state.lay):
             parts["chart-helix"] = lay_drawing(state.lay, state.advance)
-            parts["defects"] = self._render("text", {"text": defects_told(state.lay)})
+            parts["defects"] = self._render("text", {"text": defect_sentence(state.lay)})
         return parts
 
     def _list_parts(self, now: float) -> dict[str, str]:
         return {
             "nodes": self._render("nodes", {"lines": node_lines(self._state.health, now)}),
             "runs": self._render("runs", {"runs": self._runs.runs()}),
+            "others": self._render("others", {"rows": sorted(self._state.others.items())}),
         }
 
     def _off(self, now: float) -> dict[str, str]:
@@ -266,6 +262,7 @@ class Snapshots:
             "control-card": not control,
             "helix-card": control or not len(state.lay),
             "runs-card": self._runs.folder is None,
+            "others-card": not state.others,
             "condition-fields": not self._session.choosable(),
             "lay-limit": not control,
             "no-picture": bool(state.picture),

@@ -6,6 +6,51 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from winding_core.cases import paper_cases
+from winding_core.condition import Condition
+from winding_core.lay_control_records import ControlMode
+from winding_core.wound_label import WoundLabel
+from winding_dashboard.drawings.run_charts import CHARTS
+from winding_dashboard.page.condition_form import FIELDS, LAWS, OWN_FIELDS, hint, label
+from winding_dashboard.page.session import LIMIT_LABELS
+from winding_dashboard.state.marker_rows import MOST_MARKERS
+
+_OWN = 0
+
+
+def page_content() -> dict[str, Any]:
+    """Return what the page's template shows."""
+    return {
+        "cases": _cases(),
+        "laws": LAWS,
+        "own_fields": [_field(key) for key in OWN_FIELDS],
+        "further_fields": [_field(key) for key in FIELDS if key not in OWN_FIELDS],
+        "limit_labels": LIMIT_LABELS,
+        "charts": CHARTS,
+        "most_markers": MOST_MARKERS,
+        "modes": [mode.name.lower() for mode in ControlMode],
+    }
+
+
+def _field(key: str) -> dict[str, Any]:
+    item = FIELDS[key]
+    text = isinstance(item.default, str)
+    return {
+        "key": key,
+        "label": label(key),
+        "text": text,
+        "low": "" if text or item.low is None else f"{item.low:g}",
+        "high": "" if text or item.high is None else f"{item.high:g}",
+        "hint": "" if text else hint(item),
+    }
+
+
+def _cases() -> dict[int, str]:
+    labels = (WoundLabel.of(Condition(case=case.number).resolved()) for case in paper_cases())
+    rows = {label.case: f"{label.case}: {label.sentence}" for label in labels}
+    return rows | {_OWN: "own condition"}
+
+
 _PAGE, _PARTS = "page.html", "parts.html"
 
 

@@ -116,7 +116,7 @@ class ServiceClient:
         except ParameterError as error:
             raise CommandError(f"{topics.FEM}: {error}") from error
 
-    async def prepare(self, choice: Choice, tell: Callable[[str], None]) -> str:
+    async def prepare(self, choice: Choice, report: Callable[[str], None]) -> str:
         """Set a choice on every node, bring all nodes up and wait until they hear each other.
 
         Returns:
@@ -134,8 +134,8 @@ class ServiceClient:
         async with _as_commands():
             values[topics.RIG] |= await self._lay(choice.condition.resolved().case)
             before = self._readers()
-            await self._driver.rebuild(nodes, values, tell)
-        tell("waiting until the nodes hear each other")
+            await self._driver.rebuild(nodes, values, report)
+        report("waiting until the nodes hear each other")
         return await self._heard_by(before)
 
     def unrecorded(self) -> str:
@@ -210,7 +210,7 @@ class ServiceClient:
     def _unserved(self, service: Service) -> str:
         if self._calls.ready(service.type, service.name):
             return ""
-        return f"nobody serves {service.name} in {self._namespace}"
+        return f"no node serves {service.name} in {self._namespace}"
 
     async def _ask(
         self, service: Service, request: Any, timeout: float, *, retry: bool = False
@@ -223,7 +223,7 @@ class ServiceClient:
     async def _lay(self, case: Case) -> dict[str, object]:
         """Return where a simulated machine lays the cable; a real one is not asked.
 
-        What nobody published can only be laid by the model with hidden properties.
+        A condition without published markers can only be laid by the model with hidden properties.
         """
         lay = (await self._driver.parameters(topics.RIG, [_LAY])).get(_LAY)
         if lay is None:
@@ -233,7 +233,7 @@ class ServiceClient:
         return {_LAY: _OWN_LAY if measured else self._first_lay}
 
     def _readers(self) -> dict[str, int]:
-        """Return how many subscribers the nodes' publishers say they have, by topic."""
+        """Return how many subscribers the nodes' publishers report, by topic."""
         found: dict[str, int] = {}
         for node in self._nodes:
             found |= subscribers_of(self._health.values(f"{node}: topics"))
@@ -243,23 +243,23 @@ class ServiceClient:
         """Wait until every topic has as many readers as before; return what is missing."""
         begin = self._clock()
         while (now := self._clock()) - begin < _MATCHING:
-            told = all(self._health.silent_for(node, now) < now - begin for node in self._nodes)
+            reported = all(self._health.silent_for(node, now) < now - begin for node in self._nodes)
             present = self._readers()
             missing = [name for name, count in before.items() if present.get(name, 0) < count]
-            if told and not missing:
+            if reported and not missing:
                 return ""
             await asyncio.sleep(_LOOK)
         return f"{missing[0]} has fewer readers than before" if missing else ""
 
     async def _refusal(self, node: str) -> str:
-        """Return what a node says of a refused transition; it says so within a second."""
+        """Return a node's reason for a refused transition, which it reports within a second."""
         begin = self._clock()
         while (now := self._clock()) - begin < _ANSWER:
-            said = self._health.message(node)
-            if self._health.silent_for(node, now) < now - begin and said.startswith(_CANNOT):
-                return said
+            message = self._health.message(node)
+            if self._health.silent_for(node, now) < now - begin and message.startswith(_CANNOT):
+                return message
             await asyncio.sleep(_LOOK)
-        return "refused; the list of nodes says why"
+        return "refused; see the list of nodes"
 
     async def _state(self, node: str) -> str:
         if self._driver.unserved([node]):

@@ -76,7 +76,7 @@ class TopicReader:
         self._decode = {topics.JOINT_STATES: JointStateReader(axes)}
 
     def look(self, now: float) -> None:
-        """Tell the state what came since the last look; now is wall time [s].
+        """Give the state what came since the last look; now is wall time [s].
 
         A message that cannot be used is counted and leaves the state as it was.
         """
@@ -103,8 +103,10 @@ class TopicReader:
         return lambda t, records: self._state.note_source(name, t, records)
 
     def _measured(self, topic: Topic) -> Callable[[float, Any], None]:
+        """Return what takes a sensor's value; a topic of another kind is shown as text."""
         quantity = topic.quantity
-        assert quantity is not None, f"the page shows nothing of {topic.name}"
+        if quantity is None:
+            return lambda _t, content: self._state.note_other(topic.name, content)
         return lambda t, value: self._state.note_measured(quantity, t, value)
 
     def _note_width(self, _t: float, width: float) -> None:
@@ -118,7 +120,7 @@ class TopicReader:
         )
 
     def _keep_the_graphs(self, diagnostics: Any) -> None:
-        """Leave out what other graphs of the domain say of themselves, and what pages say."""
+        """Leave out the statuses of other graphs of the domain, and of pages."""
         own = ("", self._namespace)
         diagnostics.status = [
             item

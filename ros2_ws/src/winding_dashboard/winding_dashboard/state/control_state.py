@@ -1,4 +1,4 @@
-"""What the controller of the lay says and has wanted, as the page keeps it."""
+"""What the controller of the lay reports and its wanted line, as the page keeps them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ControlState:
     Attributes:
         newest: Its last record, of LAY_CONTROL_DTYPE; None before any.
         time: Of that [s]; nan before any.
-        mode: What it does; None before it said so.
+        mode: What it does; None before it is known.
     """
 
     def __init__(self) -> None:
@@ -69,8 +69,8 @@ class ControlState:
         """Take its mode from /diagnostics: a machine that stands has no new records."""
         for status in statuses:
             if node_of(status.name) == LAY_CONTROL and ":" not in status.name:
-                said = status.values.get("mode", "").upper()
-                self.mode = ControlMode.__members__.get(said, self.mode)
+                name = status.values.get("mode", "").upper()
+                self.mode = ControlMode.__members__.get(name, self.mode)
 
     @property
     def wanted(self) -> WantedLine:

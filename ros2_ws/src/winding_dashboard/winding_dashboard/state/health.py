@@ -1,4 +1,4 @@
-"""How the graph's nodes are: what each says of itself, and in which lifecycle state it is."""
+"""Health of the graph's nodes: diagnostics, lifecycle state, and the recorder's report."""
 
 from __future__ import annotations
 
@@ -7,9 +7,70 @@ from dataclasses import dataclass
 
 from winding_core.status import Level, Status
 
+RECORDER = "recorder"
+_UNITS = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """The bag that is being recorded.
+
+    Attributes:
+        bag: Name of its folder; empty when nothing is recorded.
+        messages: So many are in it.
+        size: Bytes of it on the disk.
+        lost: Messages that never arrived.
+        message: Its message in /diagnostics; empty when it is not heard.
+    """
+
+    bag: str = ""
+    messages: int = 0
+    size: int = 0
+    lost: int = 0
+    message: str = ""
+
+    @property
+    def on(self) -> bool:
+        """Whether something is being recorded."""
+        return bool(self.bag)
+
+
+def recording_of(health: Health) -> Recording:
+    """Return what was last heard of the recorder; nothing recorded when its values cannot be read."""
+    values = health.values(RECORDER)
+    try:
+        return Recording(
+            bag=values.get("bag", ""),
+            messages=int(values.get("messages", 0)),
+            size=int(values.get("bytes", 0)),
+            lost=int(values.get("lost", 0)),
+            message=health.message(RECORDER),
+        )
+    except ValueError:
+        return Recording()
+
+
+def recording_sentence(recording: Recording) -> str:
+    """Return what an operator reads of a recording."""
+    if not recording.on:
+        ended = recording.message.startswith("the recording has ended")
+        return recording.message if ended else "nothing is being recorded"
+    lost = f", {recording.lost} never arrived" if recording.lost else ""
+    messages = f"{recording.messages:,}".replace(",", " ")
+    return f"into {recording.bag}: {messages} messages, {size_text(recording.size)}{lost}"
+
+
+def size_text(size: int) -> str:
+    """Return a number of bytes with a unit."""
+    for unit, factor in _UNITS:
+        if size >= factor:
+            return f"{size / factor:.1f} {unit}"
+    return f"{size} bytes"
+
+
 # A node repeats its state every second; one that misses three is not heard.
 SILENCE = 3.5
-# Names that strangers may add before the oldest are forgotten.
+# Names of external nodes that are kept before the oldest are forgotten.
 _MOST_NODES = 24
 _MOST_PARTS = 16
 
@@ -20,9 +81,9 @@ class NodeHealth:
 
     Attributes:
         name: Node name.
-        lifecycle: State of the managed node; empty when nobody answers.
+        lifecycle: State of the managed node; empty without an answer.
         level: The worst of its components; STALE when it is not heard.
-        message: What it says, one sentence for each component.
+        message: One sentence for each component.
     """
 
     name: str
@@ -59,11 +120,11 @@ class Health:
                 parts.pop(next(iter(parts)))
             self._heard[node] = now
         while len(self._reports) > _MOST_NODES:
-            stranger = next(name for name in self._reports if name not in self._expected)
-            del self._reports[stranger], self._heard[stranger]
+            external = next(name for name in self._reports if name not in self._expected)
+            del self._reports[external], self._heard[external]
 
     def message(self, node: str) -> str:
-        """Return what the node itself says; empty when it is unknown."""
+        """Return the node's own message; empty when it is unknown."""
         return next(
             (
                 report.message
@@ -103,12 +164,12 @@ class Health:
                 message=f"silent for {silent:.0f} s",
             )
         worst = max(report.level for report in reports)
-        said = dict.fromkeys(report.message for report in reports if report.message)
+        messages = dict.fromkeys(report.message for report in reports if report.message)
         return NodeHealth(
-            name=name, lifecycle=lifecycle, level=worst, message="; ".join(said) or "ok"
+            name=name, lifecycle=lifecycle, level=worst, message="; ".join(messages) or "ok"
         )
 
 
 def node_of(name: str) -> str:
-    """Return the node that a status name such as `/winding/winding_rig: topics` speaks of."""
+    """Return the node that a status name such as `/winding/winding_rig: topics` is about."""
     return name.split(":", maxsplit=1)[0].strip().rsplit("/", maxsplit=1)[-1]

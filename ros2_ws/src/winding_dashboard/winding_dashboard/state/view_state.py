@@ -1,12 +1,13 @@
 """What is known of the run: the newest of everything, and the last minute of what moves.
 
-Somebody else decodes messages and calls the `note_*` methods with times of the machine's clock;
+A reader decodes messages and calls the `note_*` methods with times of the machine's clock;
 `tick` then makes one sample of the charts. Everything is bounded.
 """
 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -21,9 +22,8 @@ from winding_core.status import Status
 from winding_core.wound_label import WoundLabel
 from winding_dashboard.state.camera_view import CameraView
 from winding_dashboard.state.control_state import ControlState
-from winding_dashboard.state.health import SILENCE, Health
+from winding_dashboard.state.health import RECORDER, SILENCE, Health, Recording, recording_of
 from winding_dashboard.state.marker_rows import MOST_MARKERS, MarkerRow, marker_rows
-from winding_dashboard.state.recording import RECORDER, Recording, recording_of
 from winding_dashboard.state.trace import NAN, Trace
 
 # The machine's clock went back by more: a new run, or a recording from its beginning [s].
@@ -34,6 +34,8 @@ _DEFAULT_CABLE_RADIUS = 0.002
 # Ten samples a second for a minute.
 SAMPLES = 600
 STANDING = 0.01
+# Characters of a message that are shown as text.
+_OTHER_LENGTH = 160
 # Attributes with records that nodes publish while the machine's clock runs.
 SOURCES = ("tracked", "predicted", "corrected", "cable")
 
@@ -44,7 +46,7 @@ class ViewState:
     Args:
         nodes: Names of the graph's nodes, in the order in which they are shown.
         machine: Name of the node whose own message is the machine's phase.
-        solver: Name of the node that says what is wound.
+        solver: Name of the node that reports what is wound.
         quantities: What the machine's sensors measure, the tension among it.
 
     Attributes:
@@ -52,7 +54,8 @@ class ViewState:
         time: Newest time of the machine's clock [s]; nan before any.
         axes: Measured motion.
         setpoints: Commanded motion.
-        measured: What each sensor of the machine says, in SI units.
+        measured: Newest value of each sensor of the machine, in SI units.
+        others: Newest content of every topic without a part of the page, as text, by name.
         picture: The newest preview, JPEG; empty before any.
         votes: Share of votes by case number, best first.
         material: What the tracked markers tell of the cable's material; None before any.
@@ -62,7 +65,7 @@ class ViewState:
         run_began: When the cylinder began to turn, or the present while it stands [s].
         resets: How often the run was forgotten, so that time may begin again.
         advance: Of the commanded helix [m/rad]; nan before any motion.
-        control: What the controller of the lay says.
+        control: What the controller of the lay reports.
         speeds: Trace of measured and commanded speeds and the tension.
         lengths: Trace of each marker's curve lengths by its number.
     """
@@ -98,6 +101,7 @@ class ViewState:
         self.axes: AxisReading | None = None
         self.setpoints: AxisReading | None = None
         self.measured = dict.fromkeys(self._quantities, NAN)
+        self.others: dict[str, str] = {}
         self.picture = b""
         self.votes: dict[int, float] = {}
         self.material: MaterialReport | None = None
@@ -121,19 +125,19 @@ class ViewState:
 
     @property
     def phase(self) -> str:
-        """What the machine says it is doing; empty when it is not heard."""
-        said = self.health.values(self._machine).get("phase", "")
-        return said or self.health.message(self._machine)
+        """Phase that the machine reports; empty when it is not heard."""
+        phase = self.health.values(self._machine).get("phase", "")
+        return phase or self.health.message(self._machine)
 
     @property
     def run_phase(self) -> RunPhase | None:
-        """How far the run is, as the orchestrator says; None where it does not."""
-        said = self.health.values(STATUS).get("phase")
-        return next((phase for phase in RunPhase if phase.value == said), None)
+        """How far the run is, as the orchestrator reports it; None where it does not."""
+        reported = self.health.values(STATUS).get("phase")
+        return next((phase for phase in RunPhase if phase.value == reported), None)
 
     @property
     def going(self) -> bool:
-        """Whether the machine says that it winds, or is about to come to rest."""
+        """Whether the machine reports that it winds, or is about to come to rest."""
         return self.phase in ("winding", "stopping")
 
     @property
@@ -143,7 +147,7 @@ class ViewState:
 
     @property
     def label(self) -> WoundLabel | None:
-        """What is wound, as the solver says; None before it did."""
+        """What is wound, as the solver reports it; None before."""
         return WoundLabel.from_values(self.health.values(self._solver))
 
     @property
@@ -161,7 +165,7 @@ class ViewState:
         return NAN
 
     def recording(self, now: float) -> Recording:
-        """Return what the recorder said of its bag, unless it is silent at wall time now [s]."""
+        """Return what the recorder reported of its bag, unless it is silent at wall time now [s]."""
         silent = self.health.silent_for(RECORDER, now) > SILENCE
         return Recording() if silent else recording_of(self.health)
 
@@ -201,10 +205,14 @@ class ViewState:
         setattr(self, name, records)
 
     def note_measured(self, quantity: Quantity, t: float, value: float) -> None:
-        """Take what a sensor says at time t [s], in SI units."""
+        """Take a sensor's value at time t [s], in SI units."""
         self.measured[quantity] = value
         self.times.setdefault(quantity.name, NAN)
         self.times[quantity.name] = t
+
+    def note_other(self, name: str, content: object) -> None:
+        """Take what a topic holds that no part of the page shows."""
+        self.others[name] = textwrap.shorten(str(content), _OTHER_LENGTH, placeholder=" ...")
 
     def behind(self, name: str) -> float:
         """Return how old a source's newest message is on the machine's clock [s]; nan before any.

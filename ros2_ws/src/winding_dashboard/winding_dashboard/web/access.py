@@ -16,7 +16,7 @@ _POLICY_VIOLATION = 1008
 
 
 class Gate:
-    """ASGI middleware that refuses strangers.
+    """ASGI middleware that refuses unauthorised requests.
 
     A web site that the operator's browser has open may send requests to this machine, too: a
     request that names another origin is refused, and on loopback one that names another host.

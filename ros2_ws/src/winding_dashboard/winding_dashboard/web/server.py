@@ -26,11 +26,10 @@ from starlette.routing import Route
 from winding_core.lay_control_records import ControlMode
 from winding_dashboard.drawings.cylinder_view import Sight
 from winding_dashboard.page import commands
-from winding_dashboard.page.page_content import page_content
 from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import TITLES, OperatorSession
 from winding_dashboard.page.snapshot import Snapshots, Wanted
-from winding_dashboard.page.templates import Templates
+from winding_dashboard.page.templates import Templates, page_content
 from winding_dashboard.state.marker_rows import MOST_MARKERS
 from winding_dashboard.web.access import Gate
 
@@ -177,7 +176,7 @@ class _Pages:
         *,
         always: bool = False,
     ) -> Response:
-        """Do what is asked for, unless it was asked by somebody who saw the past.
+        """Do what is asked for, unless the request rests on an old snapshot.
 
         Args:
             request: With JSON of the snapshot that was seen, and more.
@@ -195,7 +194,7 @@ class _Pages:
         else:
             await do(body)
         self._snapshots.changed()
-        return JSONResponse({"said": self._session.said})
+        return JSONResponse({"answer": self._session.answer, "refused": self._session.alarm})
 
 
 async def _json(request: Request) -> dict[str, Any] | None:

@@ -1,13 +1,57 @@
-"""The controller of the lay in words: what it does, rests on and believes."""
+"""The card of the lay's controller: mode, basis of its commands, estimates, newest turns."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from winding_core.lay_control_records import ControlBasis, ControlMode
+from winding_core.lay_errors import TurnError
+from winding_core.lay_tolerance import turn_state
 from winding_core.units import MILLIMETRE
-from winding_dashboard.page.numbers import DASH
+from winding_dashboard.page.numbers import DASH, PER_METRE, number
 from winding_dashboard.state.control_state import ControlState
+
+# Newest turns in the table.
+_ROWS = 6
+_STYLES = {"off": "bad", "partly seen": "warn"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class TurnLine:
+    """One turn's row.
+
+    Attributes:
+        cells: Number, and lengths in millimetres.
+        state: How the turn lies, in a word or two.
+        style: Of that.
+    """
+
+    cells: tuple[str, ...]
+    state: str
+    style: str
+
+
+def turn_lines(turns: Sequence[TurnError], tolerance: float) -> list[TurnLine]:
+    """Return a row for each of the newest turns, held against a tolerance [m]."""
+    return [_line(turn, tolerance) for turn in turns[-_ROWS:]]
+
+
+def _line(turn: TurnError, tolerance: float) -> TurnLine:
+    state = turn_state(turn, tolerance)
+    return TurnLine(
+        cells=(
+            str(turn.number),
+            number(turn.wanted_z, 2, PER_METRE),
+            number(turn.measured_z, 2, PER_METRE),
+            number(turn.mean, 2, PER_METRE, sign=True),
+            number(turn.largest, 2, PER_METRE, sign=True),
+        ),
+        state=state,
+        style=_STYLES.get(state, "quiet"),
+    )
+
 
 _BASES = {
     ControlBasis.MEASURED: "the measured lay is fed back",
@@ -17,7 +61,7 @@ _BASES = {
 }
 _MODES = {
     ControlMode.OFF: "Off: commands nothing",
-    ControlMode.WATCH: "Watch: says what it would command",
+    ControlMode.WATCH: "Watch: shows what it would command",
     ControlMode.DRIVE: "Drive: commands the machine",
 }
 

@@ -1,4 +1,4 @@
-"""Wanted, predicted and measured lay over turns, and beneath it how far off they lie."""
+"""Charts of the lay over turns: against the helix of the drive, or against the wanted lay."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from winding_core.cable_lay import cable_lay
 from winding_core.lay_errors import FULL_TURN, lay_errors
+from winding_core.lay_records import LayFlag, LayRecords, name_of
 from winding_core.lay_tolerance import FIRST_JUDGED
 from winding_core.units import MILLIMETRE
-from winding_dashboard.drawings.axis_ticks import ticks
-from winding_dashboard.drawings.line_chart import Band, Curve, Ends, chart, ends_of
+from winding_dashboard.drawings.line_chart import Band, Curve, Ends, chart, ends_of, ticks
 from winding_dashboard.state.view_state import ViewState
 
-Array = NDArray[np.float64]
 Points = list[list[float | None]]
 
 # The newest turns are drawn, and of each so many points at most.
@@ -25,6 +24,40 @@ TURNS, _POINTS_OF_A_TURN = 12, 36
 _LEAST_Z, _SEEN_TOLERANCES = 5.0, 1.2
 _NOISE = 0.1
 _UPPER, _LOWER = (660.0, 200.0), (660.0, 150.0)
+# The axis of distances from the helix holds at least this [mm].
+_LEAST_ERROR, _MOST_TICKS = 0.5, 12
+
+
+def helix_errors(records: LayRecords, advance: float) -> list[list[float]]:
+    """Return [wound turns, distance from the helix of an advance [m/rad], in mm] of every place."""
+    error = (records["z"] - advance * records["theta"]) / MILLIMETRE
+    turns = records["theta"] / math.tau
+    known = np.isfinite(error)
+    return [
+        [float(turn), float(off)]
+        for turn, off in zip(turns[known].round(3), error[known].round(3), strict=True)
+    ]
+
+
+def lay_drawing(records: LayRecords, advance: float) -> str:
+    """Return a chart of the distance of every place from the helix of an advance [m/rad]."""
+    errors = helix_errors(records, advance) if math.isfinite(advance) else []
+    curve = Curve(points=errors, style="is-measured", dots=True)
+    turns = [turn for turn, _ in errors] or [0.0, 1.0]
+    low, high = math.floor(min(turns)), max(math.ceil(max(turns)), math.floor(min(turns)) + 1)
+    across = Ends(float(low), float(high), float(math.ceil((high - low) / _MOST_TICKS)))
+    up = ends_of([curve], 0.0, -_LEAST_ERROR, _LEAST_ERROR)
+    return chart([curve], across, up, size=_LOWER)
+
+
+def defect_sentence(records: LayRecords) -> str:
+    """Return which defects are among the records, and on which turns."""
+    defects = []
+    for flag in LayFlag:
+        turns = np.unique(records["turn"][(records["flags"] & flag) > 0]).tolist()
+        if turns:
+            defects.append(f"{name_of(flag)} on turn {', '.join(str(turn + 1) for turn in turns)}")
+    return "; ".join(defects)
 
 
 def control_drawings(state: ViewState, tolerance: float) -> dict[str, str]:
