@@ -144,9 +144,19 @@ def test_material_is_told_with_its_half_width() -> None:
     )
 
 
+def test_topic_without_a_part_of_the_page_stands_in_a_plain_row() -> None:
+    state = fresh_state()
+    assert Desk(state, Machine()).look()["hidden"]["others-card"]
+    state.note_other("rig/humidity", 0.42)
+    seen = Desk(state, Machine()).look()
+    assert "rig/humidity</th><td>0.42<" in seen["parts"]["others"]
+    assert not seen["hidden"]["others-card"]
+
+
 def test_text_from_the_graph_is_text_and_never_markup() -> None:
     state = fresh_state()
     phase(state, "<b>idle</b>", Level.WARN, reason="<script>")
+    state.note_other("chatter", "<script>")
     parts = Desk(state, Machine()).look()["parts"]
     assert "&lt;b&gt;idle&lt;/b&gt;" in parts["nodes"]
     for part in parts.values():
