@@ -159,6 +159,17 @@ def test_who_comes_later_takes_the_way_so_far_for_time(state: ViewState) -> None
     assert state.run_began == pytest.approx(92.0)
 
 
+@pytest.mark.parametrize("passed", [0.1, 0.4, 1.0, 7.0])
+def test_beginning_is_found_from_within_the_ramp_and_after_it(
+    state: ViewState, passed: float
+) -> None:
+    condition = Condition(case=4, ramp_time=0.5).resolved()
+    values = WoundLabel.of(condition).values()
+    state.note_axes(100.0, condition.drive.reading_at(passed))
+    state.health.note(0.0, [Status(name="cable_fem", values=values)])
+    assert state.run_began == pytest.approx(100.0 - passed)
+
+
 def test_source_is_as_old_as_the_machines_clock_says(state: ViewState) -> None:
     wind(state, 2.0)
     assert state.behind("tracked") == 0.0

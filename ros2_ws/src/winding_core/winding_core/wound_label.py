@@ -20,6 +20,7 @@ class WoundLabel:
         cable_diameter: [m]
         weight: Pull on the cable [N].
         duration: Of the run, on the machine's clock [s].
+        ramp_time: Of both axes [s]; 0 where it is unknown, as in older recordings.
     """
 
     case: int
@@ -27,6 +28,7 @@ class WoundLabel:
     cable_diameter: float
     weight: float
     duration: float
+    ramp_time: float = 0.0
 
     @classmethod
     def of(cls, condition: ResolvedCondition) -> Self:
@@ -38,6 +40,7 @@ class WoundLabel:
             cable_diameter=case.cable_diameter,
             weight=case.weight,
             duration=condition.duration,
+            ramp_time=condition.drive.ramp_time,
         )
 
     @classmethod
@@ -50,6 +53,7 @@ class WoundLabel:
                 cable_diameter=float(values["cable_diameter [m]"]),
                 weight=float(values["weight [N]"]),
                 duration=float(values["duration [s]"]),
+                ramp_time=float(values.get("ramp_time [s]", 0.0)),
             )
         except (KeyError, ValueError):
             return None
@@ -62,6 +66,7 @@ class WoundLabel:
             "cable_diameter [m]": f"{self.cable_diameter:.6g}",
             "weight [N]": f"{self.weight:.6g}",
             "duration [s]": f"{self.duration:.6g}",
+            "ramp_time [s]": f"{self.ramp_time:.6g}",
         }
 
     @property

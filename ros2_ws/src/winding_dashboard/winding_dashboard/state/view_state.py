@@ -62,7 +62,6 @@ class ViewState:
         lay: Measured places of every turn, of `lay_time` [s].
         picture_time: Of the picture [s]; nan before any.
         times: Of the newest message of each source and sensor [s]; nan before any.
-        run_began: When the cylinder began to turn, or the present while it stands [s].
         resets: How often the run was forgotten, so that time may begin again.
         advance: Of the commanded helix [m/rad]; nan before any motion.
         control: What the controller of the lay reports.
@@ -96,8 +95,8 @@ class ViewState:
     def clear(self) -> None:
         """Forget the run; health and camera stay."""
         self.resets += 1
-        self.time = self.run_began = NAN
-        self._begun = False
+        self.time = self._standing_until = NAN
+        self._first_motion: tuple[float, float, float] | None = None
         self.axes: AxisReading | None = None
         self.setpoints: AxisReading | None = None
         self.measured = dict.fromkeys(self._quantities, NAN)
@@ -117,6 +116,20 @@ class ViewState:
         self.speeds.clear()
         for trace in self.lengths.values():
             trace.clear()
+
+    @property
+    def run_began(self) -> float:
+        """When the cylinder began to turn, or the present while it stands [s]; nan before any.
+
+        A page that joins later takes it from angle and speed: the axes ramp linearly, then hold.
+        """
+        if self._first_motion is None or not math.isnan(self._standing_until):
+            return self._standing_until
+        t, angle, speed = self._first_motion
+        way = max(angle / speed, 0.0)
+        label = self.label
+        ramp = 0.0 if label is None else label.ramp_time
+        return t - min(2.0 * way, way + 0.5 * ramp)
 
     @property
     def run_time(self) -> float:
@@ -185,13 +198,11 @@ class ViewState:
             self.clear()
             # Latched: it was sent once, before the run that begins now.
             self.ahead = ahead
-        if not self._begun:
-            self._begun = abs(reading.angular_speed) > STANDING
-            if not self._begun:
-                self.run_began = t
-            elif math.isnan(self.run_began):
-                # Who comes later takes the way so far for one at the present speed.
-                self.run_began = t - max(reading.cylinder_angle / reading.angular_speed, 0.0)
+        if self._first_motion is None:
+            if abs(reading.angular_speed) > STANDING:
+                self._first_motion = (t, reading.cylinder_angle, reading.angular_speed)
+            else:
+                self._standing_until = t
         self.time = t
         self.axes = reading
 
