@@ -36,7 +36,8 @@ def test_switch_asks_acts_and_is_shown(controlled_page: Any, new_tab: Any, servi
     serving.wait_for_line(controlled_page.process, "told lay_control_watch")
     tab.answered("lay control: done")
     tab.wait_for(
-        "document.querySelector('.control').innerText.includes('Watch: shows what it would command')"
+        "document.querySelector('.control').innerText"
+        ".includes('Watch: shows what it would command')"
     )
 
 

@@ -17,6 +17,10 @@ from winding_dashboard.state.view_state import TOGETHER, ViewState
 _HALF_LENGTH = 0.0045
 _MARGIN = 0.0007
 _GUESSED = MarkerFlag.PREDICTED | MarkerFlag.OCCLUDED | MarkerFlag.CLIPPED
+# Neighbours along the cable; farther apart something between them was not seen [rad].
+_NEIGHBOURS = 0.2
+# At the rim of the cylinder a turn is a sliver: cosine between surface and sight.
+_LEAST_FACING = 0.3
 
 
 def measured_count(markers: Markers) -> int:
@@ -96,12 +100,6 @@ def _inside(pixels: NDArray[np.float64], view: CameraView) -> bool:
     width, height = view.size
     u, v = pixels.mean(axis=0)
     return bool(0.0 <= u < width and 0.0 <= v < height)
-
-
-# Neighbours along the cable; farther apart something between them was not seen [rad].
-_NEIGHBOURS = 0.2
-# At the rim of the cylinder a turn is a sliver: cosine between surface and sight.
-_LEAST_FACING = 0.3
 
 
 def lay_overlay(records: LayRecords, view: CameraView, *, turned: float = 0.0) -> str:

@@ -23,6 +23,15 @@ _TOP = 0.07
 CABLE_POINTS = 360
 # A tension that varies by less is one colour [N]; the load cell's noise is 0.01 N.
 _LEAST_SPREAD = 0.05
+# The cylinder is drawn from here to there, and further when the carriage goes further [m].
+_FROM, _TO, _BEYOND = -0.02, 0.125, 0.02
+SIZE = (660.0, 250.0)
+_MARGIN = 18.0
+# Dots of the cable that have one colour.
+_PIECE = 6
+# Farther from the surface than this many cable radii is the free span, which nothing hides.
+_SPAN = 3.0
+_LEAST_WIDTH, _LEAST_DOT = 1.6, 3.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,17 +71,6 @@ def cable_shape(cable: NDArray[np.void], count: int = CABLE_POINTS) -> CableShap
     low, high = float(tension.min()), float(tension.max())
     share = (along - low) / max(high - low, _LEAST_SPREAD)
     return CableShape(points=dots, share=share, low=low, high=high)
-
-
-# The cylinder is drawn from here to there, and further when the carriage goes further [m].
-_FROM, _TO, _BEYOND = -0.02, 0.125, 0.02
-SIZE = (660.0, 250.0)
-_MARGIN = 18.0
-# Dots of the cable that have one colour.
-_PIECE = 6
-# Farther from the surface than this many cable radii is the free span, which nothing hides.
-_SPAN = 3.0
-_LEAST_WIDTH, _LEAST_DOT = 1.6, 3.5
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 _INTERVALS = 4
+Points = Sequence[Sequence[float | None]]
+_LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 8.0, 8.0, 20.0
+_LETTER = 6.2
+# Drawn of a curve at most; a chart is some 300 pixels wide.
+_MOST_POINTS = 200
 
 
 def ticks(low: float, high: float, least: float) -> tuple[float, float, float]:
@@ -22,14 +27,6 @@ def ticks(low: float, high: float, least: float) -> tuple[float, float, float]:
     step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw)
     ends = (step * math.floor(below / step), step * math.ceil(above / step))
     return round(ends[0], 9), round(ends[1], 9), step
-
-
-Points = Sequence[Sequence[float | None]]
-
-_LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 8.0, 8.0, 20.0
-_LETTER = 6.2
-# Drawn of a curve at most; a chart is some 300 pixels wide.
-_MOST_POINTS = 200
 
 
 class Ends(NamedTuple):

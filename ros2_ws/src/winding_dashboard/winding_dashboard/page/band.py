@@ -89,7 +89,8 @@ def verdict_cell(state: ViewState, limits: OperatorLimits) -> Cell:
     if lay is not None and lay.worst is not None:
         goods.append(abs(lay.worst.largest) <= limits.lay_tolerance)
         off, limit = (1000.0 * value for value in (lay.worst.largest, limits.lay_tolerance))
-        remarks.append(f"lay {off:+.2f} mm off at most, limit {limit:g} mm, turn {lay.worst.number}")
+        turn = lay.worst.number
+        remarks.append(f"lay {off:+.2f} mm off at most, limit {limit:g} mm, turn {turn}")
     worst = lengths.worst
     if worst is not None and worst.corrected is not None:
         goods.append(bool(lengths.good))

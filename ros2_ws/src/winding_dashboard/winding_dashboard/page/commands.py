@@ -17,6 +17,15 @@ LAY_CONTROL = {
     ControlMode.WATCH: "lay_control_watch",
     ControlMode.DRIVE: "lay_control_drive",
 }
+# What the machine refuses in which phase, so that the page can show it before a click.
+_OUT_OF_PHASE = {
+    (START, "winding"): "the machine is winding",
+    (START, "finished"): "the run is finished; reset first",
+    (START, "emergency stop"): "the emergency stop is latched; reset first",
+    (RESET, "winding"): "stop the machine first",
+    (RESET, "stopping"): "the machine is still stopping",
+}
+_WORKING = ("active", "no answer", "")
 
 
 class CommandError(RuntimeError):
@@ -78,17 +87,6 @@ class Graph(Protocol):
         Raises:
             CommandError: It was refused or not answered.
         """
-
-
-# What the machine refuses in which phase, so that the page can show it before a click.
-_OUT_OF_PHASE = {
-    (START, "winding"): "the machine is winding",
-    (START, "finished"): "the run is finished; reset first",
-    (START, "emergency stop"): "the emergency stop is latched; reset first",
-    (RESET, "winding"): "stop the machine first",
-    (RESET, "stopping"): "the machine is still stopping",
-}
-_WORKING = ("active", "no answer", "")
 
 
 def asleep(lifecycle: Mapping[str, str]) -> str:

@@ -16,6 +16,17 @@ from winding_dashboard.state.control_state import ControlState
 # Newest turns in the table.
 _ROWS = 6
 _STYLES = {"off": "bad", "partly seen": "warn"}
+_BASES = {
+    ControlBasis.MEASURED: "the measured lay is fed back",
+    ControlBasis.MODEL: "TRACKER LOST: no lay has been measured for more than 1.5 turns; the guide "
+    "is fed forward by the model",
+    ControlBasis.RAMP: "SOLVER LOST: the guide follows the plain ramp of the drive programme",
+}
+_MODES = {
+    ControlMode.OFF: "Off: commands nothing",
+    ControlMode.WATCH: "Watch: shows what it would command",
+    ControlMode.DRIVE: "Drive: commands the machine",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,19 +62,6 @@ def _line(turn: TurnError, tolerance: float) -> TurnLine:
         state=state,
         style=_STYLES.get(state, "quiet"),
     )
-
-
-_BASES = {
-    ControlBasis.MEASURED: "the measured lay is fed back",
-    ControlBasis.MODEL: "TRACKER LOST: no lay has been measured for more than 1.5 turns; the guide "
-    "is fed forward by the model",
-    ControlBasis.RAMP: "SOLVER LOST: the guide follows the plain ramp of the drive programme",
-}
-_MODES = {
-    ControlMode.OFF: "Off: commands nothing",
-    ControlMode.WATCH: "Watch: shows what it would command",
-    ControlMode.DRIVE: "Drive: commands the machine",
-}
 
 
 def mode_words(mode: ControlMode | None) -> str:

@@ -11,6 +11,12 @@ from winding_dashboard.page.numbers import DASH, PER_METRE, number
 from winding_dashboard.state.view_state import ViewState
 
 _MEGA = 1.0e6
+# Votes that are shown; the others are below.
+_SHOWN_VOTES = 3
+# The clock of a simulated machine ends with its run: the last speeds are no present ones.
+_CLOCK_STANDS, _LAST = ("finished", "emergency stop"), "when its clock ended"
+# On the machine's clock an older value is no longer the present one [s].
+OLD = 1.0
 
 
 def material_sentence(material: MaterialReport | None) -> str:
@@ -26,14 +32,6 @@ def material_sentence(material: MaterialReport | None) -> str:
         f"{material.law.replace('_', ' ')}, from {markers}; "
         f"the model {'goes on with it' if material.taken_up else 'keeps its own'}"
     )
-
-
-# Votes that are shown; the others are below.
-_SHOWN_VOTES = 3
-# The clock of a simulated machine ends with its run: the last speeds are no present ones.
-_CLOCK_STANDS, _LAST = ("finished", "emergency stop"), "when its clock ended"
-# On the machine's clock an older value is no longer the present one [s].
-OLD = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

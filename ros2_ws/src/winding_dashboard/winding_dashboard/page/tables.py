@@ -19,6 +19,7 @@ _LEVELS = {
     Level.ERROR: ("ERROR", "bad"),
     Level.STALE: ("silent", "warn"),
 }
+_FEWEST_ROWS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,9 +66,6 @@ def active_warnings(health: Health, now: float) -> list[tuple[str, str]]:
         if row.level in (Level.WARN, Level.ERROR)
         or (row.level is Level.STALE and math.isfinite(health.silent_for(row.name, now)))
     ]
-
-
-_FEWEST_ROWS = 4
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,7 @@ from winding_dashboard.page.session import LIMIT_LABELS
 from winding_dashboard.state.marker_rows import MOST_MARKERS
 
 _OWN = 0
+_PAGE, _PARTS = "page.html", "parts.html"
 
 
 def page_content() -> dict[str, Any]:
@@ -49,9 +50,6 @@ def _cases() -> dict[int, str]:
     labels = (WoundLabel.of(Condition(case=case.number).resolved()) for case in paper_cases())
     rows = {label.case: f"{label.case}: {label.sentence}" for label in labels}
     return rows | {_OWN: "own condition"}
-
-
-_PAGE, _PARTS = "page.html", "parts.html"
 
 
 class Templates:

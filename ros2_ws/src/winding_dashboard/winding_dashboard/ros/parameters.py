@@ -10,6 +10,9 @@ from winding_core.machine_axes import MachineAxes
 from winding_core.operator_limits import OperatorLimits
 from winding_core.parameters import ParameterError, parameter
 
+# Sixteen characters of a random token are more than anybody can try over a network.
+MINIMUM_TOKEN = 16
+
 
 @dataclass(frozen=True, kw_only=True)
 class DashboardParameters(CameraPlacement, MachineAxes, OperatorLimits):
@@ -52,10 +55,6 @@ class DashboardParameters(CameraPlacement, MachineAxes, OperatorLimits):
                 f"host {self.host} can be reached from other machines: parameter token needs at "
                 f"least {MINIMUM_TOKEN} characters, got {len(self.token)}"
             )
-
-
-# Sixteen characters of a random token are more than anybody can try over a network.
-MINIMUM_TOKEN = 16
 
 
 def is_loopback(host: str) -> bool:

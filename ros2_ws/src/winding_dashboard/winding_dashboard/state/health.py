@@ -9,6 +9,11 @@ from winding_core.status import Level, Status
 
 RECORDER = "recorder"
 _UNITS = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
+# A node repeats its state every second; one that misses three is not heard.
+SILENCE = 3.5
+# Names of external nodes that are kept before the oldest are forgotten.
+_MOST_NODES = 24
+_MOST_PARTS = 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +41,7 @@ class Recording:
 
 
 def recording_of(health: Health) -> Recording:
-    """Return what was last heard of the recorder; nothing recorded when its values cannot be read."""
+    """Return the recorder's newest report; an empty one where its values cannot be read."""
     values = health.values(RECORDER)
     try:
         return Recording(
@@ -66,13 +71,6 @@ def size_text(size: int) -> str:
         if size >= factor:
             return f"{size / factor:.1f} {unit}"
     return f"{size} bytes"
-
-
-# A node repeats its state every second; one that misses three is not heard.
-SILENCE = 3.5
-# Names of external nodes that are kept before the oldest are forgotten.
-_MOST_NODES = 24
-_MOST_PARTS = 16
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,6 +10,15 @@ from winding_core.markers import MarkerFlag, Markers
 
 NAN = float("nan")
 MOST_MARKERS = 8
+# The gravest first.
+_STATES = (
+    (MarkerFlag.NOT_WOUND, "not wound"),
+    (MarkerFlag.SLIPPED, "slipped"),
+    (MarkerFlag.OCCLUDED, "hidden"),
+    (MarkerFlag.CLIPPED, "cut off"),
+    (MarkerFlag.PREDICTED, "out of sight"),
+    (MarkerFlag.TOUCHING, "touching"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,17 +50,6 @@ class MarkerRow:
         """(measured - corrected) / corrected; against the prediction where nothing corrects."""
         expected = self.predicted if math.isnan(self.corrected) else self.corrected
         return (self.measured - expected) / expected if expected else NAN
-
-
-# The gravest first.
-_STATES = (
-    (MarkerFlag.NOT_WOUND, "not wound"),
-    (MarkerFlag.SLIPPED, "slipped"),
-    (MarkerFlag.OCCLUDED, "hidden"),
-    (MarkerFlag.CLIPPED, "cut off"),
-    (MarkerFlag.PREDICTED, "out of sight"),
-    (MarkerFlag.TOUCHING, "touching"),
-)
 
 
 def marker_rows(

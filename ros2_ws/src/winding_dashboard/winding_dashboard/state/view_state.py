@@ -178,7 +178,7 @@ class ViewState:
         return NAN
 
     def recording(self, now: float) -> Recording:
-        """Return what the recorder reported of its bag, unless it is silent at wall time now [s]."""
+        """Return the recorder's report, empty when it is silent at wall time now [s]."""
         silent = self.health.silent_for(RECORDER, now) > SILENCE
         return Recording() if silent else recording_of(self.health)
 
