@@ -1,22 +1,197 @@
-"""Pictures of the page: axes, curves, and the cylinder from where one looks."""
+"""Pictures of the page: charts, cylinder, overlays on the camera's picture, colours."""
 
 import math
 import re
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from controlled_page import note_run
 from simulated_page import fresh_state
 
+import winding_dashboard
 from winding_core.lay_control_records import ControlMode
-from winding_core.markers import CABLE_DTYPE
+from winding_core.lay_records import LAY_DTYPE, LayFlag, LayRecords
+from winding_core.markers import CABLE_DTYPE, MarkerFlag, wound_markers
+from winding_core.readings import AxisReading, ImageWindow
+from winding_dashboard.drawings.camera_overlay import band_overlay, lay_overlay, measured_count
 from winding_dashboard.drawings.cylinder_view import SIZE, Sight, cable_shape, cylinder_drawing
+from winding_dashboard.drawings.lay_charts import defect_sentence, helix_errors
 from winding_dashboard.drawings.line_chart import Band, Curve, Ends, chart, ends_of
 from winding_dashboard.drawings.palette import DRUM, GROUND, MEASURED, tension_colours
 from winding_dashboard.drawings.run_charts import SPEEDS
+from winding_dashboard.state.camera_view import CameraView
 from winding_dashboard.state.trace import Trace
+from winding_dashboard.state.view_state import ViewState
 
+MATRIX = np.array([[5000.0, 0.0, 960.0], [0.0, 5000.0, 540.0], [0.0, 0.0, 1.0]])
+DISTORTION = np.array([-0.12, 0.05, 0.001, -0.0007, 0.02])
+POSITION = np.array([0.4175, 0.0, 0.05])
+WINDOW = ImageWindow(x_offset=0, y_offset=393, width=1920, height=288, binning=3)
+ADVANCE, RADIUS = 2.9e-3, 0.017
+VIEW = CameraView(
+    matrix=np.array([[5000.0, 0.0, 960.0], [0.0, 5000.0, 540.0], [0.0, 0.0, 1.0]]),
+    distortion=np.zeros(5),
+    window=ImageWindow(),
+    width=1920,
+    height=1080,
+    position=np.array([0.4175, 0.0, 0.03]),
+    tilt=np.zeros(3),
+)
 X, Y = Ends(0.0, 10.0, 5.0), Ends(0.0, 100.0, 50.0)
+STYLE = (Path(winding_dashboard.__file__).parent / "data" / "page.css").read_text(encoding="utf-8")
+TEXT = ("ink", "soft", "predicted", "corrected", "measured", "danger", "warn", "good")
+GRAPHICS = ("edge", "focus", "predicted", "corrected", "measured")
+FILLED = ("danger", "go", "ink")
+
+
+def camera(tilt: tuple[float, float, float] = (0.0, 0.0, 0.0), **changes: object) -> CameraView:
+    values: dict[str, object] = {
+        "matrix": MATRIX, "distortion": DISTORTION, "window": WINDOW, "width": 1920,
+        "height": 1080, "position": POSITION, "tilt": np.array(tilt),
+    }  # fmt: skip
+    return CameraView(**{**values, **changes})
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.0), (0.03, -0.05, 0.02)])
+def test_full_sensor_agrees_with_opencv(tilt: tuple[float, float, float]) -> None:
+    view = camera(tilt, window=ImageWindow())
+    points = np.random.default_rng(3).uniform([-0.02, -0.02, 0.0], [0.02, 0.02, 0.1], (50, 3))
+    nominal = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    rotation = cv2.Rodrigues(np.array(tilt))[0].T @ nominal
+    expected, _ = cv2.projectPoints(
+        points, cv2.Rodrigues(rotation)[0], -rotation @ POSITION, MATRIX, DISTORTION
+    )
+    # Both are double precision; a thousandth of a pixel is far below what a screen shows.
+    np.testing.assert_allclose(view.pixels(points), expected.reshape(-1, 2), atol=1e-3)
+
+
+def test_window_and_binning_follow_rep_104() -> None:
+    point = np.array([[0.017, 0.0, 0.05]])
+    ((column, row),) = camera(window=ImageWindow()).pixels(point)
+    ((u, v),) = camera().pixels(point)
+    assert u == pytest.approx((column + 0.5) / 3 - 0.5)
+    assert v == pytest.approx((row - 393 + 0.5) / 3 - 0.5)
+    assert camera().size == (640, 96)
+
+
+def overlay(angle: float, *flags: int, turned: float = 0.0) -> str:
+    records = wound_markers(
+        ids=np.arange(len(flags)), theta=np.zeros(len(flags)),
+        z=0.02 + 0.03 * np.arange(len(flags)),
+        radius=0.017, cylinder_angle=angle, flags=np.array(flags),
+    )  # fmt: skip
+    return band_overlay(records, camera(), cable_radius=0.002, turned=turned)
+
+
+def test_every_band_that_faces_the_camera_is_framed_and_named() -> None:
+    drawn = overlay(0.0, 0, 0)
+    assert re.findall(r">(P\d)<", drawn) == ["P0", "P1"]
+    assert drawn.count("<polygon") == 4
+
+
+def test_bands_behind_the_cylinder_are_not_drawn() -> None:
+    assert overlay(np.pi, 0, 0) == ""
+
+
+def test_band_that_was_not_measured_is_dashed() -> None:
+    assert "dasharray" not in overlay(0.0, MarkerFlag.TOUCHING)
+    assert "dasharray" in overlay(0.0, MarkerFlag.PREDICTED)
+
+
+def test_marker_that_is_not_wound_is_not_drawn() -> None:
+    assert overlay(0.0, MarkerFlag.NOT_WOUND) == ""
+
+
+def test_frame_moves_with_the_cylinder() -> None:
+    assert overlay(0.1, 0) == overlay(0.0, 0, turned=0.1)
+
+
+def test_only_what_this_frame_shows_counts_as_measured() -> None:
+    flags = [
+        0,
+        MarkerFlag.TOUCHING,
+        MarkerFlag.PREDICTED,
+        MarkerFlag.OCCLUDED,
+        MarkerFlag.NOT_WOUND,
+    ]
+    records = wound_markers(
+        ids=np.arange(5),
+        theta=np.zeros(len(flags)),
+        z=0.0,
+        radius=0.017,
+        cylinder_angle=0.0,
+        flags=np.array(flags),
+    )
+    assert measured_count(records) == 2
+
+
+def lay(turns: float = 3.0, angle: float = 20.0) -> LayRecords:
+    """Return an even lay of some turns, every 5 degrees, on a cylinder turned by an angle."""
+    theta = np.radians(np.arange(2.5, 360.0 * turns, 5.0))
+    records = np.zeros(theta.size, LAY_DTYPE)
+    records["theta"], records["turn"] = theta, theta // math.tau
+    records["x"], records["y"] = RADIUS * np.cos(angle - theta), RADIUS * np.sin(angle - theta)
+    records["z"] = ADVANCE * theta
+    return records
+
+
+def lines(svg: str) -> list[np.ndarray]:
+    return [
+        np.array([pair.split(",") for pair in points.split()], dtype=float)
+        for points in re.findall(r'polyline points="([^"]+)"', svg)
+    ]
+
+
+def test_every_turn_on_the_camera_s_side_is_drawn_once_with_its_edge() -> None:
+    drawn = lines(lay_overlay(lay(), VIEW))
+    # Each line twice, dark below and bright above.
+    assert len(drawn) == 2 * 3
+    for line in drawn:
+        # 0.4 m before 5000 px of focal length: 12.4 px/mm, a turn of 34 mm.
+        assert 200.0 < np.ptp(line[:, 1]) < 430.0
+        assert np.ptp(line[:, 0]) < 0.5 * math.tau * ADVANCE * 12.9e3
+
+
+def test_a_turned_cylinder_carries_its_lay_along() -> None:
+    later = lay_overlay(lay(), VIEW, turned=0.1)
+    assert later == lay_overlay(lay(angle=20.1), VIEW)
+
+
+def test_what_lies_wrongly_is_ringed_and_named() -> None:
+    records = lay()
+    wrong = np.abs(records["theta"] - 8.0) < 0.2
+    records["flags"][wrong] = LayFlag.GAP
+    assert defect_sentence(records) == "gap on turn 2"
+    facing = np.cos(20.0 - records["theta"][wrong]) > 0.4
+    assert lay_overlay(records, VIEW).count("<circle") == facing.sum()
+
+
+def test_an_even_lay_has_no_error_and_a_shifted_one_its_shift() -> None:
+    records = lay()
+    records["z"][36:] += 0.7e-3
+    errors = np.array(helix_errors(records, ADVANCE))
+    # Single precision of z: a tenth of a micrometre.
+    np.testing.assert_allclose(errors[:36, 1], 0.0, atol=1e-3)
+    np.testing.assert_allclose(errors[36:, 1], 0.7, atol=1e-3)
+    assert errors[-1, 0] == pytest.approx(3.0, abs=0.01)
+
+
+def test_nothing_is_drawn_before_anything_was_measured() -> None:
+    assert lay_overlay(np.zeros(0, LAY_DTYPE), VIEW) == ""
+
+
+def test_the_commanded_advance_is_kept_while_the_machine_stands() -> None:
+    state = ViewState(nodes=["winding_rig"], machine="winding_rig", solver="cable_fem")
+    for t, speed in ((1.0, 2.0), (2.0, 0.0)):
+        moving = AxisReading(
+            cylinder_angle=t, angular_speed=speed, carriage_position=0.0, feed_speed=5e-3 * speed
+        )
+        state.note_axes(t, moving)
+        state.setpoints = moving
+        state.tick(t)
+    assert state.advance == pytest.approx(5e-3)
 
 
 def path(drawing: str, kind: str) -> str:
@@ -136,3 +311,40 @@ def test_cable_and_markers_stand_out_from_the_cylinder_and_from_the_ground() -> 
     for colour in (*colours, MEASURED):
         assert contrast(colour, DRUM) >= 3.0
         assert contrast(colour, GROUND) >= 3.0
+
+
+def theme(name: str) -> dict[str, str]:
+    blocks = re.findall(r":root \{(.*?)\}", STYLE, flags=re.DOTALL)
+    light, dark = (dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", block)) for block in blocks)
+    return {"light": light, "dark": {**light, **dark}}[name]
+
+
+@pytest.mark.parametrize("name", ["light", "dark"])
+@pytest.mark.parametrize("ground", ["paper", "tint"])
+def test_text_has_four_and_a_half_and_graphics_have_three(name: str, ground: str) -> None:
+    colours = theme(name)
+    for text in TEXT:
+        assert contrast(colours[text], colours[ground]) >= 4.5, text
+    for graphic in GRAPHICS:
+        assert contrast(colours[graphic], colours[ground]) >= 3.0, graphic
+
+
+@pytest.mark.parametrize("name", ["light", "dark"])
+def test_words_on_filled_buttons_can_be_read(name: str) -> None:
+    colours = theme(name)
+    for ground in ("danger", "go"):
+        assert contrast(colours["on"], colours[ground]) >= 4.5, ground
+    assert contrast(colours["paper"], colours["ink"]) >= 4.5
+
+
+@pytest.mark.parametrize("name", ["light", "dark"])
+def test_band_of_tolerance_leaves_the_curves_readable(name: str) -> None:
+    colours = theme(name)
+    for curve in ("predicted", "measured"):
+        assert contrast(colours[curve], colours["band"]) >= 3.0, curve
+
+
+def test_scale_of_the_tension_has_the_colours_of_the_cable() -> None:
+    (scale,) = re.findall(r"linear-gradient\(to right, ([^)]*)\)", STYLE)
+    stops = scale.split(", ")
+    assert stops == tension_colours(np.linspace(0.0, 1.0, len(stops)))

@@ -1,13 +1,152 @@
-"""The page's requests command the machine, and refusals are told."""
+"""Requests of the page: commands, preparation of a condition, recordings, and their refusals."""
 
+import asyncio
 import math
+import time
+from typing import Any
 
 import pytest
 from simulated_page import Desk, Machine, fresh_state, phase
 
 from winding_core.readings import CABLE_TENSION
+from winding_core.run_phase import RunPhase
+from winding_core.status import Level, Status
 from winding_dashboard.page import commands
+from winding_dashboard.state.view_state import ViewState
 from winding_dashboard.web.server import SEEN_WITHIN
+
+OWN = {
+    "cylinder_diameter_mm": 30,
+    "cable_diameter_mm": 4,
+    "tension_n": 3.5,
+    "marker_spacing_mm": 80,
+}
+
+
+def recorded(state: ViewState, bag: str) -> None:
+    values = {"bag": bag, "messages": "12345", "bytes": "67800000", "lost": "0"} if bag else {}
+    state.health.note(
+        time.monotonic(),
+        [Status(name="recorder", level=Level.OK, message="recording", values=values)],
+    )
+
+
+def test_recording_is_begun_and_shown() -> None:
+    machine, state = Machine(), fresh_state()
+    phase(state, "winding")
+    desk = Desk(state, machine)
+    assert desk.look()["texts"]["recorded"] == "nothing is being recorded"
+    assert desk.look()["hidden"]["recording"]
+    desk.ask("/record", on=True)
+    assert machine.done == ["record"]
+    recorded(state, "bag-2")
+    seen = desk.look()
+    assert seen["texts"]["recorded"] == "into bag-2: 12 345 messages, 67.8 MB"
+    assert seen["texts"]["record"] == "Stop recording"
+    assert not seen["hidden"]["recording"]
+
+
+def test_ending_a_recording_asks_while_the_machine_winds_and_not_when_it_stands() -> None:
+    state = fresh_state()
+    recorded(state, "bag")
+    desk = Desk(state, Machine())
+    phase(state, "winding")
+    assert desk.look()["ask"]["record"] == "ask-record"
+    phase(state, "idle")
+    assert desk.look()["ask"]["record"] == ""
+
+
+def test_ending_a_recording_tells_what_is_in_it() -> None:
+    machine = Machine()
+    desk = Desk(fresh_state(), machine)
+    assert desk.ask("/record", on=False).endswith("recording: bag: 7 messages")
+    assert machine.done == ["end"]
+
+
+def test_recording_that_nobody_serves_is_off_with_a_reason() -> None:
+    reason = "nobody serves recorder/record in /winding"
+    seen = Desk(fresh_state(), Machine(unrecorded=reason)).look()
+    assert seen["off"]["record"] == reason
+    assert seen["texts"]["recorded"] == reason
+
+
+def at_desk(state: ViewState | None = None, machine: Machine | None = None) -> Desk:
+    """Return a desk whose solver has said what it is set to."""
+    if state is None:
+        state = fresh_state()
+        phase(state, "idle")
+    desk = Desk(state, machine or Machine())
+    asyncio.run(desk.served.session.learn_choice())
+    return desk
+
+
+def form(case: int, law: str = "linear", *, take_up: bool = False, **fields: Any) -> dict[str, Any]:
+    return {"case": case, "law": law, "take_up": take_up, "fields": fields}
+
+
+def test_form_shows_what_the_solver_is_set_to() -> None:
+    shown = at_desk().look()["form"]
+    assert (shown["case"], shown["law"], shown["take_up"]) == (4, "linear", False)
+
+
+def test_chosen_case_and_law_are_prepared() -> None:
+    desk = at_desk()
+    said = desk.ask("/prepare", form=form(9, "hencky"))
+    assert desk.graph.done == ["prepare 9 hencky"]
+    assert said.endswith("prepare: ready to wind case 9")
+    assert desk.look()["form"]["case"] == 9
+
+
+def test_preparing_over_a_run_asks_first() -> None:
+    state = fresh_state()
+    phase(state, "finished")
+    desk = at_desk(state)
+    assert desk.look()["ask"]["prepare"] == ""
+    state.time = 20.0
+    assert desk.look()["ask"]["prepare"] == "ask-prepare"
+
+
+def test_nothing_is_chosen_while_the_machine_winds() -> None:
+    state = fresh_state()
+    phase(state, "winding")
+    desk = at_desk(state)
+    reason = "cannot be chosen while the machine is winding"
+    assert desk.look()["off"]["prepare"] == reason
+    assert reason in desk.ask("/prepare", form=form(9))
+    assert desk.graph.done == []
+
+
+def test_own_condition_is_prepared_in_si() -> None:
+    desk = at_desk()
+    said = desk.ask("/prepare", form=form(0, take_up=True, **OWN))
+    assert desk.graph.done == [
+        "prepare 0 linear cylinder_diameter=0.03 cable_diameter=0.004 weight=3.5 "
+        "marker_spacing=0.08 take up"
+    ]
+    assert said.endswith("prepare: ready to wind a condition of your own")
+
+
+def test_wrong_own_condition_is_refused_with_value_and_limits() -> None:
+    desk = at_desk()
+    assert "say what to wind: Case 1 to 12, or Cylinder" in desk.ask("/prepare", form=form(0))
+    said = desk.ask("/prepare", form=form(0, **{**OWN, "cylinder_diameter_mm": 3000}))
+    assert "Cylinder diameter, mm must be at most 2000, got 3000" in said
+    assert desk.look()["texts"]["prepare-answer"].endswith("at most 2000, got 3000")
+    assert desk.graph.done == []
+
+
+def test_nonsense_in_a_form_is_refused_in_words() -> None:
+    desk = at_desk()
+    for wrong in (form(99), form(4, "steel"), form(0, **{**OWN, "tension_n": "heavy"}), {}):
+        assert "prepare: " in desk.ask("/prepare", form=wrong)
+    assert desk.graph.done == []
+
+
+def test_refused_preparation_says_why_beside_its_button() -> None:
+    refusal = "cable_fem cannot configure: the weight is too much"
+    desk = at_desk(machine=Machine(refusal=refusal))
+    assert desk.ask("/prepare", form=form(4)).endswith(f"prepare: {refusal}")
+    assert desk.look()["texts"]["prepare-answer"] == refusal
 
 
 def test_commands_reach_the_machine() -> None:
@@ -66,8 +205,9 @@ def test_nothing_is_started_while_a_node_is_down() -> None:
     phase(state, "idle")
     state.health.lifecycle = {"winding_rig": "active", "cable_fem": "inactive"}
     seen = Desk(state, Machine()).look()
-    assert seen["off"]["start"].startswith("cable_fem is inactive")
+    assert seen["off"]["start"] == "cable_fem is inactive; wait for it, or prepare the run"
     assert seen["off"]["stop"] == ""
+    assert commands.asleep({"cable_fem": "active", "correction": "no answer"}) == ""
 
 
 class Clock:
@@ -137,3 +277,28 @@ def test_an_address_that_does_not_exist_is_not_found() -> None:
     answer = Desk(fresh_state(), Machine()).request("GET", "/report")
     assert answer.status_code == 404
     assert "there is no page /report" in answer.text
+
+
+def test_stopping_is_never_held_back_by_what_the_page_believes() -> None:
+    for reached in ("", "idle", "winding", "stopping", "finished", "emergency stop"):
+        assert commands.out_of_phase(commands.STOP, reached) == ""
+        assert commands.out_of_phase(commands.EMERGENCY_STOP, reached) == ""
+
+
+def test_next_run_is_asked_for_between_two_runs() -> None:
+    def off(command: str, phase: RunPhase | None, *, moving: bool = False) -> bool:
+        return bool(commands.between_runs(command, phase, moving=moving))
+
+    assert not off(commands.START, None)
+    assert not off(commands.RESET, None)
+    assert not off(commands.START, RunPhase.READY)
+    assert off(commands.START, RunPhase.OVER)
+    assert not off(commands.RESET, RunPhase.OVER)
+    assert off(commands.START, RunPhase.PREPARED)
+    assert off(commands.RESET, RunPhase.PREPARED)
+    assert off(commands.RESET, RunPhase.UNDER_WAY, moving=True)
+    # A run that was broken off stands.
+    assert not off(commands.RESET, RunPhase.UNDER_WAY)
+    for reached in RunPhase:
+        assert not off(commands.STOP, reached, moving=True)
+        assert not off(commands.EMERGENCY_STOP, reached, moving=True)

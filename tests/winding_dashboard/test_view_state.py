@@ -1,4 +1,4 @@
-"""What the page shows: bounded, one run at a time, sources of one moment."""
+"""State of the page: nodes' health, bounded traces, one run at a time, sources of one moment."""
 
 import math
 import re
@@ -9,16 +9,53 @@ import pytest
 from winding_core.condition import Condition
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MarkerFlag, wound_markers
 from winding_core.readings import AxisReading
-from winding_core.status import Status
+from winding_core.status import Level, Status
 from winding_core.wound_label import WoundLabel
 from winding_dashboard.drawings.run_charts import speed_drawings
-from winding_dashboard.state.health import SILENCE
+from winding_dashboard.state.health import SILENCE, Health, node_of
 from winding_dashboard.state.view_state import SAMPLES, ViewState
 
 # Seconds since 1970.
 EPOCH = 1.79e9
 NODES = ("winding_rig", "marker_tracker", "cable_fem", "correction")
 RADIUS = 0.017
+
+
+def report(name: str, level: Level = Level.OK, message: str = "") -> Status:
+    return Status(name=name, level=level, message=message)
+
+
+def test_row_tells_the_worst_and_everything_said() -> None:
+    health = Health(["rig"])
+    health.note(0.0, [report("rig", message="winding")])
+    health.note(0.0, [report("rig: topics", Level.WARN, "refused a message")])
+    (row,) = health.rows(1.0)
+    assert (row.level, row.message) == (Level.WARN, "winding; refused a message")
+    assert health.message("rig") == "winding"
+
+
+def test_node_that_stops_talking_is_stale() -> None:
+    health = Health(["rig"])
+    health.note(0.0, [report("rig", Level.OK, "winding")])
+    (row,) = health.rows(9.0)
+    assert (row.level, row.message) == (Level.STALE, "silent for 9 s")
+
+
+def test_node_that_was_never_heard_has_its_row() -> None:
+    assert Health(["rig"]).rows(0.0)[0].message == "not heard yet"
+
+
+def test_names_of_strangers_cannot_grow_without_end() -> None:
+    health = Health(["rig"])
+    for number in range(500):
+        health.note(0.0, [report(f"stranger{number}"), report(f"rig: part{number}")])
+    assert len(health.rows(0.0)) <= 25
+    assert health.rows(0.0)[0].name == "rig"
+
+
+def test_status_names_lead_to_their_node() -> None:
+    names = ("rig", "rig: topics", "/winding/rig: topics", " rig : x")
+    assert {node_of(name) for name in names} == {"rig"}
 
 
 def turning(t: float, speed: float = 1.74) -> AxisReading:
