@@ -9,6 +9,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import CameraInfo, Image, JointState, PointCloud2
 from visualization_msgs.msg import Marker
 
+from marker_tracker_node.camera.image_formats import PixelReader
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
 from winding_core.readings import AxisReading, ImageWindow
 from winding_core.status import Level, Status
@@ -115,7 +116,7 @@ def test_rgb_image_is_turned_to_bgr() -> None:
     message = through_the_wire(encode_image(0.0, frame), Image)
     message.encoding = "rgb8"
     for received in (message, serialize_message(message)):
-        np.testing.assert_array_equal(decode_image(received)[1], frame[:, :, ::-1])
+        np.testing.assert_array_equal(decode_image(received, PixelReader())[1], frame[:, :, ::-1])
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from winding_core.image_formats import ENCODINGS
 from winding_core.parameters import parameter
+from winding_core.raw_image import ENCODINGS
 from winding_core.units import PLAIN, ROW_TIME
 
 

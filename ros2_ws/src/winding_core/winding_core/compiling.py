@@ -75,7 +75,8 @@ def called(function: Kernel, **flags: Any) -> Kernel:
         function: Array function that only kernels call.
         flags: Of `numba.njit`.
     """
-    return cast(Kernel, register_jitable(**flags)(function))
+    decorate = register_jitable(**flags) if flags else register_jitable
+    return cast(Kernel, decorate(function))
 
 
 def is_compiled(package: str) -> bool:

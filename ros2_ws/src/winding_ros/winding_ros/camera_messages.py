@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
 
-from winding_core.image_formats import BGR8, ImageFormatError, PixelReader, RawImage
+from winding_core.raw_image import BGR8, ImageFormatError, RawImage
 from winding_core.readings import ImageWindow
 from winding_ros.message_error import MessageError
 from winding_ros.serialised import deserialised
@@ -62,16 +63,24 @@ def _image_template(height: int, width: int) -> Template:
     return Template(serialised(message)[: -COUNT.size] + COUNT.pack(3 * width * height))
 
 
-def decode_image(
-    message: bytes | Image, reader: PixelReader | None = None
-) -> tuple[float, NDArray[np.uint8]]:
-    """Return (t [s], BGR frame of shape (height, width, 3)) of an Image or of its CDR bytes.
+class FrameReader(Protocol):
+    """What makes a frame of a picture as it came."""
 
-    The frame may not be written to: it shows the message's own bytes where those are BGR.
+    def frame(self, image: RawImage) -> NDArray[np.uint8]:
+        """Return a BGR frame, shape (height, width, 3); it raises `ImageFormatError`."""
+
+
+def decode_image(
+    message: bytes | Image, reader: FrameReader | None = None
+) -> tuple[float, NDArray[Any]]:
+    """Return (t [s], frame) of an Image or of its CDR bytes.
+
+    The frame may not be written to: it shows the message's own bytes where those are taken as is.
 
     Args:
         message: The picture.
-        reader: Knows how the camera's pixels are to be read; None to believe the message.
+        reader: Makes the frame; None for the numbers as the encoding orders them, shape
+            (height, width) or (height, width, numbers of a pixel).
 
     Raises:
         MessageError: No Image, an encoding without colours, or a size that does not fit the data.
@@ -103,9 +112,9 @@ def _picture(reader: CdrReader) -> RawImage:
     return RawImage(height, width, encoding, reader.u32(), big_endian, reader.octets())
 
 
-def _frame(picture: RawImage, reader: PixelReader | None) -> NDArray[np.uint8]:
+def _frame(picture: RawImage, reader: FrameReader | None) -> NDArray[Any]:
     try:
-        return (reader or PixelReader()).frame(picture)
+        return picture.numbers() if reader is None else reader.frame(picture)
     except ImageFormatError as error:
         raise MessageError(str(error)) from error
 

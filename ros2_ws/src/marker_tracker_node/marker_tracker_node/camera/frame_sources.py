@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.camera.bags import is_bag, messages
 from marker_tracker_node.camera.frame_times import FrameTimeError, FrameTimes
+from marker_tracker_node.camera.image_formats import ImageFormatError, PixelReader, RawImage
 from marker_tracker_node.camera.recordings import RecordingError
-from winding_core.image_formats import ImageFormatError, PixelReader, RawImage
 
 ByteArray = NDArray[np.uint8]
 

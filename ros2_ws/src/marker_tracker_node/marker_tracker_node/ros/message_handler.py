@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo
 
+from marker_tracker_node.camera.image_formats import PixelReader
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.lay.lay_follower import LayFollower
 from marker_tracker_node.ros.parameters import TrackerParameters
@@ -17,7 +18,6 @@ from marker_tracker_node.tracking.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 from marker_tracker_node.tracking.tracker import Tracker
-from winding_core.image_formats import PixelReader
 from winding_core.run_inputs import RunInputs
 from winding_ros import topics
 from winding_ros.camera_messages import CameraReading, decode_camera_info, decode_image

@@ -12,7 +12,6 @@ from marker_tracker_node.tracking.gate_prediction import predict_gate
 from marker_tracker_node.tracking.tracker import Tracker
 from marker_tracker_node.tracking.tracker_state import TrackerState, setup_numbers
 from marker_tracker_node.tracking.unnumbered_bands import UnnumberedBands
-from winding_core import image_formats
 
 
 def warm_up(config: TrackerConfig) -> None:
@@ -21,7 +20,6 @@ def warm_up(config: TrackerConfig) -> None:
     camera = PinholeCamera.from_info(width=64, height=48, k=matrix, d=np.zeros(5))
     # The search for P0 asks from Python.
     solve_band(camera.view(config.pose), config.body, 0.0, 0.0, Band(0.5, 0.0, 0.0))
-    image_formats.warm_up()
     frame = np.zeros((48, 64, 3), dtype=np.uint8)
     Tracker(config, camera).track(frame, 0.0, 0.0, 0.0)
     setup = config.setup(camera.view(config.pose))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
+from marker_tracker_node.camera.image_formats import PixelReader
 from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, staged, write_json
@@ -19,7 +20,6 @@ from winding_core.camera_clock import CameraClockParameters
 from winding_core.camera_pixels import CameraPixels
 from winding_core.camera_placement import CameraPlacement
 from winding_core.condition import Condition
-from winding_core.image_formats import PixelReader
 from winding_core.marker_parameters import MarkerParameters
 from winding_core.options import typed_values
 from winding_core.parameters import build

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from winding_core.image_formats import ENCODINGS, ImageFormatError, PixelReader, RawImage
+from marker_tracker_node.camera.image_formats import (
+    ENCODINGS,
+    ImageFormatError,
+    PixelReader,
+    RawImage,
+)
 
 ROWS, COLUMNS = 12, 18
 
