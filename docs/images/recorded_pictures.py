@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from marker_tracker_node.camera.bags import read_bag
-from winding_core.condition import Condition, ResolvedCondition
+from winding_core.cable.condition import Condition, ResolvedCondition
 from winding_core.markers import (
     CABLE_DTYPE,
     CORRECTED_DTYPE,

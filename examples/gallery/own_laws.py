@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
 
 
 def brake(weight: float, cylinder_diameter: float, wound_length: float) -> float:

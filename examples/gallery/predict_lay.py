@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
 
 case = Case(cylinder_diameter=40e-3, cable_diameter=3e-3, weight=2.0, marker_spacing=120e-3)
 run = predict(WindingConfig(case=case), duration=20.0)

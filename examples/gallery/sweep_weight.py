@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
 
 weights = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5)
 for mpa in (2, 3, 5):

@@ -6,7 +6,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 from marker_tracker_node import FrameSource, Tracker, TrackerConfig, read_camera, read_motion
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
 
 camera, motion = read_camera(Path("film/camera.yaml")), read_motion(Path("film/motion.csv"))
 tracker = Tracker(TrackerConfig.of(Condition(case=8).resolved()), camera)

@@ -24,10 +24,9 @@ from cable_fem_node.identification import (
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_search import RigSearch
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import PAPER_DURATION, DriveProfile
+from winding_core.cable.cases import paper_case, published_markers
+from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.planned_inputs import planned_inputs
-from winding_core.published import published_markers
 
 # Standard deviations that are tried [m].
 _FIXING = (0.5e-3, 1.0e-3, 2.0e-3, 4.0e-3)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from winding_core.condition import Condition
-from winding_core.machine_axes import MachineAxes
+from winding_core.cable.condition import Condition
+from winding_core.machine.axes import MachineAxes
 from winding_ros import topics
 from winding_ros.graph_error import GraphError
 from winding_supervisor.external_machine import ExternalMachineConfig

@@ -11,7 +11,7 @@ import pytest
 
 from correction_node.live.corrector import Corrector
 from correction_node.models.weights import SHIPPED, load_factor, weights_directory
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 from winding_core.markers import CORRECTED_DTYPE, Markers, wound_markers
 
 CASE = paper_case(7)

@@ -24,11 +24,10 @@ from cable_fem_node.identification import (
 from cable_fem_node.winding.overlap import OverlapError
 from cable_fem_node.winding.prediction import Prediction, predict
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import PAPER_DURATION, DriveProfile
+from winding_core.cable.cases import paper_case, published_markers
+from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers, is_wound
 from winding_core.planned_inputs import planned_inputs
-from winding_core.published import published_markers
 
 DRIVE = DriveProfile()
 CASES = range(1, 13)

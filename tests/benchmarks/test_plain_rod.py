@@ -12,7 +12,7 @@ from floors.rod_in_c import OPTIONS, REORDERED, compiler
 
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 
 SOURCE = Path(__file__).parent / "peers" / "plain_rod.c"
 # What the project promises over the whole run, calls from Python and markers at 50 Hz included.

@@ -26,8 +26,8 @@ from cable_fem_node.identification import (
 from cable_fem_node.identification.quasi_static import lay
 from cable_fem_node.identification.rod_run import wind
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
 from winding_core.planned_inputs import planned_inputs
 
 RIGS = int(os.environ.get("WINDING_RIGS", "40"))

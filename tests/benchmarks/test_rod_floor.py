@@ -14,8 +14,8 @@ from floors.rod_state import RodState, drive_between, kernel_advance
 
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
 
 # Measured 1.0 to 1.2 against GCC 12 at -O3 -march=native; twice that is a promise that holds for
 # other compilers and processors.

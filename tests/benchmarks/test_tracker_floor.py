@@ -18,7 +18,7 @@ from floors.classic_tracker import ClassicTracker
 from floors.films import films
 from floors.gates import Box, boxes_of
 
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 from winding_core.compiling import compiled
 from winding_core.markers import Markers
 from winding_core.units import MILLIMETRE

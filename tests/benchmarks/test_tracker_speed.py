@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from floors.films import films
 
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 from winding_rig_node.camera import CameraConfig
 from winding_rig_node.machine.lay import published_lay
 

@@ -13,7 +13,7 @@ from cable_fem_node.winding.lift_off import lift_off_angle
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 
 
 def test_the_estimate_covers_what_much_shorter_elements_change():

@@ -22,12 +22,12 @@ from cable_fem_node.identification import (
 from cable_fem_node.identification.rod_run import wind
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.lay.quasi_static import QuasiStaticLay
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.tension import DeadWeight
 from winding_core.markers import is_wound
 from winding_core.planned_inputs import planned_inputs
-from winding_core.quasi_static import QuasiStaticLay
-from winding_core.tension import DeadWeight
 from winding_study.identification.constants import identify_constants
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]

@@ -20,8 +20,8 @@ from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import block
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.readings import AxisReading
+from winding_core.cable.cases import paper_case
+from winding_core.machine.readings import AxisReading
 
 line = np.column_stack([np.linspace(0.0, 0.02, 5), np.zeros(5), np.zeros(5)])
 rod = Rod(line, RodSection(diameter=4e-3, law="neo_hookean"), twist=True)

@@ -10,8 +10,8 @@ from random_conditions import condition
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Case, Material, paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import Case, Material, paper_case
+from winding_core.machine.drive import DriveProfile
 
 
 def stiff_run(bending_share: float, segment: float) -> PlannedRun:

@@ -9,7 +9,7 @@ from scipy.linalg import expm, logm, polar
 from cable_fem_node.rod.rod_arrays import axial_response
 from cable_fem_node.rod.rod_kernels import law_energy, law_value
 from cable_fem_node.solid.solid_law import SolidLaw
-from winding_core.material_law import (
+from winding_core.cable.material_law import (
     LAWS,
     MaterialLaw,
     NoEquilibriumError,

@@ -8,11 +8,11 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
 from cable_fem_node.node import CableFemNode
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.cable.material_report import MaterialReport
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE, MarkerFlag, Markers, wound_markers
-from winding_core.material_report import MaterialReport
-from winding_core.readings import AxisReading
 from winding_core.status import Level
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud, encode_cloud

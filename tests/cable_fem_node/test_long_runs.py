@@ -16,8 +16,8 @@ from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.run_ahead import PIECE
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, Markers, is_wound
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud

@@ -11,8 +11,8 @@ from rclpy.parameter import Parameter
 from cable_fem_node.node import CableFemNode
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud

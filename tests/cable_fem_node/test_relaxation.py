@@ -14,12 +14,12 @@ from cable_fem_node.rod.rod_arrays import relaxation
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Material, paper_case
-from winding_core.drive import DriveProfile
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.cases import Material, paper_case
+from winding_core.cable.material_law import MaterialLaw
+from winding_core.cable.prony import PronySeries
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.readings import AxisReading
 from winding_core.planned_inputs import planned_inputs
-from winding_core.prony import PronySeries
-from winding_core.readings import AxisReading
 
 DRIVE = DriveProfile()
 CASE = paper_case(4)

@@ -7,9 +7,9 @@ import numpy as np
 
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
-from winding_core.drive import DriveProfile
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
-from winding_core.readings import AxisReading
 from winding_core.run_inputs import INPUT_DTYPE, RunInputs
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud

@@ -15,9 +15,9 @@ from cable_fem_node.winding.resting_cable import RestingCable
 from cable_fem_node.winding.rod_nodes import RodNodes
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
-from winding_core.readings import AxisReading
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.readings import AxisReading
 
 CONFIG = WindingConfig(case=paper_case(4))
 WEIGHT = CONFIG.case.weight

@@ -20,8 +20,8 @@ from cable_fem_node.identification import (
 from cable_fem_node.identification.rig import Rigs
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
 from winding_core.planned_inputs import planned_inputs
 
 INPUTS = planned_inputs(DriveProfile(), 20.0)

@@ -14,7 +14,7 @@ from cable_fem_node.winding.replay import AbandonedError
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import RunAhead
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 from winding_core.markers import Markers, is_wound
 
 CONFIG = WindingConfig(case=paper_case(4))

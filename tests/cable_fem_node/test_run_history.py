@@ -6,8 +6,8 @@ import pytest
 from cable_fem_node.winding.replay import AbandonedError, replay
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
 from winding_core.planned_inputs import continued_inputs, planned_inputs
 from winding_core.run_history import RunHistory
 

@@ -9,8 +9,8 @@ from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.solid_winding import SolidWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 

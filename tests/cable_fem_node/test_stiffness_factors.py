@@ -12,8 +12,8 @@ from cable_fem_node.identification import Readings, TrackedRun
 from cable_fem_node.identification.quasi_static import lay
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Material, paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import Material, paper_case
+from winding_core.machine.drive import DriveProfile
 from winding_core.planned_inputs import planned_inputs
 
 

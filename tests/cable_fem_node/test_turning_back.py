@@ -15,11 +15,10 @@ from cable_fem_node.winding.overlap import OverlapError, refuse_crossing
 from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile, TurningDrive
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
-from winding_core.readings import AxisReading
-from winding_core.turning_drive import TurningDrive
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.rig_messages import encode_joint_state

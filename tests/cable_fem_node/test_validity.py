@@ -14,8 +14,8 @@ from cable_fem_node.winding.expected_cost import expected_cost
 from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Case, Material, paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import Case, Material, paper_case
+from winding_core.machine.drive import DriveProfile
 
 
 def config(

@@ -18,7 +18,7 @@ from correction_node.training.comparison import (
     compare_models,
 )
 from correction_node.training.learners import MARKER_NETWORK, NETWORK, RIG, RIG_NETWORK
-from winding_core.published import published_markers, published_weights
+from winding_core.cable.cases import published_markers, published_weights
 
 # Every model is trained as long as the shipped ones.
 # One process computes what the tests of this file share.

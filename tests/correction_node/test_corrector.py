@@ -6,7 +6,7 @@ import numpy as np
 
 from correction_node.live.corrector import Corrector
 from correction_node.models.weights import load_factor, weights_directory
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
 
 CORRECTOR = Corrector(load_factor(weights_directory("paper")))

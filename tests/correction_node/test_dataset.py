@@ -10,7 +10,7 @@ from correction_node.models.dataset import (
     load_data_set,
     parse_lengths,
 )
-from winding_core.published import published_markers
+from winding_core.cable.cases import published_markers
 
 HEADER = "case,marker,s_fem_m\n"
 

@@ -13,7 +13,7 @@ from correction_node.models.evaluation import (
     without_each_case,
 )
 from correction_node.training.baselines import BASELINES, constant_factor, ridge
-from winding_core.published import published_markers, published_weights
+from winding_core.cable.cases import published_markers, published_weights
 
 CELLS = load_data_set("paper").cells
 

@@ -12,7 +12,7 @@ from correction_node.models.inputs import (
     conditions_of,
     dimensionless_inputs,
 )
-from winding_core.cases import paper_case, paper_cases
+from winding_core.cable.cases import paper_case, paper_cases
 
 CELLS = load_data_set("rod").cells
 

@@ -14,7 +14,7 @@ from correction_node.training.baselines import BASELINES
 from correction_node.training.learners import LEARNERS, RIG, RIG_NETWORK
 from correction_node.training.protocol import learn, verdict
 from correction_node.training.training import TrainingConfig
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 
 pytestmark = pytest.mark.slow
 DATA = load_data_set("rod")
@@ -94,7 +94,7 @@ def test_a_model_that_does_not_exist_is_refused() -> None:
 @pytest.mark.slow
 def test_correcting_needs_no_torch() -> None:
     asked = (
-        "import sys; from winding_core.cases import paper_case; "
+        "import sys; from winding_core.cable.cases import paper_case; "
         "from correction_node.live.corrector import Corrector; "
         "from correction_node.models.weights import SHIPPED, load_factor, weights_directory; "
         "[Corrector(load_factor(weights_directory(n))).factor(paper_case(1)) for n in SHIPPED]; "

@@ -11,7 +11,7 @@ from correction_node.live.run_corrector import ARRIVAL, RunCorrector
 from correction_node.live.within_run import published_within_run
 from correction_node.models.dataset import load_data_set
 from correction_node.models.weights import load_factor, weights_directory
-from winding_core.cases import Case, paper_case
+from winding_core.cable.cases import Case, paper_case
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 CORRECTOR = Corrector(load_factor(weights_directory("rod")))

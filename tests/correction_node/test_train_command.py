@@ -12,7 +12,7 @@ from correction_node.training.baselines import BASELINES
 from correction_node.training.comparison import ONE_H_PER_CASE
 from correction_node.training.learners import LEARNERS
 from winding_cli.commands.train import train
-from winding_core.cases import paper_cases
+from winding_core.cable.cases import paper_cases
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ from correction_node.models.weights import (
 from correction_node.ros.parameters import CorrectionParameters
 from correction_node.training.learners import LEARNERS
 from correction_node.training.training import TrainingConfig
-from winding_core.cases import paper_case, paper_cases
+from winding_core.cable.cases import paper_case, paper_cases
 
 PAPER = weights_directory("paper")
 

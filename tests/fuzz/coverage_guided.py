@@ -21,7 +21,7 @@ with atheris.instrument_imports(include=["winding_recorder", "mcap", "rosbags"])
     from mcap.writer import Writer
 
     from marker_tracker_node import PinholeCamera, Tracker, TrackerConfig
-    from winding_core.cases import paper_case
+    from winding_core.cable.cases import paper_case
     from winding_core.markers import MarkerFlag
     from winding_recorder.bags.check import check
     from winding_recorder.bags.contents import contents

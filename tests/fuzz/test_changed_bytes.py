@@ -12,7 +12,7 @@ from made_up import fuzzed, taken
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointField
 
-from winding_core.machine_axes import MachineAxes
+from winding_core.machine.axes import MachineAxes
 from winding_core.markers import MARKER_DTYPE
 from winding_ros import topics
 from winding_ros.camera_messages import (

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up import any_float, fuzzed, stamps, taken, wired, words
 
-from winding_core.material_report import MaterialReport
+from winding_core.cable.material_report import MaterialReport
 from winding_core.status import Level, Status
 from winding_ros.diagnostic_messages import (
     decode_case_votes,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from made_up import any_float, fuzzed, number, stamps, taken, wired
 from sensor_msgs.msg import JointState
 
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
 from winding_ros.message_guard import StampError
 from winding_ros.rig_messages import (
     decode_joint_state,

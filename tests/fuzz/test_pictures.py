@@ -11,7 +11,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from marker_tracker_node.camera.image_formats import ENCODINGS, PixelReader
-from winding_core.readings import ImageWindow
+from winding_core.machine.readings import ImageWindow
 from winding_ros.camera_messages import (
     CameraReading,
     decode_camera_info,

@@ -13,10 +13,10 @@ from sensor_msgs.msg import CameraInfo, Image, RegionOfInterest
 from marker_tracker_node import CameraPose, PinholeCamera, Tracker, TrackerConfig
 from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE, MarkerFlag, Markers
-from winding_core.readings import AxisReading
 from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene
 from winding_rig_node.machine.lay import published_lay
 from winding_ros import topics

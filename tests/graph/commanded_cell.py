@@ -24,9 +24,9 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_srvs.srv import Trigger
 
-from winding_core.cases import paper_case
-from winding_core.condition import Condition
-from winding_core.readings import ImageWindow
+from winding_core.cable.cases import paper_case
+from winding_core.cable.condition import Condition
+from winding_core.machine.readings import ImageWindow
 from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer

@@ -5,9 +5,9 @@ import pytest
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import published_markers
+from winding_core.machine.drive import DriveProfile
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
-from winding_core.published import published_markers
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud

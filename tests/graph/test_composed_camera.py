@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from winding_core.cable.cases import published_markers
 from winding_core.camera_source import CameraSource, CameraSourceError
-from winding_core.published import published_markers
 from winding_recorder.bags.contents import contents
 from winding_ros.graph import CAMERA_TOPICS, GRAPH, RIG, SIMULATED_CAMERA, TRACKER, composed
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rclpy.duration import Duration
 
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
 from winding_core.status import Status
 from winding_recorder.bags.contents import contents
 from winding_recorder.bags.reading import decoded, messages_of, opened

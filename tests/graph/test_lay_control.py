@@ -17,7 +17,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from lay_control_node.ros.parameters import LayControlParameters
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE
+from winding_core.lay.records import LAY_CONTROL_DTYPE
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud

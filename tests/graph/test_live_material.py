@@ -8,8 +8,8 @@ from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
 from cable_fem_node.identification.steady import SteadyMarkers
+from winding_core.cable.material_report import MaterialReport
 from winding_core.markers import MARKER_DTYPE, Markers, is_wound
-from winding_core.material_report import MaterialReport
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud

@@ -10,12 +10,11 @@ import pytest
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.lay_controller import LayController, Setpoint
 from lay_control_node.control.wanted_program import WantedProgram
-from winding_core.condition import Condition, ResolvedCondition
-from winding_core.lay_control_records import ControlMode
-from winding_core.lay_program import LayProgram
-from winding_core.lay_records import LAY_DTYPE, LayFlag
+from winding_core.cable.condition import Condition, ResolvedCondition
+from winding_core.lay.program import LayProgram
+from winding_core.lay.records import LAY_DTYPE, ControlMode, LayFlag
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
-from winding_core.readings import AxisReading
 
 PERIOD = 0.02
 ROUNDING = 1.0e-9

@@ -10,8 +10,8 @@ import pytest
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.expected_landing import ExpectedLanding, expected_landings
 from lay_control_node.control.guide_law import WantedPoint
-from winding_core.condition import Condition, ResolvedCondition
-from winding_core.lay_control_records import ControlMode
+from winding_core.cable.condition import Condition, ResolvedCondition
+from winding_core.lay.records import ControlMode
 
 TURN = 2.0 * math.pi
 PITCH = 2.87e-3

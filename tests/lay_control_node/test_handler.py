@@ -10,11 +10,10 @@ import pytest
 
 from lay_control_node.ros.message_handler import LayControlHandler
 from lay_control_node.ros.parameters import LayControlParameters
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
-from winding_core.lay_records import LAY_DTYPE
-from winding_core.machine_axes import MachineAxes
+from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlBasis, ControlMode
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
-from winding_core.readings import AxisReading
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud, encode_cloud
 from winding_ros.message_error import MessageError

@@ -17,11 +17,10 @@ from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
 from lay_control_node.control.motion_bounds import AxisBounds
 from lay_control_node.control.stretch_filter import StretchFilter
 from lay_control_node.planning.lay_on import LayOnLaw
-from winding_core.cable_parameters import published_case
-from winding_core.lay_control_records import ControlBasis, ControlMode
-from winding_core.lay_records import LAY_DTYPE
-from winding_core.material_law import MaterialLaw
-from winding_core.readings import AxisReading
+from winding_core.cable.cable_parameters import published_case
+from winding_core.cable.material_law import MaterialLaw
+from winding_core.lay.records import LAY_DTYPE, ControlBasis, ControlMode
+from winding_core.machine.readings import AxisReading
 
 CASE = published_case(4, "case")
 RADIUS = CASE.centreline_radius

@@ -19,8 +19,8 @@ from lay_control_node.planning.planner import plan_lay
 from lay_control_node.programs import even_helix, with_markers_every_turn
 from lay_control_node.programs.gcode_reader import parse_gcode
 from lay_control_node.programs.yaml_reader import parse_yaml
-from winding_core.condition import Condition, ResolvedCondition
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.cable.condition import Condition, ResolvedCondition
+from winding_core.lay.program import LayProgram, LayProgramError
 
 TURN = 2.0 * math.pi
 # As the simulated machine has them.

@@ -17,7 +17,7 @@ from lay_control_node.programs import (
     with_markers_every_turn,
 )
 from lay_control_node.programs.csv_reader import parse_csv
-from winding_core.lay_program import LayProgram
+from winding_core.lay.program import LayProgram
 
 TURN = 2.0 * math.pi
 RADIUS = 0.0215

@@ -16,7 +16,7 @@ from lay_control_node.programs import (
     with_markers_every_turn,
 )
 from lay_control_node.programs.text_file import MOST_BYTES
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay.program import LayProgram, LayProgramError
 
 TURN = 2.0 * math.pi
 RADIUS = 0.0215

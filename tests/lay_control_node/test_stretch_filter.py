@@ -7,8 +7,8 @@ import pytest
 
 from lay_control_node.control.stretch_filter import StretchFilter, StretchFilterConfig
 from lay_control_node.planning.lay_on import LayOnLaw
-from winding_core.cable_parameters import published_case
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.cable_parameters import published_case
+from winding_core.cable.material_law import MaterialLaw
 
 CASE = published_case(4, "case")
 LAW = LayOnLaw(
@@ -51,8 +51,8 @@ def test_lay_on_density_and_tension_are_inverse() -> None:
 
 def test_lay_on_agrees_with_the_quasi_static_lay() -> None:
     """Same closed form as `QuasiStaticLay`, for the angle of the markers under the weight."""
-    from winding_core.quasi_static import QuasiStaticLay
-    from winding_core.tension import DeadWeight
+    from winding_core.lay.quasi_static import QuasiStaticLay
+    from winding_core.machine.tension import DeadWeight
 
     expected = QuasiStaticLay(CASE, "neo_hookean").theta(DeadWeight())
     steps = np.arange(0.0, 40.0, 0.01)

@@ -5,9 +5,9 @@ import pytest
 
 from marker_tracker_node.tracking.camera_clock import ClockSettings
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
-from winding_core.drive import DriveProfile
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerFlag
-from winding_core.readings import AxisReading
 
 pytestmark = pytest.mark.slow
 

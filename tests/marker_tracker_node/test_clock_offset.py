@@ -7,7 +7,7 @@ import pytest
 
 from marker_tracker_node.tracking.clock_offset import ClockOffset
 from marker_tracker_node.tracking.encoder_history import KEPT, EncoderHistory
-from winding_core.drive import DriveProfile
+from winding_core.machine.drive import DriveProfile
 
 DRIVE = DriveProfile()
 EPOCH = 1.8e9

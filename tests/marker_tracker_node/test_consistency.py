@@ -13,8 +13,8 @@ import pytest
 
 from marker_tracker_node import PinholeCamera, Tracker
 from marker_tracker_node.tracking.contradiction import Contradiction
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
 from winding_rig_node.camera import CameraConfig, Light, SensorNoise
 
 pytestmark = pytest.mark.slow

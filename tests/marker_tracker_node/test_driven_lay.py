@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
 from winding_core.markers import MarkerFlag
 from winding_rig_node.camera import CameraConfig, Renderer, Scene
 from winding_rig_node.camera.shown_lay import GrowingLay

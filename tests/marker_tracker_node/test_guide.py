@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from winding_core.cases import Case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import Case
+from winding_core.machine.drive import DriveProfile
 from winding_rig_node.camera import CameraConfig, SensorNoise
 from winding_rig_node.machine.lay import CableLay
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from known_lay import SMALL, TURN, KnownLay, ramp
 
-from winding_core.lay_records import LayFlag
+from winding_core.lay.records import LayFlag
 
 GAP = 1.0 * 4e-3
 SLIDE = 0.6

@@ -11,11 +11,11 @@ from sensor_msgs.msg import CameraInfo
 from marker_tracker_node.node import MarkerTrackerNode
 from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
-from winding_core.lay_records import LAY_DTYPE
+from winding_core.cable.cases import paper_case
+from winding_core.lay.records import LAY_DTYPE
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.readings import AxisReading, ImageWindow
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
-from winding_core.readings import AxisReading, ImageWindow
 from winding_core.status import Level
 from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene
 from winding_ros import topics

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from marker_tracker_node import CameraPose, Tracker, refine
-from winding_core.cases import Case
-from winding_core.drive import DriveProfile
-from winding_core.fleet_angle import FleetAngleLaw
+from winding_core.cable.cases import Case
+from winding_core.lay.helix import FleetAngleLaw
+from winding_core.machine.drive import DriveProfile
 from winding_core.markers import MarkerFlag
 from winding_rig_node.camera import CameraConfig, Light, SensorNoise, Window
 from winding_rig_node.machine.lay import CableLay

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from winding_core.drive import DriveProfile
+from winding_core.machine.drive import DriveProfile
 from winding_rig_node.camera import Paint
 
 # 0.2 % of S_1 of case 4 is 12 mrad of wound angle, and of case 9 13 mrad.

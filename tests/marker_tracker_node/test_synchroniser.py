@@ -5,7 +5,7 @@ import pytest
 
 from marker_tracker_node.tracking.encoder_history import KEPT, EncoderHistory
 from marker_tracker_node.tracking.synchroniser import Synchroniser
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
 
 FRAME = np.zeros((2, 2, 3), dtype=np.uint8)
 

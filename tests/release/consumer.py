@@ -4,7 +4,7 @@ from typing import assert_type
 
 from cable_fem_node.winding.prediction import Prediction, predict
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.condition import Condition, ResolvedCondition
+from winding_core.cable.condition import Condition, ResolvedCondition
 
 
 def wound_ahead(case: int) -> Prediction:

@@ -12,12 +12,11 @@ from winding_cli.commands.bag_report import write_recorded_report
 from winding_cli.commands.run_results import refuse_flawed
 from winding_cli.commands.wanted_lay import Held
 from winding_cli.output.results import run_record
-from winding_core.condition import Condition
-from winding_core.drive import DriveProfile
+from winding_core.cable.condition import Condition
 from winding_core.error_verdict import PAPER_LIMIT_PCT
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlMode
-from winding_core.lay_records import LAY_DTYPE
-from winding_core.readings import AxisReading
+from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlMode
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.readings import AxisReading
 from winding_recorder.bags.channel import jazzy_channel
 from winding_recorder.bags.failure import BagError
 from winding_recorder.bags.mcap_file import BagConfig

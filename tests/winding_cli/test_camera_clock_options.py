@@ -9,9 +9,8 @@ import pytest
 
 from winding_cli.commands.run import run
 from winding_cli.commands.track import track
-from winding_core.camera_clock import CameraClockParameters
-from winding_core.options import options
-from winding_core.parameters import declarations
+from winding_core.parameters import declarations, options
+from winding_core.run_options import CameraClockParameters
 from winding_ros import graph
 
 

@@ -10,9 +10,8 @@ from winding_cli.commands.plan import plan
 from winding_cli.commands.predict import predict
 from winding_cli.commands.run import run
 from winding_cli.commands.track import track
-from winding_core.condition import Condition
-from winding_core.options import option_kinds, options
-from winding_core.parameters import declarations
+from winding_core.cable.condition import Condition
+from winding_core.parameters import declarations, option_kinds, options
 from winding_dashboard.page.condition_form import FIELDS, LAWS
 from winding_ros.graph import GRAPH, parameters_of
 from winding_study.runs.run_parameters import RunParameters

@@ -12,9 +12,8 @@ import pytest
 from winding_cli.commands.render import render
 from winding_cli.commands.run import run
 from winding_cli.commands.track import track
-from winding_core.marker_parameters import MarkerLook
-from winding_core.options import options
-from winding_core.parameters import declarations
+from winding_core.markers import MarkerLook
+from winding_core.parameters import declarations, options
 from winding_ros import graph
 
 

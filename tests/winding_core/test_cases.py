@@ -5,8 +5,7 @@ import math
 
 import pytest
 
-from winding_core.cases import Case, Material, paper_case, paper_cases
-from winding_core.published import published_conditions
+from winding_core.cable.cases import Case, Material, paper_case, paper_cases, published_conditions
 
 OWN = {
     "cylinder_diameter": 0.045,

@@ -1,4 +1,4 @@
-"""Machine code on disk: never of other sources, never made again for nothing, only the user's own."""
+"""Machine code on disk: never of other sources, kept while it holds, only the user's own."""
 
 from __future__ import annotations
 

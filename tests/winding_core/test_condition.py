@@ -4,12 +4,11 @@ import math
 
 import pytest
 
-from winding_core.cases import Material, paper_case
-from winding_core.condition import Condition
-from winding_core.fleet_angle import PAPER_FREE_LENGTH, guide_distance_of
-from winding_core.options import options, shown_values
-from winding_core.parameters import ParameterError
-from winding_core.tension import DeadWeight, RigTension
+from winding_core.cable.cases import Material, paper_case
+from winding_core.cable.condition import Condition
+from winding_core.lay.helix import PAPER_FREE_LENGTH, guide_distance_of
+from winding_core.machine.tension import DeadWeight, RigTension
+from winding_core.parameters import ParameterError, options, shown_values
 
 
 def refused(**typed: object) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from winding_core.drive import DriveProfile
+from winding_core.machine.drive import DriveProfile
 
 PAPER = DriveProfile()
 

@@ -4,8 +4,8 @@ from statistics import fmean
 
 import pytest
 
+from winding_core.cable.cases import published_markers
 from winding_core.error_verdict import CAMERA, PAPER_LIMIT_PCT, judge_lengths
-from winding_core.published import published_markers
 from winding_study.runs.run_record import MarkerRow
 
 

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
-from winding_core.fleet_angle import (
+from winding_core.cable.cases import paper_case, published_markers
+from winding_core.lay.helix import (
     PAPER_FREE_LENGTH,
     FleetAngleLaw,
     free_length_of,
     guide_distance_of,
 )
-from winding_core.published import published_markers
+from winding_core.machine.drive import DriveProfile
 
 LAW = FleetAngleLaw(advance_per_radian=0.002873563, free_length=0.198, radius=0.017)
 THETA = np.linspace(0.0, 34.0, 60)

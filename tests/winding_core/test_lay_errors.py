@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from winding_core.cable_lay import cable_lay
-from winding_core.lay_errors import WantedLine, lay_errors, turn_errors
-from winding_core.lay_records import LAY_DTYPE, LayRecords
-from winding_core.lay_tolerance import judge
+from winding_core.lay.errors import WantedLine, judge, lay_errors, turn_errors
+from winding_core.lay.records import LAY_DTYPE, LayRecords, cable_lay
 from winding_core.markers import CABLE_DTYPE
 
 PITCH, TURN = 18.0e-3, math.tau

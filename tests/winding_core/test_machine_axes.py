@@ -5,12 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from winding_core.axis_check import wrong_axis
-from winding_core.drive import DriveProfile
-from winding_core.machine_axes import AxisReader, JointSample, MachineAxes
-from winding_core.motion_start import LEAD_IN, MotionStart
-from winding_core.readings import AxisReading
-from winding_core.tension_pairing import LoadedReading
+from winding_core.machine.axes import AxisReader, JointSample, MachineAxes, wrong_axis
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.incoming_readings import LEAD_IN, LoadedReading, MotionStart
+from winding_core.machine.readings import AxisReading
 
 DRIVE = DriveProfile()
 

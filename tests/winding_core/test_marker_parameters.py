@@ -2,7 +2,7 @@
 
 import pytest
 
-from winding_core.marker_parameters import MarkerLook
+from winding_core.markers import MarkerLook
 from winding_core.parameters import ParameterError
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
 from winding_core.parameters import ParameterError, build, declarations
 
 

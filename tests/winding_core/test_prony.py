@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
+from winding_core.cable.prony import PronySeries
 from winding_core.parameters import ParameterError
-from winding_core.prony import PronySeries
 
 
 def test_terms_are_read_in_order() -> None:

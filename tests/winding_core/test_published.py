@@ -3,15 +3,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from winding_core.cases import paper_case
-from winding_core.helix import curve_length
-from winding_core.published import (
+from winding_core.cable.cases import (
     Lay,
     PublishedMarker,
     length_error_pct,
+    paper_case,
     published_markers,
     published_weights,
 )
+from winding_core.lay.helix import curve_length
 
 MEASURED = [row for row in published_markers() if row.experiment is not None]
 
@@ -56,7 +56,7 @@ def test_no_other_radius_gives_the_printed_lengths() -> None:
             for row in published_markers()
         )
 
-    # Section 3.2 says cylinder radius plus cable diameter; the numbers say plus radius.
+    # Section 3.2 states cylinder radius plus cable diameter; the numbers follow plus radius.
     assert worst(1.0) < 0.2e-3
     assert worst(0.0) > 10e-3
     assert worst(2.0) > 10e-3

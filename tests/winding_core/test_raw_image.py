@@ -91,7 +91,7 @@ def test_a_label_can_be_overruled() -> None:
         ({"encoding": "bayer_rggb16", "step": 37, "data": bytes(37 * 12)}, "step must be even"),
         (
             {"encoding": "bayer_rggb8", "height": 1, "step": 18, "data": bytes(18)},
-            "needs 2 x 2 pixels, got 18 x 1",
+            "needs 3 x 3 pixels, got 18 x 1",
         ),
     ],
 )

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from winding_core.drive import DriveProfile
-from winding_core.reading_limits import ReadingLimits
-from winding_core.readings import AxisReading
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.incoming_readings import ReadingLimits
+from winding_core.machine.readings import AxisReading
 
 DRIVE = DriveProfile()
 LIMITS = ReadingLimits(weight=4.0, angular_speed=DRIVE.angular_speed, feed_speed=DRIVE.feed_speed)

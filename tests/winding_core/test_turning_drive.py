@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from winding_core.turning_drive import TurningDrive
+from winding_core.machine.drive import TurningDrive
 
 DRIVES = (
     TurningDrive(guide_turns_at=0.02),
@@ -50,7 +50,7 @@ def test_angle_beyond_the_turning_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "sentence"),
     [
         ({"guide_turns_at": -0.01}, "it never gets there"),
         ({"guide_turns_at": 0.01, "feed_speed": 0.0}, "it never gets there"),
@@ -58,6 +58,6 @@ def test_angle_beyond_the_turning_is_refused() -> None:
         ({"unwinds_from": 0.5}, "from the end of the ramp at 1 s on, got 0.5 s"),
     ],
 )
-def test_what_no_machine_can_do_is_refused(given: dict[str, float], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_what_no_machine_can_do_is_refused(given: dict[str, float], sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
         TurningDrive(**given)

@@ -1,6 +1,6 @@
 """What the page holds back before a click."""
 
-from winding_core.run_phase import RunPhase
+from winding_core.status import RunPhase
 from winding_dashboard.page import commands
 
 

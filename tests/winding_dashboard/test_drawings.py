@@ -8,7 +8,7 @@ import pytest
 from controlled_page import note_run
 from simulated_page import fresh_state
 
-from winding_core.lay_control_records import ControlMode
+from winding_core.lay.records import ControlMode
 from winding_core.markers import CABLE_DTYPE
 from winding_dashboard.drawings.cable_shape import cable_shape
 from winding_dashboard.drawings.cylinder_view import SIZE, Sight, cylinder_drawing

@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from winding_core.lay_records import LAY_DTYPE, LayFlag, LayRecords
-from winding_core.readings import AxisReading, ImageWindow
+from winding_core.lay.records import LAY_DTYPE, LayFlag, LayRecords
+from winding_core.machine.readings import AxisReading, ImageWindow
 from winding_dashboard.drawings.lay_chart import defects_told, lay_errors
 from winding_dashboard.drawings.lay_overlay import lay_overlay
 from winding_dashboard.state.camera_view import CameraView

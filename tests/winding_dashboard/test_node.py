@@ -11,10 +11,10 @@ import pytest
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
+from winding_core.machine.readings import CABLE_TENSION, AxisReading
 from winding_core.markers import wound_markers
-from winding_core.operator_limits import OperatorLimits
 from winding_core.parameters import ParameterError
-from winding_core.readings import CABLE_TENSION, AxisReading
+from winding_core.run_options import OperatorLimits
 from winding_core.status import Status
 from winding_dashboard.node import DashboardNode
 from winding_dashboard.page.commands import CommandError

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
+from winding_core.machine.readings import ImageWindow
 from winding_core.markers import MarkerFlag, wound_markers
-from winding_core.readings import ImageWindow
 from winding_dashboard.drawings.band_overlay import band_overlay, measured_count
 from winding_dashboard.state.camera_view import CameraView
 

@@ -5,7 +5,7 @@ import math
 import pytest
 from simulated_page import Desk, Machine, fresh_state, phase
 
-from winding_core.readings import CABLE_TENSION
+from winding_core.machine.readings import CABLE_TENSION
 from winding_dashboard.page import commands
 from winding_dashboard.web.server import SEEN_WITHIN
 

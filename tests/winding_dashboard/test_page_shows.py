@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from simulated_page import Desk, Machine, fresh_state, phase, wound
 
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
+from winding_core.cable.material_report import MaterialReport
+from winding_core.machine.readings import CABLE_TENSION, AxisReading
 from winding_core.markers import CORRECTED_DTYPE, wound_markers
-from winding_core.material_report import MaterialReport
-from winding_core.readings import CABLE_TENSION, AxisReading
 from winding_core.status import Level, Status
 from winding_dashboard.state.view_state import ViewState
 

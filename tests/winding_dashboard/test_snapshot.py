@@ -6,7 +6,7 @@ from typing import Any
 from controlled_page import note_run
 from simulated_page import Machine, fresh_state, served
 
-from winding_core.lay_control_records import ControlMode
+from winding_core.lay.records import ControlMode
 from winding_dashboard.drawings.cylinder_view import Sight
 from winding_dashboard.page.snapshot import PERIOD, Wanted
 

@@ -11,8 +11,8 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from winding_core.drive import DriveProfile
-from winding_core.readings import AxisReading
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.readings import AxisReading
 from winding_recorder.bags.channel import Channel, jazzy_channel
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.notes import COMPLETE, LOST, YES

@@ -9,7 +9,7 @@ import numpy as np
 import rclpy
 from rclpy.node import Node
 
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
 from winding_ros import topics
 from winding_ros.camera_messages import encode_image
 from winding_ros.rig_messages import encode_joint_state

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
 from winding_core.status import Level
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from std_srvs.srv import SetBool
 
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import wound_markers
-from winding_core.readings import AxisReading
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
 from winding_recorder.bags.notes import COMPLETE, YES

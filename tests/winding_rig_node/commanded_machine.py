@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from winding_core.cases import paper_case
-from winding_core.commands import AxisTarget, JointTargets, JointTrajectory, Waypoint
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.commands import AxisTarget, JointTargets, JointTrajectory, Waypoint
+from winding_core.machine.drive import DriveProfile
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import MachineConfig
 

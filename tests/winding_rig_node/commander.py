@@ -13,7 +13,7 @@ import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
-from winding_core.commands import CARRIAGE, AxisTarget, JointTargets
+from winding_core.machine.commands import CARRIAGE, AxisTarget, JointTargets
 from winding_ros import topics
 from winding_ros.command_messages import encode_targets
 from winding_ros.stamps import decode_stamp

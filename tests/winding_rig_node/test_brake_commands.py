@@ -5,7 +5,7 @@ import math
 import pytest
 from commanded_machine import run, winding
 
-from winding_core.commands import TensionCommand
+from winding_core.machine.commands import TensionCommand
 from winding_rig_node.machine.machine_state import Phase
 
 

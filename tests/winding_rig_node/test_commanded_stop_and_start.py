@@ -5,8 +5,8 @@ from collections.abc import Callable
 import pytest
 from commanded_machine import carriage, run, targets, winding
 
-from winding_core.commands import AxisTarget
-from winding_core.drive import DriveProfile
+from winding_core.machine.commands import AxisTarget
+from winding_core.machine.drive import DriveProfile
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_state import PhaseError
 

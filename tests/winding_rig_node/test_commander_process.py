@@ -17,9 +17,9 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
-from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
+from winding_core.cable.cases import paper_case
+from winding_core.lay.helix import PAPER_FREE_LENGTH, FleetAngleLaw
+from winding_core.machine.drive import DriveProfile
 from winding_core.status import Level, Status
 from winding_core.units import MILLISECOND
 from winding_rig_node.camera import CameraConfig

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
 from winding_rig_node.machine.driven_lay import DrivenLay
 from winding_rig_node.machine.hidden_rig import (
     BRAKE_FRICTION,

@@ -10,7 +10,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from winding_core.commands import AxisTarget, TensionCommand
+from winding_core.machine.commands import AxisTarget, TensionCommand
 from winding_core.status import Level
 from winding_rig_node.machine.pace import Pace
 from winding_rig_node.node import RigNode

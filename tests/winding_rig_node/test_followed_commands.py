@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from commanded_machine import carriage, course, run, targets, winding
 
-from winding_core.commands import AxisTarget, Command
+from winding_core.machine.commands import AxisTarget, Command
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_state import Phase

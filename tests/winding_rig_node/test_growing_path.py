@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 from winding_rig_node.camera import CablePath, CameraConfig, GrowingPath, Renderer, Scene
 from winding_rig_node.camera.cable_path import path_crosses, path_height
 from winding_rig_node.camera.shown_lay import GrowingLay

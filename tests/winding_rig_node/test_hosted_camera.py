@@ -9,7 +9,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
 from winding_rig_node.node import RigNode
 from winding_rig_node.ros.asked_parameters import SilentRigError
 from winding_rig_node.ros.hosted_camera import open_camera

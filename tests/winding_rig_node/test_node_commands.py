@@ -8,8 +8,8 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from winding_core.cases import paper_case
-from winding_core.commands import JointTrajectory, Waypoint
+from winding_core.cable.cases import paper_case
+from winding_core.machine.commands import JointTrajectory, Waypoint
 from winding_core.status import Level
 from winding_rig_node.node import RigNode
 from winding_ros import topics

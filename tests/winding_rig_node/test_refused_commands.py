@@ -6,7 +6,7 @@ from dataclasses import astuple
 import pytest
 from commanded_machine import course, machine, run, targets, winding
 
-from winding_core.commands import AxisTarget, Command, TensionCommand
+from winding_core.machine.commands import AxisTarget, Command, TensionCommand
 from winding_rig_node.machine.commander import CommandError
 from winding_rig_node.machine.machine import Machine
 

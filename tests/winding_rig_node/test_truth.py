@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
-from winding_core.fleet_angle import PAPER_FREE_LENGTH
+from winding_core.cable.cases import paper_case
+from winding_core.lay.helix import PAPER_FREE_LENGTH
+from winding_core.machine.drive import DriveProfile
 from winding_rig_node.machine.driven_lay import DrivenLay
 from winding_rig_node.machine.hidden_rig import HiddenRig
 from winding_rig_node.machine.lay import published_lay

@@ -3,7 +3,7 @@
 import pytest
 from commanded_machine import carriage, course, run, targets, winding
 
-from winding_core.commands import AxisTarget, Command, JointTrajectory
+from winding_core.machine.commands import AxisTarget, Command, JointTrajectory
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS
 from winding_rig_node.machine.machine_state import Phase
 

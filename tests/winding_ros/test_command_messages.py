@@ -9,7 +9,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from winding_core.commands import AxisTarget, JointTargets, JointTrajectory, Waypoint
+from winding_core.machine.commands import AxisTarget, JointTargets, JointTrajectory, Waypoint
 from winding_ros.command_messages import (
     decode_targets,
     decode_trajectory,

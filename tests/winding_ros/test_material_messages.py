@@ -5,7 +5,7 @@ import math
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
-from winding_core.material_report import MaterialReport, refused_material
+from winding_core.cable.material_report import MaterialReport, refused_material
 from winding_core.status import Level, Status
 from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.material_messages import NAME, decode_material, encode_material

@@ -10,8 +10,8 @@ from sensor_msgs.msg import CameraInfo, Image, JointState, PointCloud2
 from visualization_msgs.msg import Marker
 
 from marker_tracker_node.camera.image_formats import PixelReader
+from winding_core.machine.readings import AxisReading, ImageWindow
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
-from winding_core.readings import AxisReading, ImageWindow
 from winding_core.status import Level, Status
 from winding_ros.camera_messages import (
     CameraReading,

@@ -13,8 +13,8 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Imu, JointState, PointC
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from visualization_msgs.msg import Marker
 
-from winding_core.machine_axes import MachineAxes
-from winding_core.readings import AxisReading, Quantity
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.readings import AxisReading, Quantity
 from winding_ros.cloud_messages import decode_cloud, encode_cloud
 from winding_ros.message_error import MessageError
 from winding_ros.rig_messages import (

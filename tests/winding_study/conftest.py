@@ -7,11 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from winding_core.cases import Case, paper_case
-from winding_core.drive import DriveProfile
-from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
-from winding_core.helix import curve_length
-from winding_core.published import published_markers
+from winding_core.cable.cases import Case, paper_case, published_markers
+from winding_core.lay.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
+from winding_core.machine.drive import DriveProfile
 from winding_study.runs.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
 
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
 from winding_study.reports.report import render_report
 from winding_study.runs.identity import Identity, Origin, condition_quantities
 from winding_study.runs.run_record import run_json

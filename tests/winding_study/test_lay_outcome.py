@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from lay_control_node.ros.parameters import LayControlParameters
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
-from winding_core.lay_records import LAY_DTYPE
+from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlBasis, ControlMode
 from winding_rig_node.machine.hidden_rig import HiddenRig
 from winding_study.lay.lay_outcome import LaidLine, LaidRun, LayOutcome, lay_outcome
 from winding_study.lay.outcome_record import outcome_json

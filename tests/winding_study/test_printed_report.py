@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from printed_page import PrintedWord, missing_from_paper, outside_the_margins, printed_words
 
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
 from winding_study.reports.report import write_report
 from winding_study.runs.identity import Identity, condition_quantities
 from winding_study.runs.run_record import RunRecord

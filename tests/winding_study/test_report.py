@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from winding_core.cases import Case, paper_case
+from winding_core.cable.cases import Case, paper_case
 from winding_core.units import MILLIMETRE
 from winding_study.documents.picture import MOST_POINTS, broken, thinned
 from winding_study.reports.machine_pictures import _mean_over, tracking

@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 from winding_study.runs.run_store import RunStore, run_key
 from winding_study.runs.solver_version import solver_sources, solver_version
 from winding_study.runs.whole_file import write_whole
@@ -82,7 +82,7 @@ def test_the_version_covers_what_a_prediction_loads_and_no_adapter() -> None:
     files = {name.replace(".", "/") for name in loaded.stdout.split()}
     covered = {name.removesuffix(".py").removesuffix("/__init__") for name in names}
     assert files <= covered
-    assert {"cable_fem_node/winding/winding_kernels.py", "winding_core/cases.py"} <= names
+    assert {"cable_fem_node/winding/winding_kernels.py", "winding_core/cable/cases.py"} <= names
     assert not any("/ros/" in name or name.endswith("/node.py") for name in names)
     assert len(solver_version()) == 16
 

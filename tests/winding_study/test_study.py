@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from correction_node.models.dataset import load_data_set, parse_lengths
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
-from winding_core.published import published_markers
+from winding_core.cable.cases import paper_case, published_markers
+from winding_core.machine.drive import DriveProfile
 from winding_study.paper.comparison import compare, compare_paper
 from winding_study.paper.study import (
     CaseFailedError,

@@ -26,8 +26,7 @@ from correction_node.training.comparison import (
     ModelScore,
 )
 from correction_node.training.learners import RIG
-from winding_core.cases import paper_case
-from winding_core.published import Lay, published_markers
+from winding_core.cable.cases import Lay, paper_case, published_markers
 from winding_study.paper.comparison import compare, compare_paper
 from winding_study.paper.study import StudyConfig, predicted_lengths
 from winding_study.paper.study_record import StudyRecord

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from winding_core.published import Lay, published_markers, published_weights
+from winding_core.cable.cases import Lay, published_markers, published_weights
 from winding_study.documents.data_table import Column, DataTable
 from winding_study.paper.paper_tables import paper_tables
 from winding_study.runs.case_result import CaseResult

@@ -16,8 +16,8 @@ import pytest
 from cable_fem_node.winding.overlap import OverlapError
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Case, paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import Case, paper_case
+from winding_core.machine.drive import DriveProfile
 from winding_study.runs.run_store import Arrays, RunStore, run_key
 from winding_study.runs.solver_version import solver_version
 from winding_study.sweep.campaign import Shard, stored_results, wind_missing

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cable_fem_node.identification import IdentificationError
-from winding_core.material_law import LAWS, MaterialLaw
+from winding_core.cable.material_law import LAWS, MaterialLaw
 from winding_study.identification.tensile import TensileTest, fit_laws, judgement
 
 POISSON = 0.47

@@ -24,8 +24,8 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from std_srvs.srv import Trigger
 
-from winding_core.cases import paper_case
-from winding_core.condition import Condition
+from winding_core.cable.cases import paper_case
+from winding_core.cable.condition import Condition
 from winding_ros.camera_messages import encode_camera_info, encode_image
 from winding_ros.stamps import encode_stamp
 

@@ -15,7 +15,7 @@ from typing import Any
 import psutil
 from std_srvs.srv import Trigger
 
-from winding_core.run_phase import STATUS, RunPhase
+from winding_core.status import STATUS, RunPhase
 from winding_ros import topics
 from winding_ros.diagnostic_messages import decode_diagnostics
 

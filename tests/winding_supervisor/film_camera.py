@@ -18,7 +18,7 @@ import numpy as np
 from pictures import Pictures
 from rclpy.node import Node
 
-from winding_core.machine_axes import MachineAxes
+from winding_core.machine.axes import MachineAxes
 from winding_ros import topics
 from winding_ros.camera_messages import encode_camera_info
 from winding_ros.polled import PolledTopic

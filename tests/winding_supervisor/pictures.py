@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.condition import Condition
-from winding_core.readings import ImageWindow
+from winding_core.cable.condition import Condition
+from winding_core.machine.readings import ImageWindow
 from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from conducted_session import ConductedSession
 
-from winding_core.run_phase import RunPhase
+from winding_core.status import RunPhase
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
 

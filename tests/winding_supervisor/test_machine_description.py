@@ -4,10 +4,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-from winding_core.camera_placement import CameraPlacement
-from winding_core.condition import Condition
-from winding_core.machine_axes import MachineAxes
-from winding_core.urdf import machine_urdf
+from winding_core.cable.condition import Condition
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.urdf import machine_urdf
+from winding_core.run_options import CameraPlacement
 from winding_ros import topics
 from winding_supervisor.machine_description import describe_machine
 from winding_supervisor.run_config import RunConfig

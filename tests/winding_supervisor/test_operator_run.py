@@ -13,8 +13,8 @@ import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from winding_core.operator_limits import OperatorLimits
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
+from winding_core.run_options import OperatorLimits
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient

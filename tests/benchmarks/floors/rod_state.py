@@ -18,7 +18,7 @@ from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_kernels import advance_winding
 from cable_fem_node.winding.winding_model import wound_angles
 from cable_fem_node.winding.winding_state import RUNNING, Constants
-from winding_core.drive import DriveProfile
+from winding_core.machine.drive import DriveProfile
 
 FloatArray = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from cable_fem_node.ros.background import BackgroundTask
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.ros.prediction_task import PredictionTask
+from winding_core.cable.material_report import MaterialReport, refused_material
+from winding_core.cable.wound_label import WoundLabel
 from winding_core.markers import MARKER_DTYPE
-from winding_core.material_report import MaterialReport, refused_material
 from winding_core.status import Level, Status
-from winding_core.wound_label import WoundLabel
 from winding_ros import graph, topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.managed_node import ManagedNode

@@ -7,7 +7,7 @@ from typing import Any
 
 from lay_control_node.ros.message_handler import LayControlHandler
 from lay_control_node.ros.parameters import LayControlParameters
-from winding_core.lay_control_records import ControlBasis, ControlMode
+from winding_core.lay.records import ControlBasis, ControlMode
 from winding_core.status import Level, Status
 from winding_ros import graph, services, topics
 from winding_ros.managed_node import ManagedNode

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from winding_core.cable.cases import length_error_pct
 from winding_core.parameters import parameter
-from winding_core.published import length_error_pct
 from winding_core.units import PLAIN
 
 # Mean of Table 8: what the paper's correction leaves of its own 45 lengths (4.81 %).
@@ -138,16 +138,16 @@ class ErrorVerdict:
         worst = self.worst
         if worst is None:
             return "cannot be judged: no marker has both a corrected and a measured length"
-        said = (
+        sentence = (
             f"{'good' if self.good else 'not good'}: largest error {worst.corrected:.2f} %, "
             f"limit {self.limit_pct:g} %, marker {worst.name}"
         )
         if self.against == CAMERA:
-            said += ", against the camera's lengths"
-        said += f"; the correction helped on {len(self.helped)} of {len(self.compared)}"
+            sentence += ", against the camera's lengths"
+        sentence += f"; the correction helped on {len(self.helped)} of {len(self.compared)}"
         if self.worse:
-            said += f" and made {_names(self.worse)} worse"
-        return said
+            sentence += f" and made {_names(self.worse)} worse"
+        return sentence
 
     @property
     def held_out_sentence(self) -> str:

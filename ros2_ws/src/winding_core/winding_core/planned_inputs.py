@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from winding_core.drive import DriveProfile
+from winding_core.machine.drive import DriveProfile
 from winding_core.run_history import Inputs
 from winding_core.run_inputs import INPUT_DTYPE
 

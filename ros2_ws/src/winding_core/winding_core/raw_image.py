@@ -56,8 +56,9 @@ class RawImage(NamedTuple):
             )
         rows: NDArray[Any] = data.reshape(self.height, self.step)[:, :least]
         if size == 2:
-            order = ">u2" if self.big_endian else "<u2"
-            rows = np.ascontiguousarray(rows).view(order).astype(np.uint16, copy=False)
+            if self.step % 2:
+                raise ImageFormatError(f"step must be even in words of 16 bits, got {self.step}")
+            rows = rows.view(">u2" if self.big_endian else "<u2").astype(np.uint16, copy=False)
         return rows.reshape(self.height, self.width, *((numbers,) if numbers > 1 else ()))
 
 

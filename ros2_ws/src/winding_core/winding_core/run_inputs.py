@@ -11,8 +11,8 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from winding_core.machine.readings import AxisReading
 from winding_core.parameters import parameter
-from winding_core.readings import AxisReading
 
 # t [s], both axes as in AxisReading, tension [N]; nan where no tension had been read yet.
 INPUT_DTYPE = np.dtype(

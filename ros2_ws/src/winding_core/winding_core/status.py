@@ -1,10 +1,10 @@
-"""State of a node's components, as REP-107 grades it."""
+"""State of a node's components, as REP-107 grades it, and the phase of a run among them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import Enum, IntEnum
 
 
 class Level(IntEnum):
@@ -31,3 +31,18 @@ class Status:
     level: Level = Level.OK
     message: str = ""
     values: Mapping[str, str] = field(default_factory=dict)
+
+
+# Component of the orchestrator's status that carries the phase.
+COMPONENT = "run"
+STATUS = f"orchestrator: {COMPONENT}"
+
+
+class RunPhase(Enum):
+    """Of one run after the other; a simulated machine reports all but FAILED by itself."""
+
+    READY = "ready"
+    UNDER_WAY = "under way"
+    OVER = "over"
+    PREPARED = "being prepared"
+    FAILED = "failed"

@@ -23,7 +23,7 @@ class Unit:
         symbol: Of the unit that is typed; empty for a pure number or a word.
         si: Of the SI unit that is stored.
         scale: One typed unit in SI.
-        suffix: Of an option's name, which says what is typed; empty for none.
+        suffix: Of an option's name, that names what is typed; empty for none.
     """
 
     symbol: str = ""

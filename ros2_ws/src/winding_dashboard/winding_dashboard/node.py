@@ -13,7 +13,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from winding_core.operator_limits import COMPONENT, OperatorLimits
+from winding_core.run_options import COMPONENT, OperatorLimits
 from winding_core.status import Status
 from winding_dashboard.ros.parameters import DashboardParameters
 from winding_dashboard.ros.service_client import NODES, ServiceClient

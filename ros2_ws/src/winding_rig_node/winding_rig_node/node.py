@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
 from winding_core.parameters import refuse_unknown
 from winding_core.status import Status
 from winding_rig_node.camera.shown_lay import GrowingLay, KnownLay, ShownLay

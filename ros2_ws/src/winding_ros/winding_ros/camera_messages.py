@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
 
+from winding_core.machine.readings import ImageWindow
 from winding_core.raw_image import BGR8, ImageFormatError, RawImage
-from winding_core.readings import ImageWindow
 from winding_ros.message_error import MessageError
 from winding_ros.serialised import deserialised
 from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp

@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from winding_core.commands import (
+from winding_core.machine.commands import (
     AXES,
     CARRIAGE,
     CYLINDER,
@@ -21,7 +21,7 @@ from winding_core.commands import (
     TensionCommand,
     Waypoint,
 )
-from winding_core.readings import CABLE_TENSION
+from winding_core.machine.readings import CABLE_TENSION
 from winding_ros.message_error import MessageError
 from winding_ros.rig_messages import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, decode_tension
 from winding_ros.stamps import decode_stamp, encode_stamp

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from winding_core.material_report import NAME, MaterialReport
+from winding_core.cable.material_report import NAME, MaterialReport
 from winding_core.status import Level, Status
 from winding_ros.diagnostic_messages import decode_diagnostics, encode_diagnostics
 from winding_ros.message_error import MessageError

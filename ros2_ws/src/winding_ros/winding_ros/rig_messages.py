@@ -11,8 +11,8 @@ from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from winding_core.machine_axes import AxisReader, JointSample, MachineAxes
-from winding_core.readings import CABLE_TENSION, AxisReading, Quantity
+from winding_core.machine.axes import AxisReader, JointSample, MachineAxes
+from winding_core.machine.readings import CABLE_TENSION, AxisReading, Quantity
 from winding_ros.message_error import MessageError
 from winding_ros.serialised import deserialised
 from winding_ros.stamps import decode_stamp, serialised_stamp

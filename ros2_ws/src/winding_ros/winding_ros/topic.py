@@ -14,7 +14,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from winding_core.readings import Quantity
+from winding_core.machine.readings import Quantity
 
 
 class Delivered(NamedTuple):

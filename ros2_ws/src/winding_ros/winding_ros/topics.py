@@ -16,10 +16,9 @@ from std_msgs.msg import Header, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker
 
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE
-from winding_core.lay_records import LAY_DTYPE
+from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE
+from winding_core.machine.readings import CABLE_TENSION, Quantity
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
-from winding_core.readings import CABLE_TENSION, Quantity
 from winding_core.trace import TRACE_DTYPE
 from winding_ros.camera_messages import decode_camera_info, decode_image, decode_preview
 from winding_ros.cloud_messages import decode_cloud

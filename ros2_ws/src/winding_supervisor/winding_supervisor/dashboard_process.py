@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from winding_core.operator_limits import COMPONENT, OperatorLimits
+from winding_core.run_options import COMPONENT, OperatorLimits
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph import PAGE
 from winding_ros.graph_error import GraphError

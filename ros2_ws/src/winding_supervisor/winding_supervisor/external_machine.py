@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 from std_srvs.srv import Trigger
 
-from winding_core.axis_check import wrong_axis
-from winding_core.drive import DriveProfile
-from winding_core.machine_axes import AxisReader, MachineAxes
-from winding_core.motion_start import LEAD_IN, has_moved, stands
-from winding_core.readings import AxisReading
+from winding_core.machine.axes import AxisReader, MachineAxes, wrong_axis
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.incoming_readings import LEAD_IN, has_moved, stands
+from winding_core.machine.readings import AxisReading
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import services, topics

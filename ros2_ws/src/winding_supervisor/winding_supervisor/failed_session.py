@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from winding_core.run_phase import COMPONENT, RunPhase
-from winding_core.status import Level
+from winding_core.status import COMPONENT, Level, RunPhase
 from winding_ros.async_client import AsyncClient
 from winding_supervisor.dashboard_process import DashboardProcess
 

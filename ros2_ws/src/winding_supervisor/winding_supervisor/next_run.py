@@ -6,8 +6,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from winding_core.run_phase import COMPONENT, RunPhase
-from winding_core.status import Level
+from winding_core.status import COMPONENT, Level, RunPhase
 from winding_ros import services
 from winding_ros.async_client import AsyncClient
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message
 
-from winding_core.operator_limits import OperatorLimits
+from winding_core.run_options import OperatorLimits
 from winding_core.status import Status
 from winding_recorder.bags.notes import PARAMETERS
 from winding_recorder.live.recorder import BufferedMessage, Recorder, RunBuffer

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.operator_limits import OperatorLimits
+from winding_core.run_options import OperatorLimits
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_supervisor.event_log import Event
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from std_srvs.srv import Trigger
 
-from winding_core.motion_start import stands
+from winding_core.machine.incoming_readings import stands
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import services, topics
 from winding_ros.async_client import AsyncClient

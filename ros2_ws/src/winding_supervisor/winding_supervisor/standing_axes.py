@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
-from winding_core.machine_axes import JointSample, MachineAxes
+from winding_core.machine.axes import JointSample, MachineAxes
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray, Points
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,7 @@ from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import RunAhead
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.drive import DriveProfile
+from winding_core.machine.drive import DriveProfile
 from winding_core.markers import Markers
 from winding_core.planned_inputs import planned_rest
 from winding_core.run_history import Inputs, RunHistory

@@ -18,7 +18,7 @@ from cable_fem_node.identification.rod_run import with_law
 from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import TrackedRun
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.material_law import MaterialLaw
 
 # Softer than any gel and stiffer than any rubber: outside this nobody winds a cable that stretches.
 PLAUSIBLE_YOUNG = (0.05e6, 500.0e6)

@@ -15,8 +15,8 @@ from cable_fem_node.winding.prediction import refuse_open_balance
 from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cable.material_law import MaterialLaw
 from winding_core.markers import is_wound
-from winding_core.material_law import MaterialLaw
 from winding_core.planned_inputs import continued_inputs
 
 # A marker is read once the cylinder has turned this much further [rad]: its landing has calmed.

@@ -21,7 +21,7 @@ from cable_fem_node.identification.quasi_static import lay
 from cable_fem_node.identification.rod_excess import RodExcess
 from cable_fem_node.identification.rod_run import wind
 from cable_fem_node.identification.tracked_run import TrackedRun
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.material_law import MaterialLaw
 
 Family = Callable[[FloatArray], MaterialLaw]
 

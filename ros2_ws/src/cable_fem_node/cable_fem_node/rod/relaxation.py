@@ -1,6 +1,6 @@
 """Viscous stress of a rod's elements: its recursion over a step, its energy, its heat.
 
-The elements' part of `winding_core.prony`. A branch that carries q of its full g P0 is a spring
+The elements' part of `winding_core.cable.prony`. A branch that carries q of its full g P0 is a spring
 with the law of g P0, stretched to where that carries q, in series with a dashpot that has taken the
 rest. With e the strain and e_i that of a branch's spring, the energy per reference length is
 W(e) + sum_i [q_i (e_i - e) - g_i W(e_i)], and (e - e_i) dq_i turns to heat.

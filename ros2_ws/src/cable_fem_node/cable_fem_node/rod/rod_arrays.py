@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
-from winding_core.material_law import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, MaterialLaw
-from winding_core.prony import PronySeries
+from winding_core.cable.material_law import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, MaterialLaw
+from winding_core.cable.prony import PronySeries
 
 # Points of the law's inverse, and of the table that it is read from: strains are exact to 1e-6.
 _POINTS, _FINE = 8193, 65537

@@ -13,13 +13,16 @@ from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import FIRST_STEPS, RunAhead
+from winding_core.machine.incoming_readings import (
+    LoadedReading,
+    MotionStart,
+    ReadingLimits,
+    TensionPairing,
+)
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import CABLE_DTYPE, Markers
-from winding_core.motion_start import MotionStart
-from winding_core.reading_limits import ReadingLimits
-from winding_core.readings import AxisReading
 from winding_core.run_history import RunHistory
 from winding_core.run_inputs import RunInputs
-from winding_core.tension_pairing import LoadedReading, TensionPairing
 from winding_ros import topics
 from winding_ros.cloud_messages import encode_cloud
 from winding_ros.line_messages import encode_line_strip

@@ -14,7 +14,7 @@ from cable_fem_node.solid.hex_geometry import greatest_stiffness, hex_geometry
 from cable_fem_node.solid.hex_kernels import HexMesh, hex_forces
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_step_kernels import advance_solid
-from winding_core.cases import Material
+from winding_core.cable.cases import Material
 
 
 class Solid(ExplicitModel):

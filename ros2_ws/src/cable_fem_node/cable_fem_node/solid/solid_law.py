@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.solid.solid_law_kernels import KINDS, piola
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.material_law import MaterialLaw
 
 
 @dataclass(frozen=True, kw_only=True)

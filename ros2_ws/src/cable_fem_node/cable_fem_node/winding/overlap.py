@@ -8,7 +8,7 @@ import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.drive import DriveProfile
+from winding_core.machine.drive import DriveProfile
 from winding_core.units import MILLIMETRE
 
 FULL_TURN = 2.0 * math.pi

@@ -17,7 +17,7 @@ from cable_fem_node.winding.overlap import FULL_TURN, refuse_overlap, refuse_pas
 from cable_fem_node.winding.validity import Check, checks_of, motion_check, refuse, rod_checks
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
-from winding_core.drive import PAPER_DURATION, DriveProfile
+from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
 
 Progress = Callable[[float], None]

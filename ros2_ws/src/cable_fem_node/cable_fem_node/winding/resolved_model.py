@@ -15,11 +15,11 @@ from cable_fem_node.dynamics.surroundings import penalty
 from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation, axial_response, relaxation
 from cable_fem_node.winding.segment_choice import chosen_segment
 from cable_fem_node.winding.winding_state import MERGE_AT, Constants
-from winding_core.material_law import TABLE_HIGH, MaterialLaw, NoEquilibriumError
+from winding_core.cable.material_law import TABLE_HIGH, MaterialLaw, NoEquilibriumError
 
 if TYPE_CHECKING:
     from cable_fem_node.winding.winding_config import WindingConfig
-    from winding_core.cases import Case
+    from winding_core.cable.cases import Case
 
 
 # Share of the critical step that is taken; the rest covers damping and large rotations.

@@ -35,9 +35,9 @@ from cable_fem_node.winding.winding_state import (
     TENSION,
     part_way,
 )
+from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerFlag, Markers
-from winding_core.material_law import TABLE_HIGH, TABLE_LOW
-from winding_core.readings import AxisReading
 
 # Nodes that are laid and nevertheless integrated, counted from the landing point: waves of a noisy
 # load have decayed over them to a ten-thousandth.

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from cable_fem_node.winding.prediction import PlannedRun, refuse_open_balance
 from cable_fem_node.winding.replay import AbandonedError
 from cable_fem_node.winding.rod_winding import RodWinding
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import Markers, is_wound
-from winding_core.readings import AxisReading
 
 # Simulated time of a piece [s]: as long as the paper's runs, whose prediction is one piece.
 PIECE = 20.0

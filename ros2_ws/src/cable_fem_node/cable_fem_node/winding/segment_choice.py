@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.material_law import MaterialLaw
 
 # What suits cylinders of 30 mm and more and moderate stretch [m].
 LONGEST = 5.0e-3

@@ -58,7 +58,7 @@ from cable_fem_node.winding.winding_state import (
     TIE_WATCHED,
     Constants,
 )
-from winding_core.material_law import TABLE_HIGH, TABLE_LOW
+from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
 
 
 @called

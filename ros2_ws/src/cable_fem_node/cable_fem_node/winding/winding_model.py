@@ -17,8 +17,8 @@ from cable_fem_node.winding.winding_state import (
     STRETCH,
     TENSION,
 )
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerFlag, Markers, wound_markers
-from winding_core.readings import AxisReading
 
 NODE_DTYPE = np.dtype(
     [(name, "<f8") for name in ("x", "y", "z", "s", "tension", "strain", "roll", "twist")]

@@ -9,7 +9,7 @@ import numpy as np
 
 from correction_node.live.plausibility import implausible
 from correction_node.models.dataset import Array
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
 from winding_core.markers import MarkerFlag, Markers, is_wound
 
 # A length is known when this many frames have measured it. It is their median, which fewer than

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from correction_node.models.dataset import Array
-from winding_core.published import published_markers
+from winding_core.cable.cases import published_markers
 
 MARKERS = 4
 NEIGHBOURS = 5

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
+from winding_core.cable.material_law import TABLE_HIGH
 from winding_core.markers import Markers
-from winding_core.material_law import TABLE_HIGH
 
 # S counts the path at R + r. Cable that is pulled is at least as long as it was; the wound radius
 # of a stretched one is smaller by less than this, and the solver's noise is far below.

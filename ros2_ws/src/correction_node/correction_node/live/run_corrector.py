@@ -10,9 +10,8 @@ from correction_node.live.corrector import Corrector
 from correction_node.live.measured_run import MeasuredRun
 from correction_node.live.within_run import WithinRun
 from correction_node.models.dataset import Array
-from winding_core.cases import Case
+from winding_core.cable.cases import Case, published_conditions
 from winding_core.markers import Markers
-from winding_core.published import published_conditions
 
 # A measured marker further off than this many half-widths is not believed: twice as far as
 # the worst of the left-out cases ever was.

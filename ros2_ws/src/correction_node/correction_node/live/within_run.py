@@ -40,7 +40,7 @@ class WithinRun:
         r_j = r_inf - A exp(-s_(j-1) / L_c),   s_j = j spacings of undeformed cable,
 
     which is what a span tension that builds up exponentially does to a sticking cable
-    (`winding_core.tension.RigTension`). r_inf and A belong to the run and are fitted to its
+    (`winding_core.machine.tension.RigTension`). r_inf and A belong to the run and are fitted to its
     measured increments, so nothing is asked about cable, cylinder or weight; two markers fix
     them, more are fitted by least squares. L_c is the only number learned from other runs.
 

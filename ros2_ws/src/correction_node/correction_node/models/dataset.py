@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import paper_case
-from winding_core.published import published_markers
+from winding_core.cable.cases import paper_case, published_markers
 
 Array = NDArray[np.float64]
 

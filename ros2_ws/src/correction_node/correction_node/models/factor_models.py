@@ -12,7 +12,7 @@ from correction_node.models.dataset import Array, MarkerCondition
 from correction_node.models.inputs import INPUTS
 from correction_node.models.perceptron import Perceptron
 from correction_node.models.rig import RIG_LAW, LayOns
-from winding_core.tension import RigTension
+from winding_core.machine.tension import RigTension
 
 Tensors = Mapping[str, Array]
 

@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from correction_node.models.dataset import Array, MarkerCondition
-from winding_core.cases import Case, Material
-from winding_core.quasi_static import QuasiStaticLay
-from winding_core.tension import DeadWeight
+from winding_core.cable.cases import Case, Material
+from winding_core.lay.quasi_static import QuasiStaticLay
+from winding_core.machine.tension import DeadWeight
 
 Inputs = Callable[[Sequence[MarkerCondition]], Array]
 

@@ -8,11 +8,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from correction_node.models.dataset import Array, LengthCell, MarkerCondition, lengths
-from winding_core.cases import Case
-from winding_core.material_law import LAWS
-from winding_core.quasi_static import QuasiStaticLay
-from winding_core.tension import DeadWeight, RigTension
-from winding_core.tension_fit import START, fit_rig_tension
+from winding_core.cable.cases import Case
+from winding_core.cable.material_law import LAWS
+from winding_core.lay.quasi_static import QuasiStaticLay
+from winding_core.machine.tension import START, DeadWeight, RigTension, fit_rig_tension
 
 RIG_LAW = "neo_hookean"
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from correction_node.models.dataset import Array, LengthCell, case_numbers, lengths
 from correction_node.models.inputs import turns
-from winding_core.cases import Case, Material
+from winding_core.cable.cases import Case, Material
 
 LEVEL = 0.9
 # Table 1 prints four digits; the weights behind it differ by up to 0.03 %.

@@ -17,7 +17,7 @@ from safetensors.numpy import save as save_tensors
 from correction_node.models.factor_models import FactorModel, read_model
 from correction_node.models.inputs import conditions_of
 from correction_node.models.uncertainty import Bound, TrainingBox
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
 
 SCHEMA = "cable-winding-twin/correction-weight/2"
 WEIGHTS_FILE = "weights.safetensors"

@@ -9,7 +9,7 @@ import numpy as np
 from correction_node.models.dataset import Array, LengthCell, MarkerCondition, lengths
 from correction_node.models.evaluation import Fit, Model
 from correction_node.models.inputs import Inputs, condition_inputs, dimensionless_inputs
-from winding_core.cases import Material
+from winding_core.cable.cases import Material
 
 RIDGE_PENALTY = 1.0
 

@@ -15,11 +15,11 @@ from lay_control_node.control.stretch_filter import StretchFilter, StretchFilter
 from lay_control_node.planning.kernel_width import OF_FRICTION
 from lay_control_node.planning.lay_on import LayOnLaw
 from lay_control_node.planning.limits import PlanLimits
-from winding_core.condition import ResolvedCondition
-from winding_core.lay_control_records import ControlMode
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.cable.material_law import MaterialLaw
+from winding_core.lay.records import ControlMode
+from winding_core.machine.tension import RigTension
 from winding_core.parameters import parameter
-from winding_core.tension import RigTension
 
 # Nothing but the drive limits the jerk: full acceleration within so long [s].
 _JERK_TIME = 1.0e-3

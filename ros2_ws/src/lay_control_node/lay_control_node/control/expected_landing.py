@@ -13,8 +13,8 @@ from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.guide_law import WantedLay
 from lay_control_node.control.lay_controller import UNWOUND
 from lay_control_node.control.stretch_filter import StretchEstimate
-from winding_core.condition import ResolvedCondition
-from winding_core.lay_control_records import ControlMode
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.records import ControlMode
 
 Array = NDArray[np.float64]
 

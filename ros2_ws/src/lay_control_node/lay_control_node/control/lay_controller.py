@@ -13,10 +13,9 @@ from lay_control_node.control.landing_law import LandingLaw
 from lay_control_node.control.lay_filter import LayEstimate, LayFilter
 from lay_control_node.control.motion_bounds import AxisBounds, BoundedMotion
 from lay_control_node.control.stretch_filter import StretchEstimate, StretchFilter
-from winding_core.lay_control_records import ControlBasis, ControlMode
-from winding_core.lay_records import LayFlag, LayRecords
+from winding_core.lay.records import ControlBasis, ControlMode, LayFlag, LayRecords
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import Markers
-from winding_core.readings import AxisReading
 
 # Cable that lies on less than this has nothing on the cylinder that could slip [rad].
 UNWOUND = 0.2

@@ -9,8 +9,8 @@ from lay_control_node.planning.guide_path import guide_path, within
 from lay_control_node.planning.kernel_width import needed_width, width_without_slip
 from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
-from winding_core.condition import ResolvedCondition
-from winding_core.lay_program import LayProgram
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.program import LayProgram
 
 
 @dataclass(frozen=True, kw_only=True)

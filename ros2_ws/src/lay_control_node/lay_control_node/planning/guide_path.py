@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
-from winding_core.lay_program import LayProgram
+from winding_core.lay.program import LayProgram
 
 # The first and the last piece are looked at so far before and behind the corners [rad].
 _BEYOND = 1.0e3

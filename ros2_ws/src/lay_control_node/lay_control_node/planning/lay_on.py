@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import Case
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.cases import Case
+from winding_core.cable.material_law import MaterialLaw
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ _LARGEST_STRETCH = 3.5
 class LayOnLaw:
     """Cable lies down with the stretch of its tension, less EI l / (2 rho^2) for bending.
 
-    The same closed form as `winding_core.quasi_static`, as a table over the tension.
+    The same closed form as `winding_core.lay.quasi_static`, as a table over the tension.
 
     Args:
         case: What is wound.

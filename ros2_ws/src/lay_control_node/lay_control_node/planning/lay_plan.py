@@ -12,8 +12,8 @@ from lay_control_node.planning.corners import Corner
 from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.marker_pulls import MarkerLanding, PullPlan, Track
 from lay_control_node.planning.motion import Motion
-from winding_core.condition import ResolvedCondition
-from winding_core.lay_program import LayProgram
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.program import LayProgram
 
 Array = NDArray[np.float64]
 

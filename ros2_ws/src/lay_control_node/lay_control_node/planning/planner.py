@@ -26,8 +26,8 @@ from lay_control_node.planning.smoothed_line import smoothed_program
 from lay_control_node.planning.stretched_cable import StretchedCable
 from lay_control_node.programs.overlap import refuse_overlap
 from lay_control_node.programs.travel import refuse_beyond
-from winding_core.condition import ResolvedCondition
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.program import LayProgram, LayProgramError
 
 Array = NDArray[np.float64]
 

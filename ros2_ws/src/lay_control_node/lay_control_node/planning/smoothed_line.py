@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from winding_core.lay_program import LayProgram
+from winding_core.lay.program import LayProgram
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lay_control_node.planning.lay_on import LayOnLaw
-from winding_core.condition import ResolvedCondition
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.cable.material_law import MaterialLaw
 
 Array = NDArray[np.float64]
 

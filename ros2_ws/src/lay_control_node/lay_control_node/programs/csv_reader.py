@@ -6,7 +6,7 @@ import csv
 import io
 
 from lay_control_node.programs.points import Columns, PointList
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay.program import LayProgram, LayProgramError
 
 
 def parse_csv(text: str, *, radius: float, name: str) -> LayProgram:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from lay_control_node.programs.gcode_words import Word, words_of
 from lay_control_node.programs.points import PointList
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay.program import LayProgram, LayProgramError
 from winding_core.units import MILLIMETRE
 
 INCH = 25.4 * MILLIMETRE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from winding_core.lay_program import LayProgramError
+from winding_core.lay.program import LayProgramError
 
 Word = tuple[str, float]
 

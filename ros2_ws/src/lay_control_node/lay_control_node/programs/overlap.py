@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lay_control_node.programs.points import FULL_TURN
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay.program import LayProgram, LayProgramError
 from winding_core.units import MILLIMETRE
 
 # Neighbours are compared every so much of a turn, and at every point of the program.

@@ -9,7 +9,7 @@ from lay_control_node.programs.csv_reader import parse_csv
 from lay_control_node.programs.gcode_reader import parse_gcode
 from lay_control_node.programs.text_file import read_text
 from lay_control_node.programs.yaml_reader import parse_yaml
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay.program import LayProgram, LayProgramError
 
 _READERS = {
     ".csv": parse_csv,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from lay_control_node.programs.points import FULL_TURN, MOST_TURNS, PointList, finite_number
-from winding_core.lay_program import LayProgramError
+from winding_core.lay.program import LayProgramError
 from winding_core.units import MILLIMETRE
 
 # Straight pieces of a swinging pitch: they leave the curve by A (2 pi / n)^2 / 8, which is

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from lay_control_node.programs.points import FULL_TURN, MOST_TURNS
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay.program import LayProgram, LayProgramError
 
 _ROUNDING = 1.0e-9
 

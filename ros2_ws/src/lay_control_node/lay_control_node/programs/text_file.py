@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from winding_core.lay_program import LayProgramError
+from winding_core.lay.program import LayProgramError
 
 # A program of a hundred thousand points takes a few megabytes.
 MOST_BYTES = 10_000_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lay_control_node.programs.points import FULL_TURN
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay.program import LayProgram, LayProgramError
 from winding_core.units import MILLIMETRE
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from lay_control_node.programs.points import ANGLES, TENSION, Columns, PointList, finite_number
 from lay_control_node.programs.segments import SEGMENTS, add_segment
 from lay_control_node.programs.simple_programs import with_markers_every_turn
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay.program import LayProgram, LayProgramError
 from winding_core.yaml_text import YamlTextError, load_yaml
 
 _WORDS = ("name", "points", "segments", TENSION, "markers")

@@ -9,12 +9,11 @@ import numpy as np
 
 from lay_control_node.control.lay_controller import LayController, Setpoint
 from lay_control_node.ros.parameters import LayControlParameters
-from winding_core.commands import CARRIAGE, AxisTarget, JointTargets, TensionCommand
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlMode, LayControlRecords
-from winding_core.lay_records import LAY_DTYPE
+from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlMode, LayControlRecords
+from winding_core.machine.commands import CARRIAGE, AxisTarget, JointTargets, TensionCommand
+from winding_core.machine.incoming_readings import stands
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
-from winding_core.motion_start import stands
-from winding_core.readings import AxisReading
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud, encode_cloud
 from winding_ros.command_messages import encode_targets, encode_tension_command

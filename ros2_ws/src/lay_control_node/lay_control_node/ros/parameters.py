@@ -11,12 +11,12 @@ from lay_control_node.control.wanted_program import WantedProgram
 from lay_control_node.programs.points import FULL_TURN
 from lay_control_node.programs.reading import read_program
 from lay_control_node.programs.simple_programs import even_helix, with_markers_every_turn
-from winding_core.condition import Condition, ResolvedCondition
-from winding_core.lay_control_records import ControlMode
-from winding_core.lay_program import LayProgram, LayProgramError
-from winding_core.lay_wish import LayWish
-from winding_core.machine_axes import MachineAxes
+from winding_core.cable.condition import Condition, ResolvedCondition
+from winding_core.lay.program import LayProgram, LayProgramError
+from winding_core.lay.records import ControlMode
+from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import parameter
+from winding_core.run_options import LayWish
 
 # Turns that an even helix goes on beyond what the drive winds in the condition's time.
 _BEYOND = 2.0

@@ -17,7 +17,7 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.pose_correction import PoseBelief
 from marker_tracker_node.tracking.synchroniser import PairedFrame
 from marker_tracker_node.tracking.tracker import Tracker
-from winding_core.lay_records import LayFlag, name_of
+from winding_core.lay.records import LayFlag, name_of
 from winding_core.units import MILLIMETRE
 
 COLUMNS = ("turn", "theta_rad", "z_mm", "sigma_z_mm", "pitch_mm", "lift_mm", "flags")

@@ -18,7 +18,7 @@ from marker_tracker_node.lay.rows import choose_rows
 from marker_tracker_node.lay.span_measurement import span_in
 from marker_tracker_node.lay.turn_map import TurnMap
 from marker_tracker_node.lay.wound_rows import take_row
-from winding_core.lay_records import LayRecords
+from winding_core.lay.records import LayRecords
 
 # The free span changes more slowly than there is new cable.
 SPAN_STEPS = 1.0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from marker_tracker_node.lay.config import LayConfig
 from marker_tracker_node.lay.free_span import FreeSpan
 from marker_tracker_node.lay.turn_map import BEFORE, PLACE_ANGLE, PLACES_PER_TURN, TurnMap
-from winding_core.lay_records import LAY_DTYPE, LayFlag, LayRecords
+from winding_core.lay.records import LAY_DTYPE, LayFlag, LayRecords
 
 FloatArray = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from marker_tracker_node.tracking.encoder_history import EncoderHistory
 from marker_tracker_node.tracking.report import FrameFault
 from marker_tracker_node.tracking.synchroniser import PairedFrame, Synchroniser
 from marker_tracker_node.tracking.tracker import Tracker
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerFlag, Markers
-from winding_core.readings import AxisReading
 
 _NUMBERS = ("x", "y", "z", "theta", "s", "sigma_theta", "sigma_z")
 

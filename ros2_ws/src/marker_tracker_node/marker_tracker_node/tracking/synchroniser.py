@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.tracking.encoder_history import EncoderHistory
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
 
 # An encoder that has spoken so often since a frame came is not silent.
 _PROOF_READINGS = 3

@@ -19,7 +19,7 @@ from winding_cli.commands.ros_environment import joined
 from winding_cli.commands.space_key import space_key
 from winding_cli.commands.termination import end
 from winding_core.error_verdict import ErrorLimit
-from winding_core.lay_tolerance import LayTolerance
+from winding_core.lay.errors import LayTolerance
 from winding_core.units import MEGABYTE, MILLISECOND
 
 bag = typer.Typer(
@@ -73,8 +73,8 @@ def _wound(notes: Mapping[str, str]) -> str:
     """Return what a recording says of the condition, as it would be typed."""
     import json
 
-    from winding_core.condition import Condition
-    from winding_core.options import shown_values
+    from winding_core.cable.condition import Condition
+    from winding_core.parameters import shown_values
     from winding_recorder.bags.notes import PARAMETERS
 
     stated: dict[str, Any] = {}
@@ -244,8 +244,7 @@ def report(
     """
     from winding_cli.commands.bag_report import write_recorded_report
     from winding_cli.commands.wanted_lay import held_against
-    from winding_core.options import typed_values
-    from winding_core.parameters import build
+    from winding_core.parameters import build, typed_values
     from winding_recorder.bags.failure import BagError
 
     with refused(ValueError):

@@ -29,8 +29,8 @@ def write_recorded_report(
     Raises:
         BagError: The recording cannot be read, or does not say what was wound.
     """
-    from winding_core.condition import Condition
-    from winding_core.lay_wish import LayWish
+    from winding_core.cable.condition import Condition
+    from winding_core.run_options import LayWish
     from winding_recorder.bags.recorded_parameters import configuration_of
     from winding_recorder.playback.recorded_buffer import recorded_run
     from winding_ros import topics

@@ -11,8 +11,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 import typer
 
 from winding_cli.commands.option_panels import PANEL_OF_RECORD
-from winding_core.options import explained, option_kind, options
-from winding_core.parameters import Declaration
+from winding_core.parameters import Declaration, explained, option_kind, options
 
 # What was typed, by option without dashes, in the unit that its name says.
 Typed = Mapping[str, object]

@@ -12,8 +12,8 @@ from winding_cli.commands.console import result_console
 from winding_cli.commands.machine_options import machine_axes
 from winding_cli.commands.refusal import FAILED, refuse
 from winding_cli.commands.ros_environment import joined
-from winding_core.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
-from winding_core.machine_axes import MachineAxes
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from winding_cli.commands.condition_options import Typed, spelled, with_options
 from winding_cli.commands.refusal import refuse, refused
 from winding_cli.commands.ros_environment import check_namespace, joined
 from winding_core.error_verdict import ErrorLimit
-from winding_core.lay_tolerance import LayTolerance
+from winding_core.lay.errors import LayTolerance
 
 
 @with_options(LayTolerance, ErrorLimit)
@@ -37,8 +37,7 @@ def dashboard(
 ) -> None:
     """Serve the operator's page; Ctrl-C ends it."""
     from winding_cli.commands.wanted_lay import held_against
-    from winding_core.options import typed_values
-    from winding_core.parameters import ParameterError, build
+    from winding_core.parameters import ParameterError, build, typed_values
     from winding_ros.environment import ros_arguments
 
     try:

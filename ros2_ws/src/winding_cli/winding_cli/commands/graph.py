@@ -27,10 +27,10 @@ def graph(
 ) -> None:
     """Show the nodes, their topics and who listens."""
     from winding_cli.output.interface_table import as_markdown
-    from winding_core.camera_placement import CameraPlacement
-    from winding_core.condition import Condition
-    from winding_core.machine_axes import MachineAxes
-    from winding_core.urdf import machine_urdf
+    from winding_core.cable.condition import Condition
+    from winding_core.machine.axes import MachineAxes
+    from winding_core.machine.urdf import machine_urdf
+    from winding_core.run_options import CameraPlacement
     from winding_ros.graph import as_mermaid, as_text
     from winding_ros.security import sros2_policy
 

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 from winding_cli.commands.condition_options import Typed, spelled
 from winding_cli.commands.refusal import refuse, refused
-from winding_core.condition import ResolvedCondition
-from winding_core.machine_axes import MachineAxes
-from winding_core.options import typed_values
-from winding_core.parameters import ParameterError, build, declarations
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.machine.axes import MachineAxes
+from winding_core.parameters import ParameterError, build, declarations, typed_values
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from winding_cli.commands.refusal import refuse, refused
 
 if TYPE_CHECKING:
-    from winding_core.condition import Condition
+    from winding_core.cable.condition import Condition
     from winding_supervisor.run_result import RunResult
 
 _TRACKER, _PAGE = "marker_tracker", "dashboard"

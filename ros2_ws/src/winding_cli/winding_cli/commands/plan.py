@@ -19,8 +19,8 @@ from winding_study.runs.run_parameters import RunParameters
 if TYPE_CHECKING:
     from lay_control_node.control.expected_landing import ExpectedLanding
     from lay_control_node.planning.lay_plan import LayPlan
-    from winding_core.condition import ResolvedCondition
-    from winding_core.lay_program import LayProgram
+    from winding_core.cable.condition import ResolvedCondition
+    from winding_core.lay.program import LayProgram
     from winding_study.lay.solver_check import SolverLay
 
 STARTS = ("first", "together")
@@ -162,7 +162,7 @@ def _wanted(
 ) -> LayProgram:
     from lay_control_node.planning.lay_plan import FULL_TURN
     from lay_control_node.programs import even_helix, read_program, with_markers_every_turn
-    from winding_core.lay_program import LayProgramError
+    from winding_core.lay.program import LayProgramError
 
     given = [file is not None, even, pitch_mm is not None]
     if sum(given) != 1:

@@ -28,19 +28,20 @@ from winding_cli.commands.run_checks import (
 from winding_cli.commands.run_delivery import DeliveryOptions, RunDelivery
 from winding_cli.commands.run_winding import wind
 from winding_cli.commands.wanted_lay import controlled_nodes, lead_of, tolerance_of, wish_of
-from winding_core.camera_clock import CameraClockParameters
-from winding_core.camera_pixels import CameraPixels
-from winding_core.camera_placement import CameraPlacement
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
 from winding_core.error_verdict import ErrorLimit
-from winding_core.lay_parameters import LayParameters
-from winding_core.lay_tolerance import LayTolerance
-from winding_core.lay_wish import LayWish
-from winding_core.machine_axes import MachineAxes
-from winding_core.marker_parameters import MarkerParameters
-from winding_core.operator_limits import OperatorLimits
-from winding_core.options import typed_values
-from winding_core.parameters import build
+from winding_core.lay.errors import LayTolerance
+from winding_core.machine.axes import MachineAxes
+from winding_core.markers import MarkerParameters
+from winding_core.parameters import build, typed_values
+from winding_core.run_options import (
+    CameraClockParameters,
+    CameraPixels,
+    CameraPlacement,
+    LayParameters,
+    LayWish,
+    OperatorLimits,
+)
 
 
 @with_options(

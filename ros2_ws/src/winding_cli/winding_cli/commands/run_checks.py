@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 from winding_cli.commands.condition_options import Typed, spelled
 from winding_cli.commands.output_path import check_output_folder
 from winding_cli.commands.refusal import refuse
-from winding_core.marker_parameters import MarkerLook
-from winding_core.options import options, typed_values
-from winding_core.parameters import Value, build
+from winding_core.markers import MarkerLook
+from winding_core.parameters import Value, build, options, typed_values
 from winding_core.units import MEGABYTE
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from winding_cli.commands.page_options import operated_condition
 from winding_cli.commands.refusal import FAILED, complain, refuse
 from winding_cli.commands.run_results import deliver, flaw, seed_of, show, write_trace
-from winding_core.condition import Condition
-from winding_core.operator_limits import OperatorLimits
+from winding_core.cable.condition import Condition
 from winding_core.parameters import Value
+from winding_core.run_options import OperatorLimits
 
 if TYPE_CHECKING:
     from winding_study.runs.identity import Origin

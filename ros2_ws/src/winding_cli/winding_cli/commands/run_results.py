@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import staged
 from winding_cli.commands.refusal import FAILED, refuse
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
 from winding_core.parameters import Value
 
 if TYPE_CHECKING:

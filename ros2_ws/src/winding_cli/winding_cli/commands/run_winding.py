@@ -10,7 +10,7 @@ from winding_cli.commands.refusal import FAILED, complain, fail, refuse
 from winding_cli.commands.run_checks import check_before_start
 from winding_cli.commands.termination import end
 from winding_cli.output.progress_lines import ProgressLines, print_sentence
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
 
 if TYPE_CHECKING:
     from winding_cli.commands.run_delivery import RunDelivery

@@ -16,9 +16,8 @@ from winding_cli.commands.output_path import check_output_folder
 from winding_cli.commands.ros_environment import check_namespace, joined
 from winding_cli.commands.run import run
 from winding_cli.serving.goals import GoalError, Goals
-from winding_core.condition import Condition
-from winding_core.options import options
-from winding_core.parameters import ParameterError, refuse_unknown
+from winding_core.cable.condition import Condition
+from winding_core.parameters import ParameterError, options, refuse_unknown
 
 # Every goal gets them from the server.
 _OWN = ("output", "namespace", "domain", "dashboard", "dashboard_port")

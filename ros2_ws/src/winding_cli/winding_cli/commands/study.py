@@ -86,7 +86,7 @@ def study(
     from cable_fem_node.winding.prediction import ELEMENTS
     from winding_cli.commands import study_output
     from winding_cli.commands.study_conduct import conduct
-    from winding_core.material_law import LAWS
+    from winding_core.cable.material_law import LAWS
     from winding_study.paper.study import StudyConfig
 
     if element not in ELEMENTS:
@@ -144,7 +144,7 @@ def study(
 
 def _cases(text: str | None) -> tuple[int, ...]:
     """Return the rows of Table 1 that are asked for, in order."""
-    from winding_core.published import published_conditions
+    from winding_core.cable.cases import published_conditions
 
     known = tuple(published_conditions())
     if text is None:

@@ -14,7 +14,7 @@ from winding_cli.commands.extras import need_extra
 from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
 from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_cli.commands.termination import end, interruptible
-from winding_core.options import option_kinds
+from winding_core.parameters import option_kinds
 from winding_study.runs.run_parameters import RunParameters
 
 if TYPE_CHECKING:

@@ -16,14 +16,11 @@ from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, staged, write_json
 from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_cli.output.tracking import COLUMNS, TrackedRecording
-from winding_core.camera_clock import CameraClockParameters
-from winding_core.camera_pixels import CameraPixels
-from winding_core.camera_placement import CameraPlacement
-from winding_core.condition import Condition
-from winding_core.marker_parameters import MarkerParameters
-from winding_core.options import typed_values
-from winding_core.parameters import build
-from winding_core.readings import AxisReading
+from winding_core.cable.condition import Condition
+from winding_core.machine.readings import AxisReading
+from winding_core.markers import MarkerParameters
+from winding_core.parameters import build, typed_values
+from winding_core.run_options import CameraClockParameters, CameraPixels, CameraPlacement
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 
 if TYPE_CHECKING:

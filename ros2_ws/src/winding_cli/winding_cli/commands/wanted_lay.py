@@ -7,12 +7,11 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from winding_cli.commands.condition_options import Typed, spelled
-from winding_core.condition import Condition
-from winding_core.lay_program import LayProgramError
-from winding_core.lay_tolerance import LayTolerance
-from winding_core.lay_wish import LayWish
-from winding_core.options import typed_values
-from winding_core.parameters import ParameterError, Value, build
+from winding_core.cable.condition import Condition
+from winding_core.lay.errors import LayTolerance
+from winding_core.lay.program import LayProgramError
+from winding_core.parameters import ParameterError, Value, build, typed_values
+from winding_core.run_options import LayWish
 
 if TYPE_CHECKING:
     from lay_control_node.control.lay_controller import LayController

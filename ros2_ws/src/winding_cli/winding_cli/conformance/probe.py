@@ -24,10 +24,9 @@ from winding_cli.conformance.judgement import (
     runs,
     stands,
 )
-from winding_core.axis_check import wrong_axis
-from winding_core.drive import DriveProfile
-from winding_core.machine_axes import MachineAxes
-from winding_core.readings import AxisReading
+from winding_core.machine.axes import MachineAxes, wrong_axis
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.readings import AxisReading
 from winding_ros import services, topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.camera_messages import decode_camera_info, decode_image

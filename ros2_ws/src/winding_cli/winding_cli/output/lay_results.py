@@ -8,10 +8,8 @@ from dataclasses import asdict
 import numpy as np
 
 from lay_control_node.ros.parameters import LayControlParameters
-from winding_core.cable_lay import cable_lay
-from winding_core.condition import Condition
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE
-from winding_core.lay_records import LAY_DTYPE, LayRecords
+from winding_core.cable.condition import Condition
+from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, LayRecords, cable_lay
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
 from winding_core.parameters import Value, build
 from winding_recorder.live.run_buffer import RunBuffer

@@ -10,7 +10,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import RunBuffer

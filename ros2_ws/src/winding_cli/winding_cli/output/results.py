@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from winding_cli.output.lay_results import recorded_outcome
 from winding_cli.output.run_cable import last_cable
 from winding_cli.output.trained_factor import used_factor
-from winding_core.condition import Condition
+from winding_core.cable.cases import published_markers
+from winding_core.cable.condition import Condition
 from winding_core.error_verdict import PAPER_LIMIT_PCT
-from winding_core.helix import curve_length
+from winding_core.lay.helix import curve_length
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
 from winding_core.parameters import Value
-from winding_core.published import published_markers
-from winding_core.readings import AxisReading
 from winding_recorder.live.run_buffer import Reading, RunBuffer
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud

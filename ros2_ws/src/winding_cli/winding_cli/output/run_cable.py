@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from correction_node.models.weights import load_factor, weights_directory
-from winding_core.condition import ResolvedCondition
-from winding_core.published import published_markers
+from winding_core.cable.cases import published_markers
+from winding_core.cable.condition import ResolvedCondition
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from winding_core.lay_records import LayFlag, LayRecords, name_of
+from winding_core.lay.records import LayFlag, LayRecords, name_of
 from winding_core.units import MILLIMETRE
 from winding_dashboard.drawings.line_chart import Curve, Ends, chart, ends_of
 

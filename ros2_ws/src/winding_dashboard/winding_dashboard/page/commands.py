@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from winding_core.condition import Condition
-from winding_core.lay_control_records import ControlMode
-from winding_core.run_phase import RunPhase
+from winding_core.cable.condition import Condition
+from winding_core.lay.records import ControlMode
+from winding_core.status import RunPhase
 
 START, STOP, RESET, EMERGENCY_STOP = "start", "stop", "reset", "emergency_stop"
 # What the controller of the lay is switched to.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from winding_core.lay_control_records import ControlBasis, ControlMode
+from winding_core.lay.records import ControlBasis, ControlMode
 from winding_core.units import MILLIMETRE
 from winding_dashboard.page.numbers import DASH
 from winding_dashboard.state.control_state import ControlState

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from winding_core.readings import Quantity
+from winding_core.machine.readings import Quantity
 from winding_dashboard.page.numbers import DASH, PER_METRE, number
 from winding_dashboard.state.view_state import ViewState
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from winding_core.material_report import MaterialReport
+from winding_core.cable.material_report import MaterialReport
 
 _MEGA = 1.0e6
 

@@ -14,10 +14,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from winding_core.lay_control_records import ControlMode
-from winding_core.lay_errors import turn_errors
-from winding_core.operator_limits import OperatorLimits
-from winding_core.options import shown_values
+from winding_core.lay.errors import turn_errors
+from winding_core.lay.records import ControlMode
+from winding_core.parameters import shown_values
+from winding_core.run_options import OperatorLimits
 from winding_dashboard.drawings.band_overlay import measured_count
 from winding_dashboard.drawings.camera_overlay import camera_overlay
 from winding_dashboard.drawings.control_chart import control_drawings

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from winding_core.lay_errors import TurnError
-from winding_core.lay_tolerance import turn_state
+from winding_core.lay.errors import TurnError, turn_state
 from winding_dashboard.page.numbers import PER_METRE, number
 
 # The newest turns stand in the table.

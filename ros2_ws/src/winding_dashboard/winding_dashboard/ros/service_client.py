@@ -10,10 +10,10 @@ from typing import Any
 
 from rclpy.node import Node
 
-from winding_core.cases import Case
-from winding_core.condition import Condition
-from winding_core.lay_control_records import ControlMode
-from winding_core.machine_axes import MachineAxes
+from winding_core.cable.cases import Case
+from winding_core.cable.condition import Condition
+from winding_core.lay.records import ControlMode
+from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import ParameterError, build, declarations
 from winding_dashboard.page import commands
 from winding_dashboard.page.commands import Choice, CommandError

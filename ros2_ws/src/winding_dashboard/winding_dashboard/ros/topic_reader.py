@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from winding_core.machine_axes import MachineAxes
+from winding_core.machine.axes import MachineAxes
 from winding_dashboard.ros.parameters import DashboardParameters
 from winding_dashboard.state.camera_view import CameraView
 from winding_dashboard.state.health import node_of

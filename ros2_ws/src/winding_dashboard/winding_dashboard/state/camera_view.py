@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.readings import ImageWindow
+from winding_core.machine.readings import ImageWindow
 
 FloatArray = NDArray[np.float64]
 

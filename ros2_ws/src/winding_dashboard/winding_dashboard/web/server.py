@@ -23,7 +23,7 @@ from starlette.responses import (
 )
 from starlette.routing import Route
 
-from winding_core.lay_control_records import ControlMode
+from winding_core.lay.records import ControlMode
 from winding_dashboard.drawings.cylinder_view import Sight
 from winding_dashboard.page import commands
 from winding_dashboard.page.page_content import page_content

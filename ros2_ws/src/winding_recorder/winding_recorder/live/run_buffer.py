@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.machine_axes import MachineAxes
-from winding_core.readings import AxisReading
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.readings import AxisReading
 from winding_recorder.live.thinned_history import StampRuns, ThinnedHistory
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud

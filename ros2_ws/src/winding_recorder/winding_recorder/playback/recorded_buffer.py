@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from winding_core.machine_axes import MachineAxes
+from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import ParameterError
 from winding_recorder.bags.failure import BagError
 from winding_recorder.bags.notes import COMPLETE, ORIGIN, PARAMETERS, YES

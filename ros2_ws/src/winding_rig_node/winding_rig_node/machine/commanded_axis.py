@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from winding_core.commands import AXES, AxisTarget, Interpolation, Motion
+from winding_core.machine.commands import AXES, AxisTarget, Interpolation, Motion
 
 # Rate at which the setpoint closes up to what is wanted [1/s].
 _CLOSING_RATE = 40.0

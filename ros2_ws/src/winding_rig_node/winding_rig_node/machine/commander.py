@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from winding_core.commands import (
+from winding_core.machine.commands import (
     CARRIAGE,
     CYLINDER,
     Command,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
 from winding_rig_node.machine.hidden_rig import HiddenRig
 from winding_rig_node.machine.laid_path import Growth, LaidPath
 from winding_rig_node.machine.lay_on import GRID_STEP, Contact, cable_of, contact_at_start, lay_on
@@ -52,7 +52,7 @@ class DrivenLay:
     which is a lag of L - l and one of l in a row. Each step is the exact solution for an eye that
     moves in proportion to the angle. Undeformed length is laid at hypot(rho, dz/dTheta) / lambda
     per radian, lambda being the neo-Hookean stretch under the span's tension less
-    EI lambda / (2 rho^2) for bending (`winding_core.quasi_static`).
+    EI lambda / (2 rho^2) for bending (`winding_core.lay.quasi_static`).
 
     A standing cylinder lays nothing. One that turns backwards takes cable off again: path,
     length and markers beyond the contact line are forgotten, and what is wound from there on is

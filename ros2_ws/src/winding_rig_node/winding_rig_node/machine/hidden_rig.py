@@ -27,7 +27,7 @@ class HiddenRig:
         free_length: Tangent span L between the contact line and the eye, across the axis [m].
         load_share: Share of the pull at the guide that reaches the cylinder.
         drag: Constant friction of the guide, which pulls too [N].
-        start_share: Share of the span's tension at P0, f0 of `winding_core.tension.RigTension`.
+        start_share: Share of the span's tension at P0, f0 of `winding_core.machine.tension.RigTension`.
         build_up_length: Wound length over which the tension builds up, L_c [m].
         guide_play: Way that the carriage goes back before the eye follows it [m].
         brake_friction: Share of the pull by which the tension may stay behind a changed pull,

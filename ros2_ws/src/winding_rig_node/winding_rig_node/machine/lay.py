@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import Case
-from winding_core.drive import DriveProfile
-from winding_core.fleet_angle import FleetAngleLaw
-from winding_core.published import published_markers
+from winding_core.cable.cases import Case, published_markers
+from winding_core.lay.helix import FleetAngleLaw
+from winding_core.machine.drive import DriveProfile
 from winding_core.units import MILLIMETRE
 from winding_rig_node.machine.stretch import neo_hookean_stretch
 

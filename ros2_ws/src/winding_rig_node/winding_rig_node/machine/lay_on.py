@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
 from winding_core.compiling import called, compiled
 from winding_rig_node.machine.hidden_rig import HiddenRig
 from winding_rig_node.machine.stretch import neo_hookean_stretch

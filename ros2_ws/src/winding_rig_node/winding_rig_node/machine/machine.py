@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from winding_core.commands import AXES, Command
-from winding_core.readings import CABLE_TENSION, AxisReading
+from winding_core.machine.commands import AXES, Command
+from winding_core.machine.readings import CABLE_TENSION, AxisReading
 from winding_rig_node.machine.axis import (
     AxisConfig,
     AxisState,

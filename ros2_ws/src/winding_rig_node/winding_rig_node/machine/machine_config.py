@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from winding_core.cases import Case
-from winding_core.drive import PAPER_FEED_SPEED, DriveProfile
+from winding_core.cable.cases import Case
+from winding_core.machine.drive import PAPER_FEED_SPEED, DriveProfile
 from winding_rig_node.machine.axis import AxisConfig, tuned_pid
 from winding_rig_node.machine.commander import CommandLimits
 from winding_rig_node.machine.encoder import CARRIAGE_ENCODER, CYLINDER_ENCODER

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from winding_core.commands import CARRIAGE, CYLINDER
+from winding_core.machine.commands import CARRIAGE, CYLINDER
 from winding_rig_node.machine.axis import AxisState
 from winding_rig_node.machine.commanded_axis import CommandedAxis
 from winding_rig_node.machine.commander import Commander

@@ -10,9 +10,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import Case
-from winding_core.marker_parameters import DOT
-from winding_core.readings import ImageWindow
+from winding_core.cable.cases import Case
+from winding_core.machine.readings import ImageWindow
+from winding_core.markers import DOT
 from winding_rig_node.camera.config import CameraCalibration, CameraConfig, SensorNoise
 from winding_rig_node.camera.preview import encode_jpeg
 from winding_rig_node.camera.renderer import Renderer

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
 
-from winding_core.machine_axes import MachineAxes
-from winding_core.readings import AxisReading
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.readings import AxisReading
 from winding_rig_node.camera.shown_lay import KnownLay
 from winding_rig_node.machine.machine_config import SAMPLE_RATE
 from winding_rig_node.ros.asked_parameters import asked_parameters

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.readings import AxisReading, Quantity
+from winding_core.machine.readings import AxisReading, Quantity
 from winding_rig_node.machine.faults import Faults, Values
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SAMPLE_RATE

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from winding_core.condition import Condition
-from winding_core.marker_parameters import MarkerLook
+from winding_core.cable.condition import Condition
+from winding_core.markers import MarkerLook
 from winding_core.parameters import parameter
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS, CommandLimits
 from winding_rig_node.machine.lay import CableLay, HiddenCable, published_lay, simulated_lay

@@ -15,7 +15,7 @@ from cable_fem_node.identification.modulus import PLAUSIBLE_YOUNG
 from cable_fem_node.identification.quasi_static import softest_young
 from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import TrackedRun
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.material_law import MaterialLaw
 
 # C01 may be this share of C10 + C01 at most; beyond 1 the law softens in compression.
 _SHARES = (0.0, 0.95)

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.failure import IdentificationError
-from winding_core.material_law import LAWS, MaterialLaw
+from winding_core.cable.material_law import LAWS, MaterialLaw
 
 LEAST_POINTS = 3
 # C01 over C10 + C01.

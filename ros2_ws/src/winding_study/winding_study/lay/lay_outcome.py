@@ -10,11 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lay_control_node.planning.lag import lay_of
-from winding_core.condition import ResolvedCondition
-from winding_core.lay_control_records import ControlBasis, ControlMode, LayControlRecords
-from winding_core.lay_errors import FULL_TURN, TurnError, WantedLine, turn_errors
-from winding_core.lay_records import LAY_DTYPE, LayRecords
-from winding_core.lay_tolerance import FIRST_JUDGED, LayVerdict, judge
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.errors import (
+    FIRST_JUDGED,
+    FULL_TURN,
+    LayVerdict,
+    TurnError,
+    WantedLine,
+    judge,
+    turn_errors,
+)
+from winding_core.lay.records import (
+    LAY_DTYPE,
+    ControlBasis,
+    ControlMode,
+    LayControlRecords,
+    LayRecords,
+)
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from winding_core.lay_tolerance import FIRST_JUDGED
+from winding_core.lay.errors import FIRST_JUDGED
 from winding_study.lay.lay_outcome import LayOutcome
 
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from lay_control_node.planning.limits import PlanLimits
-from winding_core.options import Spelling, typed_values
-from winding_core.parameters import parameter
+from winding_core.parameters import Spelling, parameter, typed_values
 from winding_core.units import (
     ACCELERATION,
     ANGULAR_ACCELERATION,

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import paper_case
-from winding_core.published import published_markers
-from winding_core.quasi_static import QuasiStaticLay
-from winding_core.tension import RigTension
-from winding_core.tension_fit import START, TensionFit, fit_rig_tension
+from winding_core.cable.cases import paper_case, published_markers
+from winding_core.lay.quasi_static import QuasiStaticLay
+from winding_core.machine.tension import START, RigTension, TensionFit, fit_rig_tension
 
 Array = NDArray[np.float64]
 

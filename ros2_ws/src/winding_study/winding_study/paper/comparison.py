@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from statistics import fmean
 from typing import Any
 
-from winding_core.published import (
+from winding_core.cable.cases import (
     Lay,
     PublishedMarker,
     length_error_pct,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from correction_node.models.dataset import DataSet, join_experiment, load_data_set
 from correction_node.training.comparison import compare_models
 from correction_node.training.training import TrainingConfig
-from winding_core.drive import PAPER_DURATION
+from winding_core.machine.drive import PAPER_DURATION
 from winding_study.paper.comparison import Comparison, compare, compare_paper
 from winding_study.paper.study import StudyConfig, predicted_lengths
 from winding_study.paper.study_record import StudyRecord

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from winding_core.cases import paper_case
-from winding_core.published import (
+from winding_core.cable.cases import (
     Lay,
     PublishedMarker,
     length_error_pct,
+    paper_case,
     published_markers,
     published_weights,
 )

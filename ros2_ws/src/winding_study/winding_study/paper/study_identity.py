@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from winding_core.tension import DeadWeight
+from winding_core.machine.tension import DeadWeight
 from winding_core.units import MILLIMETRE
 from winding_study.paper.study import ROD_SEGMENT, StudyConfig
 from winding_study.paper.study_record import StudyRecord

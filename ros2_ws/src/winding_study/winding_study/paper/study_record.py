@@ -17,7 +17,7 @@ from correction_node.training.comparison import (
     ModelScore,
 )
 from correction_node.training.learners import NETWORK, RIG, RIG_NETWORK
-from winding_core.published import published_markers, published_weights
+from winding_core.cable.cases import published_markers, published_weights
 from winding_study.documents.data_table import DataTable, known
 from winding_study.paper.comparison import Comparison, compare_paper
 from winding_study.paper.paper_tables import Factors, paper_tables

@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, ScalarFormatter
 from numpy.typing import NDArray
 
-from winding_core.cases import paper_case
-from winding_core.published import PublishedMarker, published_markers
+from winding_core.cable.cases import PublishedMarker, paper_case, published_markers
 from winding_core.units import MILLIMETRE
 from winding_study.documents.picture import (
     CORRECTED,

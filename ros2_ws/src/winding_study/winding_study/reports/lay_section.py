@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from winding_core.lay_control_records import ControlBasis
-from winding_core.lay_errors import FULL_TURN, TurnError
-from winding_core.lay_tolerance import turn_state
+from winding_core.lay.errors import FULL_TURN, TurnError, turn_state
+from winding_core.lay.records import ControlBasis
 from winding_core.units import MILLIMETRE
 from winding_study.documents.page import MISSING
 from winding_study.documents.picture import Picture

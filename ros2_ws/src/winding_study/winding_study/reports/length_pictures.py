@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 
-from winding_core.published import PublishedMarker
+from winding_core.cable.cases import PublishedMarker
 from winding_study.documents.picture import (
     CORRECTED,
     FAINT,

@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from winding_core.lay_errors import FULL_TURN, lay_errors
-from winding_core.lay_tolerance import FIRST_JUDGED
+from winding_core.lay.errors import FIRST_JUDGED, FULL_TURN, lay_errors
 from winding_core.units import MILLIMETRE
 from winding_study.documents.picture import (
     CORRECTED,

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cable_fem_node.winding.prediction import Prediction
+from winding_core.cable.cases import Lay, published_markers
 from winding_core.markers import is_wound
-from winding_core.published import Lay, published_markers
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Self
 
-from winding_core.condition import Condition
-from winding_core.options import options
-from winding_core.parameters import Value
+from winding_core.cable.condition import Condition
+from winding_core.parameters import Value, options
 
 # What decides numbers or bytes, by the name that it is imported by.
 LIBRARIES = ("python", "numpy", "numba", "rclpy")

@@ -8,10 +8,9 @@ from typing import Any
 
 from cable_fem_node.winding.prediction import ELEMENTS, PlannedRun
 from cable_fem_node.winding.winding_config import SolverParameters
-from winding_core.condition import Condition
-from winding_core.drive import DriveProfile
+from winding_core.cable.condition import Condition
+from winding_core.machine.drive import DriveProfile, TurningDrive
 from winding_core.parameters import parameter
-from winding_core.turning_drive import TurningDrive
 from winding_core.units import LENGTH, PLAIN, TIME
 
 # The factor on the density: a solid's steps are so short that its true mass takes hours.

@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import Case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import Case, PublishedMarker, published_markers
 from winding_core.error_verdict import (
     PAPER_LIMIT_PCT,
     ErrorVerdict,
     error_pct,
     judge_lengths,
 )
-from winding_core.published import PublishedMarker, published_markers
+from winding_core.machine.drive import DriveProfile
 from winding_study.lay.lay_outcome import LayOutcome
 from winding_study.lay.outcome_record import outcome_json
 from winding_study.runs.identity import Identity

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import Case, paper_case
+from winding_core.cable.cases import Case, paper_case
 from winding_study.runs.case_result import CaseResult
 
 Array = NDArray[np.float64]

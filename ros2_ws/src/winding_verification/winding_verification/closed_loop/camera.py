@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from winding_core.lay_records import LAY_DTYPE, LayRecords
+from winding_core.lay.records import LAY_DTYPE, LayRecords
 from winding_core.markers import MARKER_DTYPE, Markers
 from winding_verification.closed_loop.truths import Truth
 

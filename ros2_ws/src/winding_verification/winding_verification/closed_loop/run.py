@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.guide_law import WantedLay
 from lay_control_node.control.lay_controller import Setpoint
-from winding_core.commands import CARRIAGE, AxisTarget, JointTargets, TensionCommand
-from winding_core.condition import ResolvedCondition
-from winding_core.lay_control_records import ControlMode
-from winding_core.readings import AxisReading
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.records import ControlMode
+from winding_core.machine.commands import CARRIAGE, AxisTarget, JointTargets, TensionCommand
+from winding_core.machine.readings import AxisReading
 from winding_rig_node.machine.commander import CommandLimits
 from winding_rig_node.machine.hidden_rig import HiddenRig
 from winding_rig_node.machine.machine import Machine

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Case
-from winding_core.readings import AxisReading
-from winding_core.tension import RigTension
+from winding_core.cable.cases import Case
+from winding_core.machine.readings import AxisReading
+from winding_core.machine.tension import RigTension
 from winding_rig_node.machine.driven_lay import DrivenLay
 from winding_rig_node.machine.hidden_rig import HiddenRig
 

@@ -27,7 +27,7 @@ def closed_loop(
         json: File of every run; None for none.
         brake: Whether a brake lands markers at angles within its reach.
     """
-    from winding_core.lay_tolerance import LayTolerance
+    from winding_core.lay.errors import LayTolerance
     from winding_verification.closed_loop.study import ClosedLoopConfig, closed_loop_study, verdict
 
     config = ClosedLoopConfig(cases=cases, draws=draws, brake=brake)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from winding_core.cases import Material
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.cases import Material
+from winding_core.cable.material_law import MaterialLaw
 
 
 @dataclass(frozen=True, kw_only=True)

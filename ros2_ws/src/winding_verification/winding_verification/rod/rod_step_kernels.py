@@ -11,7 +11,7 @@ from cable_fem_node.dynamics.points import LOSS_DAMPING, WORK_SPAN, FloatArray, 
 from cable_fem_node.dynamics.surroundings import Surroundings, Touch
 from cable_fem_node.rod.rod_arrays import AxialResponse, Work
 from cable_fem_node.rod.rod_kernels import bend_end, bend_nodes, element_force, stretch_elements
-from winding_core.material_law import TABLE_HIGH, TABLE_LOW
+from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
 from winding_verification.rod.frame_kernels import carry_frames, frame_forces, reference_twist
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cable_fem_node.solid.solid_law import SolidLaw
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.material_law import MaterialLaw
 from winding_core.units import MEGAPASCAL
 from winding_verification.solver.references import Values, given
 

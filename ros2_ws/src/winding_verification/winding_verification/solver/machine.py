@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.winding.winding_model import WindingModel
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
 
 # Rounds of Gauss and Newton; five would do.
 ROUNDS = 12

@@ -13,7 +13,7 @@ import numpy as np
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Case, Material
+from winding_core.cable.cases import Case, Material
 from winding_verification.solver.machine import Machine, swing
 from winding_verification.solver.references import Values
 

@@ -10,7 +10,7 @@ from cable_fem_node.solid.hex_geometry import hex_geometry
 from cable_fem_node.solid.solid_mesh import round_bar
 from cable_fem_node.winding.solid_winding import RIM_NODES, SolidWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
 from winding_verification.solver.machine import Machine, swing
 from winding_verification.solver.references import Values
 

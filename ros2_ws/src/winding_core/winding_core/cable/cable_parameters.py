@@ -8,11 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from winding_core.cases import Case, Material, paper_case
-from winding_core.material_law import LAWS, MOONEY_RATIO
+from winding_core.cable.cases import Case, Material, paper_case, published_conditions
+from winding_core.cable.material_law import LAWS, MOONEY_RATIO
+from winding_core.cable.prony import PronySeries
 from winding_core.parameters import ParameterError, parameter
-from winding_core.prony import PronySeries
-from winding_core.published import published_conditions
 from winding_core.units import DENSITY, FORCE, LENGTH, MILLIMETRE, PLAIN, STRESS
 
 # The paper's markers are spaced like this on most cables [m].

@@ -1,4 +1,4 @@
-"""What is wound, in one line: as a node says it in its diagnostics and as people read it."""
+"""What is wound, in one line: the values that diagnostics carry, and a sentence to read."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
-from winding_core.condition import ResolvedCondition
+from winding_core.cable.condition import ResolvedCondition
 from winding_core.units import MILLIMETRE
 
 

@@ -7,12 +7,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import Case
-from winding_core.drive import DriveProfile
-from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
-from winding_core.helix import curve_length
-from winding_core.material_law import MaterialLaw
-from winding_core.tension import DeadWeight, RigTension
+from winding_core.cable.cases import Case
+from winding_core.cable.material_law import MaterialLaw
+from winding_core.lay.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.tension import DeadWeight, RigTension
 
 Array = NDArray[np.float64]
 

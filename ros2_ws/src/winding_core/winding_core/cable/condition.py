@@ -7,20 +7,26 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-from winding_core.cable_parameters import CableParameters, published_case
-from winding_core.cases import Case
-from winding_core.drive import (
+from winding_core.cable.cable_parameters import CableParameters, published_case
+from winding_core.cable.cases import Case, published_conditions
+from winding_core.lay.helix import PAPER_FREE_LENGTH, free_length_of, guide_distance_of
+from winding_core.machine.drive import (
     PAPER_ANGULAR_SPEED,
     PAPER_DURATION,
     PAPER_FEED_SPEED,
     PAPER_RAMP_TIME,
     DriveProfile,
 )
-from winding_core.fleet_angle import PAPER_FREE_LENGTH, free_length_of, guide_distance_of
-from winding_core.options import Spelling, options, shown_values, typed_values
-from winding_core.parameters import ParameterError, Value, parameter
-from winding_core.published import published_conditions
-from winding_core.tension import DeadWeight, RigTension
+from winding_core.machine.tension import DeadWeight, RigTension
+from winding_core.parameters import (
+    ParameterError,
+    Spelling,
+    Value,
+    options,
+    parameter,
+    shown_values,
+    typed_values,
+)
 from winding_core.units import (
     ANGULAR_SPEED,
     FORCE,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from winding_core.cases import Material
+from winding_core.cable.cases import Material
 from winding_core.units import MEGAPASCAL
 
 LAWS = ("linear", "hencky", "hencky_cauchy", "neo_hookean", "mooney_rivlin")
