@@ -149,11 +149,11 @@ def _definition(module: str, name: str) -> tuple[str, list[tuple[str, str]]]:
 @functools.cache
 def _statements(module: str) -> dict[str, list[ast.stmt]]:
     """Return the statements of a module of ours by the names that they bind, without docstrings."""
-    source = None
+    source = ""
     if module.partition(".")[0] not in _LIBRARIES:
         with contextlib.suppress(ImportError, ValueError):
-            source = getattr(importlib.util.find_spec(module), "origin", None)
-    tree = ast.parse(Path(source).read_bytes() if str(source).endswith(".py") else "")
+            source = str(getattr(importlib.util.find_spec(module), "origin", ""))
+    tree = ast.parse(Path(source).read_bytes() if source.endswith(".py") else "")
     bound: dict[str, list[ast.stmt]] = {}
     waiting: list[Any] = [tree]
     while waiting:
