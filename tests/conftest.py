@@ -157,7 +157,7 @@ class ComposedGraph:
 
         from winding_ros import graph
         from winding_ros.environment import ros_arguments
-        from winding_ros.managed_node import ManagedNode
+        from winding_ros.runtime.managed_node import ManagedNode
 
         self._ros = ros
         self.nodes: dict[str, Any] = {}

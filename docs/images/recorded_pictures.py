@@ -29,7 +29,7 @@ from winding_core.markers import (
 from winding_recorder.bags.reading import decoded, messages_of, opened
 from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
+from winding_ros.messages.clouds import decode_cloud
 
 # Simulated time between two pictures [s]; how long one is shown, one with markers in the camera's
 # window, and the last one [ms].

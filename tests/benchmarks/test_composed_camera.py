@@ -12,7 +12,7 @@ import pytest
 from winding_core.cable.condition import Condition
 from winding_core.machine.axes import MachineAxes
 from winding_ros import topics
-from winding_ros.graph_error import GraphError
+from winding_ros.graph import GraphError
 from winding_supervisor.external_machine import ExternalMachineConfig
 from winding_supervisor.run import opened_run
 from winding_supervisor.run_config import RunConfig

@@ -15,9 +15,9 @@ from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE, MarkerFlag, Markers, wound_markers
 from winding_core.status import Level
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.material_messages import decode_material
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.messages.clouds import decode_cloud, encode_cloud
+from winding_ros.messages.diagnostics import decode_material
+from winding_ros.messages.rig import encode_joint_state
 
 pytestmark = pytest.mark.slow
 

@@ -20,8 +20,8 @@ from winding_core.cable.cases import paper_case
 from winding_core.machine.drive import DriveProfile
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, Markers, is_wound
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import encode_joint_state
 
 DRIVE = DriveProfile()
 LONG = PIECE + 4.0

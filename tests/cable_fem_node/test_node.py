@@ -15,8 +15,8 @@ from winding_core.cable.cases import paper_case
 from winding_core.machine.drive import DriveProfile
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.rig_messages import encode_joint_state, encode_tension
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import encode_joint_state, encode_tension
 
 DURATION = 0.5
 DRIVE = DriveProfile()
@@ -63,7 +63,7 @@ def follows(ros: Any) -> tuple[Any, Heard]:
 def test_long_prediction_ends_when_the_process_is_told_to_end(ros: Any) -> None:
     node = ros.add(CableFemNode, parameter_overrides=overrides(case=4, duration=500.0))
     asked = itertools.count(1)
-    node.told_to_end = lambda: next(asked) > 2
+    node.stop_requested = lambda: next(asked) > 2
     assert node.trigger_configure() is TransitionCallbackReturn.FAILURE
     assert next(asked) == 4
 

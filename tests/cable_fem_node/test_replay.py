@@ -12,9 +12,9 @@ from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
 from winding_core.run_inputs import INPUT_DTYPE, RunInputs
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.rig_messages import encode_joint_state, encode_tension
-from winding_ros.stamps import decode_stamp, encode_stamp
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import encode_joint_state, encode_tension
+from winding_ros.messages.stamps import decode_stamp, encode_stamp
 
 DURATION = 0.6
 CUT = 400

@@ -20,8 +20,8 @@ from winding_core.machine.drive import DriveProfile, TurningDrive
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import encode_joint_state
 
 CONFIG = WindingConfig(case=paper_case(4))
 WIDTH = CONFIG.case.cable_diameter * CONFIG.resolved.lateral

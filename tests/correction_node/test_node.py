@@ -14,8 +14,8 @@ from winding_core.cable.cases import paper_case, published_markers
 from winding_core.markers import CORRECTED_DTYPE, MarkerFlag, wound_markers
 from winding_core.status import Level
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.diagnostic_messages import decode_case_votes
+from winding_ros.messages.clouds import decode_cloud, encode_cloud
+from winding_ros.messages.diagnostics import decode_case_votes
 
 
 def overrides(**values: object) -> list[Parameter]:

@@ -8,7 +8,7 @@ import yaml
 
 from winding_ros import topics
 from winding_ros.graph import DEFAULT_NAMESPACE
-from winding_ros.rig_messages import BASE_FRAME
+from winding_ros.messages.rig import BASE_FRAME
 
 FOLDER = Path(__file__).parents[2] / "ros2_ws/src/winding_bringup/viewers"
 NAMES = {

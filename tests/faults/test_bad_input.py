@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from correction_node.models.weights import weights_directory
 from winding_cli.commands.app import app
-from winding_ros.parameter_files import parameters_for
+from winding_ros.runtime.parameter_files import parameters_for
 from winding_supervisor.domain_lock import domain_lock
 
 OWN = {

@@ -13,7 +13,7 @@ import pytest
 from interrupted_run import STAGES, interrupt
 from rosbags.highlevel import AnyReader
 
-from winding_ros.process import SUPERVISED
+from winding_ros.runtime.process import SUPERVISED
 
 pytestmark = [
     pytest.mark.campaign,

@@ -7,7 +7,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
-from winding_ros.message_error import MessageError
+from winding_ros.messages.serialised import MessageError
 
 fuzzed = settings.get_profile("quick")
 any_float = st.floats(allow_nan=True, allow_infinity=True)

@@ -27,7 +27,7 @@ from winding_recorder.bags.recover import recover
 from winding_recorder.bags.tables import export
 from winding_recorder.bags.writer import BagWriter
 from winding_ros import topics
-from winding_ros.rig_messages import encode_joint_state, encode_tension
+from winding_ros.messages.rig import encode_joint_state, encode_tension
 
 fuzzed = settings.get_profile("files")
 RECORDED = (topics.JOINT_STATES, topics.TENSION)

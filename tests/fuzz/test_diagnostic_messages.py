@@ -8,13 +8,15 @@ from made_up import any_float, fuzzed, stamps, taken, wired, words
 
 from winding_core.cable.material_report import MaterialReport
 from winding_core.status import Level, Status
-from winding_ros.diagnostic_messages import (
+from winding_ros.messages.diagnostics import (
+    NAME,
     decode_case_votes,
     decode_diagnostics,
+    decode_material,
     encode_case_votes,
     encode_diagnostics,
+    encode_material,
 )
-from winding_ros.material_messages import NAME, decode_material, encode_material
 
 pytestmark = pytest.mark.slow
 

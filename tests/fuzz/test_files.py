@@ -23,7 +23,7 @@ from winding_core.parameters import ParameterError, build
 from winding_core.run_inputs import RunInputs, RunInputsError
 from winding_core.yaml_text import YamlTextError, load_yaml
 from winding_rig_node.ros.parameters import RigParameters
-from winding_ros.parameter_files import parameters_for
+from winding_ros.runtime.parameter_files import parameters_for
 from winding_study.identification.tables import (
     SourceError,
     read_readings,

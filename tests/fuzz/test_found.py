@@ -19,10 +19,10 @@ from winding_recorder.bags.contents import contents
 from winding_recorder.bags.failure import BagError
 from winding_recorder.bags.tables import export
 from winding_rig_node.ros.parameters import RigParameters
-from winding_ros.camera_messages import decode_camera_info
-from winding_ros.diagnostic_messages import decode_case_votes, encode_case_votes
-from winding_ros.message_error import MessageError
-from winding_ros.parameter_files import parameters_for
+from winding_ros.messages.camera import decode_camera_info
+from winding_ros.messages.diagnostics import decode_case_votes, encode_case_votes
+from winding_ros.messages.serialised import MessageError
+from winding_ros.runtime.parameter_files import parameters_for
 from winding_study.identification.tables import SourceError, read_readings
 from winding_study.sweep.axes import SpecError
 from winding_study.sweep.spec import parse_spec

@@ -12,7 +12,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from marker_tracker_node.camera.image_formats import ENCODINGS, PixelReader
 from winding_core.machine.readings import ImageWindow
-from winding_ros.camera_messages import (
+from winding_ros.messages.camera import (
     CameraReading,
     decode_camera_info,
     decode_image,

@@ -20,12 +20,12 @@ from winding_core.markers import MARKER_DTYPE, MarkerFlag, Markers
 from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene
 from winding_rig_node.machine.lay import published_lay
 from winding_ros import topics
-from winding_ros.camera_messages import encode_image
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.messages.camera import encode_image
+from winding_ros.messages.cdr import serialised
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import encode_joint_state
+from winding_ros.messages.serialised import MessageError
 from winding_ros.topic import Topic
-from winding_ros.wire.cdr import serialised
 
 fuzzed = settings.get_profile("files")
 FREE_LENGTH = 0.198

@@ -31,8 +31,8 @@ from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Scene
-from winding_ros.camera_messages import CameraReading, encode_camera_info, encode_image
-from winding_ros.stamps import encode_stamp
+from winding_ros.messages.camera import CameraReading, encode_camera_info, encode_image
+from winding_ros.messages.stamps import encode_stamp
 
 CASE = 4
 PERIOD, FRAMES, STEP = 0.005, 10, 0.01

@@ -10,9 +10,9 @@ from winding_core.machine.drive import DriveProfile
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
 from winding_ros.graph import expected_subscribers, pace_topics
-from winding_ros.rig_messages import decode_joint_state
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import decode_joint_state
 from winding_ros.topic import Topic
 
 # One process computes what the tests of this file share.

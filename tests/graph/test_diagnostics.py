@@ -15,9 +15,9 @@ from winding_recorder.bags.contents import contents
 from winding_recorder.bags.reading import decoded, messages_of, opened
 from winding_recorder.live.recorder import Recorder
 from winding_ros import topics
-from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.graph import GRAPH
-from winding_ros.rig_messages import encode_joint_state, encode_tension
+from winding_ros.messages.diagnostics import encode_diagnostics
+from winding_ros.messages.rig import encode_joint_state, encode_tension
 
 pytestmark = pytest.mark.processes
 

@@ -20,8 +20,8 @@ from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.lay.records import LAY_CONTROL_DTYPE
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.rig_messages import JointStateReader
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import JointStateReader
 from winding_ros.topic import Topic
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(1200)]

@@ -12,9 +12,9 @@ from winding_core.cable.material_report import MaterialReport
 from winding_core.markers import MARKER_DTYPE, Markers, is_wound
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
 from winding_ros.graph import expected_subscribers, pace_topics
-from winding_ros.material_messages import decode_material
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.diagnostics import decode_material
 from winding_ros.topic import Topic
 
 # One process computes what the tests of this file share.

@@ -15,9 +15,9 @@ from winding_core.machine.axes import MachineAxes
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import encode_joint_state, encode_tension
+from winding_ros.messages.clouds import decode_cloud, encode_cloud
+from winding_ros.messages.rig import encode_joint_state, encode_tension
+from winding_ros.messages.serialised import MessageError
 
 PERIOD = 1.0e-3
 COMMANDS_PERIOD = 0.02

@@ -19,10 +19,10 @@ from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_core.status import Level
 from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene
 from winding_ros import topics
-from winding_ros.camera_messages import CameraReading, encode_camera_info, encode_image
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.rig_messages import encode_joint_state
-from winding_ros.wire.cdr import serialised
+from winding_ros.messages.camera import CameraReading, encode_camera_info, encode_image
+from winding_ros.messages.cdr import serialised
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import encode_joint_state
 
 FRAMES = 40
 PERIOD = 0.005

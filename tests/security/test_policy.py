@@ -47,7 +47,7 @@ def test_a_node_may_do_what_the_graph_says_and_no_more() -> None:
 def test_only_the_orchestrator_and_the_page_command_the_machine() -> None:
     policy = sros2_policy("cell")
     for spec in controlled():
-        # Anybody may ask for a stop (winding_ros.stop_request).
+        # Anybody may ask for a stop (winding_ros.runtime.endpoints).
         asked = allowed(policy, spec.name, "services", "request")
         assert asked == {"rig/quick_stop", "rig/stop"}
     for node in ("orchestrator", PAGE.name):

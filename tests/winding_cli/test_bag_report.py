@@ -25,8 +25,8 @@ from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
 from winding_recorder.playback.recorded_buffer import recorded_run
 from winding_ros import topics
-from winding_ros.cloud_messages import encode_cloud
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.messages.clouds import encode_cloud
+from winding_ros.messages.rig import encode_joint_state
 from winding_supervisor.run_result import RunResult
 
 DRIVE = DriveProfile()

@@ -19,14 +19,14 @@ from winding_core.status import Status
 from winding_dashboard.node import DashboardNode
 from winding_dashboard.page.commands import CommandError
 from winding_ros import topics
-from winding_ros.cloud_messages import encode_cloud
-from winding_ros.diagnostic_messages import (
+from winding_ros.messages.clouds import encode_cloud
+from winding_ros.messages.diagnostics import (
     decode_diagnostics,
     encode_case_votes,
     encode_diagnostics,
 )
-from winding_ros.process import SUPERVISED
-from winding_ros.rig_messages import encode_joint_state, encode_tension
+from winding_ros.messages.rig import encode_joint_state, encode_tension
+from winding_ros.runtime.process import SUPERVISED
 
 
 @pytest.fixture

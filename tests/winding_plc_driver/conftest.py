@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 
 from winding_core.status import Level, Status
 from winding_ros import topics
-from winding_ros.diagnostic_messages import decode_diagnostics
+from winding_ros.messages.diagnostics import decode_diagnostics
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # No machine stops by itself because a busy computer keeps the driver waiting.

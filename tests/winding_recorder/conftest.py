@@ -19,8 +19,8 @@ from winding_recorder.bags.notes import COMPLETE, LOST, YES
 from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
 from winding_ros import topics
-from winding_ros.camera_messages import encode_image
-from winding_ros.rig_messages import encode_joint_state, encode_tension
+from winding_ros.messages.camera import encode_image
+from winding_ros.messages.rig import encode_joint_state, encode_tension
 
 RECORDED = (topics.JOINT_STATES, topics.TENSION, topics.IMAGE)
 # A tenth of a real frame keeps the tests quick.

@@ -11,8 +11,8 @@ from rclpy.node import Node
 
 from winding_core.machine.readings import AxisReading
 from winding_ros import topics
-from winding_ros.camera_messages import encode_image
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.messages.camera import encode_image
+from winding_ros.messages.rig import encode_joint_state
 
 WORST_BURST = 0.25
 

@@ -23,8 +23,7 @@ from winding_recorder.bags.reading import messages_of, opened
 from winding_recorder.bags.writer import BagWriter
 from winding_recorder.playback.player import Player
 from winding_ros import topics
-from winding_ros.polled import PolledTopic
-from winding_ros.topic import Topic
+from winding_ros.topic import PolledTopic, Topic
 
 pytestmark = pytest.mark.processes
 

@@ -17,9 +17,9 @@ from winding_recorder.bags.notes import COMPLETE
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.live.recorder import Recorder, RecorderError
 from winding_ros import topics
-from winding_ros.diagnostic_messages import decode_diagnostics
 from winding_ros.environment import child_environment
-from winding_ros.rig_messages import decode_joint_state, encode_joint_state
+from winding_ros.messages.diagnostics import decode_diagnostics
+from winding_ros.messages.rig import decode_joint_state, encode_joint_state
 
 pytestmark = pytest.mark.processes
 

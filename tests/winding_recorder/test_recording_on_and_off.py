@@ -17,10 +17,10 @@ from winding_recorder.bags.reading import read_notes
 from winding_recorder.live.bag_series import free_folder
 from winding_recorder.live.recorder import Recorder
 from winding_ros import services, topics
-from winding_ros.camera_messages import encode_image
-from winding_ros.cloud_messages import encode_cloud
-from winding_ros.diagnostic_messages import decode_diagnostics
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.messages.camera import encode_image
+from winding_ros.messages.clouds import encode_cloud
+from winding_ros.messages.diagnostics import decode_diagnostics
+from winding_ros.messages.rig import encode_joint_state
 
 pytestmark = pytest.mark.processes
 

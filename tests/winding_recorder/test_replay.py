@@ -20,9 +20,9 @@ from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
 from winding_recorder.playback.replay import replay
 from winding_ros import graph, topics
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.rig_messages import encode_joint_state, encode_tension
-from winding_ros.stamps import serialised_stamp_ns, stamp_bytes, with_stamp
+from winding_ros.messages.clouds import decode_cloud, encode_cloud
+from winding_ros.messages.rig import encode_joint_state, encode_tension
+from winding_ros.messages.stamps import serialised_stamp_ns, stamp_bytes, with_stamp
 from winding_ros.topic import Topic
 
 PARAMETERS_OF_RUN = {"case": 4, "duration": 0.3}

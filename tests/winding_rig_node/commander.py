@@ -15,8 +15,8 @@ from sensor_msgs.msg import PointCloud2
 
 from winding_core.machine.commands import CARRIAGE, AxisTarget, JointTargets
 from winding_ros import topics
-from winding_ros.command_messages import encode_targets
-from winding_ros.stamps import decode_stamp
+from winding_ros.messages.commands import encode_targets
+from winding_ros.messages.stamps import decode_stamp
 
 AMPLITUDE, FREQUENCY = 20.0e-3, 0.5
 OMEGA = 2.0 * math.pi * FREQUENCY

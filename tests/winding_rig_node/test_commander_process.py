@@ -25,9 +25,9 @@ from winding_core.units import MILLISECOND
 from winding_rig_node.camera import CameraConfig
 from winding_rig_node.camera.optics import project_points
 from winding_ros import topics
-from winding_ros.diagnostic_messages import decode_diagnostics
-from winding_ros.stamps import decode_stamp
-from winding_ros.topic_status import subscribers_of
+from winding_ros.messages.diagnostics import decode_diagnostics
+from winding_ros.messages.stamps import decode_stamp
+from winding_ros.runtime.message_guard import subscribers_of
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(600)]
 

@@ -14,7 +14,7 @@ from winding_rig_node.node import RigNode
 from winding_rig_node.ros.asked_parameters import SilentRigError
 from winding_rig_node.ros.hosted_camera import open_camera
 from winding_ros import topics
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.messages.rig import encode_joint_state
 
 STANDING = AxisReading(cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0)
 

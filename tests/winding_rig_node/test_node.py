@@ -14,9 +14,9 @@ from std_srvs.srv import Trigger
 from winding_core.markers import MARKER_DTYPE
 from winding_rig_node.node import RigNode
 from winding_ros import topics
-from winding_ros.camera_messages import decode_camera_info, encode_camera_info
-from winding_ros.cloud_messages import encode_cloud
-from winding_ros.stamps import decode_stamp, serialised_stamp_ns
+from winding_ros.messages.camera import decode_camera_info, encode_camera_info
+from winding_ros.messages.clouds import encode_cloud
+from winding_ros.messages.stamps import decode_stamp, serialised_stamp_ns
 
 MEANT = {"speed": 0.0, "duration": 0.3}
 

@@ -13,8 +13,8 @@ from winding_core.machine.commands import JointTrajectory, Waypoint
 from winding_core.status import Level
 from winding_rig_node.node import RigNode
 from winding_ros import topics
-from winding_ros.command_messages import encode_trajectory
-from winding_ros.rig_messages import encode_tension
+from winding_ros.messages.commands import encode_trajectory
+from winding_ros.messages.rig import encode_tension
 from winding_ros.topic import Topic
 
 pytestmark = pytest.mark.slow

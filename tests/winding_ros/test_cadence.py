@@ -2,9 +2,7 @@
 
 import pytest
 
-from winding_ros.cadence import Cadence
-from winding_ros.message_guard import MessageGuard, StampError
-from winding_ros.topic_status import topic_status
+from winding_ros.runtime.message_guard import Cadence, MessageGuard, StampError, topic_status
 
 EPOCH = 1.8e9
 

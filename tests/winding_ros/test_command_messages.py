@@ -10,13 +10,13 @@ from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from winding_core.machine.commands import AxisTarget, JointTargets, JointTrajectory, Waypoint
-from winding_ros.command_messages import (
+from winding_ros.messages.commands import (
     decode_targets,
     decode_trajectory,
     encode_targets,
     encode_trajectory,
 )
-from winding_ros.message_error import MessageError
+from winding_ros.messages.serialised import MessageError
 
 NAMES = ["carriage_joint", "cylinder_joint"]
 

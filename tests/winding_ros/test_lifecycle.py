@@ -8,8 +8,8 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParametersAtomically
 
-from winding_ros.graph_error import GraphError
-from winding_ros.lifecycle import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, LifecycleDriver
+from winding_ros.client.lifecycle import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, LifecycleDriver
+from winding_ros.graph import GraphError
 
 NODES = ("correction", "fem", "rig")
 NAMES = {

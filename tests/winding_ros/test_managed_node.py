@@ -11,10 +11,10 @@ from rclpy.parameter import Parameter
 from winding_core.parameters import ParameterError, parameter
 from winding_core.status import Level
 from winding_ros import topics
-from winding_ros.diagnostic_messages import decode_diagnostics
 from winding_ros.graph import NodeSpec
-from winding_ros.managed_node import ManagedNode
-from winding_ros.rig_messages import decode_tension, encode_tension
+from winding_ros.messages.diagnostics import decode_diagnostics
+from winding_ros.messages.rig import decode_tension, encode_tension
+from winding_ros.runtime.managed_node import ManagedNode
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,9 +7,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from winding_core.cable.material_report import MaterialReport, refused_material
 from winding_core.status import Level, Status
-from winding_ros.diagnostic_messages import encode_diagnostics
-from winding_ros.material_messages import NAME, decode_material, encode_material
-from winding_ros.message_error import MessageError
+from winding_ros.messages.diagnostics import (
+    NAME,
+    decode_material,
+    encode_diagnostics,
+    encode_material,
+)
+from winding_ros.messages.serialised import MessageError
 
 FOUND = MaterialReport(
     law="linear",

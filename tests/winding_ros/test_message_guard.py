@@ -2,7 +2,7 @@
 
 import pytest
 
-from winding_ros.message_guard import (
+from winding_ros.runtime.message_guard import (
     GHOST_PATIENCE,
     MAX_JUMP,
     UNKNOWN_NODE,
@@ -83,5 +83,5 @@ def test_longest_queue_is_kept_until_it_is_told() -> None:
     for count in (1, 7, 2):
         intake.found(count)
     assert intake.queue == 7
-    intake.told()
+    intake.restart_queue()
     assert intake.queue == 0

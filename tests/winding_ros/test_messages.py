@@ -13,7 +13,7 @@ from marker_tracker_node.camera.image_formats import PixelReader
 from winding_core.machine.readings import AxisReading, ImageWindow
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
 from winding_core.status import Level, Status
-from winding_ros.camera_messages import (
+from winding_ros.messages.camera import (
     CameraReading,
     decode_camera_info,
     decode_image,
@@ -22,23 +22,27 @@ from winding_ros.camera_messages import (
     encode_image,
     encode_preview,
 )
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.diagnostic_messages import (
+from winding_ros.messages.cdr import serialised
+from winding_ros.messages.clouds import (
+    decode_cloud,
+    decode_line_width,
+    encode_cloud,
+    encode_line_strip,
+)
+from winding_ros.messages.diagnostics import (
     decode_case_votes,
     decode_diagnostics,
     encode_case_votes,
     encode_diagnostics,
 )
-from winding_ros.line_messages import decode_line_width, encode_line_strip
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import (
+from winding_ros.messages.rig import (
     decode_joint_state,
     decode_tension,
     encode_joint_state,
     encode_tension,
 )
-from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp_ns
-from winding_ros.wire.cdr import serialised
+from winding_ros.messages.serialised import MessageError
+from winding_ros.messages.stamps import decode_stamp, encode_stamp, serialised_stamp_ns
 
 READING = AxisReading(
     cylinder_angle=12.25, angular_speed=1.74, carriage_position=0.035, feed_speed=0.005

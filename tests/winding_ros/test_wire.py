@@ -15,17 +15,17 @@ from visualization_msgs.msg import Marker
 
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.readings import AxisReading, Quantity
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import (
+from winding_ros.messages.cdr import CdrError, CdrReader, serialised
+from winding_ros.messages.clouds import decode_cloud, encode_cloud
+from winding_ros.messages.rig import (
+    JointStateLayout,
     JointStateReader,
     decode_tension,
     encode_joint_state,
     encode_quantity,
 )
-from winding_ros.stamps import serialised_stamp
-from winding_ros.wire.cdr import CdrError, CdrReader, serialised
-from winding_ros.wire.joint_states import JointStateLayout
+from winding_ros.messages.serialised import MessageError
+from winding_ros.messages.stamps import serialised_stamp
 
 JOINTS = ("cylinder_joint", "carriage_joint")
 MESSAGES = [

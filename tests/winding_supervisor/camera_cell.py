@@ -26,8 +26,8 @@ from std_srvs.srv import Trigger
 
 from winding_core.cable.cases import paper_case
 from winding_core.cable.condition import Condition
-from winding_ros.camera_messages import encode_camera_info, encode_image
-from winding_ros.stamps import encode_stamp
+from winding_ros.messages.camera import encode_camera_info, encode_image
+from winding_ros.messages.stamps import encode_stamp
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 
 from winding_core.status import STATUS, RunPhase
 from winding_ros import topics
-from winding_ros.diagnostic_messages import decode_diagnostics
+from winding_ros.messages.diagnostics import decode_diagnostics
 
 PATIENCE = 240.0
 

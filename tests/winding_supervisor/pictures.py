@@ -10,7 +10,7 @@ from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Scene
 from winding_rig_node.machine.lay import published_lay
-from winding_ros.camera_messages import CameraReading
+from winding_ros.messages.camera import CameraReading
 
 # How long every published run was wound, at least [s].
 DURATION = 20.0

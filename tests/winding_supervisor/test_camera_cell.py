@@ -14,8 +14,8 @@ from rclpy.serialization import deserialize_message
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_recorder.bags.reading import messages_of, opened
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.diagnostic_messages import decode_diagnostics
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.topic import Topic
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(900)]

@@ -17,11 +17,11 @@ from winding_core.machine.readings import AxisReading
 from winding_core.run_options import OperatorLimits
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
-from winding_ros.async_client import AsyncClient
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.client.lifecycle import LifecycleDriver
 from winding_ros.environment import set_process_environment
-from winding_ros.graph_error import GraphError
-from winding_ros.lifecycle import LifecycleDriver
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.graph import GraphError
+from winding_ros.messages.rig import encode_joint_state
 from winding_supervisor.dashboard_process import DashboardConfig, DashboardProcess
 from winding_supervisor.discovery import outsiders
 from winding_supervisor.event_log import EventLog, read_events

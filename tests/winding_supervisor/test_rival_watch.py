@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from winding_ros import topics
-from winding_ros.heartbeat import Heartbeat, heartbeat_topic
+from winding_ros.runtime.heartbeat import Heartbeat, heartbeat_topic
 from winding_supervisor.rival_watch import RivalWatch
 
 

@@ -18,8 +18,8 @@ from floors.whole_graph import STEADY
 from winding_recorder.bags.reading import messages_of, opened
 from winding_ros import topics
 from winding_ros.graph import GRAPH
-from winding_ros.heartbeat import PERIOD, heartbeat_topic
-from winding_ros.inputs import LOOK_PERIOD
+from winding_ros.runtime.heartbeat import PERIOD, heartbeat_topic
+from winding_ros.runtime.inputs import LOOK_PERIOD
 from winding_ros.topic import Topic
 
 PROGRAM = Path(__file__).with_name("bare_process.py")

@@ -19,9 +19,9 @@ from winding_core.cable.wound_label import WoundLabel
 from winding_core.markers import MARKER_DTYPE
 from winding_core.status import Level, Status
 from winding_ros import graph, topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.managed_node import ManagedNode
-from winding_ros.material_messages import encode_material
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.diagnostics import encode_material
+from winding_ros.runtime.managed_node import ManagedNode
 
 # How often the node looks whether a marker has landed or an identification has ended [s].
 _LOOK_PERIOD = 0.05
@@ -48,7 +48,7 @@ class CableFemNode(ManagedNode[FemParameters]):
     def configure(self) -> None:
         """Build the model; subscribe."""
         self._handler = FemHandler(self.configuration, self.go_on, ahead_elsewhere=True)
-        self.endpoints.connect(self._handler, beside={topics.TRACKED_MARKERS: self._on_tracked})
+        self.endpoints.connect(self._handler, extra={topics.TRACKED_MARKERS: self._on_tracked})
         # Wall time: an identification may end when the machine has stopped.
         self._looker = self.create_timer(
             _LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME)

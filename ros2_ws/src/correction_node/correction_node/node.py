@@ -9,7 +9,7 @@ from correction_node.ros.message_handler import CorrectionHandler
 from correction_node.ros.parameters import CorrectionParameters
 from winding_core.status import Level, Status
 from winding_ros import graph, topics
-from winding_ros.managed_node import ManagedNode
+from winding_ros.runtime.managed_node import ManagedNode
 
 
 class CorrectionNode(ManagedNode[CorrectionParameters]):

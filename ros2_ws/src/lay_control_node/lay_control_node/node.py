@@ -10,7 +10,7 @@ from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.lay.records import ControlBasis, ControlMode
 from winding_core.status import Level, Status
 from winding_ros import graph, services, topics
-from winding_ros.managed_node import ManagedNode
+from winding_ros.runtime.managed_node import ManagedNode
 
 # A carriage that is so much of the following error behind its setpoint does not follow.
 _BEHIND = 0.8

@@ -18,7 +18,7 @@ from marker_tracker_node.tracking.tracker import Tracker
 from marker_tracker_node.tracking.warm_up import warm_up
 from winding_core.status import Level, Status
 from winding_ros import graph, topics
-from winding_ros.managed_node import ManagedNode
+from winding_ros.runtime.managed_node import ManagedNode
 
 
 class MarkerTrackerNode(ManagedNode[TrackerParameters]):

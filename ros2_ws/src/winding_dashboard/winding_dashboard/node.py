@@ -20,11 +20,11 @@ from winding_dashboard.ros.service_client import NODES, ServiceClient
 from winding_dashboard.ros.topic_reader import TopicReader
 from winding_dashboard.state.view_state import ViewState
 from winding_ros import topics
-from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.graph import PAGE
-from winding_ros.heartbeat import Heartbeat
-from winding_ros.node_parameters import declare_parameters, read_parameters, refuse_invalid
-from winding_ros.process import SUPERVISED
+from winding_ros.messages.diagnostics import encode_diagnostics
+from winding_ros.runtime.heartbeat import Heartbeat
+from winding_ros.runtime.node_parameters import declare_parameters, read_parameters, refuse_invalid
+from winding_ros.runtime.process import SUPERVISED
 
 NAME = topics.DASHBOARD
 # EventsExecutor.spin() of rclpy 7.1 never returns to the interpreter; spin_once does.
@@ -58,7 +58,9 @@ class DashboardNode(Node):  # type: ignore[misc]
             nodes=tuple(reversed(self.parameters.named_nodes or NODES)),
             machine=topics.RIG,
             solver=topics.FEM,
-            quantities=tuple(topic.quantity for topic in PAGE.beside if topic.quantity),
+            quantities=tuple(
+                topic.quantity for topic in PAGE.extra_subscriptions if topic.quantity
+            ),
         )
         self._watcher = Node(
             f"{NAME}_eyes",

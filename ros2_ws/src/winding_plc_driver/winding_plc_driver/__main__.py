@@ -23,7 +23,7 @@ from winding_plc_driver.machine.password import read_password
 from winding_plc_driver.node import PlcDriverNode
 from winding_plc_driver.opcua.errors import RefusedError
 from winding_plc_driver.opcua.session import Session
-from winding_ros.process import EXIT_REFUSED
+from winding_ros.runtime.process import EXIT_REFUSED
 
 
 def main() -> int:

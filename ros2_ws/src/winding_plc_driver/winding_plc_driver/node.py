@@ -26,9 +26,9 @@ from winding_plc_driver.machine.mapping import (
     FEED_SPEED,
 )
 from winding_ros import services, topics
-from winding_ros.diagnostic_messages import encode_diagnostics
-from winding_ros.rig_messages import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, encode_tension
-from winding_ros.stamps import stamp_bytes_of, with_stamp
+from winding_ros.messages.diagnostics import encode_diagnostics
+from winding_ros.messages.rig import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, encode_tension
+from winding_ros.messages.stamps import stamp_bytes_of, with_stamp
 
 _NANO = 1_000_000_000
 _ENDING = "the driver ends"

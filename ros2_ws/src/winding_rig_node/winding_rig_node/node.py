@@ -29,10 +29,10 @@ from winding_rig_node.ros.outputs import Outputs
 from winding_rig_node.ros.parameters import RigParameters
 from winding_rig_node.ros.rig_status import rig_status
 from winding_ros import graph, services, topics
-from winding_ros.heartbeat import Sign, watch_heartbeat
-from winding_ros.managed_node import ManagedNode
-from winding_ros.message_error import MessageError
-from winding_ros.stamps import serialised_stamp_ns
+from winding_ros.messages.serialised import MessageError
+from winding_ros.messages.stamps import serialised_stamp_ns
+from winding_ros.runtime.heartbeat import Sign, watch_heartbeat
+from winding_ros.runtime.managed_node import ManagedNode
 from winding_ros.topic import Topic
 
 

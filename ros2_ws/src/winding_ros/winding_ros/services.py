@@ -78,7 +78,7 @@ LAY_CONTROL_OFF = _service(
     "command nothing; a carriage that was driven goes on by the drive programme",
 )
 LAY_CONTROL_WATCH = _service(
-    "lay_control/watch", Trigger, LAY_CONTROL, "as off, and say what would be commanded"
+    "lay_control/watch", Trigger, LAY_CONTROL, "as off, and report what would be commanded"
 )
 LAY_CONTROL_DRIVE = _service(
     "lay_control/drive", Trigger, LAY_CONTROL, "command guide and brake from where they are"

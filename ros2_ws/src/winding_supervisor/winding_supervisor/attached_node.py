@@ -6,10 +6,8 @@ import asyncio
 from collections.abc import Mapping
 from dataclasses import fields
 
-from winding_ros.deadline import deadline
-from winding_ros.graph import NodeSpec, parameters_of
-from winding_ros.graph_error import GraphError
-from winding_ros.lifecycle import LifecycleDriver
+from winding_ros.client.lifecycle import LifecycleDriver, deadline
+from winding_ros.graph import GraphError, NodeSpec, parameters_of
 
 _RETURN_TIMEOUT = 30.0
 

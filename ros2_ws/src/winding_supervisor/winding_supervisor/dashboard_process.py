@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from winding_core.run_options import COMPONENT, OperatorLimits
-from winding_ros.async_client import AsyncClient
-from winding_ros.graph import PAGE
-from winding_ros.graph_error import GraphError
-from winding_ros.heartbeat import Sign
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.graph import PAGE, GraphError
+from winding_ros.runtime.heartbeat import Sign
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog
 from winding_supervisor.lifecycle import exit_error

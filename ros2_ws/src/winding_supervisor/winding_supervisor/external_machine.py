@@ -18,8 +18,8 @@ from winding_core.machine.readings import AxisReading
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import services, topics
-from winding_ros.async_client import AsyncClient
-from winding_ros.graph_error import GraphError
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.graph import GraphError
 from winding_ros.services import Service
 from winding_ros.topic import Topic
 from winding_supervisor.standing_axes import joint_sample, standing_axes

@@ -7,7 +7,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from winding_core.status import RunPhase
-from winding_ros.graph_error import GraphError
+from winding_ros.graph import GraphError
 from winding_supervisor.external_machine import ExternalMachine
 from winding_supervisor.machine_run import MachineRun, View
 from winding_supervisor.next_run import NextRun

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from winding_core.status import COMPONENT, Level, RunPhase
-from winding_ros.async_client import AsyncClient
+from winding_ros.client.async_client import AsyncClient
 from winding_supervisor.dashboard_process import DashboardProcess
 
 _PERIOD = 1.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from lifecycle_msgs.msg import State
 
-from winding_ros.graph_error import GraphError
-from winding_ros.lifecycle import CONFIGURE, START_TIMEOUT, LifecycleDriver
+from winding_ros.client.lifecycle import CONFIGURE, START_TIMEOUT, LifecycleDriver
+from winding_ros.graph import GraphError
 from winding_supervisor.attached_node import AttachedNode
 from winding_supervisor.node_process import NodeProcess
 

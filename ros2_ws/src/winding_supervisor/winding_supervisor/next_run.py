@@ -8,7 +8,7 @@ from typing import Any
 
 from winding_core.status import COMPONENT, Level, RunPhase
 from winding_ros import services
-from winding_ros.async_client import AsyncClient
+from winding_ros.client.async_client import AsyncClient
 
 _PERIOD = 1.0
 _TAKEN = "machine and nodes are made ready for the next run"

@@ -13,8 +13,8 @@ from rclpy.node import Node
 
 from winding_core.status import Level, Status
 from winding_ros import topics
-from winding_ros.diagnostic_messages import decode_diagnostics
 from winding_ros.environment import ros_arguments
+from winding_ros.messages.diagnostics import decode_diagnostics
 
 _NAME = "health"
 

@@ -17,9 +17,9 @@ from winding_core.status import Status
 from winding_recorder.bags.notes import PARAMETERS
 from winding_recorder.live.recorder import BufferedMessage, Recorder, RunBuffer
 from winding_ros import topics
-from winding_ros.async_client import AsyncClient
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import decode_joint_state
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.messages.rig import decode_joint_state
+from winding_ros.messages.serialised import MessageError
 from winding_supervisor.completion import Completion
 from winding_supervisor.orchestrator import Orchestrator
 

@@ -11,19 +11,18 @@ from typing import Any
 
 from winding_core.parameters import declarations
 from winding_ros import topics
-from winding_ros.async_client import AsyncClient
-from winding_ros.deadline import deadline
-from winding_ros.graph import GRAPH, NodeSpec, parameters_of, without_replay
-from winding_ros.graph_error import GraphError
-from winding_ros.lifecycle import (
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.client.lifecycle import (
     ACTIVATE,
     ANSWER_PATIENCE,
     CONFIGURE_TIMEOUT,
     DEACTIVATE,
     START_TIMEOUT,
     LifecycleDriver,
+    deadline,
 )
-from winding_ros.parameter_files import parameters_for
+from winding_ros.graph import GRAPH, GraphError, NodeSpec, parameters_of, without_replay
+from winding_ros.runtime.parameter_files import parameters_for
 from winding_supervisor.attached_node import AttachedNode
 from winding_supervisor.discovery import PATIENCE, Discovery
 from winding_supervisor.lifecycle import Member, configure, exit_error

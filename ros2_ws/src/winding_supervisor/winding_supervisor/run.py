@@ -11,10 +11,9 @@ from functools import partial
 from winding_core.run_options import OperatorLimits
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
-from winding_ros.async_client import AsyncClient
+from winding_ros.client.async_client import AsyncClient
 from winding_ros.environment import set_process_environment
-from winding_ros.graph import Policy
-from winding_ros.graph_error import GraphError
+from winding_ros.graph import GraphError, Policy
 from winding_supervisor.dashboard_process import DashboardProcess
 from winding_supervisor.domain_lock import chosen_domain, domain_lock
 from winding_supervisor.event_log import EventLog

@@ -22,7 +22,7 @@ from winding_ros.graph import (
     pace_topics,
     parameters_of,
 )
-from winding_ros.parameter_files import check_readable, declared_names, parameters_for
+from winding_ros.runtime.parameter_files import check_readable, declared_names, parameters_for
 from winding_supervisor.domain_lock import chosen_domain
 from winding_supervisor.external_machine import ExternalMachineConfig
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
-from winding_ros.async_client import AsyncClient
+from winding_ros.client.async_client import AsyncClient
 from winding_ros.topic import Topic
 from winding_supervisor.dashboard_process import DashboardConfig
 from winding_supervisor.external_machine import ExternalMachine

@@ -9,12 +9,11 @@ from std_srvs.srv import Trigger
 from winding_core.machine.incoming_readings import stands
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import services, topics
-from winding_ros.async_client import AsyncClient
-from winding_ros.graph_error import GraphError
-from winding_ros.lifecycle import START_TIMEOUT
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import decode_joint_state
-from winding_ros.serialised import deserialised
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.client.lifecycle import START_TIMEOUT
+from winding_ros.graph import GraphError
+from winding_ros.messages.rig import decode_joint_state
+from winding_ros.messages.serialised import MessageError, deserialised
 from winding_ros.topic import Topic
 
 _MOVING = ("winding", "stopping")

@@ -11,10 +11,9 @@ from winding_core.machine.axes import JointSample, MachineAxes
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
-from winding_ros.graph_error import GraphError
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import decode_joint_sample
-from winding_ros.serialised import deserialised
+from winding_ros.graph import GraphError
+from winding_ros.messages.rig import decode_joint_sample
+from winding_ros.messages.serialised import MessageError, deserialised
 from winding_supervisor.rival_watch import RivalWatch
 
 PATIENCE = 30.0

@@ -17,10 +17,9 @@ from winding_core.status import Level
 from winding_recorder.live.buffered_inputs import buffered_inputs
 from winding_recorder.live.recorder import RunBuffer
 from winding_ros import topics
-from winding_ros.async_client import NAME, AsyncClient
-from winding_ros.graph import Policy
-from winding_ros.graph_error import GraphError
-from winding_ros.heartbeat import Sign
+from winding_ros.client.async_client import NAME, AsyncClient
+from winding_ros.graph import GraphError, Policy
+from winding_ros.runtime.heartbeat import Sign
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog
 from winding_supervisor.load_monitor import LoadMonitor

@@ -10,8 +10,8 @@ from rclpy.node import Node
 
 from winding_core.trace import TRACE_DTYPE, usable_records
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.message_error import MessageError
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.serialised import MessageError
 
 
 class TraceRecording:

@@ -24,11 +24,10 @@ from winding_core.markers import CABLE_DTYPE, Markers
 from winding_core.run_history import RunHistory
 from winding_core.run_inputs import RunInputs
 from winding_ros import topics
-from winding_ros.cloud_messages import encode_cloud
-from winding_ros.line_messages import encode_line_strip
-from winding_ros.message_error import MessageError
-from winding_ros.message_handler import Answer
-from winding_ros.rig_messages import JointStateReader, decode_tension
+from winding_ros.messages.clouds import encode_cloud, encode_line_strip
+from winding_ros.messages.rig import JointStateReader, decode_tension
+from winding_ros.messages.serialised import MessageError
+from winding_ros.runtime.message_handler import Answer
 from winding_ros.topic import Topic
 
 # Wound cable that every fem/cable brings. What lies still is told for long enough that who

@@ -14,9 +14,9 @@ from correction_node.models.weights import load_factor, weights_directory
 from correction_node.ros.parameters import CorrectionParameters
 from winding_core.markers import MARKER_DTYPE
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.diagnostic_messages import encode_case_votes
-from winding_ros.message_handler import Answer
+from winding_ros.messages.clouds import decode_cloud, encode_cloud
+from winding_ros.messages.diagnostics import encode_case_votes
+from winding_ros.runtime.message_handler import Answer
 from winding_ros.topic import Topic
 
 

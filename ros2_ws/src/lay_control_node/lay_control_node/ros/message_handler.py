@@ -15,10 +15,10 @@ from winding_core.machine.incoming_readings import stands
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.command_messages import encode_targets, encode_tension_command
-from winding_ros.message_handler import Answer
-from winding_ros.rig_messages import JointStateReader, decode_tension
+from winding_ros.messages.clouds import decode_cloud, encode_cloud
+from winding_ros.messages.commands import encode_targets, encode_tension_command
+from winding_ros.messages.rig import JointStateReader, decode_tension
+from winding_ros.runtime.message_handler import Answer
 from winding_ros.topic import Topic
 
 # A machine that has stood for longer is not commanded: it may have been stopped [s].

@@ -20,13 +20,12 @@ from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracke
 from marker_tracker_node.tracking.tracker import Tracker
 from winding_core.run_inputs import RunInputs
 from winding_ros import topics
-from winding_ros.camera_messages import CameraReading, decode_camera_info, decode_image
-from winding_ros.cloud_messages import encode_cloud
-from winding_ros.message_error import MessageError
-from winding_ros.message_handler import Answer
-from winding_ros.rig_messages import JointStateReader
-from winding_ros.serialised import deserialised
-from winding_ros.stamps import stamp_bytes, stampless, with_stamp
+from winding_ros.messages.camera import CameraReading, decode_camera_info, decode_image
+from winding_ros.messages.clouds import encode_cloud
+from winding_ros.messages.rig import JointStateReader
+from winding_ros.messages.serialised import MessageError, deserialised
+from winding_ros.messages.stamps import stamp_bytes, stampless, with_stamp
+from winding_ros.runtime.message_handler import Answer
 from winding_ros.topic import Topic
 
 FloatArray = NDArray[np.float64]

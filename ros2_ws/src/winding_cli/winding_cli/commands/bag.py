@@ -197,7 +197,7 @@ def replay(
     from winding_recorder.playback.replay import REPLAYABLE
     from winding_recorder.playback.replay import replay as feed
     from winding_ros.graph import DEFAULT_NAMESPACE
-    from winding_ros.parameter_files import parameters_for
+    from winding_ros.runtime.parameter_files import parameters_for
 
     own = None
     if parameters is not None and not parameters.is_file():

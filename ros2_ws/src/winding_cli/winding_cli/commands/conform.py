@@ -91,7 +91,7 @@ async def _probe(
     stop_within: float,
 ) -> list[Finding]:
     from winding_cli.conformance.probe import Probe
-    from winding_ros.async_client import AsyncClient
+    from winding_ros.client.async_client import AsyncClient
 
     client = AsyncClient(namespace)
     try:

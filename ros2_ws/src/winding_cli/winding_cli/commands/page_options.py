@@ -34,7 +34,7 @@ def page_parameters(
     """
     from winding_core.parameters import ParameterError, build, declarations
     from winding_ros.graph import PAGE, parameters_of
-    from winding_ros.parameter_files import parameters_for
+    from winding_ros.runtime.parameter_files import parameters_for
 
     known = {item.name for item in declarations(parameters_of(PAGE))}
     values: dict[str, object] = {}

@@ -37,7 +37,7 @@ def wind(
     """
     from winding_cli.output.early_import import import_early
     from winding_recorder.live.recorder import RecorderError
-    from winding_ros.graph_error import GraphError
+    from winding_ros.graph import GraphError
     from winding_supervisor.domain_lock import DomainError
     from winding_supervisor.run import opened_run
     from winding_supervisor.run_config import RunFolderError

@@ -28,10 +28,10 @@ from winding_core.machine.axes import MachineAxes, wrong_axis
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.readings import AxisReading
 from winding_ros import services, topics
-from winding_ros.async_client import AsyncClient
-from winding_ros.camera_messages import decode_camera_info, decode_image
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import JointStateReader, decode_tension
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.messages.camera import decode_camera_info, decode_image
+from winding_ros.messages.rig import JointStateReader, decode_tension
+from winding_ros.messages.serialised import MessageError
 from winding_ros.topic import Topic
 
 RIG_SERVICES = (

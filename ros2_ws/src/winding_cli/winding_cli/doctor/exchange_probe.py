@@ -18,7 +18,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from std_msgs.msg import Header
 
 from winding_ros.environment import set_process_environment
-from winding_ros.process import SUPERVISED, end_with_supervisor
+from winding_ros.runtime.process import SUPERVISED, end_with_supervisor
 
 _COUNT = 20
 _RESEND = 0.5

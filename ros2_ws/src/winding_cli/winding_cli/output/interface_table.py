@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from winding_core.parameters import Declaration, declarations
 from winding_ros.graph import PAGE, controlled, parameters_of
-from winding_ros.heartbeat import LEASE, PERIOD, heartbeat_topic
+from winding_ros.runtime.heartbeat import LEASE, PERIOD, heartbeat_topic
 from winding_ros.services import SERVICES
 from winding_ros.topics import TOPICS
 

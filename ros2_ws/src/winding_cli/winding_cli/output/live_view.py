@@ -15,8 +15,8 @@ from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.rig_messages import decode_joint_state, decode_tension
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
 
 

@@ -21,9 +21,9 @@ from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_w
 from winding_core.parameters import Value
 from winding_recorder.live.run_buffer import Reading, RunBuffer
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostics
-from winding_ros.rig_messages import decode_joint_state, decode_tension
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.diagnostics import decode_case_votes, decode_diagnostics
+from winding_ros.messages.rig import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
 from winding_study.runs.identity import Identity, Origin, condition_quantities
 from winding_study.runs.run_record import MarkerRow, MarkerSeries, RunRecord, Signal

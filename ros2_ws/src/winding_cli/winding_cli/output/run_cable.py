@@ -10,7 +10,7 @@ from winding_core.cable.cases import Case
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
+from winding_ros.messages.clouds import decode_cloud
 from winding_study.runs.case_result import MOST_NODES
 from winding_study.runs.wound_cable import WoundCable
 

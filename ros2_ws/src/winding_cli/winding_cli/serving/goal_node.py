@@ -18,10 +18,10 @@ from winding_cli.serving.goals import Goal, GoalError, Goals
 from winding_core.markers import CORRECTED_DTYPE
 from winding_core.status import Level, Status
 from winding_ros import services, topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.environment import ros_arguments
-from winding_ros.stamps import encode_stamp
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.diagnostics import encode_diagnostics
+from winding_ros.messages.stamps import encode_stamp
 
 _PERIOD = 0.5
 

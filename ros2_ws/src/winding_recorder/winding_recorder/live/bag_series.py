@@ -14,8 +14,7 @@ from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.notes import COMPLETE, LOST, YES
 from winding_recorder.bags.writer import BagWriter
 from winding_ros import topics
-from winding_ros.polled import Taken
-from winding_ros.topic import Topic
+from winding_ros.topic import Taken, Topic
 
 Answer = Callable[[bool, str], None]
 

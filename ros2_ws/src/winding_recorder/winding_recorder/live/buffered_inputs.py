@@ -7,7 +7,7 @@ import numpy as np
 from winding_core.run_inputs import INPUT_DTYPE, RunInputs
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
-from winding_ros.rig_messages import decode_tension
+from winding_ros.messages.rig import decode_tension
 
 
 def buffered_inputs(buffer: RunBuffer, since: float = 0.0) -> RunInputs:

@@ -17,12 +17,11 @@ from winding_recorder.live.bag_series import BagSeries, RecorderError, free_fold
 from winding_recorder.live.record_service import RecordRequest, RecordService
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
-from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.environment import ros_arguments
-from winding_ros.message_guard import StampError
-from winding_ros.polled import PolledTopic, Taken
-from winding_ros.stamps import encode_stamp, serialised_stamp_ns
-from winding_ros.topic import Topic
+from winding_ros.messages.diagnostics import encode_diagnostics
+from winding_ros.messages.stamps import encode_stamp, serialised_stamp_ns
+from winding_ros.runtime.message_guard import StampError
+from winding_ros.topic import PolledTopic, Taken, Topic
 
 __all__ = ["BufferedMessage", "Recorder", "RecorderError", "RunBuffer"]
 

@@ -14,10 +14,9 @@ from winding_core.machine.axes import MachineAxes
 from winding_core.machine.readings import AxisReading
 from winding_recorder.live.thinned_history import StampRuns, ThinnedHistory
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import JointStateReader
-from winding_ros.serialised import deserialised
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import JointStateReader
+from winding_ros.messages.serialised import MessageError, deserialised
 from winding_ros.topic import Topic
 
 Reading = TypeVar("Reading")

@@ -19,7 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 from winding_recorder.bags.failure import BagError
 from winding_recorder.bags.pacing import Pacing
 from winding_recorder.bags.reading import messages_of, opened
-from winding_ros.stamps import encode_stamp
+from winding_ros.messages.stamps import encode_stamp
 from winding_ros.topics import CLOCK
 
 _CLOCK_PERIOD = 0.01

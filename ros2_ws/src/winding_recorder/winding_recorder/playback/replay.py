@@ -21,9 +21,9 @@ from winding_recorder.bags.reading import Decoder, messages_of, opened
 from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
 from winding_ros import topics
 from winding_ros.graph import CORRECTION, FEM, TRACKER, parameters_of
-from winding_ros.message_error import MessageError
-from winding_ros.message_handler import Answer, MessageHandler
-from winding_ros.stamps import decode_stamp, serialised_stamp_ns
+from winding_ros.messages.serialised import MessageError
+from winding_ros.messages.stamps import decode_stamp, serialised_stamp_ns
+from winding_ros.runtime.message_handler import Answer, MessageHandler
 from winding_ros.topic import Topic
 
 # What a person calls the node -> the node.

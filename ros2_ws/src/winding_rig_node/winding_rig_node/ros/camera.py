@@ -25,9 +25,9 @@ from winding_rig_node.machine.machine_config import SAMPLE_RATE
 from winding_rig_node.ros.outputs import due
 from winding_rig_node.ros.parameters import RigParameters
 from winding_ros import topics
-from winding_ros.camera_messages import CameraReading, decode_camera_info
-from winding_ros.message_error import MessageError
-from winding_ros.node_trace import now_ns
+from winding_ros.messages.camera import CameraReading, decode_camera_info
+from winding_ros.messages.serialised import MessageError
+from winding_ros.runtime.node_trace import now_ns
 
 CAMERA_SIGNAL = "camera"
 # A camera that falls behind by this many frames holds the machine's time.

@@ -10,8 +10,8 @@ from winding_rig_node.machine.commander import CommandError
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.ros.machine_loop import MachineLoop
 from winding_ros import topics
-from winding_ros.managed_node import ManagedNode
-from winding_ros.message_error import MessageError
+from winding_ros.messages.serialised import MessageError
+from winding_ros.runtime.managed_node import ManagedNode
 from winding_ros.topic import Topic
 
 # A stream of refused commands is one sentence per second in the log.

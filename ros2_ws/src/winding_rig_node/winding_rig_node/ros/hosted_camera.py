@@ -19,11 +19,11 @@ from winding_rig_node.machine.machine_config import SAMPLE_RATE
 from winding_rig_node.ros.asked_parameters import asked_parameters
 from winding_rig_node.ros.camera import Camera, Exposure
 from winding_ros import topics
-from winding_ros.camera_messages import CameraReading, encode_camera_info
-from winding_ros.message_error import MessageError
-from winding_ros.node_trace import now_ns
-from winding_ros.polled import PolledTopic
-from winding_ros.rig_messages import JointStateReader
+from winding_ros.messages.camera import CameraReading, encode_camera_info
+from winding_ros.messages.rig import JointStateReader
+from winding_ros.messages.serialised import MessageError
+from winding_ros.runtime.node_trace import now_ns
+from winding_ros.topic import PolledTopic
 
 _NAME = "winding_rig_camera"
 # The machine publishes bursts of 5 ms.

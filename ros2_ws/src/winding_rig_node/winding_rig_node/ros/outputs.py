@@ -14,14 +14,14 @@ from winding_rig_node.machine.faults import Faults, Values
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SAMPLE_RATE
 from winding_ros import graph, topics
-from winding_ros.camera_messages import (
+from winding_ros.messages.camera import (
     CameraReading,
     camera_info_template,
     encode_image,
     encode_preview,
 )
-from winding_ros.managed_node import ManagedNode
-from winding_ros.rig_messages import encode_clock, encode_joint_state, encode_quantity
+from winding_ros.messages.rig import encode_clock, encode_joint_state, encode_quantity
+from winding_ros.runtime.managed_node import ManagedNode
 from winding_ros.topic import Topic
 
 _MEASURED = tuple(

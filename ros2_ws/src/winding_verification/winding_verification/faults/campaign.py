@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from winding_ros.graph_error import GraphError
+from winding_ros.graph import GraphError
 from winding_verification.faults.cell import CellError, FaultCell
 from winding_verification.faults.outcome import STAND_WITHIN, Outcome, ProcessorWatch
 from winding_verification.faults.table import LONE_ROWS, ROWS

@@ -19,11 +19,10 @@ from std_srvs.srv import Trigger
 from winding_core.status import Status
 from winding_recorder.live.recorder import Recorder
 from winding_ros import topics
-from winding_ros.async_client import AsyncClient
-from winding_ros.graph import GRAPH, pace_topics
-from winding_ros.graph_error import GraphError
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import decode_joint_state
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.graph import GRAPH, GraphError, pace_topics
+from winding_ros.messages.rig import decode_joint_state
+from winding_ros.messages.serialised import MessageError
 from winding_supervisor.backoff import Backoff
 from winding_supervisor.event_log import EventLog
 from winding_supervisor.orchestrator import GraphConfig, Orchestrator

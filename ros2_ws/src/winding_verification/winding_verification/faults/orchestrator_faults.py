@@ -16,8 +16,8 @@ import psutil  # type: ignore[import-untyped]
 from rclpy.serialization import deserialize_message
 
 from winding_ros import topics
-from winding_ros.async_client import AsyncClient
-from winding_ros.rig_messages import decode_joint_state
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.messages.rig import decode_joint_state
 from winding_verification.faults.cell import CASE, CellError, FaultCell
 from winding_verification.faults.outcome import Outcome
 

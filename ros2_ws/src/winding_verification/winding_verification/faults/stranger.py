@@ -11,9 +11,9 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from winding_ros import topics
-from winding_ros.process import end_with_supervisor
-from winding_ros.rig_messages import encode_tension
-from winding_ros.stamps import serialised_stamp_ns
+from winding_ros.messages.rig import encode_tension
+from winding_ros.messages.stamps import serialised_stamp_ns
+from winding_ros.runtime.process import end_with_supervisor
 
 _RUN_OF_SAMPLES = 100
 

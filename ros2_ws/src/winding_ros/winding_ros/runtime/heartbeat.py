@@ -1,4 +1,4 @@
-"""Signs of life: every process says that it lives, and DDS says when it no longer does.
+"""Signs of life: every process publishes that it lives, and DDS reports when it no longer does.
 
 A process that is stopped or gone loses its liveliness within LEASE, whatever its interpreter was
 doing. One whose callbacks no longer come to an end misses its deadline, STALL.
@@ -18,7 +18,7 @@ from rclpy.qos import HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 from std_msgs.msg import Header
 
-from winding_ros.stamps import encode_stamp
+from winding_ros.messages.stamps import encode_stamp
 
 PERIOD = 0.1
 LEASE = 0.8
@@ -26,7 +26,7 @@ STALL = 3.0
 
 
 class Sign(Enum):
-    """What DDS says of a process."""
+    """What DDS reports of a process."""
 
     ALIVE = "lives"
     STOPPED = "has stopped"
@@ -76,28 +76,28 @@ class Heartbeat:
 def watch_heartbeat(
     node: Node,
     name: str,
-    told: Callable[[Sign], None],
+    notify: Callable[[Sign], None],
 ) -> Subscription:
     """Return a subscription that reports a node's signs of life and their end.
 
     Args:
         node: Who watches.
         name: Name of the watched node.
-        told: Called by the executor of `node` with ALIVE at each sign of life, with STOPPED once
+        notify: Called by the executor of `node` with ALIVE at each sign of life, with STOPPED once
             and with STALLED again each STALL when they end, with REPLACED when one process has
             ended and another of that name lives.
     """
 
     def on_liveliness(event: Any) -> None:
         if event.alive_count_change < 0:
-            told(Sign.STOPPED if event.alive_count == 0 else Sign.REPLACED)
+            notify(Sign.STOPPED if event.alive_count == 0 else Sign.REPLACED)
 
     return node.create_subscription(
         Header,
         heartbeat_topic(name),
-        lambda _message: told(Sign.ALIVE),
+        lambda _message: notify(Sign.ALIVE),
         _qos(),
         event_callbacks=SubscriptionEventCallbacks(
-            deadline=lambda _event: told(Sign.STALLED), liveliness=on_liveliness
+            deadline=lambda _event: notify(Sign.STALLED), liveliness=on_liveliness
         ),
     )

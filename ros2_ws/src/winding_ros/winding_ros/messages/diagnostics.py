@@ -1,4 +1,4 @@
-"""Node states and case votes as DiagnosticArray (REP-107), and back."""
+"""Node states, case votes and a material as DiagnosticArray (REP-107), and back."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from winding_core.cable.material_report import NAME, MaterialReport
 from winding_core.status import Level, Status
-from winding_ros.message_error import MessageError
-from winding_ros.stamps import decode_stamp, encode_stamp
+from winding_ros.messages.serialised import MessageError
+from winding_ros.messages.stamps import decode_stamp, encode_stamp
 
 
 def encode_diagnostics(
@@ -81,11 +82,64 @@ def decode_case_votes(message: DiagnosticArray) -> tuple[float, dict[int, float]
     t, statuses = decode_diagnostics(message)
     if len(statuses) != 1:
         raise MessageError(f"case votes need one status, got {len(statuses)}")
-    said = statuses[0].values
+    shares = statuses[0].values
     try:
-        votes = {int(key.removeprefix("case ")): float(vote) for key, vote in said.items()}
+        votes = {int(key.removeprefix("case ")): float(vote) for key, vote in shares.items()}
     except ValueError:
-        raise MessageError(f"case votes need a number for each case, got {dict(said)}") from None
+        raise MessageError(f"case votes need a number for each case, got {dict(shares)}") from None
     if not all(0.0 <= vote <= 1.0 for vote in votes.values()):
-        raise MessageError(f"a share of votes lies in 0 to 1, got {dict(said)}")
+        raise MessageError(f"a share of votes lies in 0 to 1, got {dict(shares)}")
     return t, votes
+
+
+def encode_material(t: float, report: MaterialReport | None) -> DiagnosticArray:
+    """Return a report as a message stamped t [s]; None where nothing is identified yet."""
+    if report is None:
+        return encode_diagnostics(t, [Status(name=NAME, message="no marker is measured yet")])
+    return encode_diagnostics(t, [report.status()])
+
+
+def decode_material(message: DiagnosticArray) -> tuple[float, MaterialReport | None]:
+    """Return (t [s], report, or None while nothing is identified).
+
+    Raises:
+        MessageError: The message is not one of `encode_material`.
+    """
+    t, statuses = decode_diagnostics(message)
+    if len(statuses) != 1 or statuses[0].name != NAME:
+        raise MessageError(f"a material is one status named {NAME!r}")
+    (status,) = statuses
+    if not status.values:
+        return t, None
+    return t, MaterialReport(
+        law=_text(status.values, "law"),
+        young=_number(status.values, "young"),
+        standard_error=_number(status.values, "standard_error"),
+        half_width_90=_number(status.values, "half_width_90"),
+        markers=_markers(status.values),
+        worst_share=_number(status.values, "worst_share"),
+        taken_up=_text(status.values, "taken_up") == "yes",
+        refusal=status.message if status.level is not Level.OK else "",
+    )
+
+
+def _text(values: Mapping[str, str], key: str) -> str:
+    if key not in values:
+        raise MessageError(f"a material needs the value {key}")
+    return values[key]
+
+
+def _number(values: Mapping[str, str], key: str) -> float:
+    text = _text(values, key)
+    try:
+        return float(text)
+    except ValueError:
+        raise MessageError(f"{key} of a material must be a number, got {text!r}") from None
+
+
+def _markers(values: Mapping[str, str]) -> tuple[int, ...]:
+    text = _text(values, "markers")
+    try:
+        return tuple(int(part) for part in text.split())
+    except ValueError:
+        raise MessageError(f"markers of a material must be numbers, got {text!r}") from None

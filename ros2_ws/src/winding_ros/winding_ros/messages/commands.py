@@ -22,9 +22,9 @@ from winding_core.machine.commands import (
     Waypoint,
 )
 from winding_core.machine.readings import CABLE_TENSION
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, decode_tension
-from winding_ros.stamps import decode_stamp, encode_stamp
+from winding_ros.messages.rig import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, decode_tension
+from winding_ros.messages.serialised import MessageError
+from winding_ros.messages.stamps import decode_stamp, encode_stamp
 
 _JOINTS = {CYLINDER: CYLINDER_JOINT, CARRIAGE: CARRIAGE_JOINT}
 _AXES = {joint: axis for axis, joint in _JOINTS.items()}

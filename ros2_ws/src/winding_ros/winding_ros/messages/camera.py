@@ -12,11 +12,9 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
 
 from winding_core.machine.readings import ImageWindow
 from winding_core.raw_image import BGR8, ImageFormatError, RawImage
-from winding_ros.message_error import MessageError
-from winding_ros.serialised import deserialised
-from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp
-from winding_ros.wire.cdr import COUNT, CdrError, CdrReader, serialised
-from winding_ros.wire.template import Template
+from winding_ros.messages.cdr import COUNT, CdrError, CdrReader, Template, serialised
+from winding_ros.messages.serialised import MessageError, deserialised
+from winding_ros.messages.stamps import decode_stamp, encode_stamp, serialised_stamp
 
 CAMERA_FRAME = "camera_optical_frame"
 DISTORTION_MODEL = "plumb_bob"
@@ -24,7 +22,7 @@ DISTORTION_MODEL = "plumb_bob"
 
 @dataclass(frozen=True, kw_only=True)
 class CameraReading:
-    """What a CameraInfo says.
+    """Content of a CameraInfo.
 
     Attributes:
         width: Full-resolution sensor width [px].

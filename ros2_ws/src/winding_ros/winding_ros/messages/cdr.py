@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import re
 import struct
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from winding_ros.messages.stamps import STAMP, STAMP_AT, stamp_parts
 
 # Representation identifier of plain little-endian CDR, and no options.
 ENCAPSULATION = b"\x00\x01\x00\x00"
@@ -143,3 +146,37 @@ class CdrReader:
         """Pass a sequence of float64; return where its items begin and how many they are."""
         count = self.u32()
         return (self.skip(8, count), count) if count else (self.offset, 0)
+
+
+@dataclass(frozen=True)
+class Template:
+    """The bytes of a message, filled in again and again, by several threads if need be.
+
+    Attributes:
+        data: CDR bytes of the message as it is, except for what is filled in.
+    """
+
+    data: bytes
+
+    @classmethod
+    def of(cls, message: Any) -> Template:
+        """Return the template of a message that begins with its stamp."""
+        return cls(serialised(message))
+
+    def stamped(self, t: float) -> bytearray:
+        """Return a copy with the stamp t [s], to write numbers into at known offsets."""
+        copy = bytearray(self.data)
+        STAMP.pack_into(copy, STAMP_AT, *stamp_parts(t))
+        return copy
+
+
+def number_at(without: bytes, with_number: bytes, size: int) -> int:
+    """Return the offset of the one number of a size [bytes] in which two messages differ.
+
+    Raises:
+        ValueError: They do not differ.
+    """
+    for offset, (one, other) in enumerate(zip(without, with_number, strict=True)):
+        if one != other:
+            return offset - (offset - HEADER_BYTES) % size
+    raise ValueError("the messages do not differ")

@@ -1,4 +1,4 @@
-"""What a node does when it wakes up: everything that has arrived, topic by topic in one order."""
+"""What a node does when it is triggered: it takes all that has arrived, topic by topic."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ class Input:
     Attributes:
         topic: Which.
         take: Gets each message, in CDR bytes.
-        found: Told how many messages waited at each wake-up.
-        wakes: Whether a message wakes the node up; otherwise it waits for the next look.
+        found: Gets the number of messages that waited at each wake-up.
+        triggers: Whether a message is taken at once; otherwise it waits for the next look.
         events: Called when publishers do not match.
     """
 
     topic: Topic
     take: Callable[[Delivered], None]
     found: Callable[[int], None]
-    wakes: bool
+    triggers: bool
     events: SubscriptionEventCallbacks
 
 
@@ -58,7 +58,7 @@ class Inputs:
         self._alarms = [
             _Alarm(node, subscription, self.serve)
             for item, subscription in self._served
-            if item.wakes
+            if item.triggers
         ]
         for alarm in self._alarms:
             node.add_waitable(alarm)

@@ -6,7 +6,9 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message
 
-from winding_ros.message_error import MessageError
+
+class MessageError(ValueError):
+    """A message does not say what its topic promises."""
 
 
 def deserialised(data: bytes, type_: type) -> Any:

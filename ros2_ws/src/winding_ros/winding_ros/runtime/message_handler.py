@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from winding_ros.messages.cdr import serialised
 from winding_ros.topic import Topic
-from winding_ros.wire.cdr import serialised
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +31,7 @@ class MessageHandler(Protocol):
     """The work of one node from activation on; the graph states its inputs and outputs."""
 
     def begin(self, t: float) -> Iterator[Answer]:
-        """Begin a new run at a time [s]; yield what is said at once."""
+        """Begin a new run at a time [s]; yield what is published at once."""
 
     def take(self, topic: Topic, data: bytes) -> Iterator[Answer]:
         """Take the CDR bytes of a message; yield the answers to it.

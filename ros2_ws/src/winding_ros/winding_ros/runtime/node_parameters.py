@@ -21,7 +21,7 @@ from winding_core.parameters import (
     declarations,
     refuse_unknown,
 )
-from winding_ros.parameter_files import declared_names
+from winding_ros.runtime.parameter_files import declared_names
 
 Configuration = TypeVar("Configuration")
 

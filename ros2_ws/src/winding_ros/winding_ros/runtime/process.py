@@ -17,7 +17,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 
 from winding_core.parameters import ParameterError
-from winding_ros.managed_node import ManagedNode
+from winding_ros.runtime.managed_node import ManagedNode
 
 EXIT_REFUSED = 2
 # Set by the orchestrator to its process id: a supervised node ends with its supervisor.
@@ -60,7 +60,7 @@ def run_node(factory: Callable[[], ManagedNode[Any]]) -> int:
 
     def note(number: int, frame: FrameType | None) -> None:
         end.set()
-        # Nothing moves yet: what it compiles or waits for is of use to nobody.
+        # Nothing moves yet: what it compiles or waits for is of no use.
         if _orphaned() and (node is None or not node.active):
             os._exit(0)
 
@@ -74,7 +74,7 @@ def run_node(factory: Callable[[], ManagedNode[Any]]) -> int:
         print(f"error: {error}", file=sys.stderr, flush=True)
         rclpy.try_shutdown()
         return EXIT_REFUSED
-    node.told_to_end = end.is_set
+    node.stop_requested = end.is_set
     executor = EventsExecutor()
     executor.add_node(node)
     try:

@@ -1,4 +1,4 @@
-"""Publishers and subscriptions of a managed node: guarded, matched, contested or not."""
+"""Publishers, subscriptions and stop requests of a managed node: guarded, matched, contested."""
 
 from __future__ import annotations
 
@@ -9,24 +9,29 @@ from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode
+from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from winding_core.status import Level, Status
 from winding_ros.graph import NodeSpec
-from winding_ros.heartbeat import Heartbeat
-from winding_ros.inputs import Input, Inputs
-from winding_ros.message_error import MessageError
-from winding_ros.message_guard import MessageGuard, Rivals, StampError
-from winding_ros.message_handler import Answer, MessageHandler
-from winding_ros.node_trace import NodeTrace
-from winding_ros.publishers import contestants
-from winding_ros.stamps import decode_stamp, serialised_stamp
-from winding_ros.stop_request import StopRequest
+from winding_ros.messages.cdr import serialised
+from winding_ros.messages.serialised import MessageError
+from winding_ros.messages.stamps import decode_stamp, serialised_stamp
+from winding_ros.runtime.heartbeat import Heartbeat
+from winding_ros.runtime.inputs import Input, Inputs
+from winding_ros.runtime.message_guard import (
+    Endpoint,
+    MessageGuard,
+    Rivals,
+    StampError,
+    topic_status,
+)
+from winding_ros.runtime.message_handler import Answer, MessageHandler
+from winding_ros.runtime.node_trace import NodeTrace
+from winding_ros.services import QUICK_STOP, STOP
 from winding_ros.topic import Delivered, Topic
-from winding_ros.topic_status import topic_status
-from winding_ros.wire.cdr import serialised
 
 
 class Endpoints:
@@ -37,7 +42,7 @@ class Endpoints:
 
     Args:
         node: Whose endpoints.
-        spec: What the graph says of it.
+        spec: Its declaration in the graph.
         heartbeat: Is given after each message: a reader in arrears serves many of them before
             the executor's timers run again.
     """
@@ -109,17 +114,17 @@ class Endpoints:
         self,
         handler: MessageHandler,
         *,
-        beside: Mapping[Topic, Callable[[bytes], None]] | None = None,
+        extra: Mapping[Topic, Callable[[bytes], None]] | None = None,
         busy: AbstractContextManager[Any] | None = None,
     ) -> None:
         """Publish a handler's answers to each of the node's inputs.
 
-        A node that wakes up deals with everything that has arrived, input by input in the order
+        A node that is triggered deals with everything that has arrived, input by input in the order
         of the graph.
 
         Args:
             handler: The node's work.
-            beside: Take the messages of further topics.
+            extra: Take the messages of further topics.
             busy: Held while the handler works, when another thread may call it too.
         """
         answering = {
@@ -133,10 +138,10 @@ class Endpoints:
                     topic=topic,
                     take=self._traced(topic, self._guarded(topic, take, raw=True)),
                     found=self._guard(topic).found,
-                    wakes=topic in self._spec.wakes,
+                    triggers=topic in self._spec.triggers,
                     events=self._events(topic),
                 )
-                for topic, take in {**answering, **(beside or {})}.items()
+                for topic, take in {**answering, **(extra or {})}.items()
             ],
         )
 
@@ -222,10 +227,10 @@ class Endpoints:
             )
         return found
 
-    def told(self) -> None:
-        """Begin to look for the longest queues anew: the present ones have been told."""
+    def restart_queues(self) -> None:
+        """Begin to look for the longest queues anew, once the present ones are reported."""
         for guard in self._guards.values():
-            guard.told()
+            guard.restart_queue()
 
     def _events(self, topic: Topic) -> SubscriptionEventCallbacks:
         return SubscriptionEventCallbacks(
@@ -291,3 +296,46 @@ class Endpoints:
 
 def _stamp(message: Any, *, raw: bool) -> float:
     return serialised_stamp(message) if raw else decode_stamp(message.header.stamp)
+
+
+def contestants(node: Node, topic: str) -> tuple[Endpoint, ...]:
+    """Return the publishers (namespace, node) of a topic that has more than one."""
+    if node.count_publishers(topic) < 2:
+        return ()
+    found = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
+    return tuple((publisher.node_namespace, publisher.node_name) for publisher in found)
+
+
+# An answer can be lost; a machine that stands already stays where it is [s].
+_REPEAT = 0.5
+
+
+class StopRequest:
+    """Calls rig/quick_stop, or rig/stop where that has no server, at most every half second.
+
+    Args:
+        node: Who asks.
+        clock: Monotonic wall time [s].
+    """
+
+    def __init__(self, node: Node, clock: Callable[[], float] = time.monotonic) -> None:
+        self._node = node
+        self._clock = clock
+        self._next = -1.0
+        self._ways = tuple((service, service.client(node)) for service in (QUICK_STOP, STOP))
+
+    def ask(self, reason: str) -> None:
+        """Ask the machine to come to rest, and say why."""
+        now = self._clock()
+        if now < self._next:
+            return
+        self._next = now + _REPEAT
+        for service, client in self._ways:
+            if client.service_is_ready():
+                self._node.get_logger().error(f"asked the machine to stop: {reason}")
+                client.call_async(service.type.Request())
+                return
+        self._node.get_logger().error(
+            f"the machine cannot be asked to stop: no node serves {QUICK_STOP.name} or "
+            f"{STOP.name}: {reason}"
+        )

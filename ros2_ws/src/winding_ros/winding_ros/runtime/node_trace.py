@@ -10,8 +10,8 @@ from rclpy.node import Node
 
 from winding_core.trace import TRACE_DTYPE, Channel, Station, TraceEvent
 from winding_ros import topics
-from winding_ros.cloud_messages import encode_cloud
-from winding_ros.stamps import serialised_stamp
+from winding_ros.messages.clouds import encode_cloud
+from winding_ros.messages.stamps import serialised_stamp
 from winding_ros.topic import Delivered, Topic
 
 _CHANNELS = {
@@ -36,7 +36,7 @@ def now_ns() -> int:
 
 
 class NodeTrace:
-    """Notes instants while somebody listens to the topic `trace`, and publishes them in batches.
+    """Notes instants while the topic `trace` has a subscription, and publishes them in batches.
 
     Methods may be called from any thread.
 
@@ -69,8 +69,8 @@ class NodeTrace:
         if channel is None:
             return
         self._published += 1
-        # Every joint state of the machine would be a thousand records a second; DDS says of those
-        # that a prediction was made of when they were sent.
+        # Every joint state of the machine would be a thousand records a second; DDS reports when
+        # those were sent of which a prediction was made.
         if channel is not Channel.JOINT_STATES:
             self._note(TraceEvent.PUBLISHED, channel, serialised_stamp(data), began_ns=began_ns)
 

@@ -11,18 +11,18 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from winding_core.parameters import ParameterError
 from winding_core.status import Level, Status
-from winding_ros.diagnostic_messages import encode_diagnostics
-from winding_ros.endpoints import Endpoints
 from winding_ros.graph import NodeSpec
-from winding_ros.heartbeat import Heartbeat
-from winding_ros.message_handler import Answer
-from winding_ros.node_parameters import (
+from winding_ros.messages.diagnostics import encode_diagnostics
+from winding_ros.runtime.endpoints import Endpoints
+from winding_ros.runtime.heartbeat import Heartbeat
+from winding_ros.runtime.message_guard import news
+from winding_ros.runtime.message_handler import Answer
+from winding_ros.runtime.node_parameters import (
     declare_parameters,
     read_parameters,
     refuse_invalid,
 )
 from winding_ros.topic import Topic
-from winding_ros.topic_status import news
 from winding_ros.topics import DIAGNOSTICS
 
 Configuration = TypeVar("Configuration")
@@ -33,22 +33,22 @@ _REPEAT_PERIOD = 1.0
 
 
 class EndingError(RuntimeError):
-    """The process was told to end while the node was at long work."""
+    """The process was asked to stop while the node was at long work."""
 
 
 class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
-    """Lifecycle node whose subclasses say what to do in four hooks.
+    """Lifecycle node whose subclasses implement four hooks.
 
     Subclasses override `configure` (make the core, subscribe), `activate`, `deactivate` and
-    `cleanup`; what the graph says that they publish is advertised before `configure`. A refused
-    transition is logged in one sentence and leaves the node alive; a refused message is counted
-    and reported in `/diagnostics`.
+    `cleanup`; the topics that the graph declares for them are advertised before `configure`. A
+    refused transition is logged in one sentence and leaves the node alive; a refused message is
+    counted and reported in `/diagnostics`.
 
     Attributes:
         configuration: The node's parameters.
         endpoints: Its publishers and subscriptions.
         active: Whether the node works.
-        told_to_end: Says whether the process was told to end.
+        stop_requested: Returns whether the process was asked to stop.
     """
 
     def __init__(self, spec: NodeSpec, configuration: type[Configuration], **kwargs: Any) -> None:
@@ -58,7 +58,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._declared = configuration
         self._configured = False
         self.active = False
-        self.told_to_end: Callable[[], bool] = lambda: False
+        self.stop_requested: Callable[[], bool] = lambda: False
         refuse_invalid(self, configuration, lambda: self._configured)
         self._failure = ""
         self._fatal: Exception | None = None
@@ -91,7 +91,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         """Take note that another node publishes on one of this node's topics."""
 
     def advertised(self) -> Iterable[Topic]:
-        """Return what the node publishes; by default what the graph says."""
+        """Return what the node publishes; by default what the graph declares."""
         return self._spec.publishes
 
     def status(self) -> Status:
@@ -102,10 +102,10 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         """Ask now and then in the long work of a hook whether to go on.
 
         Raises:
-            EndingError: The process was told to end.
+            EndingError: The process was asked to stop.
         """
-        if self.told_to_end():
-            raise EndingError("the process was told to end")
+        if self.stop_requested():
+            raise EndingError("the process was asked to stop")
 
     def fail(self, error: Exception) -> None:
         """End the process with an error that happened in a thread of the node's own."""
@@ -233,7 +233,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             )
             self._last_told = statuses
             self._silent_periods = 0
-            self.endpoints.told()
+            self.endpoints.restart_queues()
 
     def _statuses(self) -> list[Status]:
         own = self.status()

@@ -1,4 +1,4 @@
-"""Structured NumPy records as PointCloud2, and back: markers, cable, what nodes trace."""
+"""Structured NumPy records as PointCloud2, and back; the centreline as a line strip."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from geometry_msgs.msg import Point
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker
 
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import BASE_FRAME
-from winding_ros.serialised import deserialised
-from winding_ros.stamps import decode_stamp, serialised_stamp
-from winding_ros.wire.cdr import COUNT, CdrReader, serialised
-from winding_ros.wire.template import Template
+from winding_ros.messages.cdr import COUNT, CdrReader, Template, number_at, serialised
+from winding_ros.messages.rig import BASE_FRAME
+from winding_ros.messages.serialised import MessageError, deserialised
+from winding_ros.messages.stamps import decode_stamp, serialised_stamp
 
 # row_step, and the number of bytes that follow.
 _SIZES = struct.Struct("<II")
@@ -92,7 +93,7 @@ def decode_cloud(
 
     Raises:
         MessageError: The cloud lacks a field of the dtype, has it with another type or outside
-            its points, or does not bring as many bytes as it says.
+            its points, or has another number of bytes than it states.
     """
     if isinstance(message, bytes):
         records = _records(message, dtype)
@@ -142,3 +143,64 @@ def _records(data: bytes, dtype: np.dtype[np.void]) -> NDArray[np.void] | None:
     if not row == size == count * dtype.itemsize < len(data) - begin:
         return None
     return np.frombuffer(data, dtype, count, begin).copy()
+
+
+_SAMPLE = Point(x=1.25, y=2.5, z=5.0)
+
+
+def encode_line_strip(t: float, points: NDArray[np.float64], width: float) -> bytes:
+    """Return a centreline as an RViz line strip, in CDR bytes.
+
+    Args:
+        t: Stamp [s].
+        points: At least one [m], shape (n, 3).
+        width: Of the line [m].
+
+    Raises:
+        ValueError: There is no point.
+    """
+    if len(points) == 0:
+        raise ValueError("a line strip needs points, got none")
+    layout = _line_layout(float(width))
+    before = layout.before.stamped(t)
+    COUNT.pack_into(before, layout.count_at, len(points))
+    return b"".join((before, np.asarray(points, dtype="<f8").tobytes(), layout.after))
+
+
+class _LineLayout(NamedTuple):
+    """What lines of one width have in common: before and after the points, and their number."""
+
+    before: Template
+    count_at: int
+    after: bytes
+
+
+@cache
+def _line_layout(width: float) -> _LineLayout:
+    one, two = (serialised(_line(width, count)) for count in (1, 2))
+    sample = np.array([_SAMPLE.x, _SAMPLE.y, _SAMPLE.z], dtype="<f8").tobytes()
+    begin = one.index(sample)
+    count_at = number_at(one[:begin], two[:begin], COUNT.size)
+    return _LineLayout(Template(one[:begin]), count_at, one[begin + len(sample) :])
+
+
+def _line(width: float, count: int) -> Marker:
+    message = Marker(ns="cable", id=0, type=Marker.LINE_STRIP, action=Marker.ADD)
+    message.header.frame_id = BASE_FRAME
+    message.pose.orientation.w = 1.0
+    message.scale.x = width
+    message.color = ColorRGBA(r=0.85, g=0.35, b=0.1, a=1.0)
+    message.points = [_SAMPLE] * count
+    return message
+
+
+def decode_line_width(message: Marker) -> tuple[float, float]:
+    """Return (t [s], width [m]) of a centreline.
+
+    Raises:
+        MessageError: The width is not positive and finite.
+    """
+    width = float(message.scale.x)
+    if not 0.0 < width < np.inf:
+        raise MessageError(f"width of a line strip must be positive and finite, got {width} m")
+    return decode_stamp(message.header.stamp), width

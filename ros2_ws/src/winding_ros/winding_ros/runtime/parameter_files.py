@@ -1,4 +1,4 @@
-"""What a ROS parameter file says to one node."""
+"""What a ROS parameter file contains for one node."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ def check_readable(file: Path) -> None:
             args=["check", "--ros-args", "--params-file", str(file)], initialize_logging=False
         )
     except RuntimeError as error:
-        said = re.search(r"Error: (.*?)\s*, at ", str(error), re.DOTALL)
+        reason = re.search(r"Error: (.*?)\s*, at ", str(error), re.DOTALL)
         raise ValueError(
-            f"{file} is not a parameter file: {said[1] if said else 'rcl cannot read it'}"
+            f"{file} is not a parameter file: {reason[1] if reason else 'rcl cannot read it'}"
         ) from error
     finally:
         set_logger_level("rcl", level)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
+from contextlib import asynccontextmanager
 from typing import Any
 
 from lifecycle_msgs.msg import State, Transition
@@ -11,9 +12,19 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 
-from winding_ros.deadline import deadline
-from winding_ros.graph_error import GraphError
-from winding_ros.service_calls import ServiceCaller
+from winding_ros.client.async_client import ServiceCaller
+from winding_ros.graph import GraphError
+
+
+@asynccontextmanager
+async def deadline(timeout: float, sentence: str) -> AsyncIterator[None]:
+    """Raise TimeoutError with a sentence when the body takes longer than timeout [s]."""
+    try:
+        async with asyncio.timeout(timeout):
+            yield
+    except TimeoutError:
+        raise TimeoutError(sentence) from None
+
 
 CONFIGURE = Transition.TRANSITION_CONFIGURE
 ACTIVATE = Transition.TRANSITION_ACTIVATE
@@ -45,7 +56,7 @@ _SERVICES = {
 
 
 class LifecycleDriver:
-    """Lifecycle and parameters of a graph's nodes, as somebody outside their processes sets them.
+    """Lifecycle and parameters of a graph's nodes, as a program outside their processes sets them.
 
     Args:
         calls: Calls the nodes' services.
