@@ -14,7 +14,7 @@ from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.cases import Case, Material, paper_case
-from winding_core.lay.helix import FleetAngleLaw
+from winding_core.helix import FleetAngleLaw
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.tension import RigTension
 from winding_core.markers import MarkerFlag, is_wound

@@ -11,6 +11,7 @@ from made_up import any_float, fuzzed, number, stamps, taken, wired
 from sensor_msgs.msg import JointState
 
 from winding_core.machine.readings import AxisReading
+from winding_ros.message_guard import StampError
 from winding_ros.messages.rig import (
     decode_joint_state,
     decode_tension,
@@ -18,7 +19,6 @@ from winding_ros.messages.rig import (
     encode_tension,
 )
 from winding_ros.messages.stamps import decode_stamp, encode_stamp, serialised_stamp_ns
-from winding_ros.runtime.message_guard import StampError
 
 pytestmark = pytest.mark.slow
 

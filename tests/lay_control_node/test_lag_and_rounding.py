@@ -11,7 +11,7 @@ import pytest
 from lay_control_node.planning.guide_path import guide_path, within
 from lay_control_node.planning.lag import lay_of
 from lay_control_node.planning.smoothed_line import PEAK, smoothed_program
-from winding_core.lay.helix import FleetAngleLaw
+from winding_core.helix import FleetAngleLaw
 from winding_core.lay.program import LayProgram
 
 TURN = 2.0 * math.pi

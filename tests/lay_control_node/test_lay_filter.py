@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
-from winding_core.lay.helix import FleetAngleLaw
+from winding_core.helix import FleetAngleLaw
 
 RADIUS, BELIEVED = 0.032, 0.198
 ADVANCE = 2.87e-3

@@ -13,7 +13,7 @@ import pytest
 
 from marker_tracker_node import CameraPose, PinholeCamera, Tracker, TrackerConfig
 from winding_core.cable.cases import Case, paper_case
-from winding_core.lay.helix import FleetAngleLaw
+from winding_core.helix import FleetAngleLaw
 from winding_core.machine.drive import DriveProfile
 from winding_rig_node.camera import CablePath, CameraConfig, Paint, Renderer, Scene, Surroundings
 from winding_rig_node.machine.lay import CableLay, published_lay

@@ -8,7 +8,7 @@ import pytest
 
 from marker_tracker_node import CameraPose, Tracker, refine
 from winding_core.cable.cases import Case
-from winding_core.lay.helix import FleetAngleLaw
+from winding_core.helix import FleetAngleLaw
 from winding_core.machine.drive import DriveProfile
 from winding_core.markers import MarkerFlag
 from winding_rig_node.camera import CameraConfig, Light, SensorNoise, Window

@@ -6,7 +6,7 @@ import pytest
 
 from winding_core.cable.cases import Material, paper_case
 from winding_core.cable.condition import Condition
-from winding_core.lay.helix import PAPER_FREE_LENGTH, guide_distance_of
+from winding_core.helix import PAPER_FREE_LENGTH, guide_distance_of
 from winding_core.machine.tension import DeadWeight, RigTension
 from winding_core.parameters import ParameterError, options, shown_values
 

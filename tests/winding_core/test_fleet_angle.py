@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from winding_core.cable.cases import paper_case, published_markers
-from winding_core.lay.helix import (
+from winding_core.helix import (
     PAPER_FREE_LENGTH,
     FleetAngleLaw,
     free_length_of,

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from winding_core.cable.cases import paper_cases
-from winding_core.lay.helix import curve_length, lead_angle, pitch, turn_length
+from winding_core.helix import curve_length, lead_angle, pitch, turn_length
 
 RADIUS = 0.016
 PITCH = 0.01805513

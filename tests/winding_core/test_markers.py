@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from winding_core.lay.helix import curve_length
+from winding_core.helix import curve_length
 from winding_core.markers import (
     CORRECTED_DTYPE,
     MARKER_DTYPE,

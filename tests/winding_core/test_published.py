@@ -11,7 +11,7 @@ from winding_core.cable.cases import (
     published_markers,
     published_weights,
 )
-from winding_core.lay.helix import curve_length
+from winding_core.helix import curve_length
 
 MEASURED = [row for row in published_markers() if row.experiment is not None]
 

@@ -11,8 +11,8 @@ from marker_tracker_node.camera.pinhole import CameraPose
 from winding_core.cable.condition import Condition
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.readings import ImageWindow
-from winding_core.machine.urdf import CAMERA, GUIDE, LOAD_CELL, MARKER, machine_urdf
 from winding_core.run_options import CameraPlacement
+from winding_core.urdf import CAMERA, GUIDE, LOAD_CELL, MARKER, machine_urdf
 from winding_dashboard.state.camera_view import CameraView
 
 # Rounding of a handful of products of numbers of order one, a million times over.

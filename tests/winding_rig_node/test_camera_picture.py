@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from polygon import draw_polygons
 
-from winding_core.lay.helix import FleetAngleLaw
+from winding_core.helix import FleetAngleLaw
 from winding_rig_node.camera import (
     CablePath,
     CameraConfig,

@@ -18,16 +18,16 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from winding_core.cable.cases import paper_case
-from winding_core.lay.helix import PAPER_FREE_LENGTH, FleetAngleLaw
+from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw
 from winding_core.machine.drive import DriveProfile
 from winding_core.status import Level, Status
 from winding_core.units import MILLISECOND
 from winding_rig_node.camera import CameraConfig
 from winding_rig_node.camera.optics import project_points
 from winding_ros import topics
+from winding_ros.message_guard import subscribers_of
 from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.messages.stamps import decode_stamp
-from winding_ros.runtime.message_guard import subscribers_of
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(600)]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from winding_core.cable.cases import Case, paper_case, published_markers
-from winding_core.lay.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
+from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
 from winding_core.machine.drive import DriveProfile
 from winding_rig_node.machine.lay import (
     HiddenCable,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from winding_core.cable.cases import paper_case
-from winding_core.lay.helix import PAPER_FREE_LENGTH
+from winding_core.helix import PAPER_FREE_LENGTH
 from winding_core.machine.drive import DriveProfile
 from winding_rig_node.machine.driven_lay import DrivenLay
 from winding_rig_node.machine.hidden_rig import HiddenRig

@@ -2,7 +2,7 @@
 
 import pytest
 
-from winding_ros.runtime.message_guard import Cadence, MessageGuard, StampError, topic_status
+from winding_ros.message_guard import Cadence, MessageGuard, StampError, topic_status
 
 EPOCH = 1.8e9
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from winding_ros.runtime.message_guard import (
+from winding_ros.message_guard import (
     GHOST_PATIENCE,
     MAX_JUMP,
     UNKNOWN_NODE,

@@ -6,8 +6,8 @@ from typing import Any
 
 from winding_core.cable.condition import Condition
 from winding_core.machine.axes import MachineAxes
-from winding_core.machine.urdf import machine_urdf
 from winding_core.run_options import CameraPlacement
+from winding_core.urdf import machine_urdf
 from winding_ros import topics
 from winding_supervisor.machine_description import describe_machine
 from winding_supervisor.run_config import RunConfig

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.cable.cases import Case, paper_case
-from winding_core.lay.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
+from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
 from winding_core.machine.drive import DriveProfile
 
 FloatArray = NDArray[np.float64]

@@ -9,7 +9,7 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from winding_core.lay.helix import curve_length
+from winding_core.helix import curve_length
 from winding_core.parameters import ParameterError, parameter
 from winding_core.units import ANGLE, HUE, LENGTH, PLAIN
 

@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
 from winding_ros.graph import NodeSpec, expected_subscribers
-from winding_ros.runtime.message_guard import UNKNOWN_NODE
+from winding_ros.message_guard import UNKNOWN_NODE
 from winding_ros.topic import Topic
 
 PATIENCE = 30.0

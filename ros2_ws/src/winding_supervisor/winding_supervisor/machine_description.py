@@ -8,9 +8,9 @@ from typing import Any
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from winding_core.machine.urdf import machine_urdf
 from winding_core.parameters import build
 from winding_core.run_options import CameraPlacement
+from winding_core.urdf import machine_urdf
 from winding_ros.graph import FEM, TRACKER, parameters_of
 from winding_ros.topics import ROBOT_DESCRIPTION
 from winding_supervisor.run_config import RunConfig

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from rclpy.node import Node
 
 from winding_ros import topics
+from winding_ros.message_guard import Rivals
 from winding_ros.runtime.endpoints import contestants
 from winding_ros.runtime.heartbeat import heartbeat_topic
-from winding_ros.runtime.message_guard import Rivals
 
 
 class RivalWatch:

@@ -11,7 +11,7 @@ from cable_fem_node.winding.validity import checks_of, refuse
 from winding_core.cable.cases import Case
 from winding_core.cable.condition import Condition, ResolvedCondition
 from winding_core.cable.material_law import MOONEY_RATIO
-from winding_core.lay.helix import PAPER_FREE_LENGTH
+from winding_core.helix import PAPER_FREE_LENGTH
 from winding_core.machine.tension import DeadWeight, TensionLaw
 from winding_core.parameters import parameter
 from winding_core.units import LENGTH, PLAIN

@@ -17,7 +17,7 @@ from marker_tracker_node.tracking.colour_sampling import MOST_AREA, SATURATIONS,
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.gate_prediction import axis_scale, predict_gate
 from marker_tracker_node.tracking.state import Setup
-from winding_core.lay.helix import FleetAngleLaw
+from winding_core.helix import FleetAngleLaw
 
 ByteArray = NDArray[np.uint8]
 

@@ -9,7 +9,7 @@ from marker_tracker_node.camera.pinhole import CameraPose, CameraView
 from marker_tracker_node.detection.band import Body
 from marker_tracker_node.tracking.state import Setup
 from winding_core.cable.condition import ResolvedCondition
-from winding_core.lay.helix import PAPER_FREE_LENGTH
+from winding_core.helix import PAPER_FREE_LENGTH
 from winding_core.machine.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
 from winding_core.markers import DOT, MarkerParameters
 from winding_core.run_options import CameraPlacement

@@ -29,8 +29,8 @@ def graph(
     from winding_cli.output.interface_table import as_markdown
     from winding_core.cable.condition import Condition
     from winding_core.machine.axes import MachineAxes
-    from winding_core.machine.urdf import machine_urdf
     from winding_core.run_options import CameraPlacement
+    from winding_core.urdf import machine_urdf
     from winding_ros.graph import as_mermaid, as_text
     from winding_ros.security import sros2_policy
 

@@ -39,7 +39,7 @@ def render(
     import numpy as np
 
     from winding_core.cable.cases import paper_case
-    from winding_core.lay.helix import PAPER_FREE_LENGTH
+    from winding_core.helix import PAPER_FREE_LENGTH
     from winding_core.machine.drive import DriveProfile
     from winding_rig_node.camera import (
         CablePath,

@@ -15,7 +15,7 @@ from winding_cli.output.trained_factor import used_factor
 from winding_core.cable.cases import published_markers
 from winding_core.cable.condition import Condition
 from winding_core.error_verdict import PAPER_LIMIT_PCT
-from winding_core.lay.helix import curve_length
+from winding_core.helix import curve_length
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
 from winding_core.parameters import Value

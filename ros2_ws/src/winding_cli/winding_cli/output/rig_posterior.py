@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from winding_core.lay.helix import curve_length
+from winding_core.helix import curve_length
 from winding_core.units import MEGAPASCAL, MILLIMETRE
 
 if TYPE_CHECKING:

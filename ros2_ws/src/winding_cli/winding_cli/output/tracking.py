@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from winding_core.lay.helix import curve_length
+from winding_core.helix import curve_length
 from winding_core.lay.records import name_of
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 

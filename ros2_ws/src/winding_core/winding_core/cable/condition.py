@@ -9,7 +9,7 @@ from typing import Any, Self
 
 from winding_core.cable.cable_parameters import CableParameters, published_case
 from winding_core.cable.cases import Case, published_conditions
-from winding_core.lay.helix import PAPER_FREE_LENGTH, free_length_of, guide_distance_of
+from winding_core.helix import PAPER_FREE_LENGTH, free_length_of, guide_distance_of
 from winding_core.machine.drive import (
     PAPER_ANGULAR_SPEED,
     PAPER_DURATION,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from winding_core.cable.cases import Case
 from winding_core.cable.material_law import MaterialLaw
-from winding_core.lay.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
+from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.tension import DeadWeight, RigTension
 

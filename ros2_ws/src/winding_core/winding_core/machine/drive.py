@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from winding_core.lay.helix import FloatOrArray, like
+from winding_core.helix import FloatOrArray, like
 from winding_core.machine.readings import AxisReading
 from winding_core.units import MILLIMETRE
 

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.lay.helix import FloatOrArray
+from winding_core.helix import FloatOrArray
 
 # The drum diameter in the middle of the two that were measured.
 REFERENCE_DIAMETER = 45.0e-3

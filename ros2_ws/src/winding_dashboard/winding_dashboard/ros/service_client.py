@@ -22,7 +22,7 @@ from winding_ros import services, topics
 from winding_ros.client.async_client import ServiceCaller
 from winding_ros.client.lifecycle import LifecycleDriver
 from winding_ros.graph import GRAPH, GraphError, controlled, without_replay
-from winding_ros.runtime.message_guard import subscribers_of
+from winding_ros.message_guard import subscribers_of
 from winding_ros.services import Service
 
 NODES = tuple(spec.name for spec in GRAPH)

@@ -18,9 +18,9 @@ from winding_recorder.live.record_service import RecordRequest, RecordService
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.environment import ros_arguments
+from winding_ros.message_guard import StampError
 from winding_ros.messages.diagnostics import encode_diagnostics
 from winding_ros.messages.stamps import encode_stamp, serialised_stamp_ns
-from winding_ros.runtime.message_guard import StampError
 from winding_ros.topic import PolledTopic, Taken, Topic
 
 __all__ = ["BufferedMessage", "Recorder", "RecorderError", "RunBuffer"]

@@ -15,8 +15,8 @@ from winding_recorder.bags.reading import messages_of, opened, read_notes
 from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
+from winding_ros.message_guard import StampError
 from winding_ros.messages.stamps import serialised_stamp_ns
-from winding_ros.runtime.message_guard import StampError
 from winding_ros.topic import Topic
 
 _PICTURES = (topics.IMAGE, topics.PREVIEW)

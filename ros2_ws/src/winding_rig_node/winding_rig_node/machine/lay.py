@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.cable.cases import Case, published_markers
-from winding_core.lay.helix import FleetAngleLaw
+from winding_core.helix import FleetAngleLaw
 from winding_core.machine.drive import DriveProfile
 from winding_core.units import MILLIMETRE
 from winding_rig_node.machine.stretch import neo_hookean_stretch

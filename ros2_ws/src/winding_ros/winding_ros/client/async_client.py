@@ -15,9 +15,9 @@ from rclpy.node import Node
 from winding_core.status import Level, Status
 from winding_ros import topics
 from winding_ros.environment import enclave_arguments, ros_arguments
+from winding_ros.message_guard import subscribers_of
 from winding_ros.messages.diagnostics import decode_diagnostics, encode_diagnostics
 from winding_ros.runtime.heartbeat import Heartbeat, Sign, heartbeat_topic, watch_heartbeat
-from winding_ros.runtime.message_guard import subscribers_of
 
 # A request sent before the server is matched is lost, so requests are repeated.
 _RETRY_PERIOD = 0.5

@@ -7,7 +7,7 @@ import struct
 
 from builtin_interfaces.msg import Time
 
-from winding_ros.runtime.message_guard import StampError
+from winding_ros.message_guard import StampError
 
 _NANO = 1_000_000_000
 # Every stamped message starts with its stamp, right behind the CDR encapsulation header.

@@ -16,18 +16,18 @@ from rclpy.subscription import Subscription
 
 from winding_core.status import Level, Status
 from winding_ros.graph import NodeSpec
-from winding_ros.messages.cdr import serialised
-from winding_ros.messages.serialised import MessageError
-from winding_ros.messages.stamps import decode_stamp, serialised_stamp
-from winding_ros.runtime.heartbeat import Heartbeat
-from winding_ros.runtime.inputs import Input, Inputs
-from winding_ros.runtime.message_guard import (
+from winding_ros.message_guard import (
     Endpoint,
     MessageGuard,
     Rivals,
     StampError,
     topic_status,
 )
+from winding_ros.messages.cdr import serialised
+from winding_ros.messages.serialised import MessageError
+from winding_ros.messages.stamps import decode_stamp, serialised_stamp
+from winding_ros.runtime.heartbeat import Heartbeat
+from winding_ros.runtime.inputs import Input, Inputs
 from winding_ros.runtime.message_handler import Answer, MessageHandler
 from winding_ros.runtime.node_trace import NodeTrace
 from winding_ros.services import QUICK_STOP, STOP

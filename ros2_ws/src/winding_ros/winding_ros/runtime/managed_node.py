@@ -12,10 +12,10 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from winding_core.parameters import ParameterError
 from winding_core.status import Level, Status
 from winding_ros.graph import NodeSpec
+from winding_ros.message_guard import news
 from winding_ros.messages.diagnostics import encode_diagnostics
 from winding_ros.runtime.endpoints import Endpoints
 from winding_ros.runtime.heartbeat import Heartbeat
-from winding_ros.runtime.message_guard import news
 from winding_ros.runtime.message_handler import Answer
 from winding_ros.runtime.node_parameters import (
     declare_parameters,

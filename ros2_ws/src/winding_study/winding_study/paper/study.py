@@ -13,7 +13,7 @@ from cable_fem_node.dynamics.failure import SolverError
 from cable_fem_node.winding.prediction import ELEMENTS, predict
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.cases import Case, paper_case, published_conditions
-from winding_core.lay.helix import PAPER_FREE_LENGTH
+from winding_core.helix import PAPER_FREE_LENGTH
 from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.machine.tension import DeadWeight, TensionLaw
 from winding_study.runs.case_result import CaseResult, from_arrays, result_of, to_arrays

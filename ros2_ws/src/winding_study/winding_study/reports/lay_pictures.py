@@ -7,7 +7,7 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 
-from winding_core.lay.helix import PAPER_FREE_LENGTH, FleetAngleLaw
+from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw
 from winding_core.units import MILLIMETRE
 from winding_study.documents.picture import (
     FAINT,

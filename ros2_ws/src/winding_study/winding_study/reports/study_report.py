@@ -7,7 +7,7 @@ from pathlib import Path
 
 from correction_node.training.comparison import RIG_PROCESS
 from correction_node.training.learners import LEARNERS, RIG
-from winding_core.lay.helix import PAPER_FREE_LENGTH
+from winding_core.helix import PAPER_FREE_LENGTH
 from winding_core.machine.drive import PAPER_DURATION
 from winding_core.units import MILLIMETRE
 from winding_study.documents.page import PAGE, Tile, render_page
