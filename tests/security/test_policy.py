@@ -1,4 +1,4 @@
-"""The access policy says what the graph says, and a secure run refuses to run open."""
+"""The access policy follows from the graph, and a secure run refuses to run open."""
 
 import xml.etree.ElementTree as ET
 from pathlib import Path

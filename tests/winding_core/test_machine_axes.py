@@ -1,13 +1,19 @@
-"""Joints of any machine become the axes of a run: offset, direction, unit, missing speeds."""
+"""Joints of any machine become the axes of a run, and what readings cannot be is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from winding_core.machine.axes import AxisReader, JointSample, MachineAxes, wrong_axis
 from winding_core.machine.drive import DriveProfile
-from winding_core.machine.incoming_readings import LEAD_IN, LoadedReading, MotionStart
+from winding_core.machine.incoming_readings import (
+    LEAD_IN,
+    LoadedReading,
+    MotionStart,
+    ReadingLimits,
+)
 from winding_core.machine.readings import AxisReading
 
 DRIVE = DriveProfile()
@@ -51,11 +57,6 @@ def test_speeds_that_are_not_reported_are_the_slopes_of_positions(rate: float, t
     # Stamps since the epoch are whole multiples of 0.24 us, a tenth of a promille of 10 ms.
     assert found.angular_speed == pytest.approx(omega, rel=1e-3)
     assert found.feed_speed == pytest.approx(feed, rel=1e-3)
-
-
-def test_two_axes_cannot_be_one_joint() -> None:
-    with pytest.raises(ValueError, match="must be two joints, got spindle"):
-        MachineAxes(cylinder_joint="spindle", carriage_joint="spindle")
 
 
 @pytest.mark.parametrize(
@@ -106,3 +107,37 @@ def test_a_run_begins_with_the_first_motion_and_half_a_second_of_standstill() ->
         passed += [loaded.t - 1.8e9 for loaded in start.passed(item)]
     assert passed[0] == pytest.approx(9.0 - LEAD_IN, abs=0.011)
     assert passed == pytest.approx(list(np.arange(passed[0], 9.995, 0.01)), abs=1e-6)
+
+
+LIMITS = ReadingLimits(weight=4.0, angular_speed=DRIVE.angular_speed, feed_speed=DRIVE.feed_speed)
+
+
+def reading_at(t: float) -> AxisReading:
+    return reading(*DRIVE.positions(t), *DRIVE.speeds(t))
+
+
+def test_planned_run_is_never_refused_not_even_with_gaps() -> None:
+    before = None
+    for k in (0, 1, 2, 3, 1000, 1001, 1500, 5000):
+        t = 1.0e-3 * k
+        assert LIMITS.against_motion(t, reading_at(t), before) == ""
+        before = (t, reading_at(t))
+
+
+def test_speed_beyond_the_limit_is_named_with_it() -> None:
+    fast = replace(reading_at(2.0), angular_speed=10.0)
+    assert LIMITS.against_motion(2.0, fast, None) == (
+        "cylinder must not be faster than 5.22, got 10"
+    )
+
+
+def test_jump_of_either_axis_is_refused() -> None:
+    before = (2.0, reading_at(2.0))
+    for field, name in (("cylinder_angle", "cylinder"), ("carriage_position", "carriage")):
+        jumped = replace(reading_at(2.001), **{field: 5.0})
+        assert LIMITS.against_motion(2.001, jumped, before).startswith(f"{name} jumped by ")
+
+
+def test_tension_beyond_five_weights_is_refused() -> None:
+    assert LIMITS.against_tension(19.9) == ""
+    assert LIMITS.against_tension(20.1) == "tension must be at most 20 N, got 20.1 N"

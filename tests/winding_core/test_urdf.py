@@ -86,11 +86,6 @@ def test_the_camera_looks_as_tracker_and_page_project(tilt: tuple[float, ...]) -
     np.testing.assert_allclose(seen[:, :2] / seen[:, 2:], page.pixels(points), atol=EXACT)
 
 
-def test_a_joint_in_degrees_has_no_urdf() -> None:
-    with pytest.raises(ValueError, match=r"cylinder_scale must be 1 or -1, got 0\.01745"):
-        machine_urdf(WHAT, MachineAxes(cylinder_scale=math.radians(1.0)))
-
-
 def test_every_link_hangs_on_the_frame_of_the_messages() -> None:
     root = ET.fromstring(machine_urdf(WHAT, MachineAxes(), CameraPlacement()))
     children = [item.get("link") for item in root.iterfind("joint/child")]

@@ -71,9 +71,9 @@ def driver(nodes: Nodes) -> LifecycleDriver:
 
 
 def rebuild(nodes: Nodes) -> list[str]:
-    told: list[str] = []
-    asyncio.run(driver(nodes).rebuild(NODES, {name: {"case": 7} for name in NODES}, told.append))
-    return told
+    stages: list[str] = []
+    asyncio.run(driver(nodes).rebuild(NODES, {name: {"case": 7} for name in NODES}, stages.append))
+    return stages
 
 
 def test_nodes_end_active_wherever_they_were() -> None:
