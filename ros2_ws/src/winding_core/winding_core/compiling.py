@@ -80,14 +80,15 @@ def called(function: Kernel, **flags: Any) -> Kernel:
 
 
 def is_compiled(package: str) -> bool:
-    """Return whether every kernel of a package that has been compiled has current code.
+    """Return whether there is code of the present sources for kernels of a package.
 
     Under NUMBA_DISABLE_JIT=1 there is nothing to compile.
     """
-    kept = {code.parents[1].name.rpartition("-")[0] for code in _ROOT.glob(f"{package}.*/*/*.nbi")}
-    current = [_folder(*kernel.rpartition(".")[::2]) for kernel in kept]
-    ready = [any(folder.glob("*/*.nbi")) for folder in current if folder is not None]
-    return bool(numba.config.DISABLE_JIT) or (bool(ready) and all(ready))
+    kept = {code.parents[1] for code in _ROOT.glob(f"{package}.*/*/*.nbi")}
+    names = (folder.name.rpartition("-")[0].rpartition(".") for folder in kept)
+    return bool(numba.config.DISABLE_JIT) or any(
+        _folder(module, kernel) in kept for module, _, kernel in names
+    )
 
 
 def _opened(folder: Path | None) -> Path:

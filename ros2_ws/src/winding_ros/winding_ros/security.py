@@ -62,19 +62,19 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = controlled()) -> 
         heard = [topic.name for topic in spec.subscribes]
         if spec.name != topics.RIG:
             heard.append(topics.CLOCK.name)
-        own = [heartbeat_topic(spec.name), f"{spec.name}/transition_event", topics.TRACE.name]
-        _allow(profile, "topics", "publish", [*(t.name for t in spec.publishes), *own])
+        published = [heartbeat_topic(spec.name), f"{spec.name}/transition_event", topics.TRACE.name]
+        _allow(profile, "topics", "publish", [*(t.name for t in spec.publishes), *published])
         _allow(profile, "topics", "subscribe", [*heard, heartbeat_topic(ORCHESTRATOR)])
-        services = (f"{spec.name}/{name}" for name in _OWN_SERVICES)
-        _allow(profile, "services", "reply", [*services, *served_by(spec.name)])
+        own = (f"{spec.name}/{name}" for name in _OWN_SERVICES)
+        _allow(profile, "services", "reply", [*own, *served_by(spec.name)])
         # Whoever is given nothing it can use asks the machine to stop, and nothing else.
         _allow(profile, "services", "request", [QUICK_STOP.name, STOP.name])
     # Orchestrator and recorder share a process, so they share keys.
     process = _enclave(enclaves, namespace, ORCHESTRATOR)
     profile = _profile(process, namespace, ORCHESTRATOR)
     signs = [heartbeat_topic(spec.name) for spec in (*graph, PAGE)]
-    own = [topic.name for topic in topics.published_by(ORCHESTRATOR)]
-    _allow(profile, "topics", "publish", [heartbeat_topic(ORCHESTRATOR), *own])
+    published = [topic.name for topic in topics.published_by(ORCHESTRATOR)]
+    _allow(profile, "topics", "publish", [heartbeat_topic(ORCHESTRATOR), *published])
     heard = [topics.DIAGNOSTICS.name, topics.TRACE.name, *signs]
     _allow(profile, "topics", "subscribe", heard)
     asked = [f"{spec.name}/{name}" for spec in graph for name in _OWN_SERVICES]
@@ -106,8 +106,8 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = controlled()) -> 
     _allow(profile, "topics", "subscribe", [topic.name for topic in seen])
     process = _enclave(enclaves, namespace, topics.RUN_SERVER)
     profile = _profile(process, namespace, topics.RUN_SERVER)
-    own = [topic.name for topic in topics.published_by(topics.RUN_SERVER)]
-    _allow(profile, "topics", "publish", own)
+    published = [topic.name for topic in topics.published_by(topics.RUN_SERVER)]
+    _allow(profile, "topics", "publish", published)
     _allow(profile, "topics", "subscribe", [topics.CORRECTED_MARKERS.name])
     own = (f"{topics.RUN_SERVER}/{n}" for n in _PARAMETER_SERVICES)
     _allow(profile, "services", "reply", [*served_by(topics.RUN_SERVER), *own])
