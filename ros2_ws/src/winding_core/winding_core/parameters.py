@@ -1,4 +1,4 @@
-"""Parameters stated once: dataclass fields that carry type, default, range and meaning."""
+"""Parameters declared once: dataclass fields that carry type, default, range and meaning."""
 
 from __future__ import annotations
 
@@ -185,11 +185,11 @@ def declarations(configuration: type) -> tuple[Declaration, ...]:
 
 
 def _declaration(item: dataclasses.Field[Any]) -> Declaration:
-    stated: dict[str, Any] = dict(item.metadata)
-    stated["option"] = stated["option"] or item.name
-    stated["label"] = stated["label"] or item.name.replace("_", " ").capitalize()
+    declared: dict[str, Any] = dict(item.metadata)
+    declared["option"] = declared["option"] or item.name
+    declared["label"] = declared["label"] or item.name.replace("_", " ").capitalize()
     title = f"parameter {item.name}"
-    return Declaration(name=item.name, default=_default(item), title=title, **stated)
+    return Declaration(name=item.name, default=_default(item), title=title, **declared)
 
 
 def _default(item: dataclasses.Field[Any]) -> Value:
@@ -226,9 +226,9 @@ def build(
     Raises:
         ParameterError: An unknown name, a wrong type, or a value outside its range.
     """
-    stated = {item.name: item for item in declarations(configuration)}
-    refuse_unknown(values, stated, owner=owner)
-    converted = {name: stated[name].convert(value) for name, value in values.items()}
+    declared = {item.name: item for item in declarations(configuration)}
+    refuse_unknown(values, declared, owner=owner)
+    converted = {name: declared[name].convert(value) for name, value in values.items()}
     return configuration(**converted)
 
 
@@ -283,8 +283,8 @@ def typed_values(
         if value is None:
             continue
         item = known[key]
-        stated = typed_declaration(key, item, spelling)
-        taken = stated.convert(_listed(stated, value))
+        declared = typed_declaration(key, item, spelling)
+        taken = declared.convert(_listed(declared, value))
         if item.unit is not None and isinstance(taken, float):
             taken = item.unit.to_si(taken)
         elif item.unit is not None and isinstance(taken, list):

@@ -23,7 +23,11 @@ from winding_ros import topics
 from winding_ros.graph import PAGE
 from winding_ros.messages.diagnostics import encode_diagnostics
 from winding_ros.runtime.heartbeat import Heartbeat
-from winding_ros.runtime.node_parameters import declare_parameters, read_parameters, refuse_invalid
+from winding_ros.runtime.node_parameters import (
+    add_parameter_validation,
+    declare_parameters,
+    read_parameters,
+)
 from winding_ros.runtime.process import SUPERVISED
 
 NAME = topics.DASHBOARD
@@ -53,7 +57,7 @@ class DashboardNode(Node):  # type: ignore[misc]
         super().__init__(NAME, context=context, **kwargs)
         self.parameters = declare_parameters(self, DashboardParameters)
         self.parameters.check()
-        refuse_invalid(self, DashboardParameters, lambda: True)
+        add_parameter_validation(self, DashboardParameters, lambda: True)
         self.state = ViewState(
             nodes=tuple(reversed(self.parameters.named_nodes or NODES)),
             machine=topics.RIG,

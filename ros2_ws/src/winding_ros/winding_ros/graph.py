@@ -196,8 +196,8 @@ PAGE = NodeSpec(
 def parameters_of(spec: NodeSpec) -> type:
     """Return the dataclass that states a node's parameters; importing it needs no ROS."""
     module = importlib.import_module(f"{spec.package}.ros.parameters")
-    stated: type = getattr(module, spec.parameters_class)
-    return stated
+    declared: type = getattr(module, spec.parameters_class)
+    return declared
 
 
 def without_replay(graph: tuple[NodeSpec, ...] = GRAPH) -> dict[str, dict[str, object]]:

@@ -109,9 +109,9 @@ def decode_cloud(
             f"point cloud of {count} points of {message.point_step} bytes needs "
             f"{count * message.point_step} bytes, got {raw.size}"
         )
-    stated = {field.name: field for field in message.fields}
+    by_name = {field.name: field for field in message.fields}
     for name, (wanted, *_) in (dtype.fields or {}).items():
-        field = stated.get(name)
+        field = by_name.get(name)
         if field is None or field.datatype != _DATATYPES[wanted.str[1:]]:
             raise MessageError(f"point cloud needs a field {name} of type {wanted.name}")
         if field.offset + wanted.itemsize > message.point_step:
@@ -123,7 +123,7 @@ def decode_cloud(
     records = np.zeros(count, dtype=dtype)
     table = raw.reshape(count, message.point_step)
     for name, (wanted, *_) in (dtype.fields or {}).items():
-        offset = stated[name].offset
+        offset = by_name[name].offset
         column = np.ascontiguousarray(table[:, offset : offset + wanted.itemsize])
         records[name] = column.view(wanted).reshape(-1)
     return decode_stamp(message.header.stamp), records

@@ -18,9 +18,9 @@ from winding_ros.runtime.endpoints import Endpoints
 from winding_ros.runtime.heartbeat import Heartbeat
 from winding_ros.runtime.message_handler import Answer
 from winding_ros.runtime.node_parameters import (
+    add_parameter_validation,
     declare_parameters,
     read_parameters,
-    refuse_invalid,
 )
 from winding_ros.topic import Topic
 from winding_ros.topics import DIAGNOSTICS
@@ -59,7 +59,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._configured = False
         self.active = False
         self.stop_requested: Callable[[], bool] = lambda: False
-        refuse_invalid(self, configuration, lambda: self._configured)
+        add_parameter_validation(self, configuration, lambda: self._configured)
         self._failure = ""
         self._fatal: Exception | None = None
         self._diagnostics = DIAGNOSTICS.advertise(self)
@@ -69,7 +69,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._silent_periods = 0
         # Wall time: a stopped simulation must still say that it is stopped.
         self._watch = self.create_timer(
-            _WATCH_PERIOD, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME)
+            _WATCH_PERIOD, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
 
     def configure(self) -> None:
@@ -212,7 +212,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             response.success = False
             return response
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         if self._fatal is not None:
             raise self._fatal
         self._heartbeat.beat()

@@ -33,12 +33,12 @@ def declare_parameters(node: Node, configuration: type[Configuration]) -> Config
         ParameterError: An override has an unknown name, a wrong type or is out of range.
     """
     overrides = _overrides(node)
-    stated = {item.name: item for item in declarations(configuration)}
+    declared = {item.name: item for item in declarations(configuration)}
     refuse_unknown(
-        declared_names(overrides), stated, owner=f"node {node.get_fully_qualified_name()}"
+        declared_names(overrides), declared, owner=f"node {node.get_fully_qualified_name()}"
     )
     values: dict[str, object] = {}
-    for name, item in stated.items():
+    for name, item in declared.items():
         if name in overrides:
             values[name] = item.convert(overrides[name].value)
             # A whole number in YAML would make rclpy refuse a double parameter.
@@ -54,7 +54,7 @@ def read_parameters(node: Node, configuration: type[Configuration]) -> Configura
     return build(configuration, values, owner=f"node {node.get_fully_qualified_name()}")
 
 
-def refuse_invalid(node: Node, configuration: type, fixed: Callable[[], bool]) -> None:
+def add_parameter_validation(node: Node, configuration: type, fixed: Callable[[], bool]) -> None:
     """Make later parameter changes answer with the declaration's own sentence.
 
     Args:
@@ -62,11 +62,11 @@ def refuse_invalid(node: Node, configuration: type, fixed: Callable[[], bool]) -
         configuration: Dataclass that states them.
         fixed: Whether the node is at work, so that read-only parameters cannot change.
     """
-    stated = {item.name: item for item in declarations(configuration)}
+    declared = {item.name: item for item in declarations(configuration)}
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
-            item = stated.get(parameter.name)
+            item = declared.get(parameter.name)
             if item is None:
                 continue
             try:
@@ -91,7 +91,7 @@ def _overrides(node: Node) -> dict[str, Parameter]:
 
 def _descriptor(item: Declaration) -> ParameterDescriptor:
     # A read-only value may still be chosen before the node is configured; rcl's flag forbids
-    # that too, so `refuse_invalid` guards it.
+    # that too, so `add_parameter_validation` guards it.
     descriptor = ParameterDescriptor(name=item.name, description=item.description)
     if item.choices is not None:
         descriptor.additional_constraints = (
