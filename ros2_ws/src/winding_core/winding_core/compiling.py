@@ -58,7 +58,7 @@ def compiled(function: Kernel, **flags: Any) -> Kernel:
                 numba.config.CACHE_DIR = before
         # Instead numba takes another folder, whose code may be of other sources.
         if folder not in Path(kernel.stats.cache_path).parents:
-            raise PermissionError(f"{_ROOT} cannot be written")
+            raise OSError(f"{_ROOT} cannot be written")
     except (OSError, RuntimeError) as error:
         # Python shows the same warning once in a process.
         warnings.warn(f"every process compiles its kernels anew: {error}", stacklevel=1)

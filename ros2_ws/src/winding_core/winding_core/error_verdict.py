@@ -63,18 +63,12 @@ class Lengths(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class MarkerError:
-    """Errors of one marker's lengths in percent, Table 7's measure; None where there is none.
+    """Errors of one marker's lengths in percent, Table 7's measure; None where there is none."""
 
-    Attributes:
-        id: n of Pn.
-        predicted: Of the prediction.
-        corrected: Of the corrected length.
-        held_out: Of the length corrected by a factor that was learned without this case.
-    """
-
-    id: int
-    predicted: float | None
-    corrected: float | None
+    id: int  # n of Pn.
+    predicted: float | None  # Of the prediction.
+    corrected: float | None  # Of the corrected length.
+    # Of the length corrected by a factor that was learned without this case.
     held_out: float | None
 
     @property
@@ -85,17 +79,11 @@ class MarkerError:
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorVerdict:
-    """What the errors of a run say.
+    """What the errors of a run say."""
 
-    Attributes:
-        limit_pct: Largest error that counts as good [%].
-        against: EXPERIMENT or CAMERA.
-        errors: Of every marker.
-    """
-
-    limit_pct: float
-    against: str
-    errors: tuple[MarkerError, ...]
+    limit_pct: float  # Largest error that counts as good [%].
+    against: str  # EXPERIMENT or CAMERA.
+    errors: tuple[MarkerError, ...]  # Of every marker.
 
     @property
     def worst(self) -> MarkerError | None:

@@ -80,17 +80,13 @@ class FleetAngleLaw:
     The tangent span of length L pulls the landing point after the guide:
     dz/dtheta = (z_guide - z) / tau with tau = L / (R + r), hence
     z = p (theta - tau (1 - exp(-theta / tau))).
-
-    Attributes:
-        advance_per_radian: Guide advance p per radian [m/rad].
-        free_length: Length L of the span between tangent point and guide, projected on the
-            plane across the axis [m].
-        radius: Centreline radius R + r [m].
     """
 
-    advance_per_radian: float
+    advance_per_radian: float  # Guide advance p per radian [m/rad].
+    # Length L of the span between tangent point and guide, projected on the plane across the axis
+    # [m].
     free_length: float
-    radius: float
+    radius: float  # Centreline radius R + r [m].
 
     def __post_init__(self) -> None:
         for name in ("free_length", "radius"):

@@ -25,35 +25,20 @@ class ParameterError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Declaration:
-    """One parameter as its dataclass field states it.
+    """One parameter as its dataclass field states it."""
 
-    Attributes:
-        name: Of the field and of the ROS parameter.
-        default: Its type is the parameter's type.
-        meaning: What it is, without the unit.
-        low: Smallest allowed number; None for no limit.
-        high: Largest allowed number; None for no limit.
-        choices: Allowed texts; None for any.
-        read_only: Whether the value is fixed once the node runs.
-        otherwise: What holds when the number is 0; empty where 0 is a number like others.
-        unit: How people type it; None where only parameter files set it.
-        option: Name under which people type it, without the unit.
-        label: What a form calls it.
-        title: What a refusal calls it.
-    """
-
-    name: str
-    default: Value
-    meaning: str
-    low: float | None
-    high: float | None
-    choices: tuple[str, ...] | None
-    read_only: bool
-    otherwise: str
-    unit: Unit | None
-    option: str
-    label: str
-    title: str
+    name: str  # Of the field and of the ROS parameter.
+    default: Value  # Its type is the parameter's type.
+    meaning: str  # What it is, without the unit.
+    low: float | None  # Smallest allowed number; None for no limit.
+    high: float | None  # Largest allowed number; None for no limit.
+    choices: tuple[str, ...] | None  # Allowed texts; None for any.
+    read_only: bool  # Whether the value is fixed once the node runs.
+    otherwise: str  # What holds when the number is 0; empty where 0 is a number like others.
+    unit: Unit | None  # How people type it; None where only parameter files set it.
+    option: str  # Name under which people type it, without the unit.
+    label: str  # What a form calls it.
+    title: str  # What a refusal calls it.
 
     @property
     def type_name(self) -> str:

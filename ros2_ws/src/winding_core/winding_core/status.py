@@ -18,19 +18,12 @@ class Level(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Status:
-    """State of one component.
+    """State of one component."""
 
-    Attributes:
-        name: "node: component".
-        level: Severity.
-        message: One sentence.
-        values: What was measured, as text.
-    """
-
-    name: str
-    level: Level = Level.OK
-    message: str = ""
-    values: Mapping[str, str] = field(default_factory=dict)
+    name: str  # "node: component".
+    level: Level = Level.OK  # Severity.
+    message: str = ""  # One sentence.
+    values: Mapping[str, str] = field(default_factory=dict)  # What was measured, as text.
 
 
 # Component of the orchestrator's status that carries the phase.

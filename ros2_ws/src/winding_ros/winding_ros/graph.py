@@ -23,36 +23,28 @@ class Policy(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class NodeSpec:
-    """One node of the graph; what it publishes stands with the topics.
+    """One node of the graph; what it publishes stands with the topics."""
 
-    Attributes:
-        name: Node name.
-        package: Python package; `python -m package` is the node's process.
-        parameters_class: Class in `package.ros.parameters` that states its parameters.
-        handler_class: Class in `package.ros.message_handler` that does its work; empty where
-            messages alone do not determine its answers.
-        inputs: Topics that the handler takes, those first that the others are read with: of what
-            has arrived together, and of messages with the same stamp, this is the order.
-        triggers: Those of them that are dealt with as soon as they come; the others are taken with
-            these, and every few milliseconds.
-        extra_subscriptions: Topics that the node subscribes to without its handler.
-        extra_publications: Topics that it publishes without its handler, as further threads end.
-        policy: What becomes of the run when the node fails.
-        publications: What it publishes where that differs from the topics' publishers.
-        arguments: Of that process, before those for ROS.
-    """
-
-    name: str
-    package: str = ""
-    parameters_class: str = ""
+    name: str  # Node name.
+    package: str = ""  # Python package; `python -m package` is the node's process.
+    parameters_class: str = ""  # Class in `package.ros.parameters` that states its parameters.
+    # Class in `package.ros.message_handler` that does its work; empty where messages alone do not
+    # determine its answers.
     handler_class: str = ""
+    # Topics that the handler takes, those first that the others are read with: of what has arrived
+    # together, and of messages with the same stamp, this is the order.
     inputs: tuple[Topic, ...] = ()
+    # Those of them that are dealt with as soon as they come; the others are taken with these, and
+    # every few milliseconds.
     triggers: tuple[Topic, ...] = ()
+    # Topics that the node subscribes to without its handler.
     extra_subscriptions: tuple[Topic, ...] = ()
+    # Topics that it publishes without its handler, as further threads end.
     extra_publications: tuple[Topic, ...] = ()
-    policy: Policy = Policy.END
+    policy: Policy = Policy.END  # What becomes of the run when the node fails.
+    # What it publishes where that differs from the topics' publishers.
     publications: tuple[Topic, ...] | None = None
-    arguments: tuple[str, ...] = ()
+    arguments: tuple[str, ...] = ()  # Of that process, before those for ROS.
 
     @property
     def command(self) -> tuple[str, ...]:

@@ -190,15 +190,10 @@ class MessageGuard:
 
 @dataclass(frozen=True, kw_only=True)
 class Rivals:
-    """Publishers of one topic, looked at again and again.
+    """Publishers of one topic, looked at again and again."""
 
-    Attributes:
-        since: When one name was first seen twice, or None [s].
-        sentence: Who contests the topic; empty when none does.
-    """
-
-    since: float | None = None
-    sentence: str = ""
+    since: float | None = None  # When one name was first seen twice, or None [s].
+    sentence: str = ""  # Who contests the topic; empty when none does.
 
     def look(self, topic: str, publishers: Iterable[Endpoint], now: float) -> Rivals:
         """Return the judgement of the publishers (namespace, node) at wall time `now` [s]."""

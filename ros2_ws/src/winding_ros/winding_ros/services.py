@@ -17,19 +17,12 @@ from winding_ros.topics import LAY_CONTROL, ORCHESTRATOR, RECORDER, RIG, RUN_SER
 
 @dataclass(frozen=True, kw_only=True)
 class Service:
-    """One service of the graph contract; the lifecycle and parameter services come from rclpy.
+    """One service of the graph contract; the lifecycle and parameter services come from rclpy."""
 
-    Attributes:
-        name: Relative to the graph's namespace.
-        type: Service class.
-        server: Name of the node that serves it.
-        description: One line for the interface table.
-    """
-
-    name: str
-    type: Any
-    server: str
-    description: str
+    name: str  # Relative to the graph's namespace.
+    type: Any  # Service class.
+    server: str  # Name of the node that serves it.
+    description: str  # One line for the interface table.
 
     @property
     def type_name(self) -> str:

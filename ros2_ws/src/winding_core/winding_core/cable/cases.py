@@ -14,22 +14,14 @@ from winding_core.units import MEGAPASCAL, MILLIMETRE
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """Measured properties of the cable's material (paper, section 2: silicone rubber).
+    """Measured properties of the cable's material (paper, section 2: silicone rubber)."""
 
-    Attributes:
-        young: Young's modulus E [Pa].
-        poisson: Poisson's ratio.
-        density: Mass density [kg/m^3].
-        axial_factor: Factor on the axial stiffness EA of the round section.
-        bending_factor: Factor on its bending stiffness EI.
-        prony: How the axial stress fades; `young` is the modulus at once.
-    """
-
-    young: float = 2.6e6
-    poisson: float = 0.47
-    density: float = 1337.0
-    axial_factor: float = 1.0
-    bending_factor: float = 1.0
+    young: float = 2.6e6  # Young's modulus E [Pa].
+    poisson: float = 0.47  # Poisson's ratio.
+    density: float = 1337.0  # Mass density [kg/m^3].
+    axial_factor: float = 1.0  # Factor on the axial stiffness EA of the round section.
+    bending_factor: float = 1.0  # Factor on its bending stiffness EI.
+    # How the axial stress fades; `young` is the modulus at once.
     prony: PronySeries = field(default_factory=PronySeries)
 
     def __post_init__(self) -> None:
@@ -55,25 +47,15 @@ class Material:
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One winding condition.
+    """One winding condition."""
 
-    Attributes:
-        number: Row of Table 1, or 0 for any other condition.
-        cylinder_diameter: [m]
-        cable_diameter: Undeformed [m]
-        weight: Force of the dead weight on the cable's end [N].
-        marker_spacing: Distance of neighbouring markers along the undeformed cable [m].
-        marker_count: Markers after P0.
-        material: The cable's material.
-    """
-
-    number: int = 0
-    cylinder_diameter: float
-    cable_diameter: float
-    weight: float
-    marker_spacing: float
-    marker_count: int = 4
-    material: Material = field(default_factory=Material)
+    number: int = 0  # Row of Table 1, or 0 for any other condition.
+    cylinder_diameter: float  # [m]
+    cable_diameter: float  # Undeformed [m]
+    weight: float  # Force of the dead weight on the cable's end [N].
+    marker_spacing: float  # Distance of neighbouring markers along the undeformed cable [m].
+    marker_count: int = 4  # Markers after P0.
+    material: Material = field(default_factory=Material)  # The cable's material.
 
     def __post_init__(self) -> None:
         _positive("cylinder_diameter", self.cylinder_diameter, "m")
@@ -165,23 +147,14 @@ def _positive(name: str, value: float, unit: str = "") -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedCondition:
-    """One row of Table 1, in SI.
+    """One row of Table 1, in SI."""
 
-    Attributes:
-        case: 1 to 12.
-        cylinder_diameter: [m].
-        cable_diameter: [m].
-        nominal_stress: Weight over the undeformed section [Pa].
-        weight: [N].
-        marker_spacing: Along the undeformed cable [m].
-    """
-
-    case: int
-    cylinder_diameter: float
-    cable_diameter: float
-    nominal_stress: float
-    weight: float
-    marker_spacing: float
+    case: int  # 1 to 12.
+    cylinder_diameter: float  # [m].
+    cable_diameter: float  # [m].
+    nominal_stress: float  # Weight over the undeformed section [Pa].
+    weight: float  # [N].
+    marker_spacing: float  # Along the undeformed cable [m].
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,25 +168,16 @@ class Lay:
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedMarker:
-    """One marker of one case: Tables 2-4 (theta, z), 5-6 (S), 7 and 8 (errors in percent).
+    """One marker of one case: Tables 2-4 (theta, z), 5-6 (S), 7 and 8 (errors in percent)."""
 
-    Attributes:
-        case: 1 to 12.
-        marker: n of Pn.
-        original_length: From P0 along the undeformed cable [m].
-        simulation: The paper's finite elements.
-        experiment: The measurement; None, like both errors, where the paper prints a dash.
-        error_pct: Table 7 [%].
-        updated_error_pct: Table 8 [%].
-    """
-
-    case: int
-    marker: int
-    original_length: float
-    simulation: Lay
+    case: int  # 1 to 12.
+    marker: int  # n of Pn.
+    original_length: float  # From P0 along the undeformed cable [m].
+    simulation: Lay  # The paper's finite elements.
+    # The measurement; None, like both errors, where the paper prints a dash.
     experiment: Lay | None
-    error_pct: float | None
-    updated_error_pct: float | None
+    error_pct: float | None  # Table 7 [%].
+    updated_error_pct: float | None  # Table 8 [%].
 
 
 @cache

@@ -12,21 +12,13 @@ from winding_core.units import MILLIMETRE
 
 @dataclass(frozen=True, kw_only=True)
 class WoundLabel:
-    """A condition's name, its measures and its length.
+    """A condition's name, its measures and its length."""
 
-    Attributes:
-        case: Row of the paper's Table 1; 0 for any other condition.
-        cylinder_diameter: [m]
-        cable_diameter: [m]
-        weight: Pull on the cable [N].
-        duration: Of the run, on the machine's clock [s].
-    """
-
-    case: int
-    cylinder_diameter: float
-    cable_diameter: float
-    weight: float
-    duration: float
+    case: int  # Row of the paper's Table 1; 0 for any other condition.
+    cylinder_diameter: float  # [m]
+    cable_diameter: float  # [m]
+    weight: float  # Pull on the cable [N].
+    duration: float  # Of the run, on the machine's clock [s].
 
     @classmethod
     def of(cls, condition: ResolvedCondition) -> Self:

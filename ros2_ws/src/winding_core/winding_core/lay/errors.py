@@ -22,15 +22,10 @@ _WIDEST_HOLE = 0.5 * math.pi
 
 @dataclass(frozen=True, kw_only=True)
 class WantedLine:
-    """Where the cable is wanted, as samples of it say.
+    """Where the cable is wanted, as samples of it say."""
 
-    Attributes:
-        theta: Wound angles, ascending [rad], shape (n,).
-        z: Wanted axial position there [m], shape (n,).
-    """
-
-    theta: Array
-    z: Array
+    theta: Array  # Wound angles, ascending [rad], shape (n,).
+    z: Array  # Wanted axial position there [m], shape (n,).
 
     @classmethod
     def of(cls, theta: ArrayLike, z: ArrayLike) -> WantedLine:
@@ -60,29 +55,17 @@ class WantedLine:
 
 @dataclass(frozen=True, kw_only=True)
 class TurnError:
-    """One turn of a lay; z are means over the places that were measured in it.
+    """One turn of a lay; z are means over the places that were measured in it."""
 
-    Attributes:
-        number: Of the turn, 1 for the one that begins at P0.
-        wanted_z: [m]
-        measured_z: [m]
-        mean: Of measured less wanted [m].
-        rms: Of the same [m].
-        largest: Of the same by magnitude, with its sign [m].
-        sigma_z: One standard deviation of a measured place [m].
-        places: How many there are.
-        whole: Whether they leave no hole of a quarter turn.
-    """
-
-    number: int
-    wanted_z: float
-    measured_z: float
-    mean: float
-    rms: float
-    largest: float
-    sigma_z: float
-    places: int
-    whole: bool
+    number: int  # Of the turn, 1 for the one that begins at P0.
+    wanted_z: float  # [m]
+    measured_z: float  # [m]
+    mean: float  # Of measured less wanted [m].
+    rms: float  # Of the same [m].
+    largest: float  # Of the same by magnitude, with its sign [m].
+    sigma_z: float  # One standard deviation of a measured place [m].
+    places: int  # How many there are.
+    whole: bool  # Whether they leave no hole of a quarter turn.
 
 
 def lay_errors(places: LayRecords, wanted: WantedLine) -> Array:
@@ -143,18 +126,12 @@ class LayTolerance:
 
 @dataclass(frozen=True, kw_only=True)
 class LayVerdict:
-    """Whether a lay keeps its tolerance.
+    """Whether a lay keeps its tolerance."""
 
-    Attributes:
-        tolerance: [m]
-        kept: None where that cannot be judged.
-        sentence: What was found.
-        worst: The turn that lies farthest off among those that are judged; None without any.
-    """
-
-    tolerance: float
-    kept: bool | None
-    sentence: str
+    tolerance: float  # [m]
+    kept: bool | None  # None where that cannot be judged.
+    sentence: str  # What was found.
+    # The turn that lies farthest off among those that are judged; None without any.
     worst: TurnError | None = None
 
 

@@ -21,23 +21,16 @@ class LayProgram:
 
     Between its points the cable is wanted on straight lines of z over the wound angle, that is
     on helices. A dwell is an angle in which z stays; at a reversal z turns back.
-
-    Attributes:
-        theta: Wound angles, strictly ascending from 0 [rad], shape (n,), n >= 2.
-        z: Axial position there [m], shape (n,); 0 at P0.
-        tension: Pull at the guide from this point on [N], shape (n,); nan where the condition's
-            weight pulls.
-        markers: Wound angle at which marker n is wanted to land [rad], by n; ascending.
-        name: As reports write it.
-        remarks: What its reader has to say of it, a sentence each.
     """
 
-    theta: Array
-    z: Array
+    theta: Array  # Wound angles, strictly ascending from 0 [rad], shape (n,), n >= 2.
+    z: Array  # Axial position there [m], shape (n,); 0 at P0.
+    # Pull at the guide from this point on [N], shape (n,); nan where the condition's weight pulls.
     tension: Array = field(default_factory=lambda: np.empty(0))
+    # Wound angle at which marker n is wanted to land [rad], by n; ascending.
     markers: Mapping[int, float] = field(default_factory=dict)
-    name: str = "lay program"
-    remarks: tuple[str, ...] = ()
+    name: str = "lay program"  # As reports write it.
+    remarks: tuple[str, ...] = ()  # What its reader has to say of it, a sentence each.
 
     def __post_init__(self) -> None:
         theta = np.asarray(self.theta, dtype=float)

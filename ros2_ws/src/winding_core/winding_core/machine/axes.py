@@ -86,21 +86,13 @@ class MachineAxes:
 
 @dataclass(frozen=True, kw_only=True)
 class JointSample:
-    """Both joints at one instant, in their own units.
+    """Both joints at one instant, in their own units."""
 
-    Attributes:
-        t: [s]
-        cylinder: Position of the cylinder's joint.
-        carriage: Position of the carriage's joint.
-        cylinder_speed: nan where the driver reports none.
-        carriage_speed: nan where the driver reports none.
-    """
-
-    t: float
-    cylinder: float
-    carriage: float
-    cylinder_speed: float = math.nan
-    carriage_speed: float = math.nan
+    t: float  # [s]
+    cylinder: float  # Position of the cylinder's joint.
+    carriage: float  # Position of the carriage's joint.
+    cylinder_speed: float = math.nan  # nan where the driver reports none.
+    carriage_speed: float = math.nan  # nan where the driver reports none.
 
 
 class AxisReader:

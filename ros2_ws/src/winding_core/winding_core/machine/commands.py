@@ -13,14 +13,10 @@ AXES = {CYLINDER: "rad", CARRIAGE: "m"}
 
 @dataclass(frozen=True, kw_only=True)
 class AxisTarget:
-    """Where an axis shall be, or how fast it shall go.
+    """Where an axis shall be, or how fast it shall go."""
 
-    Attributes:
-        position: [rad or m]; None to command the speed alone.
-        speed: [rad/s or m/s]; beside a position, the speed at which that changes.
-    """
-
-    position: float | None = None
+    position: float | None = None  # [rad or m]; None to command the speed alone.
+    # [rad/s or m/s]; beside a position, the speed at which that changes.
     speed: float | None = None
 
     @property
@@ -36,15 +32,10 @@ class AxisTarget:
 
 @dataclass(frozen=True, kw_only=True)
 class JointTargets:
-    """Targets of one or both axes, as a stream of them or one that changed.
+    """Targets of one or both axes, as a stream of them or one that changed."""
 
-    Attributes:
-        t: When they hold [s]; 0 for now.
-        axes: By name of the axis.
-    """
-
-    t: float
-    axes: Mapping[str, AxisTarget]
+    t: float  # When they hold [s]; 0 for now.
+    axes: Mapping[str, AxisTarget]  # By name of the axis.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,30 +48,19 @@ class Motion:
 
 @dataclass(frozen=True, kw_only=True)
 class Waypoint:
-    """A point of a trajectory.
+    """A point of a trajectory."""
 
-    Attributes:
-        t: Time, from the trajectory's start or absolute [s].
-        position: [rad or m]
-        speed: [rad/s or m/s]; None where positions alone are given.
-    """
-
-    t: float
-    position: float
-    speed: float | None = None
+    t: float  # Time, from the trajectory's start or absolute [s].
+    position: float  # [rad or m]
+    speed: float | None = None  # [rad/s or m/s]; None where positions alone are given.
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointTrajectory:
-    """A trajectory of one or both axes; axes without waypoints hold.
+    """A trajectory of one or both axes; axes without waypoints hold."""
 
-    Attributes:
-        t: When it begins [s]; 0 for now.
-        axes: Waypoints from its start by name of the axis.
-    """
-
-    t: float
-    axes: Mapping[str, tuple[Waypoint, ...]]
+    t: float  # When it begins [s]; 0 for now.
+    axes: Mapping[str, tuple[Waypoint, ...]]  # Waypoints from its start by name of the axis.
 
 
 @dataclass(frozen=True, kw_only=True)

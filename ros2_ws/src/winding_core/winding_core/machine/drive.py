@@ -19,17 +19,12 @@ PAPER_DURATION = 20.0
 
 @dataclass(frozen=True, kw_only=True)
 class DriveProfile:
-    """Speeds of cylinder and carriage over time.
+    """Speeds of cylinder and carriage over time."""
 
-    Attributes:
-        angular_speed: Cylinder speed after the ramp, omega_max [rad/s].
-        feed_speed: Carriage speed after the ramp, delta_max [m/s]; negative towards -z.
-        ramp_time: Time in which both reach their maximum, T_s [s].
-    """
-
-    angular_speed: float = PAPER_ANGULAR_SPEED
+    angular_speed: float = PAPER_ANGULAR_SPEED  # Cylinder speed after the ramp, omega_max [rad/s].
+    # Carriage speed after the ramp, delta_max [m/s]; negative towards -z.
     feed_speed: float = PAPER_FEED_SPEED
-    ramp_time: float = PAPER_RAMP_TIME
+    ramp_time: float = PAPER_RAMP_TIME  # Time in which both reach their maximum, T_s [s].
 
     def __post_init__(self) -> None:
         for name in ("angular_speed", "feed_speed", "ramp_time"):
@@ -108,14 +103,12 @@ class TurningDrive(DriveProfile):
     The guide goes from feed to feed backwards as quickly as it comes from standstill to feed, with
     the cylinder at full speed, so that it turns at the position. Unwinding turns both axes back
     along the same way, from full speed to full speed backwards in twice the ramp time.
-
-    Attributes:
-        guide_turns_at: Carriage position at which the guide turns back [m], with the sign of the
-            feed; None for a guide that never does.
-        unwinds_from: Time at which both axes begin to turn back [s]; None: never.
     """
 
+    # Carriage position at which the guide turns back [m], with the sign of the feed; None for a
+    # guide that never does.
     guide_turns_at: float | None = None
+    # Time at which both axes begin to turn back [s]; None: never.
     unwinds_from: float | None = None
 
     def __post_init__(self) -> None:

@@ -150,21 +150,13 @@ _SLACK = (0.02, 1.0e-4)
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingLimits:
-    """Limits of one run's readings, generous compared with a healthy machine.
+    """Limits of one run's readings, generous compared with a healthy machine."""
 
-    Attributes:
-        weight: Dead weight on the cable [N].
-        angular_speed: Full speed of the cylinder [rad/s]; the sign does not count.
-        feed_speed: Full speed of the carriage [m/s]; the sign does not count.
-        tension_factor: Largest tension, as a share of the weight.
-        speed_factor: Largest speed, as a share of full speed.
-    """
-
-    weight: float
-    angular_speed: float
-    feed_speed: float
-    tension_factor: float = 5.0
-    speed_factor: float = 3.0
+    weight: float  # Dead weight on the cable [N].
+    angular_speed: float  # Full speed of the cylinder [rad/s]; the sign does not count.
+    feed_speed: float  # Full speed of the carriage [m/s]; the sign does not count.
+    tension_factor: float = 5.0  # Largest tension, as a share of the weight.
+    speed_factor: float = 3.0  # Largest speed, as a share of full speed.
 
     def against_tension(self, force: float) -> str:
         """Return why a tension [N] cannot be, or nothing."""

@@ -7,38 +7,23 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class AxisReading:
-    """Cylinder and carriage, measured or commanded.
+    """Cylinder and carriage, measured or commanded."""
 
-    Attributes:
-        cylinder_angle: Theta [rad], unwrapped.
-        angular_speed: [rad/s]
-        carriage_position: Way of the guide along +z since the start [m].
-        feed_speed: [m/s]
-    """
-
-    cylinder_angle: float
-    angular_speed: float
-    carriage_position: float
-    feed_speed: float
+    cylinder_angle: float  # Theta [rad], unwrapped.
+    angular_speed: float  # [rad/s]
+    carriage_position: float  # Way of the guide along +z since the start [m].
+    feed_speed: float  # [m/s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """What a sensor of the machine measures, one number at a time.
+    """What a sensor of the machine measures, one number at a time."""
 
-    Attributes:
-        name: Such as tension.
-        unit: Of the number, SI.
-        sensor: What measures it; the frame of its messages.
-        field: Where the number stands in a message, with dots between nested fields.
-        digits: Decimals that an operator reads.
-    """
-
-    name: str
-    unit: str
-    sensor: str
-    field: str
-    digits: int = 2
+    name: str  # Such as tension.
+    unit: str  # Of the number, SI.
+    sensor: str  # What measures it; the frame of its messages.
+    field: str  # Where the number stands in a message, with dots between nested fields.
+    digits: int = 2  # Decimals that an operator reads.
 
 
 CABLE_TENSION = Quantity(name="tension", unit="N", sensor="load_cell", field="wrench.force.x")
@@ -46,18 +31,10 @@ CABLE_TENSION = Quantity(name="tension", unit="N", sensor="load_cell", field="wr
 
 @dataclass(frozen=True, kw_only=True)
 class ImageWindow:
-    """The part of the full sensor that a frame shows (REP-104).
+    """The part of the full sensor that a frame shows (REP-104)."""
 
-    Attributes:
-        x_offset: Left edge in full-resolution pixels.
-        y_offset: Top edge in full-resolution pixels.
-        width: Full-resolution width; 0 means the whole sensor.
-        height: Full-resolution height; 0 means the whole sensor.
-        binning: Full-resolution pixels per frame pixel along each side.
-    """
-
-    x_offset: int = 0
-    y_offset: int = 0
-    width: int = 0
-    height: int = 0
-    binning: int = 1
+    x_offset: int = 0  # Left edge in full-resolution pixels.
+    y_offset: int = 0  # Top edge in full-resolution pixels.
+    width: int = 0  # Full-resolution width; 0 means the whole sensor.
+    height: int = 0  # Full-resolution height; 0 means the whole sensor.
+    binning: int = 1  # Full-resolution pixels per frame pixel along each side.

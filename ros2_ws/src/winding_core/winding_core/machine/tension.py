@@ -41,21 +41,13 @@ class DeadWeight:
 
 @dataclass(frozen=True, kw_only=True)
 class RigTension:
-    """Calibratable rig: (F0 + a T_w + b (D / 45 mm - 1)) [f0 + (1 - f0)(1 - exp(-s / L_c))].
+    """Calibratable rig: (F0 + a T_w + b (D / 45 mm - 1)) [f0 + (1 - f0)(1 - exp(-s / L_c))]."""
 
-    Attributes:
-        offset: F0 [N].
-        weight_share: a.
-        diameter_gain: b [N].
-        start_share: f0, share of the final tension at the start.
-        build_up_length: L_c [m] of wound cable.
-    """
-
-    offset: float = 0.0
-    weight_share: float = 1.0
-    diameter_gain: float = 0.0
-    start_share: float = 1.0
-    build_up_length: float = 0.255
+    offset: float = 0.0  # F0 [N].
+    weight_share: float = 1.0  # a.
+    diameter_gain: float = 0.0  # b [N].
+    start_share: float = 1.0  # f0, share of the final tension at the start.
+    build_up_length: float = 0.255  # L_c [m] of wound cable.
 
     def __post_init__(self) -> None:
         for name in ("offset", "weight_share", "diameter_gain", "start_share"):
@@ -109,16 +101,11 @@ _HIGH = (10.0, 2.0, 10.0, 1.5, 5.0)
 
 @dataclass(frozen=True, kw_only=True)
 class TensionFit:
-    """A fitted span-tension law.
+    """A fitted span-tension law."""
 
-    Attributes:
-        tension: The law.
-        residuals: At the fit, shape (n,).
-        standard_errors: Of the law's five numbers, in order, from the fit's curvature.
-    """
-
-    tension: RigTension
-    residuals: Array
+    tension: RigTension  # The law.
+    residuals: Array  # At the fit, shape (n,).
+    # Of the law's five numbers, in order, from the fit's curvature.
     standard_errors: tuple[float, ...]
 
 

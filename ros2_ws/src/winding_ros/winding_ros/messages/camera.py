@@ -22,21 +22,13 @@ DISTORTION_MODEL = "plumb_bob"
 
 @dataclass(frozen=True, kw_only=True)
 class CameraReading:
-    """Content of a CameraInfo.
+    """Content of a CameraInfo."""
 
-    Attributes:
-        width: Full-resolution sensor width [px].
-        height: Full-resolution sensor height [px].
-        matrix: Full-resolution K, shape (3, 3) [px].
-        distortion: plumb_bob k1, k2, p1, p2, k3, shape (5,).
-        window: Part of the sensor that the frames show.
-    """
-
-    width: int
-    height: int
-    matrix: NDArray[np.float64]
-    distortion: NDArray[np.float64]
-    window: ImageWindow
+    width: int  # Full-resolution sensor width [px].
+    height: int  # Full-resolution sensor height [px].
+    matrix: NDArray[np.float64]  # Full-resolution K, shape (3, 3) [px].
+    distortion: NDArray[np.float64]  # plumb_bob k1, k2, p1, p2, k3, shape (5,).
+    window: ImageWindow  # Part of the sensor that the frames show.
 
 
 def encode_image(t: float, frame: NDArray[np.uint8]) -> bytes:

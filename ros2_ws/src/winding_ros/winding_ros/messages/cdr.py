@@ -150,13 +150,9 @@ class CdrReader:
 
 @dataclass(frozen=True)
 class Template:
-    """The bytes of a message, filled in again and again, by several threads if need be.
+    """The bytes of a message, filled in again and again, by several threads if need be."""
 
-    Attributes:
-        data: CDR bytes of the message as it is, except for what is filled in.
-    """
-
-    data: bytes
+    data: bytes  # CDR bytes of the message as it is, except for what is filled in.
 
     @classmethod
     def of(cls, message: Any) -> Template:

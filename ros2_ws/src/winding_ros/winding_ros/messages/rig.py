@@ -225,18 +225,12 @@ def decode_clock(message: Clock) -> tuple[float, None]:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointStateLayout:
-    """Where the numbers of two joints stand in the messages of one driver.
+    """Where the numbers of two joints stand in the messages of one driver."""
 
-    Attributes:
-        size: Of a message [bytes].
-        fixed: What does not change: names and counts.
-        positions: Offsets of both positions.
-        velocities: Offsets of both velocities; None for joints without.
-    """
-
-    size: int
-    fixed: tuple[tuple[slice, bytes], ...]
-    positions: tuple[int, int]
+    size: int  # Of a message [bytes].
+    fixed: tuple[tuple[slice, bytes], ...]  # What does not change: names and counts.
+    positions: tuple[int, int]  # Offsets of both positions.
+    # Offsets of both velocities; None for joints without.
     velocities: tuple[int | None, int | None]
 
     @classmethod

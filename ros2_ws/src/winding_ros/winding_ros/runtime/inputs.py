@@ -22,21 +22,13 @@ LOOK_PERIOD = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class Input:
-    """One of the topics that a node deals with.
+    """One of the topics that a node deals with."""
 
-    Attributes:
-        topic: Which.
-        take: Gets each message, in CDR bytes.
-        found: Gets the number of messages that waited at each wake-up.
-        triggers: Whether a message is taken at once; otherwise it waits for the next look.
-        events: Called when publishers do not match.
-    """
-
-    topic: Topic
-    take: Callable[[Delivered], None]
-    found: Callable[[int], None]
-    triggers: bool
-    events: SubscriptionEventCallbacks
+    topic: Topic  # Which.
+    take: Callable[[Delivered], None]  # Gets each message, in CDR bytes.
+    found: Callable[[int], None]  # Gets the number of messages that waited at each wake-up.
+    triggers: bool  # Whether a message is taken at once; otherwise it waits for the next look.
+    events: SubscriptionEventCallbacks  # Called when publishers do not match.
 
 
 class Inputs:
