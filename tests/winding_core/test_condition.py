@@ -20,16 +20,19 @@ def test_a_case_stays_the_paper_s() -> None:
     assert (what.free_length, what.tension_law) == (PAPER_FREE_LENGTH, DeadWeight())
 
 
-@pytest.mark.parametrize("typed", [{"young_mpa": 4.0}, {"tension_n": 2.0}, {"axial_factor": 0.9}])
-def test_another_cable_is_no_case_of_the_paper(typed: dict[str, object]) -> None:
+@pytest.mark.parametrize(
+    ("typed", "number", "markers"),
+    [
+        ({"young_mpa": 4.0}, 0, 4), ({"tension_n": 2.0}, 0, 4), ({"axial_factor": 0.9}, 0, 4),
+        # Further markers keep the case, and were not measured.
+        ({"markers": 6}, 4, 6),
+    ],
+)  # fmt: skip
+def test_another_cable_is_no_published_case(
+    typed: dict[str, object], number: int, markers: int
+) -> None:
     case = Condition.from_typed({"case": 4, **typed}).resolved().case
-    assert case.number == 0
-    assert not case.is_published
-
-
-def test_further_markers_keep_the_case_and_were_not_measured() -> None:
-    case = Condition.from_typed({"case": 4, "markers": 6}).resolved().case
-    assert (case.number, case.marker_count) == (4, 6)
+    assert (case.number, case.marker_count) == (number, markers)
     assert not case.is_published
 
 

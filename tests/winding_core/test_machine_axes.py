@@ -74,27 +74,24 @@ def test_a_wrong_direction_or_unit_is_named(angle: float, way: float, sentence: 
     assert sentence in wrong_axis(reading(angle * theta, way * z), 1.0, DRIVE)
 
 
-@pytest.mark.parametrize("way", [1.0, 0.3])
-def test_a_controlled_carriage_may_go_ahead_of_the_cable(way: float) -> None:
+@pytest.mark.parametrize(
+    ("share", "ahead", "lead"),
+    [
+        # A controlled carriage may go ahead of the cable, or backwards where it is wanted there.
+        (1.0, 0.033, 0.033), (1.0, 0.0099, 0.033), (1.0, -0.033, -0.033),
+        # A machine that is slower than the condition.
+        (0.2, 0.0, 0.0),
+    ],
+)  # fmt: skip
+def test_other_motion_is_no_wrong_axis(share: float, ahead: float, lead: float) -> None:
     theta, z = DRIVE.positions(1.0)
-    ahead = reading(theta, z + way * 0.033)
-    assert wrong_axis(ahead, 1.0, DRIVE, 0.033) == ""
-    assert "must give metres" in wrong_axis(reading(theta, 1000.0 * z), 1.0, DRIVE, 0.033)
-
-
-def test_a_carriage_that_is_wanted_backwards_may_go_there() -> None:
-    theta, z = DRIVE.positions(1.0)
-    assert wrong_axis(reading(theta, z - 0.033), 1.0, DRIVE, -0.033) == ""
+    assert wrong_axis(reading(share * theta, share * z + ahead), 1.0, DRIVE, lead) == ""
+    assert "must give metres" in wrong_axis(reading(theta, 1000.0 * z), 1.0, DRIVE, abs(lead))
 
 
 def test_swapped_axes_are_named() -> None:
     theta, z = DRIVE.positions(1.0)
     assert "are swapped" in wrong_axis(reading(z, theta), 1.0, DRIVE)
-
-
-def test_a_slower_machine_than_the_condition_is_no_wrong_axis() -> None:
-    theta, z = DRIVE.positions(1.0)
-    assert wrong_axis(reading(0.2 * theta, 0.2 * z), 1.0, DRIVE) == ""
 
 
 def test_a_run_begins_with_the_first_motion_and_half_a_second_of_standstill() -> None:

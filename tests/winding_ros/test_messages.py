@@ -49,7 +49,6 @@ from winding_ros.messages.rig import (
     encode_tension,
 )
 from winding_ros.messages.serialised import MessageError
-from winding_ros.messages.stamps import serialised_stamp_ns
 
 JOINTS = ["carriage_joint", "cylinder_joint"]
 READING = AxisReading(
@@ -140,10 +139,6 @@ def test_what_a_topic_does_not_promise_is_refused(
     if isinstance(message, Image):
         with pytest.raises(MessageError, match=sentence):
             decode(serialize_message(message))
-
-
-def test_stamp_is_read_from_serialised_bytes() -> None:
-    assert serialised_stamp_ns(encode_joint_state(3.217, READING)) == 3_217_000_000
 
 
 def test_joint_order_does_not_matter() -> None:

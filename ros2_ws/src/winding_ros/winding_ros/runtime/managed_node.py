@@ -69,7 +69,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._silent_periods = 0
         # Wall time: a stopped simulation must still say that it is stopped.
         self._watch = self.create_timer(
-            _WATCH_PERIOD, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME)
+            _WATCH_PERIOD, self._publish_diagnostics, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
 
     def configure(self) -> None:
@@ -212,7 +212,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             response.success = False
             return response
 
-    def _report(self) -> None:
+    def _publish_diagnostics(self) -> None:
         if self._fatal is not None:
             raise self._fatal
         self._heartbeat.beat()
