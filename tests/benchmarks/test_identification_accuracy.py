@@ -21,8 +21,8 @@ from cable_fem_node.identification import (
     identify_modulus,
     with_young,
 )
-from cable_fem_node.winding.overlap import OverlapError
 from cable_fem_node.winding.prediction import Prediction, predict
+from cable_fem_node.winding.validity import OverlapError
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
 from winding_core.drive import PAPER_DURATION, DriveProfile

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from cable_fem_node.winding.discretisation import discretisation_error
-from cable_fem_node.winding.lift_off import lift_off_angle
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
+from cable_fem_node.winding.winding_model import lift_off_angle
 from winding_core.cases import paper_case
 
 

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from cable_fem_node.dynamics.failure import DivergenceError, ImpossibleResultError
-from cable_fem_node.ros.prediction_task import PredictionTask
+from cable_fem_node.ros.background import PredictionTask
 from cable_fem_node.winding.prediction import PlannedRun, predict
-from cable_fem_node.winding.replay import AbandonedError
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.run_ahead import RunAhead
+from cable_fem_node.winding.run_ahead import AbandonedError, RunAhead
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
 from winding_core.markers import Markers, is_wound

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cable_fem_node.winding.replay import AbandonedError, replay
 from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.run_ahead import AbandonedError, replay
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile

@@ -11,9 +11,9 @@ import pytest
 
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
-from cable_fem_node.winding.overlap import OverlapError, refuse_crossing
 from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.validity import OverlapError, refuse_crossing
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.winding.overlap import OverlapError
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.validity import OverlapError
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Case, Material, paper_case
 from winding_core.drive import DriveProfile

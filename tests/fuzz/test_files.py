@@ -14,7 +14,7 @@ import yaml
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.identification.tracked_run import IdentificationError
 from correction_node.models.dataset import parse_lengths
 from marker_tracker_node.camera.calibration import CalibrationError, read_camera
 from marker_tracker_node.camera.frame_sources import FrameSource

@@ -13,8 +13,8 @@ import psutil
 import pyarrow.parquet as pq
 import pytest
 
-from cable_fem_node.winding.overlap import OverlapError
 from cable_fem_node.winding.prediction import PlannedRun
+from cable_fem_node.winding.validity import OverlapError
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Case, paper_case
 from winding_core.drive import DriveProfile

@@ -10,10 +10,9 @@ from rclpy.clock import Clock, ClockType
 from rclpy.timer import Timer
 
 from cable_fem_node.identification.live_material import LiveMaterial, MaterialUpdate, work_out
-from cable_fem_node.ros.background import BackgroundTask
+from cable_fem_node.ros.background import BackgroundTask, PredictionTask
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
-from cable_fem_node.ros.prediction_task import PredictionTask
 from winding_core.markers import MARKER_DTYPE
 from winding_core.material_report import MaterialReport, refused_material
 from winding_core.status import Level, Status

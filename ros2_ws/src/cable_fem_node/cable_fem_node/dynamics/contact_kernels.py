@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.contact import ContactLaw
 from cable_fem_node.dynamics.points import (
     LOSS_CONTACT,
     LOSS_FRICTION,
@@ -12,7 +13,6 @@ from cable_fem_node.dynamics.points import (
     FloatArray,
     Points,
 )
-from cable_fem_node.dynamics.surroundings import Touch
 
 # Share of its depth by which a landing node comes back in a step at most.
 _RETURN = 0.25
@@ -30,7 +30,7 @@ def touch_cylinder(
     mass: FloatArray,
     net: FloatArray,
     couple: FloatArray,
-    k: Touch,
+    k: ContactLaw,
     ledger: FloatArray,
     rolling: bool,
     edge: int,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_fem_node.dynamics.contact import ContactLaw
 from cable_fem_node.dynamics.points import (
     LOSS_CONTACT,
     LOSS_DAMPING,
@@ -18,7 +19,6 @@ from cable_fem_node.dynamics.points import (
     WORK_TIE,
     Points,
 )
-from cable_fem_node.dynamics.surroundings import Touch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +98,7 @@ class EnergyLedger:
         return self.kinetic / self.internal if self.internal > 0.0 else 0.0
 
 
-def contact_energy(points: Points, touch: Touch, nodes: int | None = None) -> float:
+def contact_energy(points: Points, touch: ContactLaw, nodes: int | None = None) -> float:
     """Return the energy [J] in the normal and stick springs of the first nodes, or of all."""
     touching = np.flatnonzero(points.touching[:nodes])
     radius = np.hypot(points.position[0, touching], points.position[1, touching])

@@ -12,16 +12,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
-from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import LEDGER_SIZE, FloatArray, Points, empty_points
-from cable_fem_node.dynamics.surroundings import (
+from cable_fem_node.dynamics.contact import (
+    BoundaryConditions,
+    ContactLaw,
     CylinderContact,
-    Surroundings,
-    Touch,
     normal_forces,
     penalty,
 )
+from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
+from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.dynamics.points import LEDGER_SIZE, FloatArray, Points, empty_points
 
 AXES = "xyz"
 
@@ -240,18 +240,18 @@ class ExplicitModel(ABC):
         net = float(np.abs(self._net_forces() * self._free).max())
         return net / max(self.force_scale(), 1.0e-30)
 
-    def _touch_constants(self) -> Touch:
+    def _touch_constants(self) -> ContactLaw:
         contact = self._contact
         if contact is None:
-            return Touch(1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+            return ContactLaw(1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
         typical = float(np.median(self.mass))
         return penalty(
             self.contact_stiffness(), typical, friction=contact.friction, stick_share=0.5
         )
 
-    def _surroundings(self, calming: bool) -> Surroundings:
+    def _surroundings(self, calming: bool) -> BoundaryConditions:
         contact = self._contact
-        return Surroundings(
+        return BoundaryConditions(
             mass=self.mass,
             free=self._free,
             driven=self._driven,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from cable_fem_node.dynamics.compile import called, kernel
+from cable_fem_node.dynamics.contact import BoundaryConditions, ContactLaw
 from cable_fem_node.dynamics.contact_kernels import touch_cylinder
 from cable_fem_node.dynamics.points import LOSS_DAMPING, WORK_SPAN, WORK_TIE, FloatArray, Points
-from cable_fem_node.dynamics.surroundings import Surroundings, Touch
 
 
 @called
@@ -31,9 +31,9 @@ def move(
     points: Points,
     net: FloatArray,
     couple: FloatArray,
-    around: Surroundings,
+    around: BoundaryConditions,
     load_factor: float,
-    touch: Touch,
+    touch: ContactLaw,
     ledger: FloatArray,
 ) -> float:
     """Add the cylinder's push and move every node by one step.

@@ -9,9 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.deviations import angle_covariance, chi_square, scatter_of
-from cable_fem_node.identification.rod_excess import RodExcess
-from cable_fem_node.identification.search import Family, FitConfig, Search
+from cable_fem_node.identification.search import (
+    Family,
+    FitConfig,
+    RodExcess,
+    Search,
+    angle_covariance,
+    chi_square,
+    scatter_of,
+)
 from cable_fem_node.identification.tracked_run import TrackedRun
 
 NORMAL_90 = 1.6448536269514722

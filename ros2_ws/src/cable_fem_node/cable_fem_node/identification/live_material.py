@@ -7,19 +7,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from cable_fem_node.dynamics.failure import SolverError
-from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.modulus import (
     ModulusEstimate,
     identify_modulus,
     with_young,
 )
-from cable_fem_node.identification.rod_excess import RodExcess
-from cable_fem_node.identification.search import FitConfig
+from cable_fem_node.identification.search import FitConfig, RodExcess
 from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
-from cable_fem_node.identification.tracked_run import Readings, TrackedRun
-from cable_fem_node.winding.replay import replay
+from cable_fem_node.identification.tracked_run import IdentificationError, Readings, TrackedRun
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.run_ahead import RunAhead
+from cable_fem_node.winding.run_ahead import RunAhead, replay
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.drive import DriveProfile
 from winding_core.markers import Markers

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.fit import Fit, fit, half_width
 from cable_fem_node.identification.quasi_static import softest_young
-from cable_fem_node.identification.rod_excess import RodExcess
 from cable_fem_node.identification.rod_run import with_law
-from cable_fem_node.identification.search import FitConfig
-from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.identification.search import FitConfig, RodExcess
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.material_law import MaterialLaw
 

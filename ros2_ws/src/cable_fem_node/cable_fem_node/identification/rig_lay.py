@@ -12,10 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.quasi_static import turning, unit_law
 from cable_fem_node.identification.rig import Rigs, rigs_of
-from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from winding_core.planned_inputs import continued_inputs
 
 # By least squares over 91 rods of 2.5 mm elements: the share of the lift-off angle by which the

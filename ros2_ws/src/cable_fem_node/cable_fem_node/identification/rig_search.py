@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.rig import RigPrior, Rigs
-from cable_fem_node.identification.rig_coordinates import COUNT, RigCoordinates
+from cable_fem_node.identification.rig import COUNT, RigCoordinates, RigPrior, Rigs
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_part import RigPart
 from cable_fem_node.identification.tracked_run import TrackedRun

@@ -8,12 +8,11 @@ from collections.abc import Callable
 
 from cable_fem_node.dynamics.failure import SolverError
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.quasi_static import strain
-from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.prediction import refuse_open_balance
-from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.run_ahead import replay
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.markers import is_wound
 from winding_core.material_law import MaterialLaw

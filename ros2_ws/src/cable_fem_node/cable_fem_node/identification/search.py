@@ -13,15 +13,100 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.deviations import angle_covariance, axial_covariance
-from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.quasi_static import lay
-from cable_fem_node.identification.rod_excess import RodExcess
 from cable_fem_node.identification.rod_run import wind
-from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from winding_core.material_law import MaterialLaw
+
+# An angle that is wrong by half of itself is no scatter any more.
+_MOST_SCATTER = 0.5
+
+
+def angle_covariance(
+    runs: Sequence[TrackedRun], model_share: float, scatter: float = 0.0
+) -> FloatArray:
+    """Return the covariance of all angles' residuals [rad^2], shape (n, n).
+
+    Args:
+        runs: Their markers follow each other.
+        model_share: Relative standard error of the model, common to all markers of a run.
+        scatter: Relative standard deviation of each marker by itself, beyond the tracker's.
+    """
+    from scipy.linalg import block_diag  # noqa: PLC0415 - see `Search.run`
+
+    blocks = []
+    for run in runs:
+        theta = run.readings.theta
+        own = np.diag(run.readings.sigma_theta**2 + (scatter * theta) ** 2)
+        blocks.append(own + model_share**2 * np.outer(theta, theta))
+    return np.asarray(block_diag(*blocks))
+
+
+def axial_covariance(runs: Sequence[TrackedRun], model_z: float) -> FloatArray:
+    """Return the covariance of all z residuals [m^2], shape (n, n)."""
+    return np.diag(np.concatenate([run.readings.sigma_z**2 + model_z**2 for run in runs]))
+
+
+def chi_square(left: FloatArray, covariance: FloatArray) -> float:
+    """Return the generalised sum of squares of residuals (m,) with covariance (m, m)."""
+    return float(left @ np.linalg.solve(covariance, left))
+
+
+def scatter_of(
+    left: FloatArray, degrees: int, runs: Sequence[TrackedRun], model_share: float
+) -> float:
+    """Return the scatter with which the residuals are as large as expected.
+
+    Mandel and Paule, J. Res. Natl. Bur. Stand. 87, 1982: the extra variance for which chi-square
+    equals its degrees of freedom.
+
+    Args:
+        left: Residuals of all angles [rad], whose chi-square without scatter exceeds `degrees`.
+        degrees: Angles less parameters, at least 1.
+        runs: Where they come from.
+        model_share: See `angle_covariance`.
+    """
+    from scipy.optimize import brentq  # noqa: PLC0415 - see `Search.run`
+
+    def excess(scatter: float) -> float:
+        return chi_square(left, angle_covariance(runs, model_share, scatter)) - degrees
+
+    if excess(_MOST_SCATTER) > 0.0:
+        return _MOST_SCATTER
+    return float(brentq(excess, 0.0, _MOST_SCATTER, xtol=1.0e-7))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RodExcess:
+    """What the rod said of one run's markers at the last material that it was asked for.
+
+    Attributes:
+        parameters: Of that material, shape (p,).
+        ids: n of Pn, ascending, shape (m,).
+        excess: Of the angles relative to the closed form's, then of z [m], shape (2 m,).
+        slope: Its change per parameter, shape (2 m, p).
+    """
+
+    parameters: FloatArray
+    ids: NDArray[np.int64]
+    excess: FloatArray
+    slope: FloatArray
+
+    def expected_for(self, ids: NDArray[np.int64]) -> RodExcess:
+        """Return what is to be expected of markers, which may have become more, shape (k,).
+
+        A share of the angle and a distance along the axis change little from one marker to the
+        next: one that the rod was not asked for takes those of the nearest before it.
+        """
+        nearest = np.maximum(np.searchsorted(self.ids, ids, side="right") - 1, 0)
+        rows = np.concatenate([nearest, nearest + self.ids.size])
+        return RodExcess(
+            parameters=self.parameters, ids=ids, excess=self.excess[rows], slope=self.slope[rows]
+        )
+
 
 Family = Callable[[FloatArray], MaterialLaw]
 

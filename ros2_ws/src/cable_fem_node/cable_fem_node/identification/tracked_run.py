@@ -9,9 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.run_history import Inputs
+
+
+class IdentificationError(ValueError):
+    """The material cannot be identified from what was given."""
+
 
 # What the tracker reaches on the small cylinder, for readings that bring no deviation.
 DEFAULT_SIGMA_THETA = 3.0e-3

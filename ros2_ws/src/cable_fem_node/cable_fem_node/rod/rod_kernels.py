@@ -13,9 +13,28 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.rod.rod_arrays import AxialResponse, Work
+
+
+@called
+def empty_work(capacity: int) -> Work:
+    """Return scratch arrays for so many nodes."""
+    rows = np.zeros((14, capacity))
+    return Work(
+        rows[0:3],
+        rows[3],
+        rows[4],
+        rows[5],
+        rows[6],
+        rows[7:10],
+        rows[10:13],
+        rows[13],
+    )
+
 
 # Below this value of 1 - cos(phi) (28 degrees) the series replaces acos: relative error 2e-12.
 SERIES_LIMIT = 0.12

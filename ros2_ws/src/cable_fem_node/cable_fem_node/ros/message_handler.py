@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.prediction import PlannedRun
-from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.run_ahead import FIRST_STEPS, RunAhead
+from cable_fem_node.winding.run_ahead import FIRST_STEPS, RunAhead, replay
 from winding_core.markers import CABLE_DTYPE, Markers
 from winding_core.motion_start import MotionStart
 from winding_core.reading_limits import ReadingLimits

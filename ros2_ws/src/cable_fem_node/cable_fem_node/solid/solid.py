@@ -11,9 +11,8 @@ from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.model import ExplicitModel
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.solid.hex_geometry import greatest_stiffness, hex_geometry
-from cable_fem_node.solid.hex_kernels import HexMesh, hex_forces
+from cable_fem_node.solid.hex_kernels import HexMesh, advance_solid, hex_forces
 from cable_fem_node.solid.solid_law import SolidLaw
-from cable_fem_node.solid.solid_step_kernels import advance_solid
 from winding_core.cases import Material
 
 

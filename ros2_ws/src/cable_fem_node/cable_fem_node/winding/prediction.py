@@ -13,8 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.failure import EnergyBalanceError, ImpossibleResultError
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.winding.overlap import FULL_TURN, refuse_overlap, refuse_past_the_start
-from cable_fem_node.winding.validity import Check, checks_of, motion_check, refuse, rod_checks
+from cable_fem_node.winding.validity import (
+    FULL_TURN,
+    Check,
+    checks_of,
+    motion_check,
+    refuse,
+    refuse_overlap,
+    refuse_past_the_start,
+    rod_checks,
+)
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.drive import PAPER_DURATION, DriveProfile

@@ -11,16 +11,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_fem_node.dynamics.contact import normal_forces
 from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.points import LOSS_RELAXATION, WORK_TIE, FloatArray, Points
-from cable_fem_node.dynamics.surroundings import normal_forces
 from cable_fem_node.winding import resting_cable
-from cable_fem_node.winding.fading import Fading
-from cable_fem_node.winding.resting_cable import turned
-from cable_fem_node.winding.rod_energy import WholeRod, kinetic_energy
-from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes
-from cable_fem_node.winding.stillness import Stillness
+from cable_fem_node.winding.resting_cable import Fading, turned
+from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes, WholeRod, kinetic_energy
 from cable_fem_node.winding.validity import refuse, rod_checks
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_kernels import advance_winding
@@ -38,6 +35,54 @@ from cable_fem_node.winding.winding_state import (
 from winding_core.markers import MarkerFlag, Markers
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 from winding_core.readings import AxisReading
+
+# Time between two looks [s]. Oscillations of the span decay within it.
+LOOK_PERIOD = 0.1
+# Time for which nodes that had to be woken are left alone [s].
+AWAKE_FOR = 0.5
+
+
+class Stillness:
+    """Compares where nodes are on the cylinder with where they were.
+
+    What oscillates about its place is still by this measure, what creeps is not.
+
+    Args:
+        tolerance: Motion between two looks of a node that counts as still [m].
+    """
+
+    def __init__(self, tolerance: float) -> None:
+        self._tolerance = tolerance
+        self._seen = np.zeros((3, 0))
+        self._next = 0.0
+
+    def due(self, t: float) -> bool:
+        """Return whether a look is due at a time [s]."""
+        return t >= self._next
+
+    def begin_anew(self) -> None:
+        """Forget the look before: the nodes have other numbers from now on."""
+        self._seen = np.zeros((3, 0))
+
+    def woken(self, t: float) -> None:
+        """Begin anew a while after a time [s] at which resting nodes had to be woken."""
+        self.begin_anew()
+        self._next = t + AWAKE_FOR
+
+    def look(self, t: float, place: FloatArray) -> int:
+        """Return how many nodes, from the first on, are where they were at the look before.
+
+        Args:
+            t: Time [s].
+            place: Of the nodes in the frame of the cylinder [m], shape (3, n).
+        """
+        both = min(place.shape[1], self._seen.shape[1])
+        moved = ((place[:, :both] - self._seen[:, :both]) ** 2).sum(axis=0)
+        self._seen = place
+        self._next = t + LOOK_PERIOD
+        restless = np.flatnonzero(~(moved <= self._tolerance**2))
+        return int(restless[0]) if restless.size else both
+
 
 # Nodes that are laid and nevertheless integrated, counted from the landing point: waves of a noisy
 # load have decayed over them to a ten-thousandth.

@@ -5,10 +5,34 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from cable_fem_node.winding.prediction import PlannedRun, refuse_open_balance
-from cable_fem_node.winding.replay import AbandonedError
 from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.markers import Markers, is_wound
 from winding_core.readings import AxisReading
+from winding_core.run_history import Inputs
+from winding_core.run_inputs import RunInputs
+
+
+class AbandonedError(RuntimeError):
+    """A replay was no longer wanted."""
+
+
+def replay(inputs: Inputs, model: WindingModel, going: Callable[[], bool] = lambda: True) -> None:
+    """Advance a model from its own time along inputs, shape (n,) of INPUT_DTYPE.
+
+    Args:
+        inputs: Ascending in time.
+        model: What is advanced.
+        going: Asked before every step whether the result is still wanted.
+
+    Raises:
+        AbandonedError: `going` said no.
+    """
+    for t, reading, tension in RunInputs(samples=inputs[inputs["t"] > model.time]):
+        if not going():
+            raise AbandonedError(f"the replay was abandoned at t = {model.time:.6g} s")
+        model.advance_to(t, reading, tension)
+
 
 # Simulated time of a piece [s]: as long as the paper's runs, whose prediction is one piece.
 PIECE = 20.0

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
+from cable_fem_node.dynamics.contact import ContactLaw
 from cable_fem_node.dynamics.contact_kernels import touch_cylinder
 from cable_fem_node.dynamics.points import (
     LOSS_DAMPING,
@@ -19,7 +20,6 @@ from cable_fem_node.dynamics.points import (
     FloatArray,
     Points,
 )
-from cable_fem_node.dynamics.surroundings import Touch
 from cable_fem_node.solid.hex_kernels import HexMesh, hex_forces
 from cable_fem_node.winding.winding_kernels import hermite
 from cable_fem_node.winding.winding_state import ANGLE, FEED, GUIDE, SPEED, TENSION
@@ -60,7 +60,7 @@ def hold_sections(
     mass: FloatArray,
     net: FloatArray,
     m: Machine,
-    touch: Touch,
+    touch: ContactLaw,
     grip: FloatArray,
     ledger: FloatArray,
 ) -> None:
@@ -135,7 +135,7 @@ def advance_solid_winding(
     net: FloatArray,
     couple: FloatArray,
     m: Machine,
-    touch: Touch,
+    touch: ContactLaw,
     ledger: FloatArray,
     report: FloatArray,
     grip: FloatArray,
@@ -164,7 +164,7 @@ def advance_solid_winding(
         tail_mass += mass[i]
     nodal = touch
     if not rolling:
-        nodal = Touch(
+        nodal = ContactLaw(
             touch.normal_stiffness, touch.normal_damping, touch.stick_stiffness, 0.0, 0.0, 0.0
         )
     half = 0.5 * m.damping_rate * dt

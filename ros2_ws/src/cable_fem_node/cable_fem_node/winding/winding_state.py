@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from cable_fem_node.dynamics.contact import ContactLaw
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.dynamics.surroundings import Touch
 
 # Why an advance stopped.
 RUNNING = 0
@@ -25,7 +25,7 @@ class Constants(NamedTuple):
     segment: float
     mass: float
     bending: float
-    touch: Touch
+    touch: ContactLaw
     damping_rate: float
     start_radius: float
     contact_line: float

@@ -204,8 +204,8 @@ def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
 
 
 def _wound(run: TrackedRun, config: WindingConfig) -> Markers:
-    from cable_fem_node.winding.replay import replay
     from cable_fem_node.winding.rod_winding import RodWinding
+    from cable_fem_node.winding.run_ahead import replay
 
     model = RodWinding(config)
     replay(run.inputs, model)

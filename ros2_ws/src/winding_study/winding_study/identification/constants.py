@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.fit import Fit, fit
 from cable_fem_node.identification.modulus import PLAUSIBLE_YOUNG
 from cable_fem_node.identification.quasi_static import softest_young
 from cable_fem_node.identification.search import FitConfig
-from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from winding_core.material_law import MaterialLaw
 
 # C01 may be this share of C10 + C01 at most; beyond 1 the law softens in compression.

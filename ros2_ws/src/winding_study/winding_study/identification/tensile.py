@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.identification.tracked_run import IdentificationError
 from winding_core.material_law import LAWS, MaterialLaw
 
 LEAST_POINTS = 3

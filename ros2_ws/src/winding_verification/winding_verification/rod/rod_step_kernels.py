@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.contact import BoundaryConditions, ContactLaw
 from cable_fem_node.dynamics.motion_kernels import amplitude_at, move
 from cable_fem_node.dynamics.points import LOSS_DAMPING, WORK_SPAN, FloatArray, Points
-from cable_fem_node.dynamics.surroundings import Surroundings, Touch
 from cable_fem_node.rod.rod_arrays import AxialResponse, Work
 from cable_fem_node.rod.rod_kernels import bend_end, bend_nodes, element_force, stretch_elements
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
@@ -142,8 +142,8 @@ def advance_rod(
     mesh: RodMesh,
     ends: RodEnds,
     scratch: RodScratch,
-    around: Surroundings,
-    touch: Touch,
+    around: BoundaryConditions,
+    touch: ContactLaw,
     viscosity: float,
     ledger: FloatArray,
 ) -> tuple[int, float]:

@@ -32,7 +32,7 @@ class CylinderContact:
             raise ValueError(f"friction must not be negative, got {self.friction}")
 
 
-class Surroundings(NamedTuple):
+class BoundaryConditions(NamedTuple):
     """Loads, constraints and damping of a model's nodes."""
 
     mass: FloatArray  # (nodes,)
@@ -47,7 +47,7 @@ class Surroundings(NamedTuple):
     reach: float  # radius at which nodes touch the cylinder; negative without one
 
 
-class Touch(NamedTuple):
+class ContactLaw(NamedTuple):
     """Constants of the contact with the cylinder, per node."""
 
     normal_stiffness: float  # push for each metre of depth [N/m]
@@ -60,14 +60,14 @@ class Touch(NamedTuple):
 
 def penalty(
     normal: float, mass: float, *, friction: float, stick_share: float, cable_radius: float = 0.0
-) -> Touch:
+) -> ContactLaw:
     """Return the contact of a penalty spring [N/m] that holds a node of a mass [kg].
 
     A fifth of critical damping in the normal direction, a tenth along the surface; the stick
     spring is a share of the normal one.
     """
     stick = stick_share * normal
-    return Touch(
+    return ContactLaw(
         normal_stiffness=normal,
         normal_damping=0.4 * math.sqrt(normal * mass),
         stick_stiffness=stick,
@@ -77,7 +77,7 @@ def penalty(
     )
 
 
-def normal_forces(points: Points, touch: Touch) -> FloatArray:
+def normal_forces(points: Points, touch: ContactLaw) -> FloatArray:
     """Return with which force [N] the penalty spring of every node pushes, shape (nodes,)."""
     radius = np.hypot(points.position[0], points.position[1])
     depth = np.where(points.touching == 1, points.contact_radius - radius, 0.0)
