@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.points import LEDGER_SIZE, Points
 from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
-from cable_fem_node.winding.rod_state import REFERENCE, points_of
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.winding_kernels import advance_winding
+from cable_fem_node.winding.winding_kernels import REFERENCE, advance_winding, points_of
 from cable_fem_node.winding.winding_model import wound_angles
 from cable_fem_node.winding.winding_state import RUNNING, Constants
 from winding_core.drive import DriveProfile

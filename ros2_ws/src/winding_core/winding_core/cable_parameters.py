@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from winding_core.cases import Case, Material, paper_case
-from winding_core.material_law import LAWS, MOONEY_RATIO
+from winding_core.material_law import LawParameters
 from winding_core.parameters import ParameterError, parameter
 from winding_core.prony import PronySeries
 from winding_core.published import published_conditions
@@ -21,8 +21,8 @@ _CASE_VALUE = "the case's"
 
 
 @dataclass(frozen=True, kw_only=True)
-class CableParameters:
-    """What is wound. A value of 0 beside a case stands for the case's own."""
+class CableAndLoad:
+    """Cylinder, cable, weight and markers. A value of 0 beside a case stands for the case's own."""
 
     case: int = parameter(
         4, "row of the paper's Table 1", low=1, unit=PLAIN, otherwise="another cable"
@@ -80,15 +80,12 @@ class CableParameters:
         PLAIN,
         label="Relaxation share:seconds",
     )
-    law: str = parameter("linear", "material law", choices=LAWS, unit=PLAIN)
-    mooney_ratio: float = parameter(
-        MOONEY_RATIO,
-        "ratio C01 / C10 of law mooney_rivlin",
-        PLAIN,
-        0.0,
-        100.0,
-        label="Mooney ratio C01 / C10",
-    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CableParameters(LawParameters, CableAndLoad):
+    """What is wound, its material law, and how it rubs."""
+
     friction: float = parameter(
         0.1, "Coulomb friction of cable on cylinder, dimensionless", PLAIN, 0.0, 2.0
     )

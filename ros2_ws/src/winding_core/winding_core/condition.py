@@ -17,6 +17,7 @@ from winding_core.drive import (
     DriveProfile,
 )
 from winding_core.fleet_angle import PAPER_FREE_LENGTH, free_length_of, guide_distance_of
+from winding_core.material_law import LawParameters
 from winding_core.options import Spelling, options, shown_values, typed_values
 from winding_core.parameters import ParameterError, Value, parameter
 from winding_core.published import published_conditions
@@ -36,16 +37,14 @@ OWN = ("cylinder_diameter", "cable_diameter", "weight", "nominal_stress", "marke
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResolvedCondition:
-    """A condition with nothing left open [SI].
+class ResolvedCondition(LawParameters):
+    """A condition with nothing left open [SI]; its law is that of `LawParameters`.
 
     Attributes:
         case: Cylinder, cable, material and weight; numbered only when it is the paper's.
         drive: How the axes move.
         duration: Time to wind [s].
         free_length: Tangent span between cylinder and guide [m].
-        law: Material law, one of LAWS.
-        mooney_ratio: C01 / C10 of law ``mooney_rivlin``.
         friction: Coulomb friction of cable on cylinder, dimensionless.
         tension_law: Span tension from weight, cylinder diameter and wound length.
     """
@@ -54,8 +53,6 @@ class ResolvedCondition:
     drive: DriveProfile
     duration: float
     free_length: float
-    law: str
-    mooney_ratio: float
     friction: float
     tension_law: DeadWeight | RigTension
 
@@ -176,10 +173,9 @@ class Condition(CableParameters):
                 ),
                 duration=self.duration,
                 free_length=self._free_length(case, spelled),
-                law=self.law,
-                mooney_ratio=self.mooney_ratio,
                 friction=self.friction,
                 tension_law=self._tension_law(),
+                **self.law_values(),
             )
         except ValueError as error:
             raise ParameterError(str(error)) from error

@@ -1,14 +1,13 @@
-"""What acts on a model's nodes from outside: loads, constraints, damping, the cylinder."""
+"""Contact of nodes with a rigid cylinder: its constants, forces and energy."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray, Points
+from cable_fem_node.dynamics.points import ContactLaw, FloatArray, Points
 from winding_core.condition import Condition
 
 
@@ -30,32 +29,6 @@ class CylinderContact:
             raise ValueError(f"reach must be positive, got {self.reach} m")
         if not self.friction >= 0.0:
             raise ValueError(f"friction must not be negative, got {self.friction}")
-
-
-class BoundaryConditions(NamedTuple):
-    """Loads, constraints and damping of a model's nodes."""
-
-    mass: FloatArray  # (nodes,)
-    free: FloatArray  # (3, nodes)
-    driven: FloatArray  # (3, nodes) [m/s]
-    load: FloatArray  # (3, nodes) [N]
-    gravity: FloatArray  # (3,)
-    load_times: FloatArray
-    load_values: FloatArray
-    damping_rate: float
-    calming: bool  # kinetic damping: stand still whenever the kinetic energy has passed a peak
-    reach: float  # radius at which nodes touch the cylinder; negative without one
-
-
-class ContactLaw(NamedTuple):
-    """Constants of the contact with the cylinder, per node."""
-
-    normal_stiffness: float  # push for each metre of depth [N/m]
-    normal_damping: float  # push for each metre per second [N s/m]
-    stick_stiffness: float  # friction for each metre of the stick spring [N/m]
-    stick_damping: float  # friction for each metre per second while sticking [N s/m]
-    friction: float  # Coulomb's coefficient
-    cable_radius: float  # undeformed [m]
 
 
 def penalty(
@@ -82,3 +55,13 @@ def normal_forces(points: Points, touch: ContactLaw) -> FloatArray:
     radius = np.hypot(points.position[0], points.position[1])
     depth = np.where(points.touching == 1, points.contact_radius - radius, 0.0)
     return np.asarray(touch.normal_stiffness * np.maximum(depth, 0.0))
+
+
+def contact_energy(points: Points, touch: ContactLaw, nodes: int | None = None) -> float:
+    """Return the energy [J] in the normal and stick springs of the first nodes, or of all."""
+    touching = np.flatnonzero(points.touching[:nodes])
+    radius = np.hypot(points.position[0, touching], points.position[1, touching])
+    depth = np.maximum(points.contact_radius[touching] - radius, 0.0)
+    normal = 0.5 * touch.normal_stiffness * float((depth**2).sum())
+    stick = 0.5 * touch.stick_stiffness * float((points.slip[:, touching] ** 2).sum())
+    return normal + stick

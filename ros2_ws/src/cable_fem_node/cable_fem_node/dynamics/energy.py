@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.contact import ContactLaw
 from cable_fem_node.dynamics.points import (
     LOSS_CONTACT,
     LOSS_DAMPING,
@@ -17,7 +16,6 @@ from cable_fem_node.dynamics.points import (
     WORK_SPAN,
     WORK_SURFACE,
     WORK_TIE,
-    Points,
 )
 
 
@@ -96,13 +94,3 @@ class EnergyLedger:
     def kinetic_over_internal(self) -> float:
         """Kinetic over internal energy; small in a quasi-static run."""
         return self.kinetic / self.internal if self.internal > 0.0 else 0.0
-
-
-def contact_energy(points: Points, touch: ContactLaw, nodes: int | None = None) -> float:
-    """Return the energy [J] in the normal and stick springs of the first nodes, or of all."""
-    touching = np.flatnonzero(points.touching[:nodes])
-    radius = np.hypot(points.position[0, touching], points.position[1, touching])
-    depth = np.maximum(points.contact_radius[touching] - radius, 0.0)
-    normal = 0.5 * touch.normal_stiffness * float((depth**2).sum())
-    stick = 0.5 * touch.stick_stiffness * float((points.slip[:, touching] ** 2).sum())
-    return normal + stick

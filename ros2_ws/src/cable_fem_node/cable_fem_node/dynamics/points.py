@@ -35,6 +35,17 @@ class Points(NamedTuple):
     roll: FloatArray  # (2, capacity) roll angle [rad] and rate [rad/s] about the cable's axis
 
 
+class ContactLaw(NamedTuple):
+    """Constants of the contact with the cylinder, per node."""
+
+    normal_stiffness: float  # push for each metre of depth [N/m]
+    normal_damping: float  # push for each metre per second [N s/m]
+    stick_stiffness: float  # friction for each metre of the stick spring [N/m]
+    stick_damping: float  # friction for each metre per second while sticking [N s/m]
+    friction: float  # Coulomb's coefficient
+    cable_radius: float  # undeformed [m]
+
+
 def empty_points(capacity: int) -> Points:
     """Return the arrays of so many nodes, at rest in the origin."""
     return Points(

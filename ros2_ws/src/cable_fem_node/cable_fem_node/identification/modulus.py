@@ -12,7 +12,6 @@ import numpy as np
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.fit import Fit, fit, half_width
 from cable_fem_node.identification.quasi_static import softest_young
-from cable_fem_node.identification.rod_run import with_law
 from cable_fem_node.identification.search import FitConfig, RodExcess
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.winding_config import WindingConfig
@@ -77,7 +76,7 @@ class ModulusEstimate:
 
 def with_young(config: WindingConfig, young: float) -> WindingConfig:
     """Return a configuration with another Young's modulus [Pa]."""
-    return with_law(config, dataclasses.replace(config.resolved.law, young=young))
+    return config.with_law(dataclasses.replace(config.resolved.law, young=young))
 
 
 def identify_modulus(

@@ -62,7 +62,7 @@ class RigLay:
         self._pull = run.tensions(inputs)
         self._area = case.axial_area
         law = config.resolved.law
-        self._stretch, self._stress, lateral = unit_law(law.law, law.poisson, law.mooney_ratio)
+        self._stretch, self._stress, lateral = unit_law(law)
         self._lateral = lateral if config.resolved.thins else np.ones_like(lateral)
         self._radius = case.cylinder_radius + case.cable_radius * self._lateral
         # EI / (2 EA): bending's share of a stress over E.

@@ -25,14 +25,14 @@ def empty_work(capacity: int) -> Work:
     """Return scratch arrays for so many nodes."""
     rows = np.zeros((14, capacity))
     return Work(
-        rows[0:3],
-        rows[3],
-        rows[4],
-        rows[5],
-        rows[6],
-        rows[7:10],
-        rows[10:13],
-        rows[13],
+        tangent=rows[0:3],
+        inverse=rows[3],
+        tension=rows[4],
+        cosine=rows[5],
+        slope=rows[6],
+        force=rows[7:10],
+        net=rows[10:13],
+        couple=rows[13],
     )
 
 

@@ -1,4 +1,4 @@
-"""Internal forces of one-point hexahedra (C3D8R): total Lagrangian, hourglass control."""
+"""One-point hexahedra (C3D8R): total Lagrangian forces, hourglass control, explicit steps."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.compile import kernel
-from cable_fem_node.dynamics.contact import BoundaryConditions, ContactLaw
-from cable_fem_node.dynamics.motion_kernels import amplitude_at, move
-from cable_fem_node.dynamics.points import LOSS_DAMPING, FloatArray, Points
+from cable_fem_node.dynamics.motion_kernels import BoundaryConditions, amplitude_at, move
+from cable_fem_node.dynamics.points import (
+    LOSS_DAMPING,
+    ContactLaw,
+    FloatArray,
+    IntArray,
+    Points,
+)
 from cable_fem_node.solid.solid_law_kernels import piola
-
-IntArray = NDArray[np.int64]
 
 
 class HexMesh(NamedTuple):

@@ -127,7 +127,7 @@ class Solid(ExplicitModel):
         step = float((2.0 / np.sqrt(omega2) * np.minimum(least, 1.0)).min())
         damped = self._bulk_viscosity
         if self._contact is not None:
-            touch = self._touch_constants()
+            touch = self._contact_law()
             most = (omega2 * self._element_mass).max() + touch.normal_stiffness
             lightest = float(self._element_mass.min())
             ratio = 0.5 * touch.normal_damping / math.sqrt(touch.normal_stiffness * lightest)
@@ -159,8 +159,8 @@ class Solid(ExplicitModel):
             self._mesh,
             self._net,
             couple,
-            self._surroundings(calming),
-            self._touch_constants(),
+            self._boundary_conditions(calming),
+            self._contact_law(),
             self._ledger,
         )
         if at >= 0:

@@ -197,7 +197,8 @@ def piola(
 ) -> tuple[float, float]:
     """Fill P [Pa] of the deformation gradient f; return (J, energy density [J/m^3]).
 
-    `constants`: G, lambda, K, C10, C01 [Pa]. A J that is not positive leaves P as it is.
+    `constants`: G, lambda, K, then the law's own coefficients [Pa]. A J that is not positive leaves
+    P as it is.
     """
     j = cofactor(f, cof)
     if not j > 0.0:

@@ -1,4 +1,4 @@
-"""Processor time that winding a run will take, told before it begins."""
+"""Processor time that winding a run will take, estimated before it begins."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _largest_scaling(run: PlannedRun) -> float:
     landing = resolved.segment * resolved.stretch / speed
     wave = config.free_length / (_CROSSING_SHARE * landing)
     line_mass = case.material.density * case.section_area / resolved.stretch
-    share = kinetic_share(config, run.drive.angular_speed) / config.mass_scaling
+    share = kinetic_share(resolved, run.drive.angular_speed) / config.mass_scaling
     largest = min(_QUASI_STATIC / share, resolved.tension / (line_mass * wave**2), _LARGEST)
     if largest <= config.mass_scaling:
         return config.mass_scaling

@@ -32,7 +32,7 @@ Progress = Callable[[float], None]
 Look = Callable[[WindingModel], None]
 Clock = Callable[[], float]
 
-# Times per second at which a run's markers are told [1/s].
+# Marker records per second of a run [1/s].
 FRAME_RATE = 50.0
 
 # Cable lies with the tension of the span that laid it, which may change by a rig's law.
@@ -155,13 +155,13 @@ class PlannedRun:
             self.config.refuse_rod_material()
         refuse(self.checks())
         refuse_past_the_start(self._angles())
-        refuse_overlap(self.config, self.drive, self.duration)
+        refuse_overlap(self.config.resolved, self.drive, self.duration)
 
     def checks(self) -> tuple[Check, ...]:
         """Return what decides whether the result can be right."""
-        config = self.config
-        own = rod_checks(config) if self.element == "rod" else checks_of(config, config.resolved)
-        return (*own, motion_check(config, self.drive.angular_speed))
+        resolved = self.config.resolved
+        own = rod_checks(resolved) if self.element == "rod" else checks_of(resolved)
+        return (*own, motion_check(resolved, self.drive.angular_speed))
 
     @property
     def most_wound(self) -> float:

@@ -7,13 +7,13 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cable_fem_node.dynamics.contact import penalty
 from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation, axial_response, relaxation
 from cable_fem_node.winding.winding_state import MERGE_AT, Constants
+from winding_core.cases import Case
 from winding_core.material_law import TABLE_HIGH, MaterialLaw, NoEquilibriumError
 
 # What suits cylinders of 30 mm and more and moderate stretch [m].
@@ -29,6 +29,25 @@ _MEASURED_AT = 0.465
 _STRAIGHT_PCT, _CURVED_PCT, _BENDING_PCT, _BENT = 0.5, 1.0, 2.0, 0.15
 # Of a stretch, between elements and those of half their length; 0.2 % is the bar.
 _ALLOWED_PCT = 0.17
+
+
+# Share of the critical step that is taken; the rest covers damping and large rotations.
+STEP_SAFETY = 0.8
+
+# Points of the table of stretch and landing radius over tension: errors below 1e-6.
+RESPONSE_POINTS = 4001
+
+# The contact spring is six times as stiff as a segment, or stiffer where the cable would sink in
+# by more than this share of the radius.
+SINK_SHARE = 0.005
+
+# Shares of what a segment of the span is lengthened by. Cable that moves over the surface by the
+# greater one wakes the resting cable next to it: what rests would have been stretched by that much
+# more or less, half of the 0.1 % that its tension shall be known to. Between two looks, a tenth.
+STIRRED_SHARE = 5.0e-4
+STILL_SHARE = 0.1 * STIRRED_SHARE
+# The shares' strain is at least this, so that an unloaded cable has a tolerance.
+LEAST_STRAIN = 1.0e-3
 
 
 def stretch_error_pct(
@@ -72,30 +91,6 @@ def _yielding(law: MaterialLaw, stretch: float) -> float:
     return float(law.nominal_stress(stretch)) / (stretch * law.tangent(stretch))
 
 
-if TYPE_CHECKING:
-    from cable_fem_node.winding.winding_config import WindingConfig
-    from winding_core.cases import Case
-
-
-# Share of the critical step that is taken; the rest covers damping and large rotations.
-STEP_SAFETY = 0.8
-
-# Points of the table of stretch and landing radius over tension: errors below 1e-6.
-RESPONSE_POINTS = 4001
-
-# The contact spring is six times as stiff as a segment, or stiffer where the cable would sink in
-# by more than this share of the radius.
-SINK_SHARE = 0.005
-
-# Shares of what a segment of the span is lengthened by. Cable that moves over the surface by the
-# greater one wakes the resting cable next to it: what rests would have been stretched by that much
-# more or less, half of the 0.1 % that its tension shall be known to. Between two looks, a tenth.
-STIRRED_SHARE = 5.0e-4
-STILL_SHARE = 0.1 * STIRRED_SHARE
-# The shares' strain is at least this, so that an unloaded cable has a tolerance.
-LEAST_STRAIN = 1.0e-3
-
-
 def chord_radius(radius: float, length: float) -> float:
     """Return the radius of nodes whose chords are as long as the arcs of the circle [m]."""
     half = 0.5 * length / radius
@@ -104,7 +99,7 @@ def chord_radius(radius: float, length: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedModel:
-    """Everything that a winding needs to know of its configuration.
+    """What follows from a winding configuration.
 
     Attributes:
         case: What is wound.
@@ -116,6 +111,7 @@ class ResolvedModel:
         wound_radius: Centreline radius of cable wound at that stretch [m].
         segment: Reference length of an element [m].
         bending_share: EI l / (2 F rho^2), the share of the span's tension that bending takes.
+        mass_scaling: Factor on the density.
         constants: Of the rod's kernel.
         step: Of the rod [s]: a share of 2 / omega of the stiffest axial and transverse motion.
         still: Motion over the surface of a node of the rod that counts as lying still [m].
@@ -130,36 +126,80 @@ class ResolvedModel:
     wound_radius: float
     segment: float
     bending_share: float
+    mass_scaling: float
     constants: Constants
     step: float
     still: float
 
     @classmethod
-    def of(cls, config: WindingConfig) -> ResolvedModel:
-        """Resolve a configuration.
+    def of(
+        cls,
+        case: Case,
+        law: MaterialLaw,
+        *,
+        tension: float,
+        thins: bool,
+        friction: float,
+        free_length: float,
+        segment_length: float | None,
+        damping_ratio: float,
+        mass_scaling: float,
+        rolling: bool,
+    ) -> ResolvedModel:
+        """Resolve the fields of a winding configuration.
+
+        Args:
+            case: What is wound.
+            law: Material law in uniaxial tension.
+            tension: Span tension at the start [N].
+            thins: Whether the wound radius follows the cable's lateral stretch.
+            friction: Coulomb friction.
+            free_length: Tangent span [m].
+            segment_length: Of an element [m]; None: what suits the winding.
+            damping_ratio: Of the span's first axial mode.
+            mass_scaling: Factor on the density.
+            rolling: Whether the cable may roll about its axis.
 
         Raises:
             NoEquilibriumError: The law cannot carry the weight at any stretch.
             ValueError: The weight stretches the cable beyond the tables.
         """
-        case = config.case
-        law = MaterialLaw(
-            law=config.law,
-            young=case.material.young,
-            poisson=case.material.poisson,
-            mooney_ratio=config.mooney_ratio,
-        )
-        tension = config.tension_law(case.weight, case.cylinder_diameter, 0.0)
         stretch = law.stretch_at(tension / case.axial_area)
         _refuse_endless_creep(law, case, tension)
         lateral = float(law.lateral_stretch(stretch))
-        thins = config.law != "linear" if config.thinning is None else config.thinning
         radius = case.cylinder_radius + case.cable_radius * (lateral if thins else 1.0)
         bending_share = 0.5 * case.bending_stiffness * stretch / (max(tension, 1e-300) * radius**2)
-        segment = config.segment_length or chosen_segment(
-            law, stretch, bending_share, radius, config.free_length
+        h = segment_length or chosen_segment(law, stretch, bending_share, radius, free_length)
+        mass = mass_scaling * case.material.density * case.section_area * h
+        axial = case.material.young * case.axial_area / h
+        normal = max(6.0 * axial, tension * stretch * h / (SINK_SHARE * radius**2))
+        wave = math.sqrt(
+            case.material.axial_factor
+            * case.material.young
+            / (mass_scaling * case.material.density)
         )
-        constants = _constants(config, law, tension, stretch, radius, segment)
+        first_mode = 0.5 * math.pi * wave / free_length
+        polar = 0.5 * math.pi * case.cable_radius**4
+        constants = Constants(
+            segment=h,
+            mass=mass,
+            bending=case.bending_stiffness,
+            touch=penalty(
+                normal,
+                mass,
+                friction=friction,
+                stick_share=0.25,
+                cable_radius=case.cable_radius,
+            ),
+            damping_rate=2.0 * damping_ratio * first_mode,
+            start_radius=chord_radius(radius, stretch * h),
+            contact_line=radius,
+            free_length=free_length,
+            roll_inertia=0.5 * mass * case.cable_radius**2,
+            torsion=law.shear_modulus * polar,
+            stirred=STIRRED_SHARE * max(abs(stretch - 1.0), LEAST_STRAIN) * h,
+            rolling=rolling,
+        )
         return cls(
             case=case,
             law=law,
@@ -168,8 +208,9 @@ class ResolvedModel:
             stretch=stretch,
             lateral=lateral,
             wound_radius=radius,
-            segment=segment,
+            segment=h,
             bending_share=bending_share,
+            mass_scaling=mass_scaling,
             constants=constants,
             step=_stable_step(case.axial_area, law, tension, stretch, constants),
             still=STILL_SHARE / STIRRED_SHARE * constants.stirred,
@@ -268,7 +309,7 @@ class ResolvedModel:
 
         Args:
             span_tension: Constant over the run [N].
-            landed: Says when cable landed [s], evenly along it; asked for cable that creeps.
+            landed: Returns when cable landed [s], evenly along it; called for cable that creeps.
         """
         at_once = self.stretch_at(self.wound_tension(span_tension))
         if not self.case.material.prony.shares:
@@ -289,46 +330,6 @@ def _refuse_endless_creep(law: MaterialLaw, case: Case, tension: float) -> None:
             f"prony leaves {left:.4g} of the stress, so {tension:.4g} N end as "
             f"{tension / left:.4g} N would at once: {error}"
         ) from error
-
-
-def _constants(
-    config: WindingConfig,
-    law: MaterialLaw,
-    tension: float,
-    stretch: float,
-    radius: float,
-    h: float,
-) -> Constants:
-    case = config.case
-    mass = config.mass_scaling * case.material.density * case.section_area * h
-    axial = case.material.young * case.axial_area / h
-    normal = max(6.0 * axial, tension * stretch * h / (SINK_SHARE * radius**2))
-    wave = math.sqrt(
-        case.material.axial_factor
-        * case.material.young
-        / (config.mass_scaling * case.material.density)
-    )
-    first_mode = 0.5 * math.pi * wave / config.free_length
-    polar = 0.5 * math.pi * case.cable_radius**4
-    return Constants(
-        segment=h,
-        mass=mass,
-        bending=case.bending_stiffness,
-        touch=penalty(
-            normal,
-            mass,
-            friction=config.friction,
-            stick_share=0.25,
-            cable_radius=case.cable_radius,
-        ),
-        damping_rate=2.0 * config.damping_ratio * first_mode,
-        start_radius=chord_radius(radius, stretch * h),
-        contact_line=radius,
-        free_length=config.free_length,
-        roll_inertia=0.5 * mass * case.cable_radius**2,
-        torsion=law.shear_modulus * polar,
-        stirred=STIRRED_SHARE * max(abs(stretch - 1.0), LEAST_STRAIN) * h,
-    )
 
 
 def _stable_step(

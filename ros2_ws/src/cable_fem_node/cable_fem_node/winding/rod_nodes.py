@@ -13,9 +13,18 @@ from cable_fem_node.rod.rod_kernels import bending_energy, stored_energy
 from cable_fem_node.winding import resting_cable
 from cable_fem_node.winding.resolved_model import ResolvedModel
 from cable_fem_node.winding.resting_cable import Fading, RestingCable, turned
-from cable_fem_node.winding.rod_state import REFERENCE, STATE_ROWS, VISCOUS, points_of
+from cable_fem_node.winding.winding_kernels import points_of
 from cable_fem_node.winding.winding_model import geodesic_twist
-from cable_fem_node.winding.winding_state import TIE_ALONG, TIE_PLACE, TIE_WATCHED
+from cable_fem_node.winding.winding_state import (
+    REFERENCE,
+    STATE_ROWS,
+    TIE_ALONG,
+    TIE_PLACE,
+    TIE_WATCHED,
+    VISCOUS,
+    RodState,
+    Tie,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,13 +43,8 @@ class WholeRod:
     viscous: FloatArray
     angle: float
 
-    def stored(self, resolved: ResolvedModel, *, rolling: bool) -> float:
-        """Return what stretching, bending and torsion store [J]; the element at the guide is fed.
-
-        Args:
-            resolved: The model.
-            rolling: Whether the cable may roll about its axis.
-        """
+    def stored(self, resolved: ResolvedModel) -> float:
+        """Return what stretching, bending and torsion store [J]; the last element is fed."""
         k, axial = resolved.constants, resolved.axial
         cable, reference = self.cable, self.reference
         elements = cable.touching.size - 2
@@ -60,7 +64,7 @@ class WholeRod:
         clamped = k.bending * turned_by / float(reference[0])
         bending = bending_energy(elements + 1, reference, k.bending, cosine) + clamped
         twisting = 0.0
-        if rolling:
+        if k.rolling:
             wound = (cable.touching[:-1] == 1) & (cable.touching[1:] == 1)
             own = geodesic_twist(tangents, k.contact_line)
             twist = np.diff(cable.roll[0]) / k.segment + np.where(wound, own, 0.0)
@@ -95,8 +99,8 @@ class RodNodes:
         state: Of the integrated nodes and elements, as the kernel takes it.
         touching: Which integrated nodes are in contact, as the kernel takes it.
         resting: The nodes that turn with the cylinder.
-        tie: How the cylinder holds the first integrated node, rows TIE_PLACE .. TIE_WATCHED.
-        tie_length: Reference length that bends about that node, twice the mean of both sides [m].
+        tie: How the cylinder holds the first integrated node, as the kernel takes it; it watches
+            no node where P0 alone rests.
     """
 
     def __init__(
@@ -114,13 +118,17 @@ class RodNodes:
         self.points.position[:, : self.live] = position
         self.reference[: reference.size] = reference
         self.resting = RestingCable(float(position[0, 0]), fading)
-        self.tie = np.zeros((3, 3))
-        self._hold(0.0)
+        self.tie = self._tie(0.0)
 
     @property
     def points(self) -> Points:
         """State of the integrated nodes, as views."""
-        return points_of(self.state, self.touching)
+        return points_of(self.rod)
+
+    @property
+    def rod(self) -> RodState:
+        """The integrated nodes and elements, as the kernel takes them."""
+        return RodState(self.live, self.state, self.touching)
 
     @property
     def reference(self) -> FloatArray:
@@ -136,11 +144,6 @@ class RodNodes:
     def total(self) -> int:
         """Number of nodes."""
         return self.resting.count - 1 + self.live
-
-    @property
-    def watched(self) -> int:
-        """Integrated node that must not move over the surface; 0 where P0 alone rests."""
-        return WATCHED if self.resting.count > 1 else 0
 
     @property
     def position(self) -> FloatArray:
@@ -187,7 +190,7 @@ class RodNodes:
         for values in (self.state, self.touching):
             values[..., :left] = values[..., nodes : self.live]
         self.live = left
-        self._hold(angle)
+        self.tie = self._tie(angle)
 
     def wake(self, nodes: int, angle: float, back: float, dt: float) -> None:
         """Integrate the last resting nodes again, in the state that they were laid to rest with.
@@ -206,7 +209,7 @@ class RodNodes:
         self.resting.put(nodes, angle, back, dt, self.points, self.reference, self.viscous)
         self.resting.let_go(nodes)
         self.live = longer
-        self._hold(angle)
+        self.tie = self._tie(angle)
 
     def grow(self, capacity: int) -> None:
         """Make room for so many integrated nodes."""
@@ -216,8 +219,8 @@ class RodNodes:
         state[:, :used], touching[:used] = self.state, self.touching
         self.state, self.touching = state, touching
 
-    def whole(self, angle: float, back: float, dt: float) -> tuple[Points, FloatArray, FloatArray]:
-        """Return the state of all nodes, and reference lengths and viscous rows of all elements.
+    def whole(self, angle: float, back: float, dt: float) -> WholeRod:
+        """Return the state of all nodes and elements.
 
         Args:
             angle: Of the cylinder [rad].
@@ -232,11 +235,16 @@ class RodNodes:
             all_nodes[..., first:] = integrated[..., : self.live]
         reference[first:] = self.reference[: self.live]
         viscous[:, first:] = self.viscous[:, : self.live]
-        return points, reference, viscous
+        return WholeRod(cable=points, reference=reference, viscous=viscous, angle=angle)
 
-    def _hold(self, angle: float) -> None:
-        """Tie the first integrated node to the cylinder as it is, at an angle [rad]."""
-        self.tie[TIE_PLACE] = self.resting.place()[:, -1]
-        self.tie[TIE_ALONG] = self.resting.along()
-        self.tie[TIE_WATCHED] = self.place(WATCHED + 1, angle)[:, -1]
-        self.tie_length = float(self.reference[0] + self.resting.row(resting_cable.REFERENCE)[-1])
+    def _tie(self, angle: float) -> Tie:
+        """Return how the cylinder holds the first integrated node as it is, at an angle [rad]."""
+        hold = np.zeros((3, 3))
+        hold[TIE_PLACE] = self.resting.place()[:, -1]
+        hold[TIE_ALONG] = self.resting.along()
+        hold[TIE_WATCHED] = self.place(WATCHED + 1, angle)[:, -1]
+        return Tie(
+            hold=hold,
+            length=float(self.reference[0] + self.resting.row(resting_cable.REFERENCE)[-1]),
+            watched=WATCHED if self.resting.count > 1 else 0,
+        )

@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.contact import normal_forces
-from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
+from cable_fem_node.dynamics.contact import contact_energy, normal_forces
+from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.points import LOSS_RELAXATION, WORK_TIE, FloatArray, Points
 from cable_fem_node.winding import resting_cable
@@ -102,11 +102,11 @@ class RodWinding(WindingModel):
         config: The model.
 
     Raises:
-        ValueError: The rod cannot be right about it; says which number, and the way out.
+        ValueError: The rod cannot be right about it; the sentence names the number and a remedy.
     """
 
     def __init__(self, config: WindingConfig) -> None:
-        refuse(rod_checks(config))
+        refuse(rod_checks(config.resolved))
         super().__init__(config)
         resolved = config.resolved
         self._constants = resolved.constants
@@ -245,40 +245,36 @@ class RodWinding(WindingModel):
         done = 0
         part = drive
         while done < total:
-            nodes.live, taken, self._surface_rate, status, element = advance_winding(
-                nodes.live,
+            end = advance_winding(
+                nodes.rod,
                 total - done,
                 dt,
                 self._surface_rate,
                 part,
                 nodes.tie,
-                nodes.tie_length,
-                nodes.watched,
-                nodes.state,
-                nodes.touching,
                 self._constants,
                 self.config.resolved.axial,
-                self._ledger,
-                self.config.rolling,
                 self.config.resolved.relaxation,
+                self._ledger,
             )
-            done += taken
-            self.element_steps += taken * (nodes.live - 1)
-            if status == DIVERGED:
+            nodes.live, self._surface_rate = end.nodes, end.surface_rate
+            done += end.steps
+            self.element_steps += end.steps * (nodes.live - 1)
+            if end.status == DIVERGED:
                 raise DivergenceError(
                     f"the winding diverged before t = {t:.6g} s at element "
-                    f"{nodes.resting.count - 1 + element} of {self.nodes - 1}: "
+                    f"{nodes.resting.count - 1 + end.element} of {self.nodes - 1}: "
                     f"its stretch left {TABLE_LOW:g} to {TABLE_HIGH:g} "
                     f"(step {dt:.3g} s, tension {drive[TENSION, 1]:.4g} N)"
                 )
-            if status == EMPTY and nodes.resting.count == 1:
+            if end.status == EMPTY and nodes.resting.count == 1:
                 raise DivergenceError(
                     f"the span was pulled back to the cylinder before t = {t:.6g} s: "
                     "no element left"
                 )
-            if status in (FULL, STIRRED, EMPTY):
+            if end.status in (FULL, STIRRED, EMPTY):
                 part = part_way(drive, done / total, span)
-                if status == FULL:
+                if end.status == FULL:
                     nodes.grow(2 * nodes.live)
                 else:
                     now = t - (total - done) * dt
@@ -354,13 +350,10 @@ class RodWinding(WindingModel):
 
     def _whole(self) -> WholeRod:
         back = self._surface_rate * self._last_step
-        cable, reference, viscous = self._nodes.whole(self.cylinder_angle, back, self._last_step)
-        return WholeRod(
-            cable=cable, reference=reference, viscous=viscous, angle=self.cylinder_angle
-        )
+        return self._nodes.whole(self.cylinder_angle, back, self._last_step)
 
     def _stored(self, whole: WholeRod) -> float:
-        return whole.stored(self.config.resolved, rolling=self.config.rolling)
+        return whole.stored(self.config.resolved)
 
     def _kinetic(self, cable: Points, end: int) -> float:
         return kinetic_energy(cable, self.config.resolved, end)

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.winding.resolved_model import LARGEST_RATIO, stretch_error_pct
-from cable_fem_node.winding.winding_config import WindingConfig
+from cable_fem_node.winding.resolved_model import LARGEST_RATIO, ResolvedModel, stretch_error_pct
 from winding_core.drive import DriveProfile
 from winding_core.units import MEGAPASCAL, MILLIMETRE
-
-if TYPE_CHECKING:
-    from cable_fem_node.winding.resolved_model import ResolvedModel
-    from cable_fem_node.winding.winding_config import WindingConfig
 
 # From this share of a limit on, a condition is worth a warning.
 _NEAR = 0.5
@@ -62,21 +56,20 @@ class Check:
         return f"{self.name} is {self.value:.3g}, more than {limit:.3g}: {self.advice}"
 
 
-def checks_of(config: WindingConfig, resolved: ResolvedModel) -> tuple[Check, ...]:
-    """Return what can be checked of a configuration, whatever its element."""
-    return (_stiffness(config, resolved), _span(config, resolved))
+def checks_of(resolved: ResolvedModel) -> tuple[Check, ...]:
+    """Return what can be checked of a model, whatever its element."""
+    return (_stiffness(resolved), _span(resolved))
 
 
-def rod_checks(config: WindingConfig) -> tuple[Check, ...]:
-    """Return what can be checked of a configuration that the rod winds."""
-    resolved = config.resolved
+def rod_checks(resolved: ResolvedModel) -> tuple[Check, ...]:
+    """Return what can be checked of a model that the rod winds."""
     ratio = resolved.segment * resolved.stretch / resolved.wound_radius
     error = stretch_error_pct(resolved.law, resolved.stretch, resolved.bending_share, ratio)
     segment = f"elements of {resolved.segment / MILLIMETRE:.3g} mm, stretched by"
     radius = f"a wound radius of {resolved.wound_radius / MILLIMETRE:.4g} mm"
     way_out = "shorter elements (segment_length), or leave their length to the solver"
     return (
-        *checks_of(config, resolved),
+        *checks_of(resolved),
         Check(
             name="the length of an element over the wound radius",
             value=ratio,
@@ -94,26 +87,26 @@ def rod_checks(config: WindingConfig) -> tuple[Check, ...]:
     )
 
 
-def kinetic_share(config: WindingConfig, angular_speed: float) -> float:
+def kinetic_share(resolved: ResolvedModel, angular_speed: float) -> float:
     """Return the kinetic over the strain energy of cable that moves with the cylinder.
 
     rho A v^2 / (F (l - 1)), with v the speed of the line at an angular speed [rad/s].
     """
-    resolved, case = config.resolved, config.case
+    case = resolved.case
     speed = angular_speed * resolved.wound_radius
-    mass = config.mass_scaling * case.material.density * case.section_area / resolved.stretch
+    mass = resolved.mass_scaling * case.material.density * case.section_area / resolved.stretch
     return mass * speed**2 / max(resolved.tension * (resolved.stretch - 1.0), 1.0e-300)
 
 
-def motion_check(config: WindingConfig, angular_speed: float) -> Check:
-    """Return whether a configuration is wound slowly enough at an angular speed [rad/s]."""
+def motion_check(resolved: ResolvedModel, angular_speed: float) -> Check:
+    """Return whether a model is wound slowly enough at an angular speed [rad/s]."""
     return Check(
         name="the kinetic over the strain energy, rho A v^2 / (F (l - 1)),",
-        value=kinetic_share(config, angular_speed),
+        value=kinetic_share(resolved, angular_speed),
         warned_from=_QUASI_STATIC,
         refused_from=_FLYING,
-        advice=f"{angular_speed:.4g} rad/s, tension {config.resolved.tension:.4g} N, stretch "
-        f"{config.resolved.stretch:.6g}, mass scaling {config.mass_scaling:g}; take less mass "
+        advice=f"{angular_speed:.4g} rad/s, tension {resolved.tension:.4g} N, stretch "
+        f"{resolved.stretch:.6g}, mass scaling {resolved.mass_scaling:g}; take less mass "
         "scaling, a slower cylinder or more tension",
     )
 
@@ -122,15 +115,15 @@ def refuse(checks: tuple[Check, ...]) -> None:
     """Refuse what cannot be right.
 
     Raises:
-        ValueError: One of the checks says so.
+        ValueError: The first check that refuses, as its sentence.
     """
     for check in checks:
         if check.refused:
             raise ValueError(check.sentence)
 
 
-def _stiffness(config: WindingConfig, resolved: ResolvedModel) -> Check:
-    case = config.case
+def _stiffness(resolved: ResolvedModel) -> Check:
+    case = resolved.case
     return Check(
         name="the bending stiffness against the tension, EI l / (2 F rho^2),",
         value=resolved.bending_share,
@@ -143,8 +136,8 @@ def _stiffness(config: WindingConfig, resolved: ResolvedModel) -> Check:
     )
 
 
-def _span(config: WindingConfig, resolved: ResolvedModel) -> Check:
-    length, free = resolved.segment, config.free_length
+def _span(resolved: ResolvedModel) -> Check:
+    length, free = resolved.segment, resolved.constants.free_length
     return Check(
         name="the segment_length over the free length",
         value=length / free,
@@ -170,7 +163,7 @@ class OverlapError(ValueError):
     """The cable would be wound over itself, which the contact model does not cover."""
 
 
-def refuse_overlap(config: WindingConfig, drive: DriveProfile, duration: float) -> None:
+def refuse_overlap(resolved: ResolvedModel, drive: DriveProfile, duration: float) -> None:
     """Refuse a plan that lays a turn over another.
 
     A guide that keeps going needs a steady pitch of the cable's diameter, once there is more than
@@ -180,14 +173,14 @@ def refuse_overlap(config: WindingConfig, drive: DriveProfile, duration: float) 
     leaves the cylinder bare.
 
     Args:
-        config: What is wound.
+        resolved: What is wound.
         drive: How the machine moves.
         duration: For how long [s].
 
     Raises:
         OverlapError: Turns would overlap, or are too many to be followed one by one.
     """
-    width = config.case.cable_diameter * config.resolved.lateral
+    width = resolved.case.cable_diameter * resolved.lateral
     t = np.linspace(0.0, duration, 2001)
     most = float(np.max(drive.positions(t)[0]))
     if most > FULL_TURN and abs(drive.pitch) < width:
@@ -205,7 +198,7 @@ def refuse_overlap(config: WindingConfig, drive: DriveProfile, duration: float) 
         )
     fine = np.linspace(0.0, duration, max(2, math.ceil(_PARTS * duration * _turn_rate(drive))))
     angle, guide = (np.asarray(values) for values in drive.positions(fine))
-    lag = config.free_length / config.resolved.wound_radius
+    lag = resolved.constants.free_length / resolved.wound_radius
     refuse_crossing(angle, guide, lag, width)
 
 
@@ -213,7 +206,7 @@ def refuse_past_the_start(angle: FloatArray) -> None:
     """Refuse a cylinder that unwinds more than was wound; its angle [rad] over time, shape (n,).
 
     Raises:
-        ValueError: Says how far it would turn back.
+        ValueError: The sentence contains how far it would turn back.
     """
     least = float(angle.min())
     if least < -_ROUNDING:
@@ -236,7 +229,7 @@ def refuse_crossing(angle: FloatArray, guide: FloatArray, lag: float, width: flo
         width: Of the cable [m].
 
     Raises:
-        OverlapError: Says at which angle and position.
+        OverlapError: The sentence contains the turns and the position.
     """
     part = FULL_TURN / _PARTS
     lay = [0.0]

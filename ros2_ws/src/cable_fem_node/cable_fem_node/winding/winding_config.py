@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from cable_fem_node.winding.resolved_model import ResolvedModel
@@ -11,21 +11,19 @@ from cable_fem_node.winding.validity import checks_of, refuse
 from winding_core.cases import Case
 from winding_core.condition import Condition, ResolvedCondition
 from winding_core.fleet_angle import PAPER_FREE_LENGTH
-from winding_core.material_law import MOONEY_RATIO
+from winding_core.material_law import LawParameters, MaterialLaw
 from winding_core.parameters import parameter
 from winding_core.tension import DeadWeight, TensionLaw
 from winding_core.units import LENGTH, PLAIN
 
 
 @dataclass(frozen=True, kw_only=True)
-class WindingConfig:
-    """Everything that defines a winding model.
+class WindingConfig(LawParameters):
+    """Everything that defines a winding model; its material law is that of `LawParameters`.
 
     Attributes:
         case: Cable, cylinder, weight and marker spacing.
         friction: Coulomb friction between cable and cylinder, acting on the centreline.
-        law: Material law, one of material_law.LAWS.
-        mooney_ratio: C01 / C10 of law ``mooney_rivlin``.
         segment_length: Reference length of an element [m]; None: what suits the winding.
         free_length: Tangent span between contact line and guide [m], L_xy.
         tension_law: Span tension from weight, cylinder diameter and wound length.
@@ -40,7 +38,6 @@ class WindingConfig:
 
     case: Case
     friction: float = Condition.friction
-    law: str = Condition.law
     segment_length: float | None = None
     free_length: float = PAPER_FREE_LENGTH
     tension_law: TensionLaw = field(default_factory=DeadWeight)
@@ -48,7 +45,6 @@ class WindingConfig:
     damping_ratio: float = 0.05
     mass_scaling: float = 1.0
     rolling: bool = False
-    mooney_ratio: float = MOONEY_RATIO
     rests: bool = True
 
     def __post_init__(self) -> None:
@@ -61,12 +57,38 @@ class WindingConfig:
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{name} must not be negative, got {value}")
         # Refuses a material that cannot carry the weight.
-        refuse(checks_of(self, self.resolved))
+        refuse(checks_of(self.resolved))
 
     @cached_property
     def resolved(self) -> ResolvedModel:
         """What follows from the configuration, computed once."""
-        return ResolvedModel.of(self)
+        case = self.case
+        return ResolvedModel.of(
+            case,
+            self.material_law(case.material.young, case.material.poisson),
+            tension=self.tension_law(case.weight, case.cylinder_diameter, 0.0),
+            thins=self.thins,
+            friction=self.friction,
+            free_length=self.free_length,
+            segment_length=self.segment_length,
+            damping_ratio=self.damping_ratio,
+            mass_scaling=self.mass_scaling,
+            rolling=self.rolling,
+        )
+
+    @property
+    def thins(self) -> bool:
+        """Whether the wound radius follows the cable's lateral stretch."""
+        return self.law != "linear" if self.thinning is None else self.thinning
+
+    def with_law(self, law: MaterialLaw) -> WindingConfig:
+        """Return the configuration with another material; density and friction stay.
+
+        Raises:
+            ValueError: The material cannot carry the weight.
+        """
+        material = replace(self.case.material, young=law.young, poisson=law.poisson)
+        return replace(self, case=replace(self.case, material=material), **law.law_values())
 
     def refuse_rod_material(self) -> None:
         """Refuse what a solid element does not have: factors on stiffnesses, a Prony series.
@@ -121,11 +143,10 @@ class SolverParameters:
         return WindingConfig(
             case=what.case,
             friction=what.friction,
-            law=what.law,
-            mooney_ratio=what.mooney_ratio,
             tension_law=what.tension_law,
             free_length=what.free_length,
             segment_length=self.segment_length or None,
             mass_scaling=self.mass_scaling or mass_scaling,
             rolling=self.rolling,
+            **what.law_values(),
         )

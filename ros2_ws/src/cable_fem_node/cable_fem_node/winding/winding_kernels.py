@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.contact_kernels import touch_cylinder
+from cable_fem_node.dynamics.contact_kernels import Surface, touch_cylinder
 from cable_fem_node.dynamics.points import (
     LOSS_DAMPING,
     LOSS_RELAXATION,
@@ -35,7 +35,6 @@ from cable_fem_node.rod.rod_kernels import (
     law_energy,
     stretch_elements,
 )
-from cable_fem_node.winding.rod_state import REFERENCE, VISCOUS, points_of
 from cable_fem_node.winding.winding_state import (
     ANGLE,
     CUT_AT,
@@ -46,6 +45,7 @@ from cable_fem_node.winding.winding_state import (
     GUIDE,
     LANDING,
     MERGE_AT,
+    REFERENCE,
     RUNNING,
     SPEED,
     STIRRED,
@@ -54,9 +54,26 @@ from cable_fem_node.winding.winding_state import (
     TIE_ALONG,
     TIE_PLACE,
     TIE_WATCHED,
+    VISCOUS,
+    Advance,
     Constants,
+    RodState,
+    Tie,
 )
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
+
+
+@called
+def points_of(rod: RodState) -> Points:
+    """Return the nodes of a state as views."""
+    return Points(
+        position=rod.rows[0:3],
+        velocity=rod.rows[3:6],
+        slip=rod.rows[6:8],
+        contact_radius=rod.rows[8],
+        touching=rod.touching,
+        roll=rod.rows[9:11],
+    )
 
 
 @called
@@ -197,46 +214,34 @@ def hermite(a: float, b: float, da: float, db: float, u: float) -> float:
 
 @kernel
 def advance_winding(
-    nodes: int,
+    rod: RodState,
     steps: int,
     dt: float,
     surface_rate: float,
     drive: FloatArray,
-    tie: FloatArray,
-    tie_length: float,
-    watched: int,
-    state: FloatArray,
-    touching: IntArray,
+    tie: Tie,
     k: Constants,
     response: AxialResponse,
-    ledger: FloatArray,
-    rolling: bool,
     relax: Relaxation,
-) -> tuple[int, int, float, int, int]:
+    ledger: FloatArray,
+) -> Advance:
     """Advance the cable by equal steps while the drive runs from its first to its second column.
 
     Args:
-        nodes: Number of nodes in use.
+        rod: Nodes and elements, changed.
         steps: Number of steps to take.
         dt: Step [s].
         surface_rate: Angular speed of the cylinder in the step before the first [rad/s].
         drive: Shape (7, 2), rows ANGLE .. LANDING.
-        tie: Shape (3, 3), rows TIE_PLACE .. TIE_WATCHED in the frame of the cylinder.
-        tie_length: Reference length that bends about node 0, twice the mean of both sides [m].
-        watched: Node whose motion over the surface ends the advance; 0 for none.
-        state: Nodes and elements, rows as in `points_of`, shape (STATE_ROWS, capacity), changed.
-        touching: 1 where a node is in contact, shape (capacity,), changed.
+        tie: How the cylinder holds node 0.
         k: Constants.
         response: Axial response of the cable.
-        ledger: Energies [J], added to in place.
-        rolling: Let the cable roll on the surface about its own axis.
         relax: How the axial stress fades; with terms the last element stands for the cable before
             the guide, which the span's tension has loaded since the run began.
-
-    Returns:
-        nodes, steps taken, the last step's angular speed, status, element at fault.
+        ledger: Energies [J], added to in place.
     """
-    cable, reference, viscous = points_of(state, touching), state[REFERENCE], state[VISCOUS:]
+    nodes, touching, hold, watched = rod.nodes, rod.touching, tie.hold, tie.watched
+    cable, reference, viscous = points_of(rod), rod.rows[REFERENCE], rod.rows[VISCOUS:]
     terms = relax.share.shape[0]
     decay, ramp = np.zeros(terms), np.zeros(terms)
     decays(dt, relax, decay, ramp)
@@ -251,12 +256,12 @@ def advance_winding(
     free = np.zeros(3)
     angle = drive[ANGLE, 0]
     cosine, sine = math.cos(angle), math.sin(angle)
-    first[2] = tie[TIE_ALONG, 2]
+    first[2] = hold[TIE_ALONG, 2]
 
     for step in range(steps):
         # A step is not begun that could not end with an element cut.
         if nodes == capacity:
-            return nodes, step, surface_rate, FULL, nodes - 2
+            return Advance(nodes, step, surface_rate, FULL, nodes - 2)
         u = step / steps
         pull = drive[TENSION, 0] + u * (drive[TENSION, 1] - drive[TENSION, 0])
         pulled = drive[STRETCH, 0] + u * (drive[STRETCH, 1] - drive[STRETCH, 0])
@@ -282,13 +287,13 @@ def advance_winding(
             for j in range(1, terms + 1):
                 held += viscous[j, end]
             if not held < relax.high:
-                return nodes, step + 1, surface_rate, DIVERGED, end
+                return Advance(nodes, step + 1, surface_rate, DIVERGED, end)
             pulled = 1.0 + strain_under(held, relax)
         work.tension[end] = pull
         bend_nodes(elements, reference, k.bending, work)
-        first[0] = cosine * tie[TIE_ALONG, 0] - sine * tie[TIE_ALONG, 1]
-        first[1] = sine * tie[TIE_ALONG, 0] + cosine * tie[TIE_ALONG, 1]
-        bend_end(0, 0, first, tie_length, k.bending, work)
+        first[0] = cosine * hold[TIE_ALONG, 0] - sine * hold[TIE_ALONG, 1]
+        first[1] = sine * hold[TIE_ALONG, 0] + cosine * hold[TIE_ALONG, 1]
+        bend_end(0, 0, first, tie.length, k.bending, work)
         work.cosine[elements] = 0.0
         slope[elements] = 0.0
         element_force(elements, first, free, work)
@@ -296,25 +301,17 @@ def advance_winding(
         for c in range(3):
             for i in range(1, elements):
                 net[c, i] = force[c, i] - force[c, i - 1]
-        touch_cylinder(
-            1,
-            elements,
-            dt,
-            surface_rate * dt,
-            rotation,
-            landing,
-            cable,
-            mass,
-            net,
-            work.couple,
-            k.touch,
-            ledger,
-            rolling,
-            landing_node(elements, touching),
+        surface = Surface(
+            turned=surface_rate * dt,
+            turning=rotation,
+            landing=landing,
+            rolling=k.rolling,
+            edge=landing_node(elements, touching),
             # Cable that creeps would creep on while its node is free, by more than bending takes.
-            rate > 0.0 and terms == 0,
+            free=rate > 0.0 and terms == 0,
         )
-        if rolling:
+        touch_cylinder(1, elements, dt, surface, cable, mass, net, work.couple, k.touch, ledger)
+        if k.rolling:
             roll_nodes(elements, dt, cable, work, k)
         guide_speed = (next_guide - x[2, elements]) / dt
         # The guide pulls along the last element and pushes the cable that bends at it aside.
@@ -327,13 +324,13 @@ def advance_winding(
         # Prescribed ends: node 0 and its clamp turn with the surface, the guide follows the feed.
         angle = next_angle
         cosine, sine = math.cos(angle), math.sin(angle)
-        tie_x = cosine * tie[TIE_PLACE, 0] - sine * tie[TIE_PLACE, 1]
-        tie_y = sine * tie[TIE_PLACE, 0] + cosine * tie[TIE_PLACE, 1]
+        tie_x = cosine * hold[TIE_PLACE, 0] - sine * hold[TIE_PLACE, 1]
+        tie_y = sine * hold[TIE_PLACE, 0] + cosine * hold[TIE_PLACE, 1]
         moment = slope[0] * (first[0] * tangent[1, 0] - first[1] * tangent[0, 0])
         ledger[WORK_TIE] -= 0.5 * force[0, 0] * (tie_x - x[0, 0] + dt * v[0, 0])
         ledger[WORK_TIE] -= 0.5 * force[1, 0] * (tie_y - x[1, 0] + dt * v[1, 0])
         ledger[WORK_TIE] += 0.5 * moment * (rotation + surface_rate * dt)
-        x[0, 0], x[1, 0], x[2, 0] = tie_x, tie_y, tie[TIE_PLACE, 2]
+        x[0, 0], x[1, 0], x[2, 0] = tie_x, tie_y, hold[TIE_PLACE, 2]
         v[0, 0], v[1, 0], v[2, 0] = -rate * tie_y, rate * tie_x, 0.0
         x[2, elements] = next_guide
         v[2, elements] = guide_speed
@@ -345,7 +342,7 @@ def advance_winding(
         length = math.sqrt(ex * ex + ey * ey + ez * ez)
         last = length / pulled
         if not 0.0 < last < 1.0e3 * k.segment:
-            return nodes, step + 1, surface_rate, DIVERGED, end
+            return Advance(nodes, step + 1, surface_rate, DIVERGED, end)
         if last > CUT_AT * k.segment:
             part = k.segment / last
             for c in range(3):
@@ -369,7 +366,7 @@ def advance_winding(
             nodes += 1
         elif last < MERGE_AT * k.segment:
             if nodes < 4:
-                return nodes, step + 1, surface_rate, EMPTY, end
+                return Advance(nodes, step + 1, surface_rate, EMPTY, end)
             given_back = inflow(x, v, end - 1, end, k, response, viscous[:, end - 1], relax)
             ledger[WORK_INFLOW] -= given_back
             for j in range(viscous.shape[0]):
@@ -383,16 +380,16 @@ def advance_winding(
         else:
             reference[end] = last
         if watched > 0:
-            rx = x[0, watched] - cosine * tie[TIE_WATCHED, 0] + sine * tie[TIE_WATCHED, 1]
-            ry = x[1, watched] - sine * tie[TIE_WATCHED, 0] - cosine * tie[TIE_WATCHED, 1]
-            rz = x[2, watched] - tie[TIE_WATCHED, 2]
+            rx = x[0, watched] - cosine * hold[TIE_WATCHED, 0] + sine * hold[TIE_WATCHED, 1]
+            ry = x[1, watched] - sine * hold[TIE_WATCHED, 0] - cosine * hold[TIE_WATCHED, 1]
+            rz = x[2, watched] - hold[TIE_WATCHED, 2]
             if not rx * rx + ry * ry + rz * rz <= k.stirred * k.stirred:
-                return nodes, step + 1, surface_rate, STIRRED, 0
+                return Advance(nodes, step + 1, surface_rate, STIRRED, 0)
     for i in range(nodes - 2):
         stretch = 1.0 / (inverse[i] * reference[i])
         if not TABLE_LOW < stretch < TABLE_HIGH:
-            return nodes, steps, surface_rate, DIVERGED, i
-    return nodes, steps, surface_rate, RUNNING, 0
+            return Advance(nodes, steps, surface_rate, DIVERGED, i)
+    return Advance(nodes, steps, surface_rate, RUNNING, 0)
 
 
 @called

@@ -1,11 +1,10 @@
-"""Constants of the winding kernel, why it stops, and the rows of what drives it."""
+"""Records of the winding kernel: constants, state, drive, tie, and how an advance ends."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from cable_fem_node.dynamics.contact import ContactLaw
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.points import ContactLaw, FloatArray, IntArray
 
 # Why an advance stopped.
 RUNNING = 0
@@ -33,6 +32,40 @@ class Constants(NamedTuple):
     roll_inertia: float
     torsion: float
     stirred: float  # motion over the surface that resting cable must follow [m]
+    rolling: bool  # whether the cable may roll on the surface about its own axis
+
+
+# Rows of the state: what `points_of` takes, the reference lengths of the elements, and where the
+# cable relaxes the elements' elastic force and one viscous force per term.
+STATE_ROWS = 12
+REFERENCE = 11
+VISCOUS = 12
+
+
+class RodState(NamedTuple):
+    """Integrated nodes and elements of a rod; few arrays are passed to a kernel quickly."""
+
+    nodes: int  # in use
+    rows: FloatArray  # (STATE_ROWS and more, capacity), changed
+    touching: IntArray  # (capacity,) 1 where a node is in contact, changed
+
+
+class Tie(NamedTuple):
+    """How the cylinder holds the first integrated node."""
+
+    hold: FloatArray  # (3, 3) rows TIE_PLACE .. TIE_WATCHED in the frame of the cylinder
+    length: float  # reference length that bends about the node, twice the mean of both sides [m]
+    watched: int  # node whose motion over the surface ends the advance; 0 for none
+
+
+class Advance(NamedTuple):
+    """How an advance of the rod ended."""
+
+    nodes: int  # in use
+    steps: int  # taken
+    surface_rate: float  # angular speed of the cylinder in the last step [rad/s]
+    status: int  # RUNNING .. STIRRED
+    element: int  # at fault
 
 
 # Rows of the drive: value at the beginning, value at the end of the advance.

@@ -266,7 +266,7 @@ class Rod(ExplicitModel):
         stretches = self.stretch()
         tangent = max(self._law.tangent(1.0), *map(self._law.tangent, _extremes(stretches)))
         lightest = float(self.mass[1:-1].min())
-        touch = self._touch_constants() if self._contact is not None else None
+        touch = self._contact_law() if self._contact is not None else None
         tension = max(float(np.abs(self.tension()).max()), 0.0)
         along = 4.0 * tangent * mesh.response.area / shortest
         across = 16.0 * mesh.bending / shortest**3 + 4.0 * tension / shortest
@@ -316,8 +316,8 @@ class Rod(ExplicitModel):
             self._mesh,
             self._ends,
             self._scratch,
-            self._surroundings(calming),
-            self._touch_constants(),
+            self._boundary_conditions(calming),
+            self._contact_law(),
             self.viscosity,
             self._ledger,
         )
