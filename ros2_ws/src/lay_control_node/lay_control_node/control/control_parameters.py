@@ -17,7 +17,6 @@ from lay_control_node.planning.lay_on import LayOnLaw
 from lay_control_node.planning.limits import PlanLimits
 from winding_core.condition import ResolvedCondition
 from winding_core.lay_control_records import ControlMode
-from winding_core.material_law import MaterialLaw
 from winding_core.parameters import parameter
 from winding_core.tension import RigTension
 
@@ -136,11 +135,8 @@ class ControlParameters:
         case.material.refuse_fading("the lay controller")
         law = LayOnLaw(
             case,
-            MaterialLaw(
-                law=what.law,
-                young=case.material.young * case.material.axial_factor,
-                poisson=case.material.poisson,
-                mooney_ratio=what.mooney_ratio,
+            what.material_law(
+                case.material.young * case.material.axial_factor, case.material.poisson
             ),
         )
         radius = case.centreline_radius

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from lay_control_node.planning.lay_on import LayOnLaw
 from winding_core.condition import ResolvedCondition
-from winding_core.material_law import MaterialLaw
 
 Array = NDArray[np.float64]
 
@@ -33,12 +32,7 @@ class StretchedCable:
     def __post_init__(self) -> None:
         case = self.what.case
         case.material.refuse_fading("a plan of the lay")
-        law = MaterialLaw(
-            law=self.what.law,
-            young=case.material.young,
-            poisson=case.material.poisson,
-            mooney_ratio=self.what.mooney_ratio,
-        )
+        law = self.what.material_law(case.material.young, case.material.poisson)
         object.__setattr__(self, "_law", LayOnLaw(case, law))
 
     @property
