@@ -103,7 +103,7 @@ def merged(known: np.ndarray, news: np.ndarray) -> np.ndarray:
 def test_messages_of_the_newest_turns_make_up_the_whole_cable(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(message_handler, "_TOLD_TURNS", 0.5)
+    monkeypatch.setattr(message_handler, "_CABLE_TURNS", 0.5)
     handler = FemHandler(
         FemParameters(case=4, duration=0.5, follow_tension=False), ahead_elsewhere=True
     )

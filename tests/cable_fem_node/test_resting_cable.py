@@ -270,15 +270,15 @@ def test_cable_that_is_laid_to_rest_and_woken_is_as_it_was() -> None:
     nodes.points.roll[0, :12] = 0.1 * turned
     nodes.touching[1:12] = 1
     nodes.wake(0, angle, rate * step, step)
-    before, tie, touching = nodes.state.copy(), nodes.tie.copy(), nodes.touching.copy()
+    before, tie, touching = nodes.state.copy(), nodes.tie, nodes.touching.copy()
     nodes.rest(7, angle)
     assert nodes.live == 5
     assert nodes.total == 12
-    assert nodes.tie_length == pytest.approx(10.0e-3)
+    assert nodes.tie.length == pytest.approx(10.0e-3)
     nodes.wake(7, angle, rate * step, step)
     # The chord of the last step is the velocity there within the step's square.
     np.testing.assert_allclose(nodes.state[:, :12], before[:, :12], atol=1.0e-5)
     still = [row for row in range(12) if row not in (3, 4)]
     np.testing.assert_allclose(nodes.state[still, :12], before[still, :12], atol=1.0e-15)
     np.testing.assert_array_equal(nodes.touching, touching)
-    np.testing.assert_allclose(nodes.tie[:2], tie[:2], atol=1.0e-15)
+    np.testing.assert_allclose(nodes.tie.hold[:2], tie.hold[:2], atol=1.0e-15)

@@ -88,7 +88,7 @@ def test_markers_tell_stretch_and_free_length_and_not_what_stretched() -> None:
     posterior = identify_rig([run_of(4, 4, STEADY)])
     assert {"load_share", "guide_drag"} <= set(posterior.untold)
     beliefs = posterior.beliefs
-    assert beliefs["free_length"].told
+    assert beliefs["free_length"].observed
     assert beliefs["free_length"].low < 0.205 < beliefs["free_length"].high
     weight = paper_case(4).weight
     effective = 2.2e6 * weight / (0.62 * weight + 0.2)
@@ -118,7 +118,7 @@ def test_two_tensions_tell_drag_from_share() -> None:
     light = run_of(4, 4, STEADY, tension=2.0)
     heavy = run_of(4, 4, STEADY, tension=6.0)
     alone, both = identify_rig([light]), identify_rig([light, heavy])
-    assert not alone.beliefs["guide_drag"].told
+    assert not alone.beliefs["guide_drag"].observed
     # (6 a + d) / (2 a + d) is known to about a percent: it says d / a.
     ratio = both.rigs.guide_drag / both.rigs.load_share
     mean = float(both.weights @ ratio)
@@ -133,7 +133,7 @@ def test_a_tension_that_builds_up_is_seen() -> None:
     building = identify_rig([run_of(4, 4, BUILDING)])
     assert building.steady < 0.01
     start = building.beliefs["start_share"]
-    assert start.told
+    assert start.observed
     assert start.low < 0.4 < start.high
 
 

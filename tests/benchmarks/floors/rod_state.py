@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from cable_fem_node.dynamics.points import LEDGER_SIZE, Points
 from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.winding_kernels import REFERENCE, advance_winding, points_of
+from cable_fem_node.winding.winding_kernels import advance_winding, points_of
 from cable_fem_node.winding.winding_model import wound_angles
-from cable_fem_node.winding.winding_state import RUNNING, Constants
+from cable_fem_node.winding.winding_state import REFERENCE, RUNNING, Constants, Tie
+from cable_fem_node.winding.winding_state import RodState as KernelState
 from winding_core.drive import DriveProfile
 
 FloatArray = NDArray[np.float64]
@@ -32,7 +33,6 @@ class RodState:
         state: Of nodes and elements, rows as in `points_of`, shape (rows, capacity).
         touching: 1 where a node is in contact, shape (capacity,).
         tie: How the cylinder holds P0.
-        tie_length: Reference length that bends about P0 [m].
         ledger: Energies [J].
         constants: Of the run.
         response: Axial response of the cable.
@@ -43,8 +43,7 @@ class RodState:
     surface_step: float
     state: FloatArray
     touching: NDArray[np.int64]
-    tie: FloatArray
-    tie_length: float
+    tie: Tie
     ledger: FloatArray
     constants: Constants
     response: AxialResponse
@@ -64,8 +63,7 @@ class RodState:
             surface_step=model._surface_rate * model._last_step,
             state=state,
             touching=touching,
-            tie=nodes.tie.copy(),
-            tie_length=nodes.tie_length,
+            tie=nodes.tie,
             ledger=np.zeros(LEDGER_SIZE),
             constants=model._constants,
             response=model.config.resolved.axial,
@@ -73,9 +71,14 @@ class RodState:
         )
 
     @property
+    def kernel_state(self) -> KernelState:
+        """The nodes and elements as the kernel takes them."""
+        return KernelState(self.nodes, self.state, self.touching)
+
+    @property
     def cable(self) -> Points:
         """The nodes, as views."""
-        return points_of(self.state, self.touching)
+        return points_of(self.kernel_state)
 
     @property
     def reference(self) -> FloatArray:
@@ -111,22 +114,17 @@ def drive_between(model: RodWinding, profile: DriveProfile, span: float) -> Floa
 
 def kernel_advance(state: RodState, drive: FloatArray, steps: int, dt: float) -> None:
     """Advance a state in place by steps of dt [s] with the kernel of the solver."""
-    state.nodes, taken, rate, status, _ = advance_winding(
-        state.nodes,
+    end = advance_winding(
+        state.kernel_state,
         steps,
         dt,
         state.surface_step / dt,
         drive,
         state.tie,
-        state.tie_length,
-        0,
-        state.state,
-        state.touching,
         state.constants,
         state.response,
-        state.ledger,
-        False,
         state.relax,
+        state.ledger,
     )
-    assert (taken, status) == (steps, RUNNING)
-    state.surface_step = rate * dt
+    assert (end.steps, end.status) == (steps, RUNNING)
+    state.nodes, state.surface_step = end.nodes, end.surface_rate * dt

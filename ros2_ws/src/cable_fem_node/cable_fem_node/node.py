@@ -114,9 +114,9 @@ class CableFemNode(ManagedNode[FemParameters]):
             self._live.see(markers)
 
     def _look(self) -> None:
-        """Tell what is predicted; begin the identification that is due, or take what one found."""
+        """Publish predictions; begin the identification that is due, or take what one found."""
         if self._ahead is not None:
-            self._tell_ahead(self._ahead)
+            self._publish_ahead(self._ahead)
         live, task = self._live, self._task
         if live is None:
             return
@@ -129,7 +129,7 @@ class CableFemNode(ManagedNode[FemParameters]):
             self._task = None
             self._take(self._tracked_until, live, task)
 
-    def _tell_ahead(self, ahead: PredictionTask) -> None:
+    def _publish_ahead(self, ahead: PredictionTask) -> None:
         failed = bool(ahead.failure)
         self.publish([self._handler.predicted(ahead.begun, found) for found in ahead.news()])
         if ahead.failure and not failed:

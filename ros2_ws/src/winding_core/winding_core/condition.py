@@ -132,7 +132,7 @@ class Condition(CableParameters):
         Args:
             typed: By option, in the unit of its name; None where nothing was typed.
             spelling: How a refusal writes an option's name.
-            case: What is wound when nothing is said of it; None to refuse that.
+            case: What is wound when the options do not define it; None to refuse that.
 
         Raises:
             ParameterError: A value or a combination is refused.
@@ -146,7 +146,7 @@ class Condition(CableParameters):
             elif case is not None:
                 values["case"] = case
             else:
-                raise ParameterError(_nothing_said(_spelled(cls, spelling)))
+                raise ParameterError(_undefined(_spelled(cls, spelling)))
         condition = cls(**values)
         # A refusal here can still name the options.
         condition.resolved(spelling)
@@ -208,7 +208,7 @@ class Condition(CableParameters):
     def as_typed(self, typed: Mapping[str, object]) -> dict[str, Any]:
         """Return every option with nothing left open; what was typed stays as it was typed.
 
-        Case 0 says that none was typed.
+        Case 0 stands for no case typed.
         """
         what = self.resolved()
         case = what.case
@@ -234,7 +234,7 @@ def _spelled(configuration: type, spelling: Spelling | None) -> dict[str, str]:
     }
 
 
-def _nothing_said(spelled: Mapping[str, str]) -> str:
+def _undefined(spelled: Mapping[str, str]) -> str:
     return (
         f"say what to wind: {spelled['case']} 1 to {len(published_conditions())}, or "
         f"{spelled['cylinder_diameter']}, {spelled['cable_diameter']} and {spelled['weight']} "

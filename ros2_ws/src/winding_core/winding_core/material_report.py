@@ -1,4 +1,4 @@
-"""What the tracked markers of a run tell of its cable's material."""
+"""The cable's material identified from the tracked markers of a run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NAME = "cable_fem: material"
 
 @dataclass(frozen=True, kw_only=True)
 class MaterialReport:
-    """What a run's markers say of its cable.
+    """Material of a run's cable, as its markers determine it.
 
     Attributes:
         law: Material law that was fitted.

@@ -22,7 +22,7 @@ class PronySeries:
     """Shares of the stress at once that fade with a time each; none for an elastic cable.
 
     A cable that is held at a stretch carries the share
-    1 - sum_i g_i (1 - exp(-t / tau_i)) of what its law says at once. Under any history the
+    1 - sum_i g_i (1 - exp(-t / tau_i)) of the law's stress at once. Under any history the
     stress is P0 - sum_i q_i with tau_i dq_i/dt + q_i = g_i P0, P0 the law's stress at the stretch
     of now: Simo's viscoelasticity in one dimension, for one term the standard linear solid.
 

@@ -8,7 +8,7 @@ class SolverError(RuntimeError):
 
 
 class DivergenceError(SolverError):
-    """The integration left the range of physics; says when, where and why."""
+    """The integration left the range of physics; the message names time, element and cause."""
 
 
 class EnergyBalanceError(SolverError):

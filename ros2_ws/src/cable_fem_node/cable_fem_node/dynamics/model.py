@@ -18,12 +18,12 @@ from cable_fem_node.dynamics.contact import (
     normal_forces,
     penalty,
 )
-from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.motion_kernels import BoundaryConditions
 from cable_fem_node.dynamics.points import (
     LEDGER_SIZE,
     ContactLaw,
+    EnergyLedger,
     FloatArray,
     Points,
     empty_points,
@@ -164,7 +164,7 @@ class ExplicitModel(ABC):
 
         Raises:
             ValueError: The duration is negative or the step exceeds the critical step.
-            DivergenceError: The integration failed; says when, at which element and why.
+            DivergenceError: The integration failed; names time, element and cause.
         """
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration must not be negative, got {duration} s")

@@ -1,4 +1,4 @@
-"""Where the search ends, what the residuals say of it, and how well the parameters are known."""
+"""Where the search ends, the test of its residuals, and how well the parameters are known."""
 
 from __future__ import annotations
 
@@ -53,13 +53,13 @@ class Fit:
         covariance: From the deviations of tracker and model, and from the scatter, shape (p, p).
         quantile: Factor from a standard error to the half width of a 90 % interval.
         residuals: Every marker of every run.
-        chi_square: Of the angles under the stated deviations.
+        chi_square: Of the angles under the assumed deviations.
         degrees: Angles less parameters.
-        misfit: Whether the residuals contradict the stated deviations.
-        scatter: Relative standard deviation of each angle beyond the stated ones; zero without
+        misfit: Whether the residuals contradict the assumed deviations.
+        scatter: Relative standard deviation of each angle beyond the assumed ones; zero without
             a misfit.
         calls: Calls of the rod per run.
-        excess: What the rod said last, for the next search of the same run; None of several runs.
+        excess: The rod's last answer, for the next search of the same run; None of several runs.
     """
 
     parameters: FloatArray
@@ -90,7 +90,7 @@ def fit(
 ) -> Fit:
     """Return the parameters whose rod lays the markers of all runs where they were measured.
 
-    Where the residuals contradict the stated deviations, every marker is given a scatter of its
+    Where the residuals contradict the assumed deviations, every marker is given a scatter of its
     own, as large as the residuals ask for, and the search is repeated with it.
 
     Args:
@@ -104,7 +104,7 @@ def fit(
 
     Raises:
         IdentificationError: The search does not come to rest, or the rod fails.
-        AbandonedError: `going` said no.
+        AbandonedError: `going` returned False.
     """
     from scipy.special import chdtrc, stdtrit  # noqa: PLC0415 - in the thread that fits
 
@@ -124,7 +124,7 @@ def fit(
     return Fit(
         parameters=search.parameters,
         covariance=search.covariance,
-        # Scatter that the residuals themselves tell is known as badly as they are few.
+        # Scatter estimated from the residuals themselves has their few degrees of freedom.
         quantile=float(stdtrit(degrees, 0.95)) if misfit else NORMAL_90,
         residuals=_residuals(runs, search.fitted),
         chi_square=squares,

@@ -40,7 +40,7 @@ class MaterialTask:
         drive: The plan of the run.
         duration: Planned time of the run [s].
         wanted_ahead: Whether the rest of the run is to be wound with the estimate.
-        before: What the search before this one heard from the rod.
+        before: The rod's answers to the previous search.
     """
 
     config: WindingConfig
@@ -73,7 +73,7 @@ class MaterialUpdate:
 
 
 class LiveMaterial:
-    """Watches a run's tracked markers and says when an identification is due.
+    """Watches a run's tracked markers and decides when an identification is due.
 
     It is due whenever a further marker has landed and stands still.
 
@@ -138,7 +138,7 @@ def work_out(task: MaterialTask, going: Callable[[], bool] = lambda: True) -> Ma
     Takes a processor second or two; nothing that it touches is shared.
 
     Raises:
-        AbandonedError: `going` said no.
+        AbandonedError: `going` returned False.
     """
     try:
         run = TrackedRun(config=task.config, inputs=task.inputs, readings=task.readings)

@@ -17,7 +17,7 @@ from cable_fem_node.identification.tracked_run import IdentificationError, Track
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.material_law import MaterialLaw
 
-# Softer than any gel and stiffer than any rubber: outside this nobody winds a cable that stretches.
+# From softer than any gel to stiffer than any rubber: outside this no wound cable stretches.
 PLAUSIBLE_YOUNG = (0.05e6, 500.0e6)
 # A fit that misses a marker by more than this share of its angle is not of this cable.
 WORST_SHARE = 0.05
@@ -92,11 +92,11 @@ def identify_modulus(
         runs: Of one cable, at least one; law and start are those of the configurations.
         config: Beliefs and limits.
         going: Asked again and again whether the result is still wanted.
-        before: What an earlier search of the same run heard from the rod, see `Search`.
+        before: The rod's answers to an earlier search of the same run, see `Search`.
 
     Raises:
         IdentificationError: There is no modulus, or the runs contradict each other.
-        AbandonedError: `going` said no.
+        AbandonedError: `going` returned False.
     """
     if not runs:
         raise IdentificationError("identification needs at least one run, got none")

@@ -119,7 +119,7 @@ _FARTHEST = 8.0
 class RigCoordinates:
     """From coordinates (n, 5), build-up lengths and whether the tension is steady to rigs.
 
-    Markers tell the stretch at which the cable was laid and not what made it: E, load share and
+    Markers determine the stretch at which the cable was laid, not what made it: E, load share and
     drag hide behind each other. So the first coordinate is that stretch, and E follows.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""One run of a rig that is sought: what its used markers say of any rig."""
+"""One run of a rig that is sought: deviations and residuals of its markers for any rig."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def deviations_of(
 
     Args:
         run: What is wound.
-        prior: Says how well markers were fixed and painted.
+        prior: Contains how well markers were fixed and painted.
         theta: About where the markers lie [rad], shape (m,).
         z: [m], shape (m,).
     """

@@ -1,4 +1,4 @@
-"""What tracked markers tell of the rig that wound them, all at once and with its covariance."""
+"""Joint posterior of the rig that wound tracked markers, with the markers to come."""
 
 from __future__ import annotations
 
@@ -146,8 +146,8 @@ def interval_of(values: FloatArray, weights: FloatArray, level: float = 0.9) -> 
 
 # As many as a 5 % quantile needs to be known to a twentieth of the interval.
 DRAWS = 600
-# A deviation that has not shrunk below this share of the prior's was not told by the markers.
-_TOLD = 0.8
+# A number whose deviation stays above this share of the prior's is unobservable.
+_OBSERVED = 0.8
 # Scatter beyond which markers are not those of any rig [m].
 _MOST_SCATTER = 0.05
 # Scatter is found to within this factor.
@@ -180,9 +180,9 @@ class Belief:
         return 0.5 * (self.high - self.low)
 
     @property
-    def told(self) -> bool:
-        """Whether the markers told more than was known before."""
-        return self.deviation < _TOLD * self.prior_deviation
+    def observed(self) -> bool:
+        """Whether the markers narrow the prior."""
+        return self.deviation < _OBSERVED * self.prior_deviation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,11 +235,11 @@ class RigPosterior:
 
     @property
     def untold(self) -> tuple[str, ...]:
-        """Numbers that were not known and of which the markers tell nothing."""
+        """Unobservable numbers: neither known before nor narrowed by the markers."""
         return tuple(
             name
             for name in NAMES
-            if self.beliefs[name].prior_deviation > 0.0 and not self.beliefs[name].told
+            if self.beliefs[name].prior_deviation > 0.0 and not self.beliefs[name].observed
         )
 
     def refusal(self) -> str:
@@ -272,7 +272,7 @@ def identify_rig(
     Res. Natl. Bur. Stand. 87, 1982).
 
     Args:
-        runs: Of one cable on one rig, at least one; two weights tell drag from share.
+        runs: Of one cable on one rig, at least one; two weights separate drag from share.
         prior: What was known before.
         draws: How many rigs are drawn.
 

@@ -37,12 +37,12 @@ def wind(
     Args:
         run: Inputs and markers.
         law: The material that is tried.
-        expected: Wound angles that the closed form says [rad], shape (m,).
+        expected: Wound angles of the closed form [rad], shape (m,).
         going: Asked before every step whether the result is still wanted.
 
     Raises:
         IdentificationError: A marker does not land, or the rod fails.
-        AbandonedError: `going` said no.
+        AbandonedError: `going` returned False.
     """
     latest = _LATEST * float(expected[-1]) + _SETTLED + math.pi / 4.0
     inputs = continued_inputs(run.inputs, latest)

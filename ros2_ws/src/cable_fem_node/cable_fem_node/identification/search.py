@@ -1,8 +1,8 @@
 """Inverse winding: least squares over the rod, whose closed form gives the way and the slope.
 
 One call of the rod costs half a processor second, one of the closed form a millisecond. So the
-closed form, corrected by what the rod said at the last tried material and by how that changed
-since the one before, is what scipy's least_squares sees; the rod is asked again at the optimum
+closed form, corrected by the rod's result for the last tried material and by the change of that
+since the one before, is what scipy's least_squares sees; the rod is evaluated again at the optimum
 until that stands still. There the residuals are the rod's own (space mapping, Bandler et al.,
 IEEE Trans. Microwave Theory Tech. 42, 1994; the change is Broyden's rank-one update).
 """
@@ -81,10 +81,10 @@ def scatter_of(
 
 @dataclass(frozen=True, kw_only=True)
 class RodExcess:
-    """What the rod said of one run's markers at the last material that it was asked for.
+    """How far the rod's markers of one run lie from the closed form's, at the last tried material.
 
     Attributes:
-        parameters: Of that material, shape (p,).
+        parameters: Of the material, shape (p,).
         ids: n of Pn, ascending, shape (m,).
         excess: Of the angles relative to the closed form's, then of z [m], shape (2 m,).
         slope: Its change per parameter, shape (2 m, p).
@@ -131,7 +131,7 @@ class FitConfig:
             published series within 1.5 mm.
         tolerance: The search ends when a step is shorter than this share of the standard error.
         max_calls: Most calls of the rod per run.
-        misfit_level: Residuals that chance reaches more rarely than this contradict the stated
+        misfit_level: Residuals that chance reaches more rarely than this contradict the assumed
             deviations.
     """
 
@@ -151,8 +151,8 @@ class Search:
         bounds: Least and greatest parameters, shape (p,) each.
         config: Beliefs and limits.
         going: Asked again and again whether the result is still wanted.
-        before: What an earlier search of the same run, when it had fewer markers, heard from the
-            rod; the search begins there, and one call of the rod confirms it.
+        before: The rod's excess in an earlier search of the same run, when it had fewer markers;
+            the search begins there, and one call of the rod confirms it.
     """
 
     def __init__(
@@ -186,7 +186,7 @@ class Search:
 
     @property
     def excess(self) -> RodExcess | None:
-        """What the rod said last, of one run; None before it was asked, and of several runs."""
+        """The rod's last excess of one run; None before its first call, and of several runs."""
         if self.calls == 0 or self._asked_at is None or len(self._runs) > 1:
             return None
         return RodExcess(
@@ -204,7 +204,7 @@ class Search:
             scatter: Relative standard deviation of each marker by itself.
 
         Raises:
-            IdentificationError: The markers do not tell the parameters, or the search does not
+            IdentificationError: The parameters are unobservable, or the search does not
                 come to rest.
         """
         # Live, this is the thread beside the node's own, and the machine is winding.

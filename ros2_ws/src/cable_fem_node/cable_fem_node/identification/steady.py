@@ -46,7 +46,7 @@ class SteadyMarkers:
     """Means of every marker over the frames that measured it.
 
     Frames of one marker share the camera's errors, so the mean keeps the deviation of a single
-    frame. A marker that has slipped is left out for good: where it lies says nothing of how it
+    frame. A marker that has slipped is left out for good: its place does not follow from how it
     was laid.
 
     Args:

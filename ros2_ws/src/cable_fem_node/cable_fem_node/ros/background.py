@@ -1,4 +1,4 @@
-"""A task beside the node's own thread, at a lower priority."""
+"""Work beside the node's own thread, at a lower priority: any task, a run wound ahead."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class BackgroundTask(Generic[Result]):
     """Runs a function in a thread of its own; the owner asks for the result when it likes.
 
     Args:
-        work: Gets a function that says whether the result is still wanted, and raises once it
-            is not.
+        work: Receives a function that returns whether the result is still wanted, and raises
+            once it is not.
     """
 
     def __init__(self, work: Callable[[Callable[[], bool]], Result]) -> None:

@@ -27,15 +27,15 @@ from winding_ros.message_handler import Answer
 from winding_ros.rig_messages import JointStateReader, decode_tension
 from winding_ros.topic import Topic
 
-# Wound cable that every fem/cable brings. What lies still is told for long enough that who
-# misses some messages has it nevertheless, and no message grows with what is wound.
-_TOLD_TURNS = 12.0
+# Wound turns in every fem/cable. Cable that lies still is repeated for so long that a subscriber
+# that misses some messages has it nevertheless, and no message grows with what is wound.
+_CABLE_TURNS = 12.0
 
 
 class FemHandler:
     """Shadows the machine with the explicit rod.
 
-    Making it winds the first piece of the run ahead, or the beginning of that; `begin` says what
+    Making it winds the first piece of the run ahead, or the beginning of that; `begin` yields what
     was found.
 
     Args:
@@ -161,7 +161,7 @@ class FemHandler:
             yield Answer(topic=topics.FEM_MARKERS, message=encode_cloud(t, model.markers()))
         if t >= self._cable_due:
             self._cable_due += _due_period(topics.FEM_CABLE)
-            cable = _published(model.newest_cable(_TOLD_TURNS))
+            cable = _published(model.newest_cable(_CABLE_TURNS))
             yield Answer(topic=topics.FEM_CABLE, message=encode_cloud(t, cable))
             points = np.stack([cable["x"], cable["y"], cable["z"]], axis=1).astype(float)
             width = self.config.case.cable_diameter

@@ -12,9 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.contact import contact_energy, normal_forces
-from cable_fem_node.dynamics.energy import EnergyLedger
 from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import LOSS_RELAXATION, WORK_TIE, FloatArray, Points
+from cable_fem_node.dynamics.points import (
+    LOSS_RELAXATION,
+    WORK_TIE,
+    EnergyLedger,
+    FloatArray,
+    Points,
+)
 from cable_fem_node.winding import resting_cable
 from cable_fem_node.winding.resting_cable import Fading, turned
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes, WholeRod, kinetic_energy

@@ -1,4 +1,4 @@
-"""A run wound ahead piece by piece, so that nobody waits for its end."""
+"""A model taken along inputs: a run replayed, and a run wound ahead piece by piece."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def replay(inputs: Inputs, model: WindingModel, going: Callable[[], bool] = lamb
         going: Asked before every step whether the result is still wanted.
 
     Raises:
-        AbandonedError: `going` said no.
+        AbandonedError: `going` returned False.
     """
     for t, reading, tension in RunInputs(samples=inputs[inputs["t"] > model.time]):
         if not going():
@@ -48,7 +48,7 @@ class RunAhead:
     What is found depends on the plan alone, not on when or in how many calls it is wound.
 
     Args:
-        model: Where the plan begins; nobody else may advance it.
+        model: Where the plan begins; nothing else may advance it.
         planned: (t [s], reading, tension [N] or None), ascending in time.
         check: Called with the model at the end of every piece; raises to refuse.
         piece: Simulated time of a piece [s].
@@ -107,8 +107,8 @@ class RunAhead:
             What has been added to `found`; None if nothing has.
 
         Raises:
-            AbandonedError: `going` said no; a further call goes on from there.
-            SolverError: The run cannot be wound, or not rightly; says when and why.
+            AbandonedError: `going` returned False; a further call goes on from there.
+            SolverError: The run cannot be wound, or its result is invalid; names time and cause.
         """
         limit = self.model.element_steps + most_steps
         while self.model.time < self._end and self.model.element_steps < limit:

@@ -8,8 +8,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.energy import EnergyLedger
-from cable_fem_node.dynamics.points import LEDGER_SIZE, FloatArray
+from cable_fem_node.dynamics.points import LEDGER_SIZE, EnergyLedger, FloatArray
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_state import (
     ANGLE,
@@ -63,7 +62,7 @@ class WindingModel(ABC):
 
         Raises:
             ValueError: Time runs backwards or a number is not finite.
-            DivergenceError: The integration failed; says when, at which element and why.
+            DivergenceError: The integration failed; names time, element and cause.
         """
         angle = reading.cylinder_angle
         inputs = (t, angle, reading.angular_speed, reading.carriage_position, reading.feed_speed)

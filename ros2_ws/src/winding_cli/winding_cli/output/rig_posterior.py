@@ -40,7 +40,7 @@ def rig_record(posterior: RigPosterior, runs: Sequence[TrackedRun]) -> dict[str,
     return {
         "rig": {
             name: dataclasses.asdict(belief)
-            | {"half_width_90": belief.half_width_90, "told": belief.told}
+            | {"half_width_90": belief.half_width_90, "told": belief.observed}
             for name, belief in posterior.beliefs.items()
         },
         "names": list(posterior.names),
