@@ -1,4 +1,4 @@
-"""What the solver's node says of a run that is longer than what it can say at once."""
+"""The solver's node with runs that are longer than one piece of a prediction or one message."""
 
 from __future__ import annotations
 
@@ -6,28 +6,23 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.parameter import Parameter
+from rods import CONFIG, DRIVE
+from solver_bench import SolverBench
 
-from cable_fem_node.node import CableFemNode
 from cable_fem_node.ros import message_handler
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.run_ahead import PIECE
-from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, Markers, is_wound
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.rig_messages import encode_joint_state
 
-DRIVE = DriveProfile()
 LONG = PIECE + 4.0
 
 
-def told(answers: Any) -> list[tuple[float, Markers]]:
+def predicted(answers: Any) -> list[tuple[float, Markers]]:
     return [decode_cloud(answer.data, MARKER_DTYPE) for answer in answers]
 
 
@@ -37,21 +32,21 @@ def test_run_is_predicted_in_pieces_and_ends_as_the_whole() -> None:
     # What configuring waits for is the first piece, however long the run is.
     assert handler.ahead.model.time == pytest.approx(PIECE, abs=0.02)
     assert not handler.ahead.done
-    ((t, first),) = told(handler.begin(7.0))
+    ((t, first),) = predicted(handler.begin(7.0))
     assert t == 7.0
     assert is_wound(first).all()
     list(handler.ahead.wind_on())
-    (_, early), (_, last) = told(handler.begin(8.0))
+    (_, early), (_, last) = predicted(handler.begin(8.0))
     np.testing.assert_array_equal(early, first)
-    whole = predict(WindingConfig(case=paper_case(4)), duration=LONG).markers
+    whole = predict(CONFIG, duration=LONG).markers
     for name in ("theta", "z", "s", "flags"):
         np.testing.assert_array_equal(last[name], whole[name])
 
 
 @pytest.mark.slow
-def test_handler_that_is_alone_says_the_whole_prediction_at_once() -> None:
+def test_handler_that_is_alone_yields_the_whole_prediction_at_once() -> None:
     handler = FemHandler(FemParameters(case=4, duration=LONG))
-    assert len(told(handler.begin(0.0))) == 2
+    assert len(predicted(handler.begin(0.0))) == 2
     assert handler.ahead.done
 
 
@@ -64,29 +59,21 @@ def test_stiff_cable_is_configured_after_part_of_a_piece(monkeypatch: pytest.Mon
     monkeypatch.setattr(message_handler, "FIRST_STEPS", 1.0e5)
     handler = FemHandler(FemParameters(case=4, duration=LONG), ahead_elsewhere=True)
     assert 0.0 < handler.ahead.model.time < 1.0
-    assert told(handler.begin(0.0)) == []
+    assert predicted(handler.begin(0.0)) == []
 
 
 @pytest.mark.slow
 def test_node_publishes_the_rest_of_a_prediction_by_itself(ros: Any) -> None:
-    node = ros.add(
-        CableFemNode,
-        parameter_overrides=[Parameter("case", value=4), Parameter("duration", value=LONG)],
-    )
-    heard: list[Any] = []
-    topics.FEM_PREDICTION.subscribe(ros.plain(), heard.append)
-    assert node.trigger_configure() is TransitionCallbackReturn.SUCCESS
-    assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
-    ros.spin_until(lambda: len(heard) == 2)
-    (t, first), (t2, last) = (decode_cloud(message, MARKER_DTYPE) for message in heard)
+    bench = SolverBench(ros, duration=LONG)
+    bench.wait_for(topics.FEM_PREDICTION, 2)
+    (t, first), (t2, last) = bench.markers(topics.FEM_PREDICTION)
     # Both are made from what was known when the run began.
     assert t == t2
     np.testing.assert_allclose(first["s"], last["s"], rtol=0.0, atol=1.0e-5)
-    assert node.status().values["predicted_to"] == f"{LONG:.1f}"
-    assert node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
-    assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
+    assert bench.node.status().values["predicted_to"] == f"{LONG:.1f}"
+    bench.begin_anew()
     # A new run, the same plan: nothing is wound again.
-    ros.spin_until(lambda: len(heard) == 4)
+    bench.wait_for(topics.FEM_PREDICTION, 4)
 
 
 def merged(known: np.ndarray, news: np.ndarray) -> np.ndarray:
