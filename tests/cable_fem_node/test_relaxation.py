@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from rods import CASE, DRIVE, follow, tracked
 
 from cable_fem_node.identification import IdentificationError
@@ -49,9 +48,11 @@ def wound(until: float, prony: str = SOLID, **more: Any) -> RodWinding:
     return follow(RodWinding(config(prony, **more)), until)
 
 
-def held(model: RodWinding, until: float, tension: float | None = None) -> RodWinding:
-    """Go on with a machine that stands where it is."""
-    reading = standing(*DRIVE.positions(model.time if tension is None else 10.0))
+def held(
+    model: RodWinding, until: float, tension: float | None = None, stopped: float = 10.0
+) -> RodWinding:
+    """Go on with a machine that stands where it was at a time [s]."""
+    reading = standing(*DRIVE.positions(stopped))
     while model.time < until - 1.0e-9:
         model.advance_to(model.time + 0.05, reading, tension)
     return model
@@ -105,7 +106,7 @@ def test_cable_that_is_held_wound_relaxes_as_a_standard_linear_solid(relaxed: Ro
 def test_relaxing_moves_nothing() -> None:
     model = wound(8.0)
     _, theta, z = (values.copy() for values in model.wound_path())
-    held(model, 12.0)
+    held(model, 12.0, stopped=8.0)
     _, later, z_later = model.wound_path()
     laid = theta < theta[-1] - 6.0
     # A penalty spring that lost its load would push the cable out by 10 um, 3e-3 of the strain.

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
+from rods import tracked
 
-from cable_fem_node.identification import Readings, TrackedRun
 from cable_fem_node.identification.quasi_static import lay
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Material, paper_case
-from winding_core.drive import DriveProfile
-from winding_core.planned_inputs import planned_inputs
 
 
 def config(**material: float) -> WindingConfig:
@@ -50,18 +46,8 @@ def test_rod_with_another_bending_stiffness_follows_its_closed_form() -> None:
 
 def test_identification_s_closed_form_honours_the_factors() -> None:
     def theta(wound: WindingConfig, young: float) -> float:
-        run = TrackedRun(
-            config=wound,
-            inputs=planned_inputs(DriveProfile(), 6.0),
-            readings=Readings(
-                ids=np.array([1]),
-                theta=np.array([6.5]),
-                z=np.array([0.004]),
-                sigma_theta=np.array([1e-3]),
-                sigma_z=np.array([1e-4]),
-            ),
-        )
-        return float(lay(run, replace(wound.resolved.law, young=young))[0][0])
+        law = replace(wound.resolved.law, young=young)
+        return float(lay(tracked(wound), law)[0][0])
 
     factors = theta(config(axial_factor=2.0, bending_factor=2.0), 2.6e6)
     assert factors == pytest.approx(theta(config(), 5.2e6), rel=1e-12)
@@ -73,8 +59,8 @@ def test_solid_refuses_a_factor(name: str) -> None:
         predict(config(**{name: 0.5}), duration=0.1, element="solid")
 
 
-def test_factors_must_be_positive_and_finite() -> None:
-    for name in ("axial_factor", "bending_factor"):
-        for value in (0.0, -1.0, math.inf, math.nan):
-            with pytest.raises(ValueError, match=f"{name} must be positive and finite"):
-                Material(**{name: value})
+@pytest.mark.parametrize("name", ["axial_factor", "bending_factor"])
+@pytest.mark.parametrize("value", [0.0, -1.0, float("inf"), float("nan")])
+def test_factors_must_be_positive_and_finite(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"{name} must be positive and finite"):
+        Material(**{name: value})

@@ -16,7 +16,7 @@ from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_kernels import advance_winding, points_of
 from cable_fem_node.winding.winding_model import wound_angles
-from cable_fem_node.winding.winding_state import REFERENCE, RUNNING, Constants, Tie
+from cable_fem_node.winding.winding_state import REFERENCE, RUNNING, Constants
 from cable_fem_node.winding.winding_state import RodState as KernelState
 from winding_core.drive import DriveProfile
 
@@ -33,6 +33,7 @@ class RodState:
         state: Of nodes and elements, rows as in `points_of`, shape (rows, capacity).
         touching: 1 where a node is in contact, shape (capacity,).
         tie: How the cylinder holds P0.
+        tie_length: Reference length that bends about P0 [m].
         ledger: Energies [J].
         constants: Of the run.
         response: Axial response of the cable.
@@ -43,7 +44,8 @@ class RodState:
     surface_step: float
     state: FloatArray
     touching: NDArray[np.int64]
-    tie: Tie
+    tie: FloatArray
+    tie_length: float
     ledger: FloatArray
     constants: Constants
     response: AxialResponse
@@ -63,7 +65,8 @@ class RodState:
             surface_step=model._surface_rate * model._last_step,
             state=state,
             touching=touching,
-            tie=nodes.tie,
+            tie=nodes.tie.copy(),
+            tie_length=nodes.tie_length,
             ledger=np.zeros(LEDGER_SIZE),
             constants=model._constants,
             response=model.config.resolved.axial,
@@ -73,12 +76,12 @@ class RodState:
     @property
     def kernel_state(self) -> KernelState:
         """The nodes and elements as the kernel takes them."""
-        return KernelState(self.nodes, self.state, self.touching)
+        return KernelState(self.nodes, self.state, self.touching, self.tie, self.tie_length, 0)
 
     @property
     def cable(self) -> Points:
         """The nodes, as views."""
-        return points_of(self.kernel_state)
+        return points_of(self.state, self.touching)
 
     @property
     def reference(self) -> FloatArray:
@@ -120,7 +123,6 @@ def kernel_advance(state: RodState, drive: FloatArray, steps: int, dt: float) ->
         dt,
         state.surface_step / dt,
         drive,
-        state.tie,
         state.constants,
         state.response,
         state.relax,

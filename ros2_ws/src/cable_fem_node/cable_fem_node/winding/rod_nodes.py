@@ -23,7 +23,6 @@ from cable_fem_node.winding.winding_state import (
     TIE_WATCHED,
     VISCOUS,
     RodState,
-    Tie,
 )
 
 
@@ -99,8 +98,8 @@ class RodNodes:
         state: Of the integrated nodes and elements, as the kernel takes it.
         touching: Which integrated nodes are in contact, as the kernel takes it.
         resting: The nodes that turn with the cylinder.
-        tie: How the cylinder holds the first integrated node, as the kernel takes it; it watches
-            no node where P0 alone rests.
+        tie: How the cylinder holds the first integrated node, rows TIE_PLACE .. TIE_WATCHED.
+        tie_length: Reference length that bends about that node, twice the mean of both sides [m].
     """
 
     def __init__(
@@ -118,17 +117,19 @@ class RodNodes:
         self.points.position[:, : self.live] = position
         self.reference[: reference.size] = reference
         self.resting = RestingCable(float(position[0, 0]), fading)
-        self.tie = self._tie(0.0)
+        self.tie = np.zeros((3, 3))
+        self._hold(0.0)
 
     @property
     def points(self) -> Points:
         """State of the integrated nodes, as views."""
-        return points_of(self.rod)
+        return points_of(self.state, self.touching)
 
     @property
     def rod(self) -> RodState:
-        """The integrated nodes and elements, as the kernel takes them."""
-        return RodState(self.live, self.state, self.touching)
+        """The integrated nodes as the kernel takes them; none is watched where P0 alone rests."""
+        watched = WATCHED if self.resting.count > 1 else 0
+        return RodState(self.live, self.state, self.touching, self.tie, self.tie_length, watched)
 
     @property
     def reference(self) -> FloatArray:
@@ -190,7 +191,7 @@ class RodNodes:
         for values in (self.state, self.touching):
             values[..., :left] = values[..., nodes : self.live]
         self.live = left
-        self.tie = self._tie(angle)
+        self._hold(angle)
 
     def wake(self, nodes: int, angle: float, back: float, dt: float) -> None:
         """Integrate the last resting nodes again, in the state that they were laid to rest with.
@@ -209,7 +210,7 @@ class RodNodes:
         self.resting.put(nodes, angle, back, dt, self.points, self.reference, self.viscous)
         self.resting.let_go(nodes)
         self.live = longer
-        self.tie = self._tie(angle)
+        self._hold(angle)
 
     def grow(self, capacity: int) -> None:
         """Make room for so many integrated nodes."""
@@ -237,14 +238,9 @@ class RodNodes:
         viscous[:, first:] = self.viscous[:, : self.live]
         return WholeRod(cable=points, reference=reference, viscous=viscous, angle=angle)
 
-    def _tie(self, angle: float) -> Tie:
-        """Return how the cylinder holds the first integrated node as it is, at an angle [rad]."""
-        hold = np.zeros((3, 3))
-        hold[TIE_PLACE] = self.resting.place()[:, -1]
-        hold[TIE_ALONG] = self.resting.along()
-        hold[TIE_WATCHED] = self.place(WATCHED + 1, angle)[:, -1]
-        return Tie(
-            hold=hold,
-            length=float(self.reference[0] + self.resting.row(resting_cable.REFERENCE)[-1]),
-            watched=WATCHED if self.resting.count > 1 else 0,
-        )
+    def _hold(self, angle: float) -> None:
+        """Tie the first integrated node to the cylinder as it is, at an angle [rad]."""
+        self.tie[TIE_PLACE] = self.resting.place()[:, -1]
+        self.tie[TIE_ALONG] = self.resting.along()
+        self.tie[TIE_WATCHED] = self.place(WATCHED + 1, angle)[:, -1]
+        self.tie_length = float(self.reference[0] + self.resting.row(resting_cable.REFERENCE)[-1])

@@ -115,6 +115,7 @@ class RodWinding(WindingModel):
         super().__init__(config)
         resolved = config.resolved
         self._constants = resolved.constants
+        self._axial, self._relaxation = resolved.axial, resolved.relaxation
         self.step_limit = resolved.step
         stretch = resolved.stretch
         count = max(3, round(config.free_length / (stretch * config.resolved.segment)))
@@ -256,10 +257,9 @@ class RodWinding(WindingModel):
                 dt,
                 self._surface_rate,
                 part,
-                nodes.tie,
                 self._constants,
-                self.config.resolved.axial,
-                self.config.resolved.relaxation,
+                self._axial,
+                self._relaxation,
                 self._ledger,
             )
             nodes.live, self._surface_rate = end.nodes, end.surface_rate

@@ -58,21 +58,20 @@ from cable_fem_node.winding.winding_state import (
     Advance,
     Constants,
     RodState,
-    Tie,
 )
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 
 
 @called
-def points_of(rod: RodState) -> Points:
-    """Return the nodes of a state as views."""
+def points_of(rows: FloatArray, touching: IntArray) -> Points:
+    """Return the nodes of a state, see `RodState`, as views."""
     return Points(
-        position=rod.rows[0:3],
-        velocity=rod.rows[3:6],
-        slip=rod.rows[6:8],
-        contact_radius=rod.rows[8],
-        touching=rod.touching,
-        roll=rod.rows[9:11],
+        position=rows[0:3],
+        velocity=rows[3:6],
+        slip=rows[6:8],
+        contact_radius=rows[8],
+        touching=touching,
+        roll=rows[9:11],
     )
 
 
@@ -219,7 +218,6 @@ def advance_winding(
     dt: float,
     surface_rate: float,
     drive: FloatArray,
-    tie: Tie,
     k: Constants,
     response: AxialResponse,
     relax: Relaxation,
@@ -228,20 +226,23 @@ def advance_winding(
     """Advance the cable by equal steps while the drive runs from its first to its second column.
 
     Args:
-        rod: Nodes and elements, changed.
+        rod: Nodes and elements, changed, and how the cylinder holds node 0.
         steps: Number of steps to take.
         dt: Step [s].
         surface_rate: Angular speed of the cylinder in the step before the first [rad/s].
         drive: Shape (7, 2), rows ANGLE .. LANDING.
-        tie: How the cylinder holds node 0.
         k: Constants.
         response: Axial response of the cable.
         relax: How the axial stress fades; with terms the last element stands for the cable before
             the guide, which the span's tension has loaded since the run began.
         ledger: Energies [J], added to in place.
     """
-    nodes, touching, hold, watched = rod.nodes, rod.touching, tie.hold, tie.watched
-    cable, reference, viscous = points_of(rod), rod.rows[REFERENCE], rod.rows[VISCOUS:]
+    nodes, touching, tie, watched = rod.nodes, rod.touching, rod.tie, rod.watched
+    cable, reference, viscous = (
+        points_of(rod.rows, touching),
+        rod.rows[REFERENCE],
+        rod.rows[VISCOUS:],
+    )
     terms = relax.share.shape[0]
     decay, ramp = np.zeros(terms), np.zeros(terms)
     decays(dt, relax, decay, ramp)
@@ -256,7 +257,7 @@ def advance_winding(
     free = np.zeros(3)
     angle = drive[ANGLE, 0]
     cosine, sine = math.cos(angle), math.sin(angle)
-    first[2] = hold[TIE_ALONG, 2]
+    first[2] = tie[TIE_ALONG, 2]
 
     for step in range(steps):
         # A step is not begun that could not end with an element cut.
@@ -291,9 +292,9 @@ def advance_winding(
             pulled = 1.0 + strain_under(held, relax)
         work.tension[end] = pull
         bend_nodes(elements, reference, k.bending, work)
-        first[0] = cosine * hold[TIE_ALONG, 0] - sine * hold[TIE_ALONG, 1]
-        first[1] = sine * hold[TIE_ALONG, 0] + cosine * hold[TIE_ALONG, 1]
-        bend_end(0, 0, first, tie.length, k.bending, work)
+        first[0] = cosine * tie[TIE_ALONG, 0] - sine * tie[TIE_ALONG, 1]
+        first[1] = sine * tie[TIE_ALONG, 0] + cosine * tie[TIE_ALONG, 1]
+        bend_end(0, 0, first, rod.tie_length, k.bending, work)
         work.cosine[elements] = 0.0
         slope[elements] = 0.0
         element_force(elements, first, free, work)
@@ -324,13 +325,13 @@ def advance_winding(
         # Prescribed ends: node 0 and its clamp turn with the surface, the guide follows the feed.
         angle = next_angle
         cosine, sine = math.cos(angle), math.sin(angle)
-        tie_x = cosine * hold[TIE_PLACE, 0] - sine * hold[TIE_PLACE, 1]
-        tie_y = sine * hold[TIE_PLACE, 0] + cosine * hold[TIE_PLACE, 1]
+        tie_x = cosine * tie[TIE_PLACE, 0] - sine * tie[TIE_PLACE, 1]
+        tie_y = sine * tie[TIE_PLACE, 0] + cosine * tie[TIE_PLACE, 1]
         moment = slope[0] * (first[0] * tangent[1, 0] - first[1] * tangent[0, 0])
         ledger[WORK_TIE] -= 0.5 * force[0, 0] * (tie_x - x[0, 0] + dt * v[0, 0])
         ledger[WORK_TIE] -= 0.5 * force[1, 0] * (tie_y - x[1, 0] + dt * v[1, 0])
         ledger[WORK_TIE] += 0.5 * moment * (rotation + surface_rate * dt)
-        x[0, 0], x[1, 0], x[2, 0] = tie_x, tie_y, hold[TIE_PLACE, 2]
+        x[0, 0], x[1, 0], x[2, 0] = tie_x, tie_y, tie[TIE_PLACE, 2]
         v[0, 0], v[1, 0], v[2, 0] = -rate * tie_y, rate * tie_x, 0.0
         x[2, elements] = next_guide
         v[2, elements] = guide_speed
@@ -380,9 +381,9 @@ def advance_winding(
         else:
             reference[end] = last
         if watched > 0:
-            rx = x[0, watched] - cosine * hold[TIE_WATCHED, 0] + sine * hold[TIE_WATCHED, 1]
-            ry = x[1, watched] - sine * hold[TIE_WATCHED, 0] - cosine * hold[TIE_WATCHED, 1]
-            rz = x[2, watched] - hold[TIE_WATCHED, 2]
+            rx = x[0, watched] - cosine * tie[TIE_WATCHED, 0] + sine * tie[TIE_WATCHED, 1]
+            ry = x[1, watched] - sine * tie[TIE_WATCHED, 0] - cosine * tie[TIE_WATCHED, 1]
+            rz = x[2, watched] - tie[TIE_WATCHED, 2]
             if not rx * rx + ry * ry + rz * rz <= k.stirred * k.stirred:
                 return Advance(nodes, step + 1, surface_rate, STIRRED, 0)
     for i in range(nodes - 2):

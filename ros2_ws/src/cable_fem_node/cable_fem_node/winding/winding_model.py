@@ -80,11 +80,11 @@ class WindingModel(ABC):
         elif not (math.isfinite(tension) and tension >= 0.0):
             raise ValueError(f"tension must not be negative, got {tension} N")
         motion = self._motion
-        responses: FloatArray | tuple[float, float] = motion[STRETCH:, 1]
-        if tension != motion[TENSION, 1]:
-            responses = self._response(tension)
+        responses = self._response(tension) if tension != motion[TENSION, 1] else None
         motion[:, 0] = motion[:, 1]
-        motion[:, 1] = (*inputs[1:], tension, *responses)
+        motion[:STRETCH, 1] = (*inputs[1:], tension)
+        if responses is not None:
+            motion[STRETCH:, 1] = responses
         self._run(t, span, motion)
         self.time = t
 

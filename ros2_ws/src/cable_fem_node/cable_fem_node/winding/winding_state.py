@@ -43,18 +43,16 @@ VISCOUS = 12
 
 
 class RodState(NamedTuple):
-    """Integrated nodes and elements of a rod; few arrays are passed to a kernel quickly."""
+    """Integrated nodes and elements of a rod, and how the cylinder holds the first node.
+
+    Few arrays and one record are passed to a kernel quickly.
+    """
 
     nodes: int  # in use
     rows: FloatArray  # (STATE_ROWS and more, capacity), changed
     touching: IntArray  # (capacity,) 1 where a node is in contact, changed
-
-
-class Tie(NamedTuple):
-    """How the cylinder holds the first integrated node."""
-
-    hold: FloatArray  # (3, 3) rows TIE_PLACE .. TIE_WATCHED in the frame of the cylinder
-    length: float  # reference length that bends about the node, twice the mean of both sides [m]
+    tie: FloatArray  # (3, 3) rows TIE_PLACE .. TIE_WATCHED in the frame of the cylinder
+    tie_length: float  # that bends about the first node, twice the mean of both sides [m]
     watched: int  # node whose motion over the surface ends the advance; 0 for none
 
 
