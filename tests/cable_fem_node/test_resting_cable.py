@@ -172,7 +172,7 @@ def test_slip_that_goes_deeper_than_what_is_awake_wakes_what_rests() -> None:
 @pytest.mark.parametrize(
     "schedule",
     [
-        # Each is (time [s], speed, tension); the two agree after all but the first.
+        # Each is (time [s], speed, share of the weight).
         pytest.param(
             [(10.0, SPEED, 0.25), (0.5, 0.0, 0.25), (0.5, 0.0, 1.0)], id="tension rises at a stop"
         ),
