@@ -18,6 +18,11 @@ CONFIG = WindingConfig(case=CASE)
 DRIVE = DriveProfile()
 
 
+def case_of(number: int, **fields: Any) -> WindingConfig:
+    """Return the model of a published case with changed fields."""
+    return WindingConfig(case=paper_case(number), **fields)
+
+
 def follow(
     model: RodWinding, until: float, period: float = 0.02, tension: float | None = None
 ) -> RodWinding:
