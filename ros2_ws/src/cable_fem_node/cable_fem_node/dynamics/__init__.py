@@ -1,1 +1,1 @@
-"""Explicit dynamics of nodes: time step, contact, loads, energy ledger, compilation."""
+"""What every explicit model shares: points, contact law, boundary conditions, energy ledger."""
