@@ -10,7 +10,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1] / "cable_fem_node"))
 from random_conditions import effort, planned
 
-from cable_fem_node.dynamics.failure import SolverError
+from cable_fem_node.dynamics.state import SolverError
 from cable_fem_node.winding.expected_cost import expected_cost
 from cable_fem_node.winding.prediction import PlannedRun
 

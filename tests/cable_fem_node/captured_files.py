@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from winding_verification.experiments.held_cable import HeldCable, predict
 
 CABLE = HeldCable(bending=0.05, viscosity=0.1, drag=0.0, natural=(0.0, 0.0), own=0.0)

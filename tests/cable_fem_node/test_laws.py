@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, polar
 
-from cable_fem_node.rod.rod_arrays import axial_response
 from cable_fem_node.rod.rod_kernels import law_energy, law_value
+from cable_fem_node.rod.rod_records import axial_response
 from cable_fem_node.solid.solid_law import SolidLaw
 from winding_core.material_law import LAWS, MaterialLaw, NoEquilibriumError
 

@@ -8,8 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from cable_fem_node.dynamics.contact import CylinderContact
-from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.dynamics.state import CylinderContact, DivergenceError
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import block, round_bar

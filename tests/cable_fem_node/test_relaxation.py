@@ -11,7 +11,7 @@ from rods import CASE, DRIVE, follow, tracked
 
 from cable_fem_node.identification import IdentificationError
 from cable_fem_node.rod.relaxation import decays, fade
-from cable_fem_node.rod.rod_arrays import relaxation
+from cable_fem_node.rod.rod_records import relaxation
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rods import CASE, CONFIG, DRIVE, follow
 
-from cable_fem_node.dynamics.points import empty_points
+from cable_fem_node.dynamics.state import empty_points
 from cable_fem_node.winding.resting_cable import RestingCable
 from cable_fem_node.winding.rod_nodes import RodNodes
 from cable_fem_node.winding.rod_winding import RodWinding

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rods import CONFIG
 
-from cable_fem_node.dynamics.failure import DivergenceError, ImpossibleResultError
+from cable_fem_node.dynamics.state import DivergenceError, ImpossibleResultError
 from cable_fem_node.ros.background import PredictionTask
 from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding

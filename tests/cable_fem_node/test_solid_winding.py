@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.dynamics.state import DivergenceError
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.solid_winding import SolidWinding
 from cable_fem_node.winding.winding_config import WindingConfig

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rods import CONFIG, case_of
 
-from cable_fem_node.dynamics.failure import EnergyBalanceError, ImpossibleResultError
+from cable_fem_node.dynamics.state import EnergyBalanceError, ImpossibleResultError
 from cable_fem_node.winding.expected_cost import expected_cost
 from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rods import CASE, CONFIG, DRIVE, follow
 
-from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.dynamics.state import DivergenceError
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig

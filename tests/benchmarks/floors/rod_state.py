@@ -11,13 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import LEDGER_SIZE, Points
-from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
+from cable_fem_node.dynamics.state import LEDGER_SIZE, Points
+from cable_fem_node.rod.rod_records import REFERENCE, RUNNING, AxialResponse, Constants, Relaxation
+from cable_fem_node.rod.rod_records import RodState as KernelState
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_kernels import advance_winding, points_of
 from cable_fem_node.winding.winding_model import wound_angles
-from cable_fem_node.winding.winding_state import REFERENCE, RUNNING, Constants
-from cable_fem_node.winding.winding_state import RodState as KernelState
 from winding_core.drive import DriveProfile
 
 FloatArray = NDArray[np.float64]

@@ -1,1 +1,1 @@
-"""What every explicit model shares: points, contact law, boundary conditions, energy ledger."""
+"""What every explicit model shares: state, contact and motion of nodes, compilation."""

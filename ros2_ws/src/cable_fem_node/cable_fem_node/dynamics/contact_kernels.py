@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from cable_fem_node.dynamics.compile import kernel
-from cable_fem_node.dynamics.points import (
+from cable_fem_node.dynamics.state import (
     LOSS_CONTACT,
     LOSS_FRICTION,
     WORK_SURFACE,

@@ -12,21 +12,19 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_fem_node.dynamics.contact import (
-    CylinderContact,
-    contact_energy,
-    normal_forces,
-    penalty,
-)
-from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.motion_kernels import BoundaryConditions
-from cable_fem_node.dynamics.points import (
+from cable_fem_node.dynamics.state import (
     LEDGER_SIZE,
     ContactLaw,
+    CylinderContact,
+    DivergenceError,
     EnergyLedger,
     FloatArray,
     Points,
+    contact_energy,
     empty_points,
+    normal_forces,
+    penalty,
 )
 
 AXES = "xyz"

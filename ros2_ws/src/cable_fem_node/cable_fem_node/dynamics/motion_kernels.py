@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.contact_kernels import Surface, touch_cylinder
-from cable_fem_node.dynamics.points import (
+from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     WORK_SPAN,
     WORK_TIE,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.search import (
     Family,
     FitConfig,

@@ -6,7 +6,7 @@ import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from cable_fem_node.dynamics.failure import SolverError
+from cable_fem_node.dynamics.state import SolverError
 from cable_fem_node.identification.modulus import (
     ModulusEstimate,
     identify_modulus,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.fit import Fit, fit, half_width
 from cable_fem_node.identification.quasi_static import softest_young
 from cable_fem_node.identification.search import FitConfig, RodExcess

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.material_law import TABLE_HIGH, MaterialLaw

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.quasi_static import turning, unit_law
 from cable_fem_node.identification.rig import Rigs, rigs_of
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun

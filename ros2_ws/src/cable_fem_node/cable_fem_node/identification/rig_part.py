@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.rig import RigPrior, Rigs
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.tracked_run import TrackedRun

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.modulus import WORST_SHARE
 from cable_fem_node.identification.rig import NAMES, RigPrior, Rigs
 from cable_fem_node.identification.rig_lay import RigLay

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.rig import COUNT, RigCoordinates, RigPrior, Rigs
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_part import RigPart

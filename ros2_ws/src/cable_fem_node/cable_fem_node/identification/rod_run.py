@@ -6,8 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 
-from cable_fem_node.dynamics.failure import SolverError
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray, SolverError
 from cable_fem_node.identification.quasi_static import strain
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.prediction import refuse_open_balance

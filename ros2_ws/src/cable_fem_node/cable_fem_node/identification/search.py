@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.quasi_static import lay
 from cable_fem_node.identification.rod_run import wind
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun

@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.rod.rod_kernels import law_energy
+from cable_fem_node.rod.rod_records import AxialResponse, Relaxation
 
 
 @called

@@ -16,8 +16,8 @@ import math
 import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.rod.rod_arrays import AxialResponse, Work
+from cable_fem_node.dynamics.state import FloatArray
+from cable_fem_node.rod.rod_records import AxialResponse, Work
 
 
 @called

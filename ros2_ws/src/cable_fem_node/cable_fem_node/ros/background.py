@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Generic, TypeVar
 
-from cable_fem_node.dynamics.failure import SolverError
+from cable_fem_node.dynamics.state import SolverError
 from cable_fem_node.winding.run_ahead import AbandonedError, RunAhead
 from winding_core.markers import Markers
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.motion_kernels import BoundaryConditions, amplitude_at, move
-from cable_fem_node.dynamics.points import (
+from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     ContactLaw,
     FloatArray,

@@ -7,9 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.model import ExplicitModel
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import DivergenceError, FloatArray
 from cable_fem_node.solid.hex_geometry import greatest_stiffness, hex_geometry
 from cable_fem_node.solid.hex_kernels import HexMesh, advance_solid, hex_forces
 from cable_fem_node.solid.solid_law import SolidLaw

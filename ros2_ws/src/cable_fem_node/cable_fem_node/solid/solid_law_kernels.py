@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 
 LINEAR, HENCKY, HENCKY_CAUCHY, HYPERELASTIC = range(4)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.winding.prediction import PlannedRun, Prediction, Progress
 
 # With errors that fall at least as fast as the length, Richardson's extrapolation takes away at

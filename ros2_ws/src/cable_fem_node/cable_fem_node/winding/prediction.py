@@ -10,8 +10,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_fem_node.dynamics.failure import EnergyBalanceError, ImpossibleResultError
-from cable_fem_node.dynamics.points import EnergyLedger, FloatArray
+from cable_fem_node.dynamics.state import (
+    EnergyBalanceError,
+    EnergyLedger,
+    FloatArray,
+    ImpossibleResultError,
+)
 from cable_fem_node.winding.validity import (
     FULL_TURN,
     Check,

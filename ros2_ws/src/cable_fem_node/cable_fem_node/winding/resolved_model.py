@@ -10,9 +10,15 @@ from functools import cached_property
 
 import numpy as np
 
-from cable_fem_node.dynamics.contact import penalty
-from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation, axial_response, relaxation
-from cable_fem_node.winding.winding_state import MERGE_AT, Constants
+from cable_fem_node.dynamics.state import penalty
+from cable_fem_node.rod.rod_records import (
+    MERGE_AT,
+    AxialResponse,
+    Constants,
+    Relaxation,
+    axial_response,
+    relaxation,
+)
 from winding_core.cases import Case
 from winding_core.material_law import TABLE_HIGH, MaterialLaw, NoEquilibriumError
 

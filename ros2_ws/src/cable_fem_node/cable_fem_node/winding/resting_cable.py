@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray, Points
+from cable_fem_node.dynamics.state import FloatArray, Points
 from cable_fem_node.rod.relaxation import branches_energy
-from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
+from cable_fem_node.rod.rod_records import AxialResponse, Relaxation
 from cable_fem_node.winding.resolved_model import ResolvedModel
 from cable_fem_node.winding.winding_model import angle_steps
 

@@ -7,15 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray, Points, empty_points
+from cable_fem_node.dynamics.state import FloatArray, Points, empty_points
 from cable_fem_node.rod.relaxation import branches_energy
 from cable_fem_node.rod.rod_kernels import bending_energy, stored_energy
-from cable_fem_node.winding import resting_cable
-from cable_fem_node.winding.resolved_model import ResolvedModel
-from cable_fem_node.winding.resting_cable import Fading, RestingCable, turned
-from cable_fem_node.winding.winding_kernels import points_of
-from cable_fem_node.winding.winding_model import geodesic_twist
-from cable_fem_node.winding.winding_state import (
+from cable_fem_node.rod.rod_records import (
     REFERENCE,
     STATE_ROWS,
     TIE_ALONG,
@@ -24,6 +19,11 @@ from cable_fem_node.winding.winding_state import (
     VISCOUS,
     RodState,
 )
+from cable_fem_node.winding import resting_cable
+from cable_fem_node.winding.resolved_model import ResolvedModel
+from cable_fem_node.winding.resting_cable import Fading, RestingCable, turned
+from cable_fem_node.winding.winding_kernels import points_of
+from cable_fem_node.winding.winding_model import geodesic_twist
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,23 +11,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.contact import contact_energy, normal_forces
-from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import (
+from cable_fem_node.dynamics.state import (
     LOSS_RELAXATION,
     WORK_TIE,
+    DivergenceError,
     EnergyLedger,
     FloatArray,
     Points,
+    contact_energy,
+    normal_forces,
 )
-from cable_fem_node.winding import resting_cable
-from cable_fem_node.winding.resting_cable import Fading, turned
-from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes, WholeRod, kinetic_energy
-from cable_fem_node.winding.validity import refuse, rod_checks
-from cable_fem_node.winding.winding_config import WindingConfig
-from cable_fem_node.winding.winding_kernels import advance_winding
-from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
-from cable_fem_node.winding.winding_state import (
+from cable_fem_node.rod.rod_records import (
     ANGLE,
     DIVERGED,
     EMPTY,
@@ -37,6 +31,13 @@ from cable_fem_node.winding.winding_state import (
     TENSION,
     part_way,
 )
+from cable_fem_node.winding import resting_cable
+from cable_fem_node.winding.resting_cable import Fading, turned
+from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes, WholeRod, kinetic_energy
+from cable_fem_node.winding.validity import refuse, rod_checks
+from cable_fem_node.winding.winding_config import WindingConfig
+from cable_fem_node.winding.winding_kernels import advance_winding
+from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
 from winding_core.markers import MarkerFlag, Markers
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 from winding_core.readings import AxisReading

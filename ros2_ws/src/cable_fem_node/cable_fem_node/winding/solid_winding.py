@@ -7,9 +7,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.contact import contact_energy, normal_forces, penalty
-from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import EnergyLedger, FloatArray
+from cable_fem_node.dynamics.state import (
+    DivergenceError,
+    EnergyLedger,
+    FloatArray,
+    contact_energy,
+    normal_forces,
+    penalty,
+)
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import round_bar

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.contact_kernels import Surface, touch_cylinder
-from cable_fem_node.dynamics.points import (
+from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     LOSS_FRICTION,
     WORK_INFLOW,
@@ -20,9 +20,9 @@ from cable_fem_node.dynamics.points import (
     FloatArray,
     Points,
 )
+from cable_fem_node.rod.rod_records import ANGLE, FEED, GUIDE, SPEED, TENSION
 from cable_fem_node.solid.hex_kernels import HexMesh, hex_forces
 from cable_fem_node.winding.winding_kernels import hermite
-from cable_fem_node.winding.winding_state import ANGLE, FEED, GUIDE, SPEED, TENSION
 
 # Why an advance ended.
 DONE, INSIDE_OUT, RAN_OUT = range(3)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.winding.resolved_model import LARGEST_RATIO, ResolvedModel, stretch_error_pct
 from winding_core.drive import DriveProfile
 from winding_core.units import MEGAPASCAL, MILLIMETRE

@@ -15,7 +15,7 @@ import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.contact_kernels import Surface, touch_cylinder
-from cable_fem_node.dynamics.points import (
+from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     LOSS_RELAXATION,
     WORK_INFLOW,
@@ -26,7 +26,6 @@ from cable_fem_node.dynamics.points import (
     Points,
 )
 from cable_fem_node.rod.relaxation import branch_energy, decays, fade, strain_under
-from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation, Work
 from cable_fem_node.rod.rod_kernels import (
     bend_end,
     bend_nodes,
@@ -35,7 +34,7 @@ from cable_fem_node.rod.rod_kernels import (
     law_energy,
     stretch_elements,
 )
-from cable_fem_node.winding.winding_state import (
+from cable_fem_node.rod.rod_records import (
     ANGLE,
     CUT_AT,
     DIVERGED,
@@ -56,8 +55,11 @@ from cable_fem_node.winding.winding_state import (
     TIE_WATCHED,
     VISCOUS,
     Advance,
+    AxialResponse,
     Constants,
+    Relaxation,
     RodState,
+    Work,
 )
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 

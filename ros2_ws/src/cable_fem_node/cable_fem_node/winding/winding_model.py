@@ -8,13 +8,13 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import LEDGER_SIZE, EnergyLedger, FloatArray
-from cable_fem_node.winding.winding_config import WindingConfig
-from cable_fem_node.winding.winding_state import (
+from cable_fem_node.dynamics.state import LEDGER_SIZE, EnergyLedger, FloatArray
+from cable_fem_node.rod.rod_records import (
     ANGLE,
     STRETCH,
     TENSION,
 )
+from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 from winding_core.readings import AxisReading
 

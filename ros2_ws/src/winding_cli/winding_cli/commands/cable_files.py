@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cable_fem_node.dynamics.points import FloatArray
+    from cable_fem_node.dynamics.state import FloatArray
     from cable_fem_node.winding.prediction import Look
 
 from winding_cli.commands.output_path import check_output_folder, staged

@@ -77,7 +77,7 @@ def plan(
     period_ms: Annotated[float, typer.Option(help="Time between rows of the CSV, in ms.")] = 10.0,
 ) -> None:
     """Plan the machine's motion that lays a program, and say what is out of reach, and why."""
-    from cable_fem_node.dynamics.failure import SolverError
+    from cable_fem_node.dynamics.state import SolverError
     from lay_control_node.planning.plan_files import plan_record
     from lay_control_node.planning.planner import plan_lay
     from winding_cli.output.lay_plan import control_record, print_plan, solver_record, verdict

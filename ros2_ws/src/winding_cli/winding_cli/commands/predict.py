@@ -64,7 +64,7 @@ def predict(
     ] = False,
 ) -> None:
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
-    from cable_fem_node.dynamics.failure import SolverError
+    from cable_fem_node.dynamics.state import SolverError
 
     for option, file in (("--json", json_file), ("--csv", csv_file), ("--vtk", vtk_file)):
         check_output_file(file, option)

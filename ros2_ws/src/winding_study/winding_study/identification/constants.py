@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.fit import Fit, fit
 from cable_fem_node.identification.modulus import PLAUSIBLE_YOUNG
 from cable_fem_node.identification.quasi_static import softest_young

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.tracked_run import IdentificationError
 from winding_core.material_law import LAWS, MaterialLaw
 

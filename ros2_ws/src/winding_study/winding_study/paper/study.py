@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import joblib
 
-from cable_fem_node.dynamics.failure import SolverError
+from cable_fem_node.dynamics.state import SolverError
 from cable_fem_node.winding.prediction import ELEMENTS, predict
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Case, paper_case

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cable_fem_node.dynamics.failure import SolverError
+from cable_fem_node.dynamics.state import SolverError
 from cable_fem_node.winding.prediction import PlannedRun
 from winding_core.markers import is_wound
 from winding_study.runs.run_store import Arrays, RunStore, canonical_text

@@ -33,7 +33,7 @@ def compare_external(folder: Path, names: list[str]) -> list[ExternalRow]:
         folder: Somewhere above their files.
         names: Of experiments; all if there are none.
     """
-    from cable_fem_node.dynamics.failure import SolverError
+    from cable_fem_node.dynamics.state import SolverError
     from winding_verification.experiments.sources import NAMES, found_work
 
     unknown = [name for name in names if name not in NAMES]

@@ -9,8 +9,7 @@ from numpy.polynomial import legendre
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from cable_fem_node.dynamics.contact import CylinderContact
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import CylinderContact, FloatArray
 from cable_fem_node.winding.resolved_model import chord_radius
 from winding_verification.experiments.scenario import CLAMPED, FREE, Scenario, ScenarioRod
 from winding_verification.rod.rod import Rod

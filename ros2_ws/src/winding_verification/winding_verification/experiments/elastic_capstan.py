@@ -7,8 +7,7 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from cable_fem_node.dynamics.contact import CylinderContact
-from cable_fem_node.dynamics.failure import SolverError
+from cable_fem_node.dynamics.state import CylinderContact, SolverError
 from cable_fem_node.winding.resolved_model import chord_radius
 from winding_verification.rod.rod import Rod
 from winding_verification.rod.rod_section import RodSection

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from winding_verification.experiments.motion_capture import FRAME_TIME
 from winding_verification.experiments.rest_shape import shape_of_its_own
 from winding_verification.rod.rod import Rod

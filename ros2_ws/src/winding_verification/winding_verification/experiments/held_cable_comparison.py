@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.dynamics.state import DivergenceError
 from winding_verification.experiments.external_row import ExternalRow
 from winding_verification.experiments.held_cable import HeldCable, loss, predict
 from winding_verification.experiments.held_cable_fit import fit, usual_gaps

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
-from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import DivergenceError, FloatArray
 from winding_verification.experiments.held_cable import HeldCable, predict
 from winding_verification.experiments.scenario import ExternalFileError
 

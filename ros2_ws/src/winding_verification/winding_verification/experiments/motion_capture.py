@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from winding_verification.experiments.scenario import ExternalFileError
 
 FRAME_TIME = 0.01  # [s]

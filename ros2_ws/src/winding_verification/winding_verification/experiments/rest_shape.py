@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from winding_verification.rod.rod import Rod
 
 # How far a cable's inertia may stand in for gravity [m/s^2], against a curvature [1/m].

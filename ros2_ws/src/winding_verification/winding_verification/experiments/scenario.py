@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from winding_verification.rod.rod_section import RodSection
 
 FREE, PINNED, CLAMPED = ENDS = ("free", "pinned", "clamped")

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 
 
 @kernel

@@ -7,11 +7,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.model import ExplicitModel
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.rod.rod_arrays import axial_response
+from cable_fem_node.dynamics.state import DivergenceError, FloatArray
 from cable_fem_node.rod.rod_kernels import stored_energy, turning_angle_squared
+from cable_fem_node.rod.rod_records import axial_response
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 from winding_verification.rod.rod_frames import frames_along, perpendicular
 from winding_verification.rod.rod_section import RodSection

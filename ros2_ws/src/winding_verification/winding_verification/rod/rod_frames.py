@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.rod.rod_kernels import empty_work
 from winding_verification.rod.rod_step_kernels import RodScratch
 

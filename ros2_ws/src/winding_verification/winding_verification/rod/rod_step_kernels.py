@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.motion_kernels import BoundaryConditions, amplitude_at, move
-from cable_fem_node.dynamics.points import (
+from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     WORK_SPAN,
     ContactLaw,
     FloatArray,
     Points,
 )
-from cable_fem_node.rod.rod_arrays import AxialResponse, Work
 from cable_fem_node.rod.rod_kernels import bend_end, bend_nodes, element_force, stretch_elements
+from cable_fem_node.rod.rod_records import AxialResponse, Work
 from winding_core.material_law import TABLE_HIGH, TABLE_LOW
 from winding_verification.rod.frame_kernels import carry_frames, frame_forces, reference_twist
 

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import DivergenceError, FloatArray
 from winding_verification.rod.rod import Rod
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.readings import AxisReading
 

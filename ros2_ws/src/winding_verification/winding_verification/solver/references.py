@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 
 Values = dict[str, float | list[float]]
 

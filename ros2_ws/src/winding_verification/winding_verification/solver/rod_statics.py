@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from winding_core.units import MILLIMETRE
 from winding_verification.rod.rod import Rod
 from winding_verification.rod.rod_section import RodSection

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix, diags
 from scipy.sparse.linalg import eigsh, splu
 
-from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import DivergenceError, FloatArray
 from cable_fem_node.solid.hex_kernels import hex_stiffness
 from cable_fem_node.solid.solid import Solid
 

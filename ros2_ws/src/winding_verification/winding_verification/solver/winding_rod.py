@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Case, Material

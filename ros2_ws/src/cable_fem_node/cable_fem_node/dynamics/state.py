@@ -1,12 +1,15 @@
-"""Nodes in motion and in contact, and the ledger that every explicit model keeps."""
+"""What every explicit model shares: nodes, contact with the cylinder, energy ledger, failures."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from winding_core.condition import Condition
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -134,3 +137,75 @@ class EnergyLedger:
     def kinetic_over_internal(self) -> float:
         """Kinetic over internal energy; small in a quasi-static run."""
         return self.kinetic / self.internal if self.internal > 0.0 else 0.0
+
+
+class SolverError(RuntimeError):
+    """A run has no result that could be trusted."""
+
+
+class DivergenceError(SolverError):
+    """The integration left the range of physics; the message names time, element and cause."""
+
+
+class EnergyBalanceError(SolverError):
+    """A run's energy balance is open: its numbers cannot be trusted."""
+
+
+class ImpossibleResultError(SolverError):
+    """A run ended with cable that cannot lie so."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CylinderContact:
+    """A rigid cylinder at rest about the z axis that nodes cannot enter.
+
+    Attributes:
+        reach: Distance of a touching node from the axis [m]: R + r for a rod's centreline, R for
+            the nodes of a solid's surface.
+        friction: Coulomb friction; acts where the node is.
+    """
+
+    reach: float
+    friction: float = Condition.friction
+
+    def __post_init__(self) -> None:
+        if not self.reach > 0.0:
+            raise ValueError(f"reach must be positive, got {self.reach} m")
+        if not self.friction >= 0.0:
+            raise ValueError(f"friction must not be negative, got {self.friction}")
+
+
+def penalty(
+    normal: float, mass: float, *, friction: float, stick_share: float, cable_radius: float = 0.0
+) -> ContactLaw:
+    """Return the contact of a penalty spring [N/m] that holds a node of a mass [kg].
+
+    A fifth of critical damping in the normal direction, a tenth along the surface; the stick
+    spring is a share of the normal one.
+    """
+    stick = stick_share * normal
+    return ContactLaw(
+        normal_stiffness=normal,
+        normal_damping=0.4 * math.sqrt(normal * mass),
+        stick_stiffness=stick,
+        stick_damping=0.2 * math.sqrt(stick * mass),
+        friction=friction,
+        cable_radius=cable_radius,
+    )
+
+
+def normal_forces(points: Points, touch: ContactLaw) -> FloatArray:
+    """Return with which force [N] the penalty spring of every node pushes, shape (nodes,)."""
+    radius = np.hypot(points.position[0], points.position[1])
+    depth = np.where(points.touching == 1, points.contact_radius - radius, 0.0)
+    return np.asarray(touch.normal_stiffness * np.maximum(depth, 0.0))
+
+
+def contact_energy(points: Points, touch: ContactLaw, nodes: int | None = None) -> float:
+    """Return the energy [J] in the normal and stick springs of the first nodes, or of all."""
+    touching = np.flatnonzero(points.touching[:nodes])
+    radius = np.hypot(points.position[0, touching], points.position[1, touching])
+    depth = np.maximum(points.contact_radius[touching] - radius, 0.0)
+    normal = 0.5 * touch.normal_stiffness * float((depth**2).sum())
+    stick = 0.5 * touch.stick_stiffness * float((points.slip[:, touching] ** 2).sum())
+    return normal + stick
