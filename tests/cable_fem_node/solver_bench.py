@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,9 @@ from rclpy.parameter import Parameter
 from rods import CASE, DRIVE
 
 from cable_fem_node.node import CableFemNode
+from cable_fem_node.ros.message_handler import FemHandler
 from winding_core.markers import MARKER_DTYPE, Markers, wound_markers
+from winding_core.readings import AxisReading
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud, encode_cloud
 from winding_ros.rig_messages import encode_joint_state, encode_tension
@@ -34,6 +37,21 @@ def heard_by(probe: Any) -> dict[Topic, list[Any]]:
     for topic, messages in heard.items():
         topic.subscribe(probe, messages.append)
     return heard
+
+
+def fed(
+    handler: FemHandler,
+    rows: Iterable[tuple[float, AxisReading, float | None]],
+    topic: Topic = topics.FEM_MARKERS,
+    kind: np.dtype[np.void] = MARKER_DTYPE,
+) -> list[tuple[float, Any]]:
+    """Give a handler times [s], readings and tensions [N]; return its clouds of one topic."""
+    answers = []
+    for t, reading, tension in rows:
+        if tension is not None:
+            answers += handler.take(topics.TENSION, encode_tension(t, tension))
+        answers += handler.take(topics.JOINT_STATES, encode_joint_state(t, reading))
+    return [decode_cloud(answer.data, kind) for answer in answers if answer.topic is topic]
 
 
 class SolverBench:

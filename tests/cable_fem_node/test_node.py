@@ -1,4 +1,4 @@
-"""The solver's node: follows the machine's messages, publishes the results of its core."""
+"""The solver's node: follows machine and tracker, publishes the results of its cores."""
 
 import itertools
 from typing import Any
@@ -9,11 +9,17 @@ from rods import CASE, CONFIG, follow
 from solver_bench import FAILURE, SolverBench, heard_by, solver_node
 
 from cable_fem_node.winding.rod_winding import RodWinding
-from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
+from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
+from winding_core.material_report import MaterialReport
+from winding_core.status import Level
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
+from winding_ros.material_messages import decode_material
 
 DURATION = 0.5
+# P1 of case 4 as it lies with the paper's measured run; with 2.6 MPa it would be 6.58 rad.
+THETA = 6.28
+SEEN_AT = 4.3
 
 
 @pytest.fixture
@@ -63,3 +69,87 @@ def test_prediction_is_latched_for_late_subscribers(followed: SolverBench, ros: 
 def test_load_beyond_the_material_s_limit_is_refused_at_configuration(ros: Any) -> None:
     # Hooke on log strain carries no dead load above E / e = 0.956 MPa; case 2 has 1.249 MPa.
     assert solver_node(ros, case=2, law="hencky").trigger_configure() is FAILURE
+
+
+def bench_of(ros: Any, theta: float = THETA, flags: int = 0, **wanted: object) -> SolverBench:
+    """Return a node whose machine has wound P1, which its tracker has seen."""
+    bench = SolverBench(ros, duration=10.0, follow_tension=False, **wanted)
+    bench.wind(SEEN_AT)
+    bench.track(SEEN_AT, theta, flags)
+    return bench
+
+
+def reported(bench: SolverBench) -> MaterialReport:
+    """Wait for a report and return it."""
+    _, report = decode_material(bench.wait_for(topics.FEM_MATERIAL, 2)[-1])
+    assert report is not None
+    return report
+
+
+@pytest.mark.slow
+def test_estimate_is_published_and_left_alone_by_default(ros: Any) -> None:
+    bench = bench_of(ros)
+    report = reported(bench)
+    assert report.markers == (1,)
+    # The command finds 4.48 MPa from P1 of a recorded run of this case.
+    assert report.young == pytest.approx(4.5e6, rel=0.1)
+    assert not report.taken_up
+    bench.wind(SEEN_AT + 0.1)
+    assert len(bench.heard[topics.FEM_PREDICTION]) == 1
+    _, markers = bench.markers(topics.FEM_MARKERS)[-1]
+    assert markers["theta"][1] == pytest.approx(6.58, abs=0.01)
+
+
+@pytest.mark.slow
+def test_model_and_prediction_take_the_estimate_up_where_configured(ros: Any) -> None:
+    bench = bench_of(ros, take_up_material=True)
+    assert reported(bench).taken_up
+    bench.wait_for(topics.FEM_PREDICTION, 2)
+    before = len(bench.heard[topics.FEM_MARKERS])
+    bench.wind(SEEN_AT + 0.1)
+    bench.wait_for(topics.FEM_MARKERS, before + 5)
+    _, markers = bench.markers(topics.FEM_MARKERS)[-1]
+    # One standard error of the tracker's angle.
+    assert markers["theta"][1] == pytest.approx(THETA, abs=3e-3)
+    first, second = (found["theta"] for _, found in bench.markers(topics.FEM_PREDICTION))
+    # P2 follows P1: shorter by the same share.
+    assert second[2] / first[2] == pytest.approx(second[1] / first[1], rel=2e-3)
+    assert bench.node.status().values["material taken_up"] == "yes"
+
+
+@pytest.mark.slow
+def test_marker_that_no_cable_explains_is_refused_with_a_warning(ros: Any) -> None:
+    # Shorter than the unstretched cable, which would be wound by 5.88 rad.
+    bench = bench_of(ros, 5.5, take_up_material=True)
+    report = reported(bench)
+    assert report.refusal
+    assert not report.taken_up
+    assert bench.node.status().level is Level.WARN
+    assert report.refusal in bench.node.status().message
+    bench.wind(SEEN_AT + 0.1)
+    assert len(bench.heard[topics.FEM_PREDICTION]) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("wanted", "flags"),
+    [({"update_material": False}, 0), ({}, int(MarkerFlag.PREDICTED))],
+)
+def test_nothing_is_identified_unasked_or_from_what_was_not_seen(
+    ros: Any, wanted: dict[str, object], flags: int
+) -> None:
+    bench = bench_of(ros, flags=flags, **wanted)
+    bench.wait_for(topics.TRACKED_MARKERS, 30)
+    bench.wind(SEEN_AT + 0.5)
+    bench.node._look()
+    assert [decode_material(m)[1] for m in bench.heard[topics.FEM_MATERIAL]] == [None]
+    assert bench.node._task is None
+
+
+@pytest.mark.slow
+def test_new_run_begins_without_the_last_one_s_material(ros: Any) -> None:
+    bench = bench_of(ros)
+    reported(bench)
+    bench.begin_anew()
+    assert decode_material(bench.wait_for(topics.FEM_MATERIAL, 3)[-1])[1] is None
+    assert "material young" not in bench.node.status().values

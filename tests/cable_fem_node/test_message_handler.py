@@ -1,13 +1,14 @@
-"""The solver's node with runs that are longer than one piece of a prediction or one message."""
+"""What the solver's handler answers: predictions in pieces, the cable's end, a replayed run."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from rods import CONFIG, DRIVE
-from solver_bench import SolverBench
+from solver_bench import SolverBench, fed
 
 from cable_fem_node.ros import message_handler
 from cable_fem_node.ros.message_handler import FemHandler
@@ -15,11 +16,15 @@ from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.run_ahead import PIECE
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, Markers, is_wound
+from winding_core.readings import AxisReading
+from winding_core.run_inputs import INPUT_DTYPE, RunInputs
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.stamps import decode_stamp, encode_stamp
 
 LONG = PIECE + 4.0
+DURATION = 0.6
+CUT = 400
 
 
 def predicted(answers: Any) -> list[tuple[float, Markers]]:
@@ -96,13 +101,11 @@ def test_messages_of_the_newest_turns_make_up_the_whole_cable(
     )
     list(handler.begin(0.0))
     known, sizes = np.zeros(0, dtype=CABLE_DTYPE), []
-    for sample in range(1501):
-        t = 0.01 * sample
-        for answer in handler.take(topics.JOINT_STATES, encode_joint_state(t, DRIVE.reading_at(t))):
-            if answer.topic is topics.FEM_CABLE:
-                news = decode_cloud(answer.data, CABLE_DTYPE)[1]
-                sizes.append(news.size)
-                known = merged(known, news)
+    times = (0.01 * np.arange(1501)).tolist()
+    rows = [(t, DRIVE.reading_at(t), None) for t in times]
+    for _, news in fed(handler, rows, topics.FEM_CABLE, CABLE_DTYPE):
+        sizes.append(news.size)
+        known = merged(known, news)
     assert handler.model is not None
     whole = handler.model.cable()
     # The free span, what stays awake, and half a turn; a fifth more rests from time to time.
@@ -113,3 +116,53 @@ def test_messages_of_the_newest_turns_make_up_the_whole_cable(
     for name in "xyz":
         # Single precision, turned three hundred times.
         np.testing.assert_allclose(known[name], whole[name], rtol=0.0, atol=1.0e-6)
+
+
+def message_pairs() -> list[tuple[float, AxisReading, float | None]]:
+    rows = []
+    for k in range(600):
+        # As in a stamp: in whole nanoseconds.
+        t = decode_stamp(encode_stamp(2.0 + 1.0e-3 * k))
+        tension = 3.9 + 0.01 * (k // 10 % 7) if k % 10 == 0 else None
+        rows.append((t, DRIVE.reading_at(t - 2.0), tension))
+    return rows
+
+
+def begun(**parameters: Any) -> FemHandler:
+    handler = FemHandler(FemParameters(duration=DURATION, **parameters))
+    list(handler.begin(0.0))
+    return handler
+
+
+def written(file: Path) -> Path:
+    samples = np.zeros(CUT, dtype=INPUT_DTYPE)
+    newest = np.nan
+    for k, (t, reading, tension) in enumerate(message_pairs()[:CUT]):
+        newest = newest if tension is None else tension
+        motion = (reading.cylinder_angle, reading.angular_speed)
+        guide = (reading.carriage_position, reading.feed_speed)
+        samples[k] = (t, *motion, *guide, newest)
+    RunInputs(samples=samples).write(file)
+    return file
+
+
+def test_successor_answers_as_its_predecessor_would_have(tmp_path: Path) -> None:
+    rows = message_pairs()
+    unbroken = begun()
+    fed(unbroken, rows[:CUT])
+    wanted = fed(unbroken, rows[CUT:])
+    successor = begun(replay=str(written(tmp_path / "inputs.npy")))
+    assert successor.replayed is not None
+    assert abs(successor.replayed - (CUT - 1) * 1.0e-3) < 1e-9
+    got = fed(successor, rows[CUT:])
+    assert [t for t, _ in got] == [t for t, _ in wanted]
+    for (_, one), (_, other) in zip(got, wanted, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_run_after_a_replayed_one_begins_at_its_own_start(tmp_path: Path) -> None:
+    successor = begun(replay=str(written(tmp_path / "inputs.npy")))
+    list(successor.begin(0.0))
+    assert successor.model is not None
+    assert successor.model.time == 0.0
+    assert not successor.following
