@@ -13,6 +13,10 @@ from cable_fem_node.identification.tracked_run import IdentificationError
 
 # What an estimate has, in the order of every vector and matrix.
 NAMES = ("young", "free_length", "load_share", "guide_drag", "start_share", "build_up_length")
+# ln of the mean landed stress over E; then free length, load share, drag and start share, each as
+# the normal deviate of its place in its range.
+COUNT = 5
+_FARTHEST = 8.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,12 +111,6 @@ class RigPrior:
 KNOWN_TENSION = RigPrior(
     load_share=(1.0, 1.0), guide_drag=(0.0, 0.0), steady=1.0, build_up_length=(0.2, 0.2)
 )
-
-
-# ln of the mean landed stress over E; then free length, load share, drag and start share, each as
-# the normal deviate of its place in its range.
-COUNT = 5
-_FARTHEST = 8.0
 
 
 @dataclass(frozen=True, kw_only=True)

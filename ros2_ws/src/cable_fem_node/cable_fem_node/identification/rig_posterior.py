@@ -19,6 +19,17 @@ from cable_fem_node.identification.rig_search import RigSearch
 from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 
+# As many as a 5 % quantile needs to be known to a twentieth of the interval.
+DRAWS = 600
+# A number whose deviation stays above this share of the prior's is unobservable.
+_OBSERVED = 0.8
+# Scatter beyond which markers are not those of any rig [m].
+_MOST_SCATTER = 0.05
+# Scatter is found to within this factor.
+_SCATTER_STEP = 1.05
+# With fewer draws that count than this share of them, five times as many are drawn.
+_FEWEST = 0.15
+
 
 @dataclass(frozen=True, kw_only=True)
 class MarkerAhead:
@@ -142,18 +153,6 @@ def interval_of(values: FloatArray, weights: FloatArray, level: float = 0.9) -> 
     below = np.cumsum(weights[order]) - 0.5 * weights[order]
     low, high = np.interp([0.5 - 0.5 * level, 0.5 + 0.5 * level], below, values[order])
     return float(low), float(high)
-
-
-# As many as a 5 % quantile needs to be known to a twentieth of the interval.
-DRAWS = 600
-# A number whose deviation stays above this share of the prior's is unobservable.
-_OBSERVED = 0.8
-# Scatter beyond which markers are not those of any rig [m].
-_MOST_SCATTER = 0.05
-# Scatter is found to within this factor.
-_SCATTER_STEP = 1.05
-# With fewer draws that count than this share of them, five times as many are drawn.
-_FEWEST = 0.15
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,12 @@ from winding_core.material_law import MaterialLaw
 
 # An angle that is wrong by half of itself is no scatter any more.
 _MOST_SCATTER = 0.5
+Family = Callable[[FloatArray], MaterialLaw]
+# The first parameter is the logarithm of a modulus. Where its standard error is greater, the
+# search would wander among cables so stiff that they do not bend around the cylinder.
+_BLIND = 0.7
+# Over a shorter way than this the rod's steps, whose number is whole, say nothing of a slope.
+_SHORTEST = 0.01
 
 
 def angle_covariance(
@@ -106,16 +112,6 @@ class RodExcess:
         return RodExcess(
             parameters=self.parameters, ids=ids, excess=self.excess[rows], slope=self.slope[rows]
         )
-
-
-Family = Callable[[FloatArray], MaterialLaw]
-
-# The first parameter is the logarithm of a modulus. Where its standard error is greater, the
-# search would wander among cables so stiff that they do not bend around the cylinder.
-_BLIND = 0.7
-
-# Over a shorter way than this the rod's steps, whose number is whole, say nothing of a slope.
-_SHORTEST = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)

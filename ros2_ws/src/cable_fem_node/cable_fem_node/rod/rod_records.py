@@ -16,6 +16,15 @@ from winding_core.prony import PronySeries
 # Points of the law's inverse, and of the table that it is read from: strains are exact to 1e-6.
 _POINTS, _FINE = 8193, 65537
 _LOWEST_STRETCH = 0.5
+# Why an advance stopped.
+RUNNING = 0
+FULL = 1
+DIVERGED = 2
+EMPTY = 3
+STIRRED = 4
+# An element is cut from the span's last one at this many segment lengths, given back below that.
+CUT_AT = 1.6
+MERGE_AT = 0.4
 
 
 class AxialResponse(NamedTuple):
@@ -70,18 +79,6 @@ def relaxation(law: MaterialLaw, area: float, series: PronySeries) -> Relaxation
         per_spacing=(_POINTS - 1) / float(grid[-1] - grid[0]),
         high=float(grid[-1]),
     )
-
-
-# Why an advance stopped.
-RUNNING = 0
-FULL = 1
-DIVERGED = 2
-EMPTY = 3
-STIRRED = 4
-
-# An element is cut from the span's last one at this many segment lengths, given back below that.
-CUT_AT = 1.6
-MERGE_AT = 0.4
 
 
 class Constants(NamedTuple):

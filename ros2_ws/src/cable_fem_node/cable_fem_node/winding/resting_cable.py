@@ -13,6 +13,20 @@ from cable_fem_node.rod.rod_records import AxialResponse, Relaxation
 from cable_fem_node.winding.resolved_model import ResolvedModel
 from cable_fem_node.winding.winding_model import angle_steps
 
+# Rows of the store; the reference length is that of the element towards P0. What follows from
+# them is not kept: a node at rest touches, and its stretch is the length over the reference.
+X, Y, Z, SLIP, SLIP_Z, CONTACT_RADIUS, ROLL, REFERENCE, ARC, THETA = range(10)
+_ROWS = 10
+# Where the cable relaxes, elastic force and viscous forces of the element follow.
+_VISCOUS = _ROWS
+# Room is made for a fifth more, so that a node takes 96 bytes at most, unused room included.
+_GROWTH = 1.2
+_FEWEST = 64
+PATH = (ARC, THETA, Z)
+# How a node is held where it rests: the rows that go into the arrays that are integrated.
+_PLACE = slice(X, Z + 1)
+_SLIPS = slice(SLIP, SLIP_Z + 1)
+
 
 @dataclass(frozen=True, kw_only=True)
 class HeldCable:
@@ -98,21 +112,6 @@ class Fading:
                 cable.stretch, cable.reference, cable.viscous, self.response, self.relax
             )
         )
-
-
-# Rows of the store; the reference length is that of the element towards P0. What follows from
-# them is not kept: a node at rest touches, and its stretch is the length over the reference.
-X, Y, Z, SLIP, SLIP_Z, CONTACT_RADIUS, ROLL, REFERENCE, ARC, THETA = range(10)
-_ROWS = 10
-# Where the cable relaxes, elastic force and viscous forces of the element follow.
-_VISCOUS = _ROWS
-# Room is made for a fifth more, so that a node takes 96 bytes at most, unused room included.
-_GROWTH = 1.2
-_FEWEST = 64
-PATH = (ARC, THETA, Z)
-# How a node is held where it rests: the rows that go into the arrays that are integrated.
-_PLACE = slice(X, Z + 1)
-_SLIPS = slice(SLIP, SLIP_Z + 1)
 
 
 def turned(angle: float, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -46,6 +46,12 @@ from winding_core.readings import AxisReading
 LOOK_PERIOD = 0.1
 # Time for which nodes that had to be woken are left alone [s].
 AWAKE_FOR = 0.5
+# Nodes that are laid and nevertheless integrated, counted from the landing point: waves of a noisy
+# load have decayed over them to a ten-thousandth.
+AWAKE = 20
+# By at least so many nodes the border moves when cable comes to rest, and by so many when it wakes.
+FEWEST_TO_REST = 8
+WOKEN = 16
 
 
 class Stillness:
@@ -88,14 +94,6 @@ class Stillness:
         self._next = t + LOOK_PERIOD
         restless = np.flatnonzero(~(moved <= self._tolerance**2))
         return int(restless[0]) if restless.size else both
-
-
-# Nodes that are laid and nevertheless integrated, counted from the landing point: waves of a noisy
-# load have decayed over them to a ten-thousandth.
-AWAKE = 20
-# By at least so many nodes the border moves when cable comes to rest, and by so many when it wakes.
-FEWEST_TO_REST = 8
-WOKEN = 16
 
 
 class RodWinding(WindingModel):

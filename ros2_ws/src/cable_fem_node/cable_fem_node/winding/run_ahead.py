@@ -12,6 +12,12 @@ from winding_core.readings import AxisReading
 from winding_core.run_history import Inputs
 from winding_core.run_inputs import RunInputs
 
+# Simulated time of a piece [s]: as long as the paper's runs, whose prediction is one piece.
+PIECE = 20.0
+# Elements times steps after which a first piece is left for later: two processor seconds.
+FIRST_STEPS = 5.0e7
+Planned = Iterable[tuple[float, AxisReading, float | None]]
+
 
 class AbandonedError(RuntimeError):
     """A replay was no longer wanted."""
@@ -32,14 +38,6 @@ def replay(inputs: Inputs, model: WindingModel, going: Callable[[], bool] = lamb
         if not going():
             raise AbandonedError(f"the replay was abandoned at t = {model.time:.6g} s")
         model.advance_to(t, reading, tension)
-
-
-# Simulated time of a piece [s]: as long as the paper's runs, whose prediction is one piece.
-PIECE = 20.0
-# Elements times steps after which a first piece is left for later: two processor seconds.
-FIRST_STEPS = 5.0e7
-
-Planned = Iterable[tuple[float, AxisReading, float | None]]
 
 
 class RunAhead:

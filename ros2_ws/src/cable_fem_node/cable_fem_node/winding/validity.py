@@ -19,6 +19,13 @@ _STRETCH_ERROR_PCT = 0.2
 # Motion's share of the energy up to which a run counts as quasi-static, and with which no
 # cable lies as it should.
 _QUASI_STATIC, _FLYING = 0.05, 1.0
+FULL_TURN = 2.0 * math.pi
+# Parts of a turn at which the lay of a guide that turns back is followed.
+_PARTS = 180
+# Of a plan that ends where it began [rad].
+_ROUNDING = 1.0e-9
+# More turns than this are not followed one by one.
+_MOST_TURNS = 5000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,16 +154,6 @@ def _span(resolved: ResolvedModel) -> Check:
         advice=f"segment_length must be at most 0.3 of the free length {free:g} m, "
         f"got {length:g} m",
     )
-
-
-FULL_TURN = 2.0 * math.pi
-
-# Parts of a turn at which the lay of a guide that turns back is followed.
-_PARTS = 180
-# Of a plan that ends where it began [rad].
-_ROUNDING = 1.0e-9
-# More turns than this are not followed one by one.
-_MOST_TURNS = 5000
 
 
 class OverlapError(ValueError):

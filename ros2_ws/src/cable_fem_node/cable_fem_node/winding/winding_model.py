@@ -21,6 +21,11 @@ from winding_core.readings import AxisReading
 NODE_DTYPE = np.dtype(
     [(name, "<f8") for name in ("x", "y", "z", "s", "tension", "strain", "roll", "twist")]
 )
+# Laid nodes behind the edge whose mean curvature is the cylinder's: the edge's own push has
+# decayed over the two that are left out.
+_LAID = slice(-7, -2)
+# Free nodes that the bending moment is followed over.
+_FREE = 4
 
 
 class WindingModel(ABC):
@@ -192,13 +197,6 @@ def wound_angles(x: FloatArray, y: FloatArray) -> FloatArray:
     theta = np.zeros(x.size)
     np.cumsum(angle_steps(x, y), out=theta[1:])
     return theta
-
-
-# Laid nodes behind the edge whose mean curvature is the cylinder's: the edge's own push has
-# decayed over the two that are left out.
-_LAID = slice(-7, -2)
-# Free nodes that the bending moment is followed over.
-_FREE = 4
 
 
 def lift_off_angle(position: FloatArray, reference: FloatArray, laid: int) -> float:
