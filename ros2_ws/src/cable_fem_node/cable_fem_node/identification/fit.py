@@ -98,8 +98,8 @@ def fit(
         family: Material with parameters, shape (p,).
         start: Where the search begins, shape (p,).
         bounds: Least and greatest parameters, shape (p,) each.
-        config: Beliefs and limits.
-        going: Asked again and again whether the result is still wanted.
+        config: Assumed deviations and limits.
+        going: Returns whether the result is still wanted; called repeatedly.
         before: See `Search`.
 
     Raises:

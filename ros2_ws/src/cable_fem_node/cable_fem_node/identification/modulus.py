@@ -90,8 +90,8 @@ def identify_modulus(
 
     Args:
         runs: Of one cable, at least one; law and start are those of the configurations.
-        config: Beliefs and limits.
-        going: Asked again and again whether the result is still wanted.
+        config: Assumed deviations and limits.
+        going: Returns whether the result is still wanted; called repeatedly.
         before: The rod's answers to an earlier search of the same run, see `Search`.
 
     Raises:

@@ -37,7 +37,7 @@ def wind(
         run: Inputs and markers.
         law: The material that is tried.
         expected: Wound angles of the closed form [rad], shape (m,).
-        going: Asked before every step whether the result is still wanted.
+        going: Returns whether the result is still wanted; called before every step.
 
     Raises:
         IdentificationError: A marker does not land, or the rod fails.

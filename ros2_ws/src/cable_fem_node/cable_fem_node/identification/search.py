@@ -105,7 +105,7 @@ class RodExcess:
         """Return what is to be expected of markers, which may have become more, shape (k,).
 
         A share of the angle and a distance along the axis change little from one marker to the
-        next: one that the rod was not asked for takes those of the nearest before it.
+        next: one without a result of the rod takes those of the nearest before it.
         """
         nearest = np.maximum(np.searchsorted(self.ids, ids, side="right") - 1, 0)
         rows = np.concatenate([nearest, nearest + self.ids.size])
@@ -116,7 +116,7 @@ class RodExcess:
 
 @dataclass(frozen=True, kw_only=True)
 class FitConfig:
-    """What is believed of model and tracker, and how far the search goes.
+    """Assumed deviations of model and tracker, and limits of the search.
 
     Attributes:
         model_share: Standard error of the rod's angles relative to themselves, common to all
@@ -145,8 +145,8 @@ class Search:
         runs: At least one.
         family: Material with parameters, shape (p,).
         bounds: Least and greatest parameters, shape (p,) each.
-        config: Beliefs and limits.
-        going: Asked again and again whether the result is still wanted.
+        config: Assumed deviations and limits.
+        going: Returns whether the result is still wanted; called repeatedly.
         before: The rod's excess in an earlier search of the same run, when it had fewer markers;
             the search begins there, and one call of the rod confirms it.
     """

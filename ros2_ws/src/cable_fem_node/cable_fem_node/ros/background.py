@@ -21,7 +21,7 @@ _NICER, _NICEST = 5, 19
 
 
 class BackgroundTask(Generic[Result]):
-    """Runs a function in a thread of its own; the owner asks for the result when it likes.
+    """Runs a function in a thread of its own; the owner collects the result.
 
     Args:
         work: Receives a function that returns whether the result is still wanted, and raises
@@ -58,7 +58,7 @@ def _lower_priority() -> None:
 
 
 class PredictionTask:
-    """Winds a run ahead in a thread of low priority; the owner asks for news when it likes.
+    """Winds a run ahead in a thread of low priority; the owner collects its results.
 
     Args:
         ahead: What is left of it is wound.

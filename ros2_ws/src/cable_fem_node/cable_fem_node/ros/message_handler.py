@@ -48,7 +48,7 @@ class FemHandler:
         ahead: The run as planned, wound ahead.
         model: The rod of this run; None before `begin`.
         history: The inputs of this run so far.
-        following: Whether the machine has been heard.
+        following: Whether readings of the machine have arrived.
         replayed: How much of a run that was already going has been replayed [s]; None if the
             run begins with this node.
     """
@@ -85,7 +85,7 @@ class FemHandler:
 
     @property
     def following(self) -> bool:
-        """Whether the machine has been heard."""
+        """Whether readings of the machine have arrived."""
         return self._start is not None
 
     def begin(self, t: float) -> Iterator[Answer]:

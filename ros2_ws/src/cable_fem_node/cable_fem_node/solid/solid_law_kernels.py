@@ -14,7 +14,7 @@ from cable_fem_node.dynamics.state import FloatArray
 
 LINEAR, HENCKY, HENCKY_CAUCHY, HYPERELASTIC = range(4)
 
-# The number by which `piola` tells a law of `MaterialLaw` from others.
+# The number by which `piola` selects a law of `MaterialLaw`.
 KINDS = {
     "linear": LINEAR,
     "hencky": HENCKY,

@@ -29,7 +29,7 @@ def replay(inputs: Inputs, model: WindingModel, going: Callable[[], bool] = lamb
     Args:
         inputs: Ascending in time.
         model: What is advanced.
-        going: Asked before every step whether the result is still wanted.
+        going: Returns whether the result is still wanted; called before every step.
 
     Raises:
         AbandonedError: `going` returned False.
@@ -97,7 +97,7 @@ class RunAhead:
         """Wind to the end of the piece that is begun.
 
         Args:
-            going: Asked before every step whether to go on; what it raises goes through.
+            going: Returns whether to go on; called before every step, what it raises goes through.
             most_steps: Count of elements times steps after which the rest of the piece is left to a
                 further call.
 
