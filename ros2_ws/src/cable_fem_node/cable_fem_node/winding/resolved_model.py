@@ -159,10 +159,10 @@ class ResolvedModel:
             law: Material law in uniaxial tension.
             tension: Span tension at the start [N].
             thins: Whether the wound radius follows the cable's lateral stretch.
-            friction: Coulomb friction.
+            friction: Coulomb's coefficient, a ratio.
             free_length: Tangent span [m].
             segment_length: Of an element [m]; None: what suits the winding.
-            damping_ratio: Of the span's first axial mode.
+            damping_ratio: Share of critical damping of the first axial mode of the span.
             mass_scaling: Factor on the density.
             rolling: Whether the cable may roll about its axis.
 

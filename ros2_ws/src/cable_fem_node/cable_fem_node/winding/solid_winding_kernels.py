@@ -160,7 +160,21 @@ def advance_solid_winding(
     scratch: SolidScratch,
     ledger: FloatArray,
 ) -> SolidAdvance:
-    """Advance by equal steps while the drive runs from its first to its second column."""
+    """Advance by equal steps while the drive runs from its first to its second column.
+
+    Args:
+        steps: Number of steps to take.
+        dt: Step [s].
+        surface_step: Rotation of the cylinder in the step before the first [rad].
+        drive: Shape (7, 2), rows ANGLE .. LANDING.
+        points: Of the solid, changed.
+        mesh: Of the solid.
+        mass: Of the nodes (nodes,) [kg].
+        m: Constants of the machine.
+        touch: Constants of the contact.
+        scratch: Forces, grips and report, changed.
+        ledger: Energies [J], added to.
+    """
     net, couple, grip, report = scratch.net, scratch.couple, scratch.grip, scratch.report
     x, v = points.position, points.velocity
     nodes = net.shape[1]
