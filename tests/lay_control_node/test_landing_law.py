@@ -11,7 +11,7 @@ from lay_control_node.control.guide_law import WantedPoint
 from lay_control_node.control.landing_law import LandingLaw, PullBounds
 from lay_control_node.control.stretch_filter import Progress, StretchEstimate
 from lay_control_node.planning.lay_on import LayOnLaw
-from winding_core.cable_parameters import published_case
+from winding_core.condition import published_case
 from winding_core.material_law import MaterialLaw
 
 CASE = published_case(4, "case")

@@ -17,7 +17,7 @@ from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
 from lay_control_node.control.motion_bounds import AxisBounds
 from lay_control_node.control.stretch_filter import StretchFilter
 from lay_control_node.planning.lay_on import LayOnLaw
-from winding_core.cable_parameters import published_case
+from winding_core.condition import published_case
 from winding_core.lay_control_records import ControlBasis, ControlMode
 from winding_core.lay_records import LAY_DTYPE
 from winding_core.material_law import MaterialLaw

@@ -7,7 +7,7 @@ import pytest
 
 from lay_control_node.control.stretch_filter import StretchFilter, StretchFilterConfig
 from lay_control_node.planning.lay_on import LayOnLaw
-from winding_core.cable_parameters import published_case
+from winding_core.condition import published_case
 from winding_core.material_law import MaterialLaw
 
 CASE = published_case(4, "case")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.state import (
@@ -13,24 +12,11 @@ from cable_fem_node.dynamics.state import (
     ContactLaw,
     FloatArray,
     Points,
+    Surface,
 )
 
 # Share of its depth by which a landing node comes back in a step at most.
 _RETURN = 0.25
-
-
-class Surface(NamedTuple):
-    """The cylinder's surface in one step, and how cable lands on it."""
-
-    turned: float  # rotation of the cylinder in the step before [rad]
-    turning: float  # rotation in the step that follows [rad]
-    landing: float  # radius at which a free node touches [m]
-    rolling: bool  # whether the cable may roll about its axis
-    edge: int  # outermost node that touches, at which wound cable lands; it and those beyond do
-    # not bounce
-    free: bool  # whether the edge is free along the circumference until the next node has landed,
-    # as it must be where elastic cable is wound: a wound element keeps the tension at which both
-    # its nodes are held, and what is off the cylinder pulls more than the wound cable
 
 
 @kernel

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.contact_kernels import Surface, touch_cylinder
+from cable_fem_node.dynamics.contact_kernels import touch_cylinder
 from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     WORK_SPAN,
@@ -13,6 +13,7 @@ from cable_fem_node.dynamics.state import (
     ContactLaw,
     FloatArray,
     Points,
+    Surface,
 )
 
 

@@ -50,6 +50,20 @@ class ContactLaw(NamedTuple):
     cable_radius: float  # undeformed [m]
 
 
+class Surface(NamedTuple):
+    """The cylinder's surface in one step, and how cable lands on it."""
+
+    turned: float  # rotation of the cylinder in the step before [rad]
+    turning: float  # rotation in the step that follows [rad]
+    landing: float  # radius at which a free node touches [m]
+    rolling: bool  # whether the cable may roll about its axis
+    edge: int  # outermost node that touches, at which wound cable lands; it and those beyond do
+    # not bounce
+    free: bool  # whether the edge is free along the circumference until the next node has landed,
+    # as it must be where elastic cable is wound: a wound element keeps the tension at which both
+    # its nodes are held, and what is off the cylinder pulls more than the wound cable
+
+
 def empty_points(capacity: int) -> Points:
     """Return the arrays of so many nodes, at rest in the origin."""
     return Points(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.contact_kernels import Surface, touch_cylinder
+from cable_fem_node.dynamics.contact_kernels import touch_cylinder
 from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     LOSS_FRICTION,
@@ -19,6 +19,7 @@ from cable_fem_node.dynamics.state import (
     ContactLaw,
     FloatArray,
     Points,
+    Surface,
 )
 from cable_fem_node.rod.rod_records import ANGLE, FEED, GUIDE, SPEED, TENSION
 from cable_fem_node.solid.hex_kernels import HexMesh, hex_forces

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.contact_kernels import Surface, touch_cylinder
+from cable_fem_node.dynamics.contact_kernels import touch_cylinder
 from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     LOSS_RELAXATION,
@@ -24,6 +24,7 @@ from cable_fem_node.dynamics.state import (
     FloatArray,
     IntArray,
     Points,
+    Surface,
 )
 from cable_fem_node.rod.relaxation import branch_energy, decays, fade, strain_under
 from cable_fem_node.rod.rod_kernels import (
