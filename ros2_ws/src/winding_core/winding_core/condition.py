@@ -103,15 +103,6 @@ class CableAndLoad:
         label="Relaxation share:seconds",
     )
 
-
-@dataclass(frozen=True, kw_only=True)
-class CableParameters(LawParameters, CableAndLoad):
-    """What is wound, its material law, and how it rubs."""
-
-    friction: float = parameter(
-        0.1, "Coulomb friction of cable on cylinder, dimensionless", PLAIN, 0.0, 2.0
-    )
-
     def wound_case(self, spelled: Mapping[str, str]) -> Case:
         """Return the case that the parameters name or spell out.
 
@@ -209,12 +200,15 @@ class ResolvedCondition(LawParameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Condition(CableParameters):
+class Condition(LawParameters, CableAndLoad):
     """What is wound, and how.
 
     Fields with a unit are options of the commands, axes of a sweep and fields of the page.
     """
 
+    friction: float = parameter(
+        0.1, "Coulomb friction of cable on cylinder, dimensionless", PLAIN, 0.0, 2.0
+    )
     tension_offset: float = parameter(
         RigTension.offset,
         "constant part of the span tension, added to the weight's share",
