@@ -155,6 +155,7 @@ def test_successor_answers_as_its_predecessor_would_have(tmp_path: Path) -> None
     assert successor.replayed is not None
     assert abs(successor.replayed - (CUT - 1) * 1.0e-3) < 1e-9
     got = fed(successor, rows[CUT:])
+    assert len(wanted) == 10
     assert [t for t, _ in got] == [t for t, _ in wanted]
     for (_, one), (_, other) in zip(got, wanted, strict=True):
         np.testing.assert_array_equal(one, other)
