@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from marker_tracker_node.camera.bags import read_bag
+from marker_tracker_node.camera.frame_sources import read_bag
 from winding_core.condition import Condition, ResolvedCondition
 from winding_core.markers import (
     CABLE_DTYPE,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from marker_tracker_node.tracking.camera_clock import ClockSettings
+from marker_tracker_node.tracking.checks.camera_clock import ClockSettings
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 from winding_core.drive import DriveProfile
 from winding_core.markers import MarkerFlag

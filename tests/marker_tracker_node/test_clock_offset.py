@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from marker_tracker_node.tracking.clock_offset import ClockOffset
+from marker_tracker_node.tracking.checks.camera_clock import ClockOffset
 from marker_tracker_node.tracking.encoder_history import KEPT, EncoderHistory
 from winding_core.drive import DriveProfile
 

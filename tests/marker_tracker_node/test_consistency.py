@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from marker_tracker_node import PinholeCamera, Tracker
-from marker_tracker_node.tracking.contradiction import Contradiction
+from marker_tracker_node.tracking.checks.contradiction import Contradiction
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
 from winding_rig_node.camera import CameraConfig, Light, SensorNoise

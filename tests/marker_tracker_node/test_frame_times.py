@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from marker_tracker_node.camera.frame_sources import FrameSource
-from marker_tracker_node.camera.frame_times import FrameTimeError, FrameTimes
+from marker_tracker_node.camera.frame_sources import FrameSource, FrameTimeError, FrameTimes
 from marker_tracker_node.camera.recordings import RecordingError
 
 # A millisecond [s], and what a time may lose in the container [s].

@@ -5,11 +5,15 @@ import pytest
 
 from marker_tracker_node import ColourModel
 from marker_tracker_node.detection.band import Band
-from marker_tracker_node.detection.colour import colour_index
+from marker_tracker_node.detection.colour import Palette, colour_index
+from marker_tracker_node.detection.colour_band import WHOLE_AREA, measure_band
 from marker_tracker_node.detection.gate import empty_gates
-from marker_tracker_node.detection.palette import Palette
-from marker_tracker_node.tracking.band_measurement import WHOLE_AREA, measure_band
-from marker_tracker_node.tracking.gate_prediction import HIDDEN, MEASURED, PARTLY, predict_gate
+from marker_tracker_node.tracking.frame.gate_prediction import (
+    HIDDEN,
+    MEASURED,
+    PARTLY,
+    predict_gate,
+)
 
 pytestmark = pytest.mark.slow
 

@@ -9,8 +9,7 @@ import pytest
 from typer import Typer
 from typer.testing import CliRunner
 
-from marker_tracker_node.camera.bags import read_bag
-from marker_tracker_node.camera.frame_sources import FrameSource
+from marker_tracker_node.camera.frame_sources import FrameSource, read_bag
 from marker_tracker_node.camera.recordings import Motion, RecordingError, read_motion
 from winding_cli.commands.render import render
 from winding_cli.commands.track import track

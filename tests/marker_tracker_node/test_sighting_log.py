@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from marker_tracker_node.tracking.passings import passings_of
-from marker_tracker_node.tracking.sighting_log import SightingLog
-from marker_tracker_node.tracking.tracker_state import OutputRoom
+from marker_tracker_node.tracking.checks.passings import passings_of
+from marker_tracker_node.tracking.evidence import SightingLog
+from marker_tracker_node.tracking.state import OutputRoom
 
 FRAME = np.zeros((32, 32, 3), dtype=np.uint8)
 SPEED = 1.74

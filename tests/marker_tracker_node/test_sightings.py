@@ -10,7 +10,7 @@ import pytest
 from marker_tracker_node import Sightings
 from marker_tracker_node.detection.band import Band
 from marker_tracker_node.detection.gate import empty_gates, gate_sides
-from marker_tracker_node.tracking.gate_prediction import predict_gate
+from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
 from marker_tracker_node.tracking.sightings import GatedBands
 
 pytestmark = pytest.mark.slow

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from marker_tracker_node.tracking.encoder_history import KEPT, EncoderHistory
-from marker_tracker_node.tracking.synchroniser import Synchroniser
+from marker_tracker_node.tracking.synchronised_tracker import Synchroniser
 from winding_core.readings import AxisReading
 
 FRAME = np.zeros((2, 2, 3), dtype=np.uint8)

@@ -14,8 +14,7 @@ from marker_tracker_node.lay import lay_follower
 from marker_tracker_node.ros.camera_port import Camera, CameraError, CameraPort
 from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
-from marker_tracker_node.tracking.tracker import Tracker
-from marker_tracker_node.tracking.warm_up import warm_up
+from marker_tracker_node.tracking.tracker import Tracker, warm_up
 from winding_core.status import Level, Status
 from winding_ros import graph, topics
 from winding_ros.managed_node import ManagedNode

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from marker_tracker_node.camera.pinhole import CameraPose
-from marker_tracker_node.tracking.pose_correction import PoseBelief
+from marker_tracker_node.tracking.refinement import PoseBelief
 
 # Way around the cylinder, in cable diameters, over which a climbing turn can be followed.
 FOLLOWED = 0.8

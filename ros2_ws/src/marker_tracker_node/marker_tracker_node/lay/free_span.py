@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.lay.median import median
-from marker_tracker_node.lay.row_measurement import PLACE, SIGMA, Z
+from marker_tracker_node.lay.row_measurement import PLACE, SIGMA, Z, median
 from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]

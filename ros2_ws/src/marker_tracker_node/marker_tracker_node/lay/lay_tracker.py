@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.lay.config import LayConfig
 from marker_tracker_node.lay.free_span import FreeLength, FreeSpan
-from marker_tracker_node.lay.numbering import Moment
-from marker_tracker_node.lay.pose_doubt import PoseDoubt
 from marker_tracker_node.lay.report import LayReport, defects_of, lay_records
-from marker_tracker_node.lay.rows import choose_rows
-from marker_tracker_node.lay.span_measurement import span_in
+from marker_tracker_node.lay.rows import PoseDoubt, choose_rows
+from marker_tracker_node.lay.span_alignment import span_in
 from marker_tracker_node.lay.turn_map import TurnMap
-from marker_tracker_node.lay.wound_rows import take_row
+from marker_tracker_node.lay.wound_rows import Moment, take_row
 from winding_core.lay_records import LayRecords
 
 # The free span changes more slowly than there is new cable.

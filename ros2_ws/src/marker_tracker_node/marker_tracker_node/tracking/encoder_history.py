@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.cylinder_angle import lost_turns
+from marker_tracker_node.tracking.machine_motion import lost_turns
 
 FloatArray = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from marker_tracker_node.tracking.contradiction import Contradiction
+from marker_tracker_node.tracking.checks.contradiction import Contradiction
 
 
 class FrameFault(Enum):

@@ -8,14 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import PinholeCamera
-from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
-from marker_tracker_node.detection.palette import Palette
-from marker_tracker_node.tracking.band_search import TURN, BandSearch, Passing
-from marker_tracker_node.tracking.camera_zero import CameraZero
-from marker_tracker_node.tracking.colour_sampling import NEAR_START, sample_colour
+from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError, Palette
+from marker_tracker_node.tracking.checks.camera_zero import CameraZero
+from marker_tracker_node.tracking.checks.picture_doubts import PictureDoubts, colourless
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.picture_doubts import PictureDoubts, colourless
-from marker_tracker_node.tracking.state import Output, Setup
+from marker_tracker_node.tracking.p0_search import (
+    NEAR_START,
+    TURN,
+    BandSearch,
+    Passing,
+    sample_colour,
+)
+from marker_tracker_node.tracking.state import Burst, Setup
 
 ByteArray = NDArray[np.uint8]
 
@@ -87,7 +91,7 @@ class RunStart:
             void |= self.zero.take(frame, self.colour, setup, angle - self.origin)
         return void
 
-    def saw(self, t: float, out: Output) -> bool:
+    def saw(self, t: float, out: Burst) -> bool:
         """Take what was measured of a frame; return whether what was known before is void.
 
         Args:

@@ -84,12 +84,11 @@ def track(
 ) -> None:
     """Track a recording and print where every marker lies."""
     from marker_tracker_node import PoseBelief, Tracker
-    from marker_tracker_node.camera.bags import Recording, is_bag, read_bag
     from marker_tracker_node.camera.calibration import read_camera
-    from marker_tracker_node.camera.frame_sources import FrameSource
+    from marker_tracker_node.camera.frame_sources import FrameSource, Recording, is_bag, read_bag
     from marker_tracker_node.camera.recordings import read_motion, write_measurements
     from marker_tracker_node.lay.lay_follower import LayFollower, write_lay
-    from marker_tracker_node.tracking.camera_clock import ClockSettings
+    from marker_tracker_node.tracking.checks.camera_clock import ClockSettings
     from marker_tracker_node.tracking.config import TrackerConfig
     from marker_tracker_node.tracking.encoder_history import EncoderHistory
     from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker

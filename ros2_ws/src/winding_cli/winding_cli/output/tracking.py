@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from marker_tracker_node import LayReport, Refinement
-    from marker_tracker_node.tracking.camera_clock import CameraClock
+    from marker_tracker_node.tracking.checks.camera_clock import CameraClock
     from marker_tracker_node.tracking.report import TrackerReport
 
 # Of a marker in run means and refinement: [rad], [m] and their standard deviations.

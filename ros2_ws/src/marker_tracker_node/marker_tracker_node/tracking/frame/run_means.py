@@ -7,17 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.gate_prediction import CLIPPED, COVERED, HIDDEN, PARTLY
+from marker_tracker_node.camera.pinhole import pixels_per_metre
+from marker_tracker_node.detection.band import Body
+from marker_tracker_node.tracking.frame.gate_prediction import CLIPPED, COVERED, HIDDEN, PARTLY
 from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Output, Run, Setup
-from marker_tracker_node.tracking.uncertainty import (
-    BENT_OVER_RUN,
-    MEAN_BIAS_ACROSS,
-    MEAN_BIAS_ALONG,
-    SCATTER,
-    bent_height,
-    frame_variance,
-    pixel_size,
-)
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
 
@@ -38,25 +31,38 @@ VARIANCE_SHARE = 0.05
 SHIFT_SHARE = 0.02
 # A wound angle that leans on the encoder carries the camera's tilt and counts less.
 ENCODER_TRUST = 0.2
+# One standard deviation of a band's middle in one frame [px]: the mask's bias, which depends on
+# light, colour and azimuth and is the same in the next frame, and what differs between frames.
+BIAS = 0.09
+SCATTER = 0.05
+# Where a neighbouring turn cuts a band off [px], and of a turn's place that is only expected.
+CUT = 0.12
+# Of z, where a thick cable is bent sharply: in so many r^2 / (R + r), r and R + r the radii of the
+# cable and of its bend.
+BENT = 0.045
+# What a run leaves of that, whose share of a band depends on its azimuth.
+BENT_OVER_RUN = 0.5
+# What of the bias is left over a run, in which a band is seen under every azimuth, along the cable
+# and across it [px].
+MEAN_BIAS_ALONG, MEAN_BIAS_ACROSS = 0.06, 0.06
+# A band is an ellipse from the side; nearer to the limb than this its scale changes no more.
+LEAST_FACING = 0.3
 
 
 @called
-def update_shift(
-    run: Run, blind: bool, azimuth: float, turned: float
-) -> tuple[float, float]:  # pragma: no cover
-    """Return the shift [rad] and its weight after a frame in which P0 may have been seen.
+def update_shift(run: Run, azimuth: float, turned: float) -> None:  # pragma: no cover
+    """Take a frame in which P0 may have been seen into the shift.
 
     Args:
-        run: Before the frame.
-        blind: Whether the encoder is missing.
+        run: Shift and its weight written.
         azimuth: Of P0 as seen [rad], nan where not.
         turned: Cylinder angle as the camera is expected to see it [rad].
     """
-    if blind or not math.isfinite(azimuth):
-        return run.shift, run.shift_weight
-    weight = run.shift_weight + 1.0
-    gain = max(1.0 / weight, SHIFT_SHARE)
-    return run.shift + gain * (azimuth - turned), weight
+    if run.cylinder.blind or not math.isfinite(azimuth):
+        return
+    run.shift_weight += 1.0
+    gain = max(1.0 / run.shift_weight, SHIFT_SHARE)
+    run.shift += gain * (azimuth - turned)
 
 
 @called
@@ -150,7 +156,7 @@ def write_results(
         if not marks.known[n] or (n > 0 and turned < marks.recent[n]):
             out.theta[k, n] = out.height[k, n] = math.nan
             out.sigma_theta[k, n] = out.sigma_height[k, n] = math.nan
-            out.flags[k, n] = FLAG_NOT_WOUND
+            out.marker_flags[k, n] = FLAG_NOT_WOUND
             continue
         flags = 0
         if math.isfinite(out.azimuth[k, n]):
@@ -181,7 +187,7 @@ def write_results(
             flags |= FLAG_TOUCHING
         if abs(marks.recent[n] - marks.reference[n]) > setup.slip_limit:
             flags |= FLAG_SLIPPED
-        out.flags[k, n] = flags
+        out.marker_flags[k, n] = flags
 
 
 @called
@@ -219,3 +225,24 @@ def _mean_variances(
 def mean_variances(setup: Setup, marks: Marks, n: int) -> tuple[float, float]:  # pragma: no cover
     """Return the variances of a run mean's azimuth [rad^2] and z [m^2], as seen by the camera."""
     return _mean_variances(setup, pixel_size(setup, 0.0), marks, n)
+
+
+@called
+def pixel_size(setup: Setup, azimuth: float) -> tuple[float, float]:  # pragma: no cover
+    """Return the angle [rad] and the height [m] that a pixel covers at a band's azimuth."""
+    rho = setup.body.rho
+    facing = math.cos(azimuth)
+    height = 1.0 / pixels_per_metre(setup.camera, abs(setup.camera.x) - rho * facing)
+    return height / (rho * max(facing, LEAST_FACING)), height
+
+
+@called
+def frame_variance(cut: bool) -> float:  # pragma: no cover
+    """Return the variance of a band's middle in one frame that no frame tells [px^2]."""
+    return BIAS**2 + (CUT**2 if cut else 0.0)
+
+
+@called
+def bent_height(body: Body) -> float:  # pragma: no cover
+    """Return one deviation of z that a thick cable's bend adds in one frame, at any scale [m]."""
+    return BENT * body.cable_radius * body.cable_radius / body.rho

@@ -1,4 +1,4 @@
-"""Which told number contradicts the pictures: a run has more measurements than unknowns.
+"""Which configured number contradicts the pictures: a run has more measurements than unknowns.
 
 P0 comes back once a turn, which tests the encoder's scale and the frames' times; how fast bands
 move over the picture and how large they are tests cylinder, cable and camera; where bands lie
@@ -12,16 +12,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.contradiction import Contradiction, Evidence, size_in_words
-from marker_tracker_node.tracking.geometry_check import (
+from marker_tracker_node.tracking.checks.contradiction import Contradiction, Evidence, size_in_words
+from marker_tracker_node.tracking.checks.geometry import (
     CHANCE,
     LEAST_MOTION,
     SIGMA,
     USUAL,
+    signatures,
     sized_wrongly,
     wrong_geometry,
 )
-from marker_tracker_node.tracking.passings import (
+from marker_tracker_node.tracking.checks.passings import (
     TURN,
     Passing,
     motion_of,
@@ -29,7 +30,8 @@ from marker_tracker_node.tracking.passings import (
     stretched,
     turns_left,
 )
-from marker_tracker_node.tracking.sighting_log import SightingLog
+from marker_tracker_node.tracking.evidence import RunEvidence, SightingLog
+from marker_tracker_node.tracking.state import Setup, TrackerState
 
 FloatArray = NDArray[np.float64]
 
@@ -46,16 +48,49 @@ _SAME = 2.0e-4
 # Grey levels of a picture that fell to less than this share of the beginning's.
 _DARKER = 0.75
 _LEAST_TURN_SHARE = 0.0015
-# Gaps between markers relative to expected ones: no modulus is told so wrongly.
+# Gaps between markers relative to expected ones: no modulus is set so wrongly.
 _GAPS = (0.72, 1.5)
 
 
+class RunChecks:
+    """The contradictions of a run, judged anew once a lap of any marker."""
+
+    def __init__(self) -> None:
+        self._judged: tuple[int, tuple[Contradiction, ...]] = (0, ())
+
+    def judged(
+        self, run: RunEvidence, setup: Setup, state: TrackerState
+    ) -> tuple[Contradiction, ...]:
+        """Return which configured numbers the pictures speak against.
+
+        Args:
+            run: What was kept of it.
+            setup: Machine and camera.
+            state: Of the tracker.
+        """
+        laps = len(run.log.laps)
+        if self._judged[0] != laps:
+            marks = state.marks
+            known = np.flatnonzero(marks.known)
+            apart = np.diff(marks.theta[known]) / (np.diff(known) * setup.expected_gap)
+            evidence = Evidence(
+                log=run.log,
+                area=marks.area[known],
+                effects=signatures(setup.camera, setup.body),
+                gaps=dict(zip(known[:-1].tolist(), apart.tolist(), strict=True)),
+                known=tuple(known[known > 0].tolist()),
+                between=run.unnumbered.found,
+            )
+            self._judged = laps, contradictions(evidence)
+        return self._judged[1]
+
+
 def contradictions(evidence: Evidence) -> tuple[Contradiction, ...]:
-    """Return what speaks against the told numbers; empty for an innocent run."""
+    """Return which configured numbers the evidence speaks against; empty for a consistent run."""
     passings = passings_of(evidence.log)
     turning = _of_light(evidence) or _of_turns(evidence, passings)
     if turning is not None:
-        # Where bands lie tells nothing while their turns, or the picture, are in doubt.
+        # Where bands lie shows nothing while their turns, or the picture, are in doubt.
         return (turning,)
     found = (wrong_geometry(evidence, passings) or _of_colour(evidence.log), _of_spacing(evidence))
     return tuple(item for item in found if item is not None)
@@ -69,7 +104,7 @@ def _of_turns(evidence: Evidence, passings: list[Passing]) -> Contradiction | No
         [
             (place, ahead[marker, lap + 1])
             for (marker, lap), place in ahead.items()
-            # A band that was taken for another lap's tells nothing.
+            # A band that was taken for another lap's shows nothing.
             if abs(ahead.get((marker, lap + 1), place) - place - TURN) < 0.5 * TURN
         ]
     ).reshape(-1, 2)
@@ -92,8 +127,8 @@ def _of_turns(evidence: Evidence, passings: list[Passing]) -> Contradiction | No
         if abs(share) <= max(LEAST_MOTION, CHANCE * motion.sigma) and not _landed_since(log):
             return None
         how = (
-            f"the bands move {1.0 / (1.0 + share):.3f} times as far as the encoder says and do not "
-            "come back where it says"
+            f"the bands move {1.0 / (1.0 + share):.3f} times as far as the encoder reports and do "
+            "not come back where it places them"
         )
     if turns.size:
         by_angle, by_time = turns_left(pairs, log.motion, share)
@@ -102,12 +137,12 @@ def _of_turns(evidence: Evidence, passings: list[Passing]) -> Contradiction | No
         assert motion is not None
         drift = stretched(passings, log.motion, math.exp(USUAL.motion))
         by_angle, by_time, by_times = motion.rest, drift.rest, drift.value
-    number, what = "encoder_or_times", "the encoder's angles or the times of the frames are told"
+    number, what = "encoder_or_times", "the encoder's angles or the times of the frames are"
     least = _SAME if turns.size else 0.0
     if by_angle > _BETTER * by_time + least:
-        number, what, share = "frame_times", "the times of the frames are told", by_times
+        number, what, share = "frame_times", "the times of the frames are", by_times
     elif by_time > _BETTER * by_angle + least:
-        number, what = "encoder_scale", "the encoder's angles are told"
+        number, what = "encoder_scale", "the encoder's angles are"
     return Contradiction(
         number=number,
         share=share,
@@ -177,7 +212,7 @@ def _of_spacing(evidence: Evidence) -> Contradiction | None:
             number="marker_spacing",
             share=math.nan,
             sigma=math.nan,
-            sentence=f"the marker spacing is told too large: another band lies after {pairs}",
+            sentence=f"the marker spacing is set too large: another band lies after {pairs}",
         )
     skipped = math.gcd(*evidence.known) if evidence.known else 1
     if skipped > 1:
@@ -188,7 +223,7 @@ def _of_spacing(evidence: Evidence) -> Contradiction | None:
             share=1.0 / skipped - 1.0,
             sigma=math.nan,
             sentence=(
-                f"the marker spacing is told {skipped} times too small: bands are where {seen} are "
+                f"the marker spacing is set {skipped} times too small: bands are where {seen} are "
                 f"expected and none between them{missed}"
             ),
         )
@@ -201,8 +236,8 @@ def _of_spacing(evidence: Evidence) -> Contradiction | None:
         share=1.0 / ratio - 1.0,
         sigma=math.nan,
         sentence=(
-            f"the marker spacing is told too {'small' if ratio > 1.0 else 'large'}: bands lie "
-            f"{ratio:.2f} times as far apart as it and the cable's stretch say"
+            f"the marker spacing is set too {'small' if ratio > 1.0 else 'large'}: bands lie "
+            f"{ratio:.2f} times as far apart as it and the cable's stretch give"
         ),
     )
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.sighting_log import SightingLog
+from marker_tracker_node.tracking.evidence import SightingLog
 
 FloatArray = NDArray[np.float64]
 

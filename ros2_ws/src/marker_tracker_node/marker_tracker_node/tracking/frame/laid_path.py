@@ -30,9 +30,12 @@ SPAN_FIRST, SPAN_LAST = -1.3, -0.3
 # What the expected path may be wrong by before a turn has landed [m].
 SPAN_ROOM = 1.0e-3
 # A marker that is not known yet shows this far beside the place where it may be [rad].
-STRANGER_REACH = 0.4
+UNKNOWN_REACH = 0.4
 # The next marker is no nearer than this share of the mean gap.
 LEAST_GAP = 0.6
+# How far the guide may stand before the contact line when P0 lands, one deviation [m], and how far
+# a cable lies beside the path.
+OFFSET_SIGMA, LAY_SIGMA = 5.0e-3, 1.0e-3
 
 
 class LaidCable(NamedTuple):
@@ -58,32 +61,29 @@ def laid_cable(tracks: Tracks, run: Run) -> LaidCable:  # pragma: no cover
 
 @called
 def extend_paths(
-    setup: Setup, paths: FloatArray, run: Run, angle: float, guide: Guide
-) -> int:  # pragma: no cover
+    setup: Setup, paths: FloatArray, run: Run, start: float, way: float
+) -> None:  # pragma: no cover
     """Lay the expected paths up to a cylinder angle: dz/dtheta = (z_guide - z) / lag.
 
     Args:
         setup: Machine and camera.
-        paths: See `Tracks`.
-        run: Of the last frame.
-        angle: Cylinder angle of this frame [rad].
-        guide: At this frame.
-
-    Returns:
-        Filled places of the paths.
+        paths: See `Tracks`; written.
+        run: At this frame; its filled places are written.
+        start: Cylinder angle in the last frame [rad].
+        way: Of the guide in the last frame [m].
     """
-    start, count = run.cylinder.angle, run.path_filled
+    angle, guide, count = run.cylinder.angle, run.guide, run.path_filled
     share = 1.0 - math.exp(-PATH_STEP / setup.lag)
     while count < PATH_SIZE and count * PATH_STEP <= angle:
         middle = (count - 0.5) * PATH_STEP
         part = (middle - start) / (angle - start) if angle > start else 1.0
-        way = run.guide.way + (guide.way - run.guide.way) * min(max(part, 0.0), 1.0)
-        told = way + guide.offset
-        paths[0, count] = paths[0, count - 1] + share * (told - paths[0, count - 1])
+        place = way + (guide.way - way) * min(max(part, 0.0), 1.0)
+        read = place + guide.offset
+        paths[0, count] = paths[0, count - 1] + share * (read - paths[0, count - 1])
         commanded = setup.advance_per_radian * middle
         paths[1, count] = paths[1, count - 1] + share * (commanded - paths[1, count - 1])
         count += 1
-    return count
+    run.path_filled = count
 
 
 @called
@@ -193,7 +193,7 @@ def covered_by_span(
 
 
 @called
-def stranger_beside(setup: Setup, cable: LaidCable, theta: float) -> bool:  # pragma: no cover
+def unknown_beside(setup: Setup, cable: LaidCable, theta: float) -> bool:  # pragma: no cover
     """Return whether a marker that is not known yet may lie a turn behind a wound angle [rad]."""
     marks = cable.marks
     last = marks.known.size - 1
@@ -202,4 +202,46 @@ def stranger_beside(setup: Setup, cable: LaidCable, theta: float) -> bool:  # pr
     if last < 0 or last == marks.known.size - 1:
         return False
     least = marks.theta[last] + LEAST_GAP * mean_gap(setup, marks, last)
-    return bool(theta + 2.0 * math.pi + STRANGER_REACH > least)
+    return bool(theta + 2.0 * math.pi + UNKNOWN_REACH > least)
+
+
+@called
+def lay_share(setup: Setup, theta: float) -> float:  # pragma: no cover
+    """Return the share of an offset of the guide that cable at a wound angle [rad] lies off."""
+    return 1.0 - math.exp(-max(theta, 0.0) / setup.lag)
+
+
+@called
+def beside_path(
+    setup: Setup, guide: Guide, marks: Marks, paths: FloatArray, filled: int, row: int, n: int
+) -> float:  # pragma: no cover
+    """Return how much farther from P0 marker n lies than on a path without any offset [m]."""
+    expected, _ = path_height(LaidCable(marks, paths[row], filled), marks.theta[n])
+    if row == 0:
+        expected -= guide.offset * lay_share(setup, marks.theta[n])
+    return float(marks.height[n] - marks.height[0] - expected)
+
+
+@called
+def fit_offset(setup: Setup, run: Run, marks: Marks, paths: FloatArray) -> None:  # pragma: no cover
+    """Fit the guide's offset to the known markers; shift the path of its readings by the change.
+
+    Args:
+        setup: Machine and camera.
+        run: Offset of its guide written.
+        marks: The markers.
+        paths: See `Tracks`; written.
+    """
+    guide, filled = run.guide, run.path_filled
+    if guide.belief != BY_READINGS or not marks.known[0]:
+        return
+    product, square = 0.0, (LAY_SIGMA / OFFSET_SIGMA) ** 2
+    for n in range(1, marks.known.size):
+        if marks.known[n]:
+            share = lay_share(setup, marks.theta[n])
+            product += share * beside_path(setup, guide, marks, paths, filled, 0, n)
+            square += share * share
+    offset = product / square
+    for k in range(1, filled):
+        paths[0, k] += (offset - guide.offset) * lay_share(setup, k * PATH_STEP)
+    guide.offset = offset

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.detection.band import Band
 from marker_tracker_node.detection.gate import Gates, Picture
-from marker_tracker_node.tracking.gate_prediction import (
+from marker_tracker_node.tracking.frame.gate_prediction import (
     COVERED,
     OUT_OF_SIGHT,
     TOUCH_REACH,
@@ -23,12 +23,12 @@ from marker_tracker_node.tracking.gate_prediction import (
     separate_gates,
     turned_since,
 )
-from marker_tracker_node.tracking.laid_path import (
+from marker_tracker_node.tracking.frame.laid_path import (
     LaidCable,
     band_beside_turns,
     corrected_height,
     covered_by_span,
-    stranger_beside,
+    unknown_beside,
 )
 from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Setup
 from winding_core.compiling import called
@@ -127,7 +127,7 @@ def expect_bands(
         slope = corrected_height(cable, theta)[1]
         azimuth += turned_since(setup, shutter, azimuth, z)
         band = band_beside_turns(setup, cable, azimuth, theta, z, slope)
-        band = guarded(setup, band, False, stranger_beside(setup, cable, theta))
+        band = guarded(setup, band, False, unknown_beside(setup, cable, theta))
         expected.near[n] = True
         expected.pixels[n] = predict_gate(setup, band, gates, n)
         if not beyond:

@@ -1,28 +1,40 @@
-"""What is judged of a run, and a told number that speaks against it."""
+"""What is judged of a run, and a configured number that speaks against it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.geometry_signature import Signature
-from marker_tracker_node.tracking.sighting_log import SightingLog
+from marker_tracker_node.tracking.evidence import SightingLog
 
 FloatArray = NDArray[np.float64]
 
 
+class Signature(NamedTuple):
+    """What the bands show of the geometry, or what a wrong number changes of it.
+
+    Attributes:
+        motion: Logarithm of seen azimuth per azimuth.
+        area: Logarithm of seen area per expected area.
+    """
+
+    motion: float
+    area: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class Contradiction:
-    """A told number that the pictures speak against.
+    """A configured number that the pictures speak against.
 
     Attributes:
         number: Its name: encoder_scale, frame_times, encoder_or_times, cylinder_diameter,
             cable_diameter, focal_length, band_width, geometry, marker_spacing, marker_colour or
             light.
-        share: By how much it is told too large, relative; nan where that is not known.
+        share: By how much it is set too large, relative; nan where that is not known.
         sigma: Standard error of the share; nan where it is not known.
         sentence: In words.
     """
@@ -55,5 +67,5 @@ class Evidence:
 
 
 def size_in_words(share: float) -> str:
-    """Return how much too large or small a number is told, of its relative share."""
+    """Return how much too large or small a number is, of its relative share."""
     return f"{abs(share):.1%} too {'large' if share > 0.0 else 'small'}"

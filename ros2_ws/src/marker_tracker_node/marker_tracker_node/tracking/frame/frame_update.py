@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.detection.band import Band, moved_band
+from marker_tracker_node.detection.colour_band import NOTHING, WHOLE_AREA, measure_band
 from marker_tracker_node.detection.gate import (
     FIRST_COLOUR,
     TABLE_SIZE,
@@ -18,11 +19,14 @@ from marker_tracker_node.detection.gate import (
     seeking,
     several_colours,
 )
-from marker_tracker_node.tracking.band_measurement import NOTHING, WHOLE_AREA, measure_band
-from marker_tracker_node.tracking.candidates import Scan
-from marker_tracker_node.tracking.cylinder_angle import follow_encoder, phase_lock
-from marker_tracker_node.tracking.expected_bands import Expected, empty_expected, expect_bands
-from marker_tracker_node.tracking.gate_prediction import (
+from marker_tracker_node.tracking.checks.lay_check import judge_guide
+from marker_tracker_node.tracking.frame.acquisition import Scan, acquire_markers
+from marker_tracker_node.tracking.frame.expected_bands import (
+    Expected,
+    empty_expected,
+    expect_bands,
+)
+from marker_tracker_node.tracking.frame.gate_prediction import (
     HIDDEN,
     PARTLY,
     Shutter,
@@ -30,34 +34,19 @@ from marker_tracker_node.tracking.gate_prediction import (
     shutter_of,
     turned_since,
 )
-from marker_tracker_node.tracking.guide_readings import (
-    fit_offset,
-    follow_guide,
-    judge_guide,
-    look_for_markers,
-)
-from marker_tracker_node.tracking.laid_path import (
-    extend_paths,
-    laid_cable,
-)
-from marker_tracker_node.tracking.marker_acquisition import acquire_markers
-from marker_tracker_node.tracking.run_means import update_means, update_shift, write_results
+from marker_tracker_node.tracking.frame.laid_path import fit_offset, laid_cable
+from marker_tracker_node.tracking.frame.run_means import update_means, update_shift, write_results
+from marker_tracker_node.tracking.machine_motion import advance_machine, phase_lock
 from marker_tracker_node.tracking.state import (
-    Cylinder,
-    FlagArray,
+    FixedNumbers,
     IndexArray,
     Marks,
     Output,
+    Rows,
     Run,
     Setup,
     Tracks,
-)
-from marker_tracker_node.tracking.tracker_state import (
-    output_of,
-    run_of,
     setup_of,
-    tracks_of,
-    write_run,
 )
 from winding_core.compiling import called, compiled
 
@@ -75,17 +64,14 @@ def update_burst(
     frames: ByteArray,
     tables: ByteArray,
     colour_of: IndexArray,
-    fixed: FloatArray,
-    numbers: FloatArray,
-    known: FlagArray,
-    marks: FloatArray,
-    hits: IndexArray,
-    candidates: FloatArray,
+    fixed: FixedNumbers,
+    run_rows: Rows,
+    marks: Rows,
+    candidates: Rows,
     paths: FloatArray,
     readings: FloatArray,
     angle: FloatArray,
-    flags: NDArray[np.uint32],
-    fields: FloatArray,
+    out: Rows,
 ) -> None:  # pragma: no cover
     """Advance a tracker's state by every frame of a burst.
 
@@ -93,34 +79,25 @@ def update_burst(
         frames: Shape (k, rows, columns, 3).
         tables: See `Palette`, shape ((2 + colours) 32768,).
         colour_of: See `Palette`, shape (markers,).
-        fixed: See `setup_numbers`, shape (38,).
-        numbers: See `TrackerState`, shape (RUN_SIZE,), written in place as are the following.
-        known: See `TrackerState`, shape (markers,).
-        marks: See `TrackerState`, shape (8, markers).
-        hits: See `TrackerState`, shape (2, CANDIDATES).
-        candidates: See `TrackerState`, shape (6, CANDIDATES).
+        fixed: See `fixed_numbers`.
+        run_rows: Of RUN, shape (1,), written in place as are the following.
+        marks: Of MARK, shape (markers,).
+        candidates: Of CANDIDATE, shape (CANDIDATES,).
         paths: See `Tracks`, shape (2, PATH_SIZE).
         readings: Ascending times [s], cylinder angles [rad], nan where missing, guide positions
             [m], nan to expect the commanded feed, and how much further P0 is expected than encoder
-            and shift say [rad], shape (4, k).
+            and shift place it [rad], shape (4, k).
         angle: Receives that of each frame [rad], shape (k,).
-        flags: Receives those of each frame, shape (k, markers).
-        fields: Receives the others, see `OutputRoom`, shape (fields, k, markers).
+        out: Receives what each frame yields, rows of SEEN, shape (k, markers).
     """
-    setup, run = setup_of(fixed), run_of(numbers)
-    tracks = tracks_of(known, marks, hits, candidates, paths)
-    out = output_of(angle, flags, fields)
+    setup, run, tracks = setup_of(fixed), run_rows[0], Tracks(marks, candidates, paths)
     first = tables[FIRST_COLOUR * TABLE_SIZE : (FIRST_COLOUR + 1) * TABLE_SIZE]
     for k in range(frames.shape[0]):
         picture = Picture(frames[k], first, tables, colour_of)
-        cylinder = follow_encoder(run.cylinder, readings[0, k], readings[1, k])
-        guide = follow_guide(setup, run.guide, run.cylinder, cylinder, readings[2, k])
-        filled = extend_paths(setup, paths, run, cylinder.angle, guide)
-        guide = judge_guide(setup, guide, tracks.marks, paths, filled, cylinder.angle)
-        run = Run(cylinder, guide, run.shift, run.shift_weight, filled)
-        run = _update_frame(picture, setup, run, readings[3, k], tracks, out, k)
+        advance_machine(setup, run, paths, readings[0, k], readings[1, k], readings[2, k])
+        judge_guide(setup, run, tracks.marks, paths)
+        _update_frame(picture, setup, run, readings[3, k], tracks, out, k)
         angle[k] = run.cylinder.angle
-    write_run(run, numbers)
 
 
 @called
@@ -132,19 +109,19 @@ def _update_frame(
     tracks: Tracks,
     out: Output,
     k: int,
-) -> Run:  # pragma: no cover
-    """Measure the known markers of frame k, look for the others, and return the run after it.
+) -> None:  # pragma: no cover
+    """Measure the known markers of frame k and look for the others.
 
     Args:
         picture: Frame and colours.
         setup: Machine and camera.
-        run: At the frame, as far as it is known without looking.
+        run: At the frame, as far as it is known without looking; written.
         lead: How much further P0 is expected [rad].
         tracks: Written in place.
         out: Receives what the frame yields.
         k: Number of the frame.
     """
-    marks, cylinder, guide = tracks.marks, run.cylinder, run.guide
+    marks, cylinder = tracks.marks, run.cylinder
     cable = laid_cable(tracks, run)
     count = marks.known.size
     turned = cylinder.angle + run.shift
@@ -161,11 +138,8 @@ def _update_frame(
     if cylinder.blind:
         nudge = phase_lock(marks, out.azimuth[k], turned)
         turned += nudge
-        cylinder = Cylinder(
-            cylinder.angle + nudge, cylinder.time, cylinder.rate, cylinder.wraps,
-            cylinder.started, cylinder.blind, cylinder.read,
-        )  # fmt: skip
-    shift, weight = update_shift(run, cylinder.blind, out.azimuth[k, 0], turned)
+        cylinder.angle += nudge
+    update_shift(run, out.azimuth[k, 0], turned)
     update_means(marks, expected.outcome, out, k, turned)
     found = marks.known.sum()
     if found < count:
@@ -177,16 +151,16 @@ def _update_frame(
             tracks.candidates,
             gates,
             expected.outcome,
-            cylinder.angle + shift,
+            cylinder.angle + run.shift,
             shutter,
         )
-        shift = acquire_markers(scan, shift)
+        run.shift = acquire_markers(scan, run.shift)
         if lost and marks.known[0]:
-            guide = look_for_markers(guide, cylinder.angle)
+            # A turn from here on shows the other markers.
+            run.guide.since = cylinder.angle
         if marks.known.sum() > found:
-            guide = fit_offset(setup, guide, marks, tracks.paths, run.path_filled)
+            fit_offset(setup, run, marks, tracks.paths)
     write_results(setup, marks, expected.outcome, expected.touching, turned, out, k)
-    return Run(cylinder, guide, shift, weight, run.path_filled)
 
 
 @compiled

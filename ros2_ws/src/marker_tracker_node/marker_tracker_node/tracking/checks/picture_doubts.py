@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.detection.colour import hsv
-from marker_tracker_node.tracking.band_search import BandSearch
 from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.p0_search import BandSearch
 from marker_tracker_node.tracking.state import Setup
 
 ByteArray = NDArray[np.uint8]
