@@ -37,7 +37,7 @@ def frame(running):
 
 def arrays(state):
     """Every array that a tracker keeps."""
-    return [*state.tracks.marks, *state.tracks.candidates, state.tracks.paths, state.numbers]
+    return [state.mark_rows, state.candidate_rows, state.run_rows, state.paths]
 
 
 @pytest.mark.parametrize(

@@ -7,13 +7,8 @@ from marker_tracker_node import ColourModel
 from marker_tracker_node.detection.band import Band
 from marker_tracker_node.detection.colour import Palette, colour_index
 from marker_tracker_node.detection.colour_band import WHOLE_AREA, measure_band
-from marker_tracker_node.detection.gate import empty_gates
-from marker_tracker_node.tracking.frame.gate_prediction import (
-    HIDDEN,
-    MEASURED,
-    PARTLY,
-    predict_gate,
-)
+from marker_tracker_node.detection.gate import HIDDEN, MEASURED, PARTLY, empty_gates
+from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
 
 pytestmark = pytest.mark.slow
 
@@ -47,7 +42,9 @@ def seen(smooth_film, model):
         frame = whole.copy()
         frame[white(along, across)] = level
         picture = Palette.of(model, [50.0], 22.0).picture(frame)
-        return measure_band(picture, setup, gates, 0, band, pixels, 1.0, WHOLE_AREA)
+        return measure_band(
+            picture, setup.camera, setup.body, gates, 0, band, pixels, 1.0, WHOLE_AREA
+        )
 
     return measure
 

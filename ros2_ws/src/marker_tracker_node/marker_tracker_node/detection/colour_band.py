@@ -1,7 +1,9 @@
-"""Bands of which a part is hidden by light: its pixels are unknown, neither marker nor background.
+"""The detector of painted marks: a ring or a patch of one colour, which names no marker.
 
-The outline of the band is moved until it explains the pixels that are known. What is unknown then
-counts as the outline says, so that the centre is not drawn towards the part that is seen.
+A band is measured by the mean of its pixels. Where light hides a part its pixels are unknown,
+neither marker nor background: the outline of the band is moved until it explains those that are
+known. What is unknown then counts as the outline has it, so that the centre is not drawn towards the
+part that is seen.
 """
 
 from __future__ import annotations
@@ -20,14 +22,17 @@ from marker_tracker_node.camera.pinhole import (
 )
 from marker_tracker_node.detection.band import Band, Body, solve_band, surface_point, visible_arc
 from marker_tracker_node.detection.gate import (
+    HIDDEN,
+    MEASURED,
+    NO_IDENTITY,
+    PARTLY,
+    Detection,
     Gates,
     Picture,
     gate_moments,
     strip,
     table_index,
 )
-from marker_tracker_node.tracking.frame.gate_prediction import HIDDEN, MEASURED, PARTLY
-from marker_tracker_node.tracking.state import Setup
 from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
@@ -275,38 +280,11 @@ def _sum(
                     sums[_SIDE_UNKNOWN] += hidden
 
 
-class Detection(NamedTuple):
-    """What a detector says of a mark in one frame.
-
-    The tracker asks nothing else of what is painted on the cable: whatever returns this is a
-    detector.
-
-    Attributes:
-        outcome: MEASURED, PARTLY, or HIDDEN with nan for azimuth and z.
-        azimuth: Of the cable's centre line under the middle of the mark [rad].
-        z: The same [m].
-        share: Measured over expected area of the part that light does not hide.
-        completeness: Share of the mark that light does not hide.
-        azimuth_factor: By how much the azimuth's deviation exceeds that of a mark seen whole.
-        z_factor: The same of z.
-    """
-
-    outcome: int
-    azimuth: float
-    z: float
-    share: float
-    completeness: float
-    azimuth_factor: float
-    z_factor: float
-
-
-NOTHING = Detection(HIDDEN, math.nan, math.nan, 0.0, 1.0, 1.0, 1.0)
-
-
 @compiled
 def measure_band(
     picture: Picture,
-    setup: Setup,
+    view: CameraView,
+    body: Body,
     gates: Gates,
     n: int,
     band: Band,
@@ -314,11 +292,12 @@ def measure_band(
     area: float,
     limits: tuple[float, float],
 ) -> Detection:  # pragma: no cover
-    """Measure what is painted on the cable as its `Body` says: a ring, or a patch of it.
+    """Measure what is painted on the cable as its `Body` describes: a ring, or a patch of it.
 
     Args:
         picture: Frame, and the colour that is sought.
-        setup: Machine and camera.
+        view: The camera.
+        body: What the band is painted on.
         gates: Where to look.
         n: Which of them.
         band: As expected.
@@ -331,7 +310,7 @@ def measure_band(
     share = count / max(pixels * area, 1.0)
     outcome, completeness, azimuth_factor, z_factor = MEASURED, 1.0, 1.0, 1.0
     if share < GLARE_BELOW and count >= 4:
-        fit = fit_outline(picture, gates, n, setup.camera, setup.body, band, area)
+        fit = fit_outline(picture, gates, n, view, body, band, area)
         if fit.unknown >= LEAST_UNKNOWN:
             outcome = PARTLY
             share = fit.marked / max(fit.expected, 1.0)
@@ -344,9 +323,11 @@ def measure_band(
             azimuth_factor = 1.0 / math.sqrt(max(fit.ends, LEAST_EDGES))
             z_factor = 1.0 / math.sqrt(max(fit.sides, LEAST_EDGES))
     if count < 4 or share < least or share > most:
-        return Detection(HIDDEN, math.nan, math.nan, share, completeness, 1.0, 1.0)
-    a, b = plane_of_pixel(setup.camera, column, row)
-    azimuth, z = solve_band(setup.camera, setup.body, a, b, band)
+        return Detection(HIDDEN, math.nan, math.nan, share, completeness, 1.0, 1.0, NO_IDENTITY)
+    a, b = plane_of_pixel(view, column, row)
+    azimuth, z = solve_band(view, body, a, b, band)
     if not (math.isfinite(azimuth) and math.isfinite(z)):
-        return Detection(HIDDEN, math.nan, math.nan, share, completeness, 1.0, 1.0)
-    return Detection(outcome, azimuth, z, share, completeness, azimuth_factor, z_factor)
+        return Detection(HIDDEN, math.nan, math.nan, share, completeness, 1.0, 1.0, NO_IDENTITY)
+    return Detection(
+        outcome, azimuth, z, share, completeness, azimuth_factor, z_factor, NO_IDENTITY
+    )

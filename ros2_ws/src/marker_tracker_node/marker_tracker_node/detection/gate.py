@@ -1,4 +1,4 @@
-"""Counting marker-coloured pixels: inside one band's gate, and along the laid cable."""
+"""Gates, in which marks are sought in a picture: their pixels, and what comes of looking."""
 
 from __future__ import annotations
 
@@ -18,6 +18,41 @@ IndexArray = NDArray[np.int64]
 # Places in `Picture.tables`; the colours of markers follow.
 UNKNOWN, ANY, FIRST_COLOUR = range(3)
 TABLE_SIZE = 32**3
+# What comes of looking for a mark; HIDDEN until it has been measured, PARTLY where light hides a
+# part of it, COVERED where the cable that is about to land hangs before it.
+OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED, PARTLY, COVERED = range(6)
+# Of a detector that cannot know which marker it measures.
+NO_IDENTITY = -1
+
+
+class Detection(NamedTuple):
+    """What a detector reports of a mark in one frame.
+
+    The tracker asks nothing else of what is painted on the cable: whatever returns this is a
+    detector, see `detectors`.
+
+    Attributes:
+        outcome: MEASURED, PARTLY, or HIDDEN with nan for azimuth and z.
+        azimuth: Of the cable's centre line under the middle of the mark [rad].
+        z: The same [m].
+        share: Measured over expected area of the part that light does not hide.
+        completeness: Share of the mark that light does not hide.
+        azimuth_factor: By how much the azimuth's deviation exceeds that of a mark seen whole.
+        z_factor: The same of z.
+        identity: n of the marker Pn that the mark names; NO_IDENTITY where it names none.
+    """
+
+    outcome: int
+    azimuth: float
+    z: float
+    share: float
+    completeness: float
+    azimuth_factor: float
+    z_factor: float
+    identity: int
+
+
+NOTHING = Detection(HIDDEN, math.nan, math.nan, 0.0, 1.0, 1.0, 1.0, NO_IDENTITY)
 
 
 class Picture(NamedTuple):

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 
 from marker_tracker_node.camera.pinhole import CameraPose, CameraView
 from marker_tracker_node.detection.band import Body
+from marker_tracker_node.detection.detectors import detector_number
 from marker_tracker_node.tracking.state import Setup
 from winding_core.camera_placement import CameraPlacement
 from winding_core.condition import ResolvedCondition
 from winding_core.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
 from winding_core.fleet_angle import PAPER_FREE_LENGTH
-from winding_core.marker_parameters import DOT, MarkerParameters
+from winding_core.marker_parameters import BAND, DOT, MarkerParameters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,9 +25,10 @@ class TrackerConfig:
         cable_radius: r [m].
         marker_spacing: Of the undeformed cable [m].
         marker_count: Markers after P0.
-        expected_stretch: Deformed over undeformed cable length; it tells a late marker from a
-            missed one, the measured gaps correct it.
+        expected_stretch: Deformed over undeformed cable length; it distinguishes a late marker
+            from a missed one, the measured gaps correct it.
         band_width: Of a ring band along the cable [m].
+        marker_kind: See `DETECTORS`.
         dot_size: Side of the square printed on the outside of the cable that a marker is instead
             of a ring band [m]; 0 for ring bands.
         dot_torsion: Twist of the cable about itself at a dot, one standard deviation [rad].
@@ -53,6 +55,7 @@ class TrackerConfig:
     marker_count: int = 4
     expected_stretch: float = 1.0
     band_width: float = 6.0e-3
+    marker_kind: str = BAND
     dot_size: float = 0.0
     dot_torsion: float = 0.0
     pose: CameraPose = field(default_factory=CameraPose)
@@ -95,6 +98,7 @@ class TrackerConfig:
             marker_count=case.marker_count,
             expected_stretch=case.expected_stretch,
             band_width=markers.band_width,
+            marker_kind=markers.marker_kind,
             dot_size=markers.dot_size if markers.marker_kind == DOT else 0.0,
             dot_torsion=markers.dot_torsion if markers.marker_kind == DOT else 0.0,
             pose=CameraPose(
@@ -123,6 +127,7 @@ class TrackerConfig:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} must be positive and finite, got {value}")
+        detector_number(self.marker_kind)
         if self.marker_count < 1:
             raise ValueError(f"marker_count must be at least 1, got {self.marker_count}")
         if not 0.1 <= self.usable_azimuth <= 1.4:
@@ -143,9 +148,9 @@ class TrackerConfig:
     @property
     def hues(self) -> tuple[float, ...]:
         """Hue of each marker [deg], shape (marker_count + 1,)."""
-        told = self.marker_hues or (self.marker_hue,)
+        given = self.marker_hues or (self.marker_hue,)
         count = self.marker_count + 1
-        return (told + told[-1:] * count)[:count]
+        return (given + given[-1:] * count)[:count]
 
     @property
     def body(self) -> Body:
@@ -174,6 +179,7 @@ class TrackerConfig:
             advance_per_radian=float(self.advance_per_radian),
             row_time=float(self.row_time),
             torsion=float(self.dot_torsion),
+            detector=detector_number(self.marker_kind),
         )
 
 

@@ -1,4 +1,4 @@
-"""Learning the marker colour in the run itself, from P0 where it must stand."""
+"""P0 in a picture: its colour where it must stand, and its band where it may pass."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ SEARCH_REACH = 5.0e-3
 LEAST_AREA, MOST_AREA = 0.3, 1.7
 SATURATIONS = np.arange(0.45, 0.95, 0.05)
 NEAR_START = 0.3
-# A band is whole enough to be told by its colour.
-LEAST_AREA = 0.5
+# A band is whole enough to be recognised by its colour.
+WHOLE_ENOUGH = 0.5
 # It stays at its place of the cylinder within this, as poorly as the camera's pose is known.
 SAME_ANGLE, SAME_HEIGHT = 0.08, 1.5e-3
 # It proves itself by moving with the cylinder as long as markers do.
@@ -166,7 +166,7 @@ def _largest_blob(mask: ByteArray) -> ByteArray:
 
 
 @dataclass(kw_only=True)
-class Passing:
+class MovingBand:
     """Something of the marker's hue that may move with the cylinder.
 
     Attributes:
@@ -198,7 +198,7 @@ class BandSearch:
     def __init__(self, config: TrackerConfig) -> None:
         """Start with nothing seen."""
         self._config = config
-        self._passing: list[Passing] = []
+        self._passing: list[MovingBand] = []
         self._begun = math.nan
         law = FleetAngleLaw(
             advance_per_radian=config.advance_per_radian,
@@ -208,13 +208,13 @@ class BandSearch:
         # Nearer to P0's place than to that of P1 on its first turn.
         self._surely = 0.5 * float(law.z(config.expected_gap))
 
-    def add(self, frame: ByteArray, setup: Setup, angle: float) -> Passing | None:
+    def add(self, frame: ByteArray, setup: Setup, angle: float) -> MovingBand | None:
         """Take a frame and return P0, once it is known which of the bands it is.
 
         Args:
             frame: Shape (rows, columns, 3).
             setup: Machine and camera.
-            angle: What the encoder says [rad].
+            angle: Reading of the encoder [rad].
         """
         if math.isnan(self._begun):
             self._begun = angle
@@ -250,7 +250,7 @@ class BandSearch:
                 return
         recent = sorted(self._passing, key=lambda band: band.sightings)[-15:]
         self._passing = [
-            *recent, Passing(offset=offset, z=z, first=angle, last=angle, samples=[samples])
+            *recent, MovingBand(offset=offset, z=z, first=angle, last=angle, samples=[samples])
         ]  # fmt: skip
 
 
@@ -292,7 +292,7 @@ def _bands(
             part[:, first + round(wide) :] = False
         size = int(part.sum())
         # Seen from the side a band is shorter.
-        if not 0.5 * LEAST_AREA * area <= size <= MOST_AREA * area:
+        if not 0.5 * WHOLE_ENOUGH * area <= size <= MOST_AREA * area:
             continue
         rows, columns = np.nonzero(part)
         if rows.min() == 0 or rows.max() == mask.shape[0] - 1:
@@ -304,6 +304,6 @@ def _bands(
         if not (-0.2 <= azimuth <= setup.usable_azimuth) or abs(z) > SEARCH_REACH:
             continue
         expected = predict_gate(setup, Band(azimuth=azimuth, z=z, slope=0.0), empty_gates(1), 0)
-        if LEAST_AREA * expected <= size <= MOST_AREA * expected:
+        if WHOLE_ENOUGH * expected <= size <= MOST_AREA * expected:
             found.append((azimuth, z, strip[part]))
     return found

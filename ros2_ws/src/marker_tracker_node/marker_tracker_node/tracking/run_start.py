@@ -16,7 +16,7 @@ from marker_tracker_node.tracking.p0_search import (
     NEAR_START,
     TURN,
     BandSearch,
-    Passing,
+    MovingBand,
     sample_colour,
 )
 from marker_tracker_node.tracking.state import Burst, Setup
@@ -158,7 +158,7 @@ class RunStart:
         self._proven = self.colour is not None and abs(angle - self._begun) > DOUBTED
         return False
 
-    def _found(self, band: Passing, frame: ByteArray, angle: float, guide: float) -> bool:
+    def _found(self, band: MovingBand, frame: ByteArray, angle: float, guide: float) -> bool:
         """Take P0 for what it is; return whether markers were counted from elsewhere."""
         off = math.remainder(band.offset + self.origin, TURN)
         known = self.colour is not None

@@ -50,6 +50,7 @@ class Setup(NamedTuple):
         advance_per_radian: [m/rad]
         row_time: From an image row to the next, negative where the lowest is read first [s].
         torsion: Twist of the cable at a mark that is no ring, one standard deviation [rad].
+        detector: See `detector_number`.
     """
 
     camera: CameraView
@@ -64,6 +65,7 @@ class Setup(NamedTuple):
     advance_per_radian: float
     row_time: float
     torsion: float
+    detector: int
 
 
 # A setup as it crosses to a kernel, which takes plain tuples five times as fast as named ones.
@@ -177,6 +179,7 @@ class Candidates:
     Attributes:
         hits: Frames in which it was seen; zero where the place is free.
         colour: See `Picture`.
+        identity: See `Detection`.
         first: Wound angle when it was seen first [rad].
         theta: Mean wound angle [rad].
         height: Mean z as seen [m].
@@ -187,6 +190,7 @@ class Candidates:
 
     hits: IndexArray
     colour: IndexArray
+    identity: IndexArray
     first: FloatArray
     theta: FloatArray
     height: FloatArray

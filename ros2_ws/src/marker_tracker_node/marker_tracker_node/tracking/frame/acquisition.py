@@ -1,4 +1,4 @@
-"""From something marker-coloured to a marker with a number: measured, remembered, confirmed."""
+"""Markers that are not known yet: sought along the laid cable, measured, confirmed, numbered."""
 
 from __future__ import annotations
 
@@ -10,10 +10,14 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_point
 from marker_tracker_node.detection.band import surface_point
-from marker_tracker_node.detection.colour_band import NEW_AREA, WHOLE_AREA, measure_band
+from marker_tracker_node.detection.colour_band import NEW_AREA, WHOLE_AREA
+from marker_tracker_node.detection.detectors import measure_mark
 from marker_tracker_node.detection.gate import (
     ANY,
     FIRST_COLOUR,
+    HIDDEN,
+    NO_IDENTITY,
+    OUT_OF_SIGHT,
     TABLE_SIZE,
     Gates,
     Picture,
@@ -24,8 +28,6 @@ from marker_tracker_node.detection.gate import (
     table_index,
 )
 from marker_tracker_node.tracking.frame.gate_prediction import (
-    HIDDEN,
-    OUT_OF_SIGHT,
     Shutter,
     axis_scale,
     gate_visibility,
@@ -44,6 +46,8 @@ from marker_tracker_node.tracking.frame.laid_path import (
 from marker_tracker_node.tracking.state import CANDIDATES, Candidates, IndexArray, Marks, Setup
 from winding_core.compiling import called
 
+FloatArray = NDArray[np.float64]
+
 P0_REACH = 0.45
 # A marker proves itself on the free span, this far before it lands [rad].
 APPROACH = 0.25
@@ -52,7 +56,6 @@ PROOF_HITS = 3
 PROOF_ADVANCE = 0.1
 # A gap of this many expected ones or more hides a marker that was missed.
 SKIP = 0.4
-FloatArray = NDArray[np.float64]
 MAX_NODES = 2048
 # A search looks at one pixel in this length [m].
 SEARCH_GRAIN = 0.24e-3
@@ -86,16 +89,26 @@ class Scan(NamedTuple):
 
 @called
 def marker_number(
-    setup: Setup, marks: Marks, colour_of: IndexArray, theta: float, colour: int
+    setup: Setup, marks: Marks, colour_of: IndexArray, theta: float, colour: int, identity: int
 ) -> int:  # pragma: no cover
     """Return the number of a marker found at a wound angle [rad], or -1 if there is none.
 
     Among markers of several colours the nearest of its colour is meant: one of a colour of its
-    own is told by that alone.
+    own is known by that alone. A mark that names its marker is that one, if the order of winding
+    allows it, and else no marker.
+
+    Args:
+        setup: Machine and camera.
+        marks: The markers.
+        colour_of: See `Palette`, shape (markers,).
+        theta: [rad]
+        colour: See `Picture`.
+        identity: See `Detection`.
     """
     count = marks.known.size
     if not marks.known[0]:
-        return 0 if abs(theta) < P0_REACH and colour == colour_of[0] else -1
+        first = colour == colour_of[0] and identity in (NO_IDENTITY, 0)
+        return 0 if abs(theta) < P0_REACH and first else -1
     below, above = known_around(marks, theta)
     if theta < marks.theta[0]:
         return -1
@@ -107,6 +120,8 @@ def marker_number(
         share = (theta - marks.theta[below]) / (marks.theta[above] - marks.theta[below])
         number = below + int(round(share * (above - below)))  # noqa: RUF046
         number = min(max(number, below + 1), above - 1)
+    if identity != NO_IDENTITY:
+        return identity if below < identity < above else -1
     if below < number < above and colour_of[number] == colour:
         return number
     best = -1
@@ -129,7 +144,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
     work = scan.outcome.size
     height, slope = corrected_height(scan.cable, theta)
     z = height + shift
-    share, colour = 0.0, FIRST_COLOUR
+    share, colour, identity = 0.0, FIRST_COLOUR, NO_IDENTITY
     for step in range(3):
         late = turned_since(setup, scan.shutter, turned - theta, z)
         band = band_beside_turns(setup, scan.cable, turned + late - theta, theta, z, slope)
@@ -144,24 +159,26 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
             if scan.outcome[n] != OUT_OF_SIGHT:
                 separate_gates(gates, n, work)
         colour = _colour_in_gate(scan.picture, gates, work)
-        found = measure_band(
-            seeking(scan.picture, colour), setup, gates, work, band, expected, 1.0, NEW_AREA
-        )
+        found = measure_mark(
+            setup.detector, seeking(scan.picture, colour), setup.camera, setup.body, gates, work,
+            band, expected, 1.0, NEW_AREA,
+        )  # fmt: skip
         if found.outcome == HIDDEN:
             return
-        azimuth, z, share = found.azimuth, found.z, found.share
+        azimuth, z, share, identity = found.azimuth, found.z, found.share, found.identity
         theta = turned + turned_since(setup, scan.shutter, azimuth, z) - azimuth
     expected_z = corrected_height(scan.cable, theta)[0]
     if abs(turned - theta) > 40.0 * math.pi or abs(z - expected_z) > setup.search_width:
         return
     if _lies_on_another_turn(scan, theta, z):
         return
+    marks, colour_of = scan.cable.marks, scan.picture.colour_of
     if (
         theta > turned + APPROACH
-        or marker_number(setup, scan.cable.marks, scan.picture.colour_of, theta, colour) < 0
+        or marker_number(setup, marks, colour_of, theta, colour, identity) < 0
     ):
         return
-    _remember(scan.candidates, theta, z, share, colour, turned)
+    _remember(scan.candidates, theta, z, share, colour, identity, turned)
 
 
 @called
@@ -189,7 +206,13 @@ def _lies_on_another_turn(scan: Scan, theta: float, z: float) -> bool:  # pragma
 
 @called
 def _remember(
-    candidates: Candidates, theta: float, z: float, share: float, colour: int, turned: float
+    candidates: Candidates,
+    theta: float,
+    z: float,
+    share: float,
+    colour: int,
+    identity: int,
+    turned: float,
 ) -> None:  # pragma: no cover
     """Add a sighting to the candidate of its place, or in place of the one seen longest ago."""
     oldest = 0
@@ -197,7 +220,11 @@ def _remember(
         if candidates.hits[c] == 0:
             oldest = c
             break
-        if abs(candidates.first[c] - theta) < SAME_PLACE and candidates.colour[c] == colour:
+        other = candidates.identity[c]
+        same = candidates.colour[c] == colour
+        same = same and (identity in (NO_IDENTITY, other) or other == NO_IDENTITY)
+        if same and abs(candidates.first[c] - theta) < SAME_PLACE:
+            candidates.identity[c] = max(identity, other)
             candidates.hits[c] += 1
             part = 1.0 / candidates.hits[c]
             candidates.theta[c] += part * (theta - candidates.theta[c])
@@ -209,6 +236,7 @@ def _remember(
             oldest = c
     candidates.hits[oldest] = 1
     candidates.colour[oldest] = colour
+    candidates.identity[oldest] = identity
     candidates.first[oldest] = theta
     candidates.theta[oldest] = theta
     candidates.height[oldest] = z
@@ -225,7 +253,10 @@ def confirm_candidates(
     for c in range(CANDIDATES):
         if candidates.hits[c] < PROOF_HITS:
             continue
-        number = marker_number(setup, marks, colour_of, candidates.theta[c], candidates.colour[c])
+        number = marker_number(
+            setup, marks, colour_of, candidates.theta[c], candidates.colour[c],
+            candidates.identity[c],
+        )  # fmt: skip
         if number < 0 or marks.known[number]:
             candidates.hits[c] = 0
             continue

@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.detection.band import Band
-from marker_tracker_node.detection.gate import Gates, Picture
+from marker_tracker_node.detection.gate import COVERED, OUT_OF_SIGHT, Gates, Picture
 from marker_tracker_node.tracking.frame.gate_prediction import (
-    COVERED,
-    OUT_OF_SIGHT,
     TOUCH_REACH,
     Shutter,
     bands_touch,

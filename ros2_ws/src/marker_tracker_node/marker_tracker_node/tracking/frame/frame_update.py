@@ -8,9 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.detection.band import Band, moved_band
-from marker_tracker_node.detection.colour_band import NOTHING, WHOLE_AREA, measure_band
+from marker_tracker_node.detection.colour_band import WHOLE_AREA
+from marker_tracker_node.detection.detectors import measure_mark
 from marker_tracker_node.detection.gate import (
     FIRST_COLOUR,
+    HIDDEN,
+    NO_IDENTITY,
+    NOTHING,
+    PARTLY,
     TABLE_SIZE,
     Gates,
     Picture,
@@ -27,8 +32,6 @@ from marker_tracker_node.tracking.frame.expected_bands import (
     expect_bands,
 )
 from marker_tracker_node.tracking.frame.gate_prediction import (
-    HIDDEN,
-    PARTLY,
     Shutter,
     predict_gate,
     shutter_of,
@@ -186,9 +189,12 @@ def _measure(
         picture = seeking(picture, picture.colour_of[n])
     azimuth, z, found = math.nan, math.nan, NOTHING
     for attempt in range(2):
-        found = measure_band(picture, setup, gates, n, place, pixels, area, WHOLE_AREA)
-        if found.outcome == HIDDEN:
-            return found.outcome
+        found = measure_mark(
+            setup.detector, picture, setup.camera, setup.body, gates, n, place, pixels, area,
+            WHOLE_AREA,
+        )  # fmt: skip
+        if found.outcome == HIDDEN or found.identity not in (NO_IDENTITY, n):
+            return HIDDEN
         azimuth, z = found.azimuth, found.z
         off = abs(azimuth - band.azimuth) * setup.body.rho
         if attempt == 1 or off <= REAIM * setup.along_margin:

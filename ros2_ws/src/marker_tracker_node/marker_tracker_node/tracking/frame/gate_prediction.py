@@ -12,7 +12,14 @@ from marker_tracker_node.camera.pinhole import (
     plane_of_point,
 )
 from marker_tracker_node.detection.band import Band, band_centroid, centre_point, surface_point
-from marker_tracker_node.detection.gate import Gates, Picture, gate_leaves_image
+from marker_tracker_node.detection.gate import (
+    CLIPPED,
+    HIDDEN,
+    OUT_OF_SIGHT,
+    Gates,
+    Picture,
+    gate_leaves_image,
+)
 from marker_tracker_node.tracking.state import Setup
 from winding_core.compiling import called, compiled
 
@@ -25,10 +32,6 @@ GUARD = 0.15e-3
 GUARD_PIXELS = 1.5
 # Half way to a turn so much farther than the gate reaches there is nothing to keep off [m].
 FAR_TURN = 1.0e-3
-
-# What comes of looking for a band; HIDDEN until it has been measured, PARTLY where light hides a
-# part of it, COVERED where the cable that is about to land hangs before it.
-OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED, PARTLY, COVERED = range(6)
 
 
 @compiled

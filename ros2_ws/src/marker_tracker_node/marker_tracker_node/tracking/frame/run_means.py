@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import pixels_per_metre
 from marker_tracker_node.detection.band import Body
-from marker_tracker_node.tracking.frame.gate_prediction import CLIPPED, COVERED, HIDDEN, PARTLY
+from marker_tracker_node.detection.gate import CLIPPED, COVERED, HIDDEN, PARTLY
 from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Output, Run, Setup
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
