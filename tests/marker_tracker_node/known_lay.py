@@ -7,7 +7,7 @@ import numpy as np
 
 from marker_tracker_node import CameraPose, LayConfig, LayReading, LayTracker, PinholeCamera
 from marker_tracker_node.lay.report import defects_of, lay_records
-from marker_tracker_node.lay.turn_map import TurnMap
+from marker_tracker_node.lay.turn_map import BEFORE, PLACE_ANGLE, TurnMap
 from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene
 
 TURN = 2.0 * math.pi
@@ -106,7 +106,7 @@ class KnownLay:
         """Return the defects that the tracker's own limits find in the true z."""
         known = TurnMap()
         for place in range(int((self.theta[-1] + math.pi) / TURN * 72)):
-            theta = known.theta_of(place)
+            theta = (place - BEFORE + 0.5) * PLACE_ANGLE
             if theta > self.theta[0]:
                 known.add(
                     theta,

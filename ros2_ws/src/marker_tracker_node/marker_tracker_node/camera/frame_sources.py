@@ -1,4 +1,4 @@
-"""Recorded frames, blue-green-red, with their times: folders of pictures, video files, bags."""
+"""Recorded frames with their times: folders of pictures, video files, and bags of any topics."""
 
 from __future__ import annotations
 
@@ -96,21 +96,21 @@ class FrameSource:
             raise RecordingError(f"{self._path} holds no frame that can be used: {reason}")
 
     def remarks(self) -> list[str]:
-        """Return what is to be said of the frames read so far, in sentences."""
-        said = []
+        """Return remarks on the frames read so far, in sentences."""
+        remarks = []
         if self._times is not None:
             uneven = self._times.unevenness()
             other = self._times.contradiction(self._fps) if self._fps is not None else ""
             if other:
-                said.append(f"{other}: {'those' if self._fps_used else 'its own'} are used")
+                remarks.append(f"{other}: {'those' if self._fps_used else 'its own'} are used")
             if uneven:
                 what = "they are counted all the same" if self._fps_used else "their own are used"
-                said.append(f"{uneven}: {what}")
+                remarks.append(f"{uneven}: {what}")
         if self._reader.remark:
-            said.append(self._reader.remark)
+            remarks.append(self._reader.remark)
         for reason, count in self.refused.most_common(3):
-            said.append(f"{count} x {reason}")
-        return said
+            remarks.append(f"{count} x {reason}")
+        return remarks
 
     def _video(self) -> Iterator[tuple[float, RawImage]]:
         video = cv2.VideoCapture(str(self._path))

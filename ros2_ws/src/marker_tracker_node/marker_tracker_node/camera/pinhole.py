@@ -1,4 +1,4 @@
-"""The camera as the tracker knows it: what CameraInfo says, and where the camera stands."""
+"""The camera as the tracker knows it: what CameraInfo holds, and where the camera stands."""
 
 from __future__ import annotations
 

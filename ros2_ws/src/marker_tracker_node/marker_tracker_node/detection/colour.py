@@ -1,4 +1,4 @@
-"""What marker colour is: learnt from sampled pixels, told apart from the scene around them."""
+"""The colours of markers: learnt from sampled pixels, against the scene around them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MIN_VALUE_LEVELS = 32.0
 HUE_BINS = 90
 SATURATION_BINS = 24
 BACKGROUND_ODDS = 1.0
-# Brighter than paint by so many levels, with a hue that can be told; white is that bright in all
+# Brighter than paint by so many levels, with a hue that is known; white is that bright in all
 # channels.
 GLARE_STEP = 8.0
 GLARE_SATURATION = 0.05
@@ -111,7 +111,7 @@ class ColourModel:
             accepted &= _more_marker_than_background(_density(_exposed(samples)), scene)
             separation = 1.0 - float(accepted[colour_index(background)].mean())
         if not accepted[colour_index(samples)].mean() > 0.5:
-            raise ColourRefusedError("samples cannot be told apart from the background")
+            raise ColourRefusedError("samples cannot be distinguished from the background")
         return cls(
             hue=middle,
             hue_spread=spread,
@@ -310,11 +310,11 @@ class Palette(NamedTuple):
 
         Args:
             first: Of P0.
-            hues: Told hue of each marker [deg].
+            hues: Configured hue of each marker [deg].
             tolerance: Half width of the hues of one [deg].
         """
-        told = list(dict.fromkeys(hues))
-        models = [first, *(first.of_hue(hue, tolerance) for hue in told[1:])]
+        given = list(dict.fromkeys(hues))
+        models = [first, *(first.of_hue(hue, tolerance) for hue in given[1:])]
         tables = np.array([model.table for model in models])
         away = hue_distance(np.array([model.hue for model in models]))
         tables &= away == away.min(axis=0)
@@ -322,5 +322,5 @@ class Palette(NamedTuple):
         every = tables.any(axis=0)
         return cls(
             np.concatenate([[glare & ~every, every], tables]).astype(np.uint8).ravel(),
-            np.array([FIRST_COLOUR + told.index(hue) for hue in hues], dtype=np.int64),
+            np.array([FIRST_COLOUR + given.index(hue) for hue in hues], dtype=np.int64),
         )

@@ -2,8 +2,8 @@
 
 A band is measured by the mean of its pixels. Where light hides a part its pixels are unknown,
 neither marker nor background: the outline of the band is moved until it explains those that are
-known. What is unknown then counts as the outline has it, so that the centre is not drawn towards the
-part that is seen.
+known. What is unknown then counts as the outline has it, so that the centre is not drawn towards
+the part that is seen.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ class Picture(NamedTuple):
         pixels: Blue-green-red, shape (rows, columns, 3).
         table: One where a colour belongs to the marker that is sought, by 5 bits of each channel,
             shape (32768,).
-        tables: The same of everything that is told apart, one after the other, shape ((2 +
+        tables: The same of everything that is distinguished, one after the other, shape ((2 +
             colours) 32768,): what light has made unknown, any colour of markers, each of them.
         colour_of: Number of each marker's table, 2 or more, shape (markers,).
     """

@@ -1,4 +1,9 @@
-"""Places along a row where the brightness steps or has a crease, whatever their sign."""
+"""Edges of a row: places where its brightness steps or has a crease, to a part of a pixel.
+
+Neither the sign of the contrast nor the light matters. Towards its rim the brightness of a round
+cable falls like the root of the distance; beside the cable it is even. Where neighbours touch both
+sides fall. A least-squares fit of all four numbers of the two sides places an edge.
+"""
 
 from __future__ import annotations
 
@@ -273,7 +278,7 @@ def refined_edge(
     steps: int,
     step: float,
 ) -> tuple[float, float]:  # pragma: no cover
-    """Return the place of an edge and its standard deviation [groups], nan where it cannot be told.
+    """Return the place of an edge and its standard deviation [groups], nan where none is found.
 
     Args:
         signal: Brightness, shape (groups,).

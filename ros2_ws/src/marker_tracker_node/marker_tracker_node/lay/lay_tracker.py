@@ -52,7 +52,7 @@ class LayTracker:
         config: Machine and limits.
         span: The free span as it was seen last, None before that.
         anchored: Whether the camera's pose was turned until P0 stood where it must, which is then
-            known better than `LayConfig.belief` says.
+            known better than by `LayConfig.belief`.
     """
 
     def __init__(self, config: LayConfig, camera: PinholeCamera) -> None:
@@ -60,7 +60,7 @@ class LayTracker:
 
         Args:
             config: Machine, cable, pose and limits.
-            camera: What CameraInfo says.
+            camera: Content of CameraInfo.
         """
         self.config = config
         self._machine = config.machine
@@ -140,7 +140,7 @@ class LayTracker:
         """Return the lay as records of LAY_DTYPE, by rising wound angle.
 
         Args:
-            newest: Turns at the end that are told, None for all.
+            newest: Turns at the end that are returned, None for all.
         """
         return lay_records(self.config, self._turns, self._angle, newest, self._pose_sigma)
 

@@ -16,7 +16,7 @@ from winding_core.lay_records import LAY_DTYPE, LayFlag, LayRecords
 
 FloatArray = NDArray[np.float64]
 
-# Flags over fewer places than this are not told as a defect, and pauses of as many are part of one.
+# Flags over fewer places than this are no defect, and pauses of as many are part of one.
 SHORTEST, LONGEST_PAUSE = 3, 3
 LIFT_DOUBT = 0.3
 # A turn lies on one of so many before it.
@@ -70,7 +70,7 @@ def lay_records(
         config: Machine and limits.
         turns: What was seen.
         angle: Azimuth of P0 at the records' time, whole turns included [rad].
-        newest: Turns at the end that are told, None for all.
+        newest: Turns at the end that are returned, None for all.
         pose_sigma: Standard deviation [m] of z [m] that the camera's pose leaves, None for none.
     """
     seen = np.flatnonzero(turns.places.sightings[BEFORE:] > 0) + BEFORE

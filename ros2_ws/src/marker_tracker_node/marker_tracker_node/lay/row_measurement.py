@@ -44,7 +44,7 @@ COARSE_SIGMA = 0.4
 SYSTEMATIC = 0.06
 # An edge is fitted within this share of half a turn on both its sides, but not less than [px].
 FITTED_SHARE, FITTED_LEAST = 0.6, 3.2
-# By which share of half a turn its told width may be off.
+# By which share of half a turn its configured width may be off.
 WIDTH_DOUBT = 0.02
 
 # What is known of a turn in a row, see `measure_row`.

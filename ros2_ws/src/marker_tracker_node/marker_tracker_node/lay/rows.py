@@ -193,7 +193,7 @@ class PoseDoubt:
         """Take the differences that the six numbers of a pose make.
 
         Args:
-            camera: What CameraInfo says.
+            camera: Content of CameraInfo.
             pose: As it is thought to be.
             belief: How well that is known.
             rho: R + r [m].

@@ -1,4 +1,4 @@
-"""The slope of the free span to a small part of a pixel: its rows laid over each other.
+"""The free span in one picture: found among its rows, which are then laid over each other.
 
 All rows show the same cable in the same light. Where each of them stands against the mean of all
 is known better than any edge, whose fit errs with the place of the edge within its pixel.
@@ -49,7 +49,7 @@ def aligned_rows(
     Args:
         pixels: Blue-green-red, shape (rows, columns, 3).
         rows: Over the free span.
-        span: As the edges tell it; the mean z stays as it says.
+        span: As the edges give it; its mean z is kept.
         seen: To be written, shape (3, rows).
     """
     number, groups = rows.z.shape

@@ -51,11 +51,6 @@ class TurnMap:
         self.places = _room(16 * PLACES_PER_TURN)
 
     @staticmethod
-    def theta_of(place: int) -> float:
-        """Return the wound angle of the middle of a place [rad]."""
-        return (place - BEFORE + 0.5) * PLACE_ANGLE
-
-    @staticmethod
     def place_of(theta: float) -> int:
         """Return the place of a wound angle [rad]; negative for cable that is not kept."""
         return math.floor(theta / PLACE_ANGLE) + BEFORE

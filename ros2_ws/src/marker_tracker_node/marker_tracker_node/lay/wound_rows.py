@@ -28,7 +28,7 @@ from winding_core.compiling import called, compiled
 
 ByteArray = NDArray[np.uint8]
 
-# Over so much cable before and after a place its slope is told [rad].
+# Over so much cable before and after a place its slope is measured [rad].
 BESIDE = 0.2
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -105,7 +105,7 @@ class Moment(NamedTuple):
 def number_turns(
     found: FloatArray, places: Places, machine: Machine, moment: Moment, numbers: IndexArray
 ) -> None:  # pragma: no cover
-    """Tell the whole turns that lie between each sighting and the contact line.
+    """Count the whole turns that lie between each sighting and the contact line.
 
     A sighting at azimuth a whose number is m was wound at the angle `angle` - a - 2 pi m.
 
@@ -203,7 +203,7 @@ def _number_unknown(
         if math.isnan(expected[m]):
             unknown += 1
             needed += m < sure
-    # How long the tail behind P0 is nobody knows.
+    # The length of the tail behind P0 is unobservable.
     if needed <= count <= unknown:
         place = 0
         for m in range(expected.size):

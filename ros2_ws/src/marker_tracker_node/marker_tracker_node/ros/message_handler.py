@@ -33,8 +33,8 @@ FloatArray = NDArray[np.float64]
 
 # Topics overtake each other: the first calibration may come a few frames late.
 _FRAMES_BEFORE_CALIBRATION = 50
-# Older turns have been told before.
-_TURNS_TOLD = 12
+# Older turns have been published before.
+_TURNS_PUBLISHED = 12
 _LAY_PERIOD = 1.0 / (topics.TRACKED_LAY.rate or 10.0)
 
 
@@ -79,7 +79,7 @@ class TrackerHandler:
         return self._live.history.lost_turns
 
     def begin(self, t: float) -> Iterator[Answer]:
-        """Begin a new run, or take one up; nothing is said before the first frame."""
+        """Begin a new run, or take one up; nothing is published before the first frame."""
         self._motion_before = None
         if self._replay is not None:
             self._motion_before = _motion(RunInputs.read(self._replay))
@@ -158,7 +158,7 @@ class TrackerHandler:
         if follower is None or follower.lay is None or 0.0 <= self._lay_due - t <= _LAY_PERIOD:
             return
         self._lay_due = t + _LAY_PERIOD
-        cloud = encode_cloud(t, follower.lay.records(_TURNS_TOLD))
+        cloud = encode_cloud(t, follower.lay.records(_TURNS_PUBLISHED))
         yield Answer(
             topic=topics.TRACKED_LAY, message=cloud if stamp is None else with_stamp(cloud, stamp)
         )

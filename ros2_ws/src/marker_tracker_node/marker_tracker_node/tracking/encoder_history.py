@@ -37,7 +37,7 @@ class EncoderHistory:
 
         Args:
             longest_gap: Longest gap that is interpolated [s]; None for a few measured periods.
-            complete: Whether readings come as far ahead of the frames as anybody looks, as those of
+            complete: Whether readings come as far ahead of the frames as is looked, as those of
                 a recording do.
         """
         self._longest_gap = longest_gap

@@ -16,7 +16,7 @@ from marker_tracker_node.tracking.sightings import GatedBands, Sightings
 FloatArray = NDArray[np.float64]
 
 LEAST_SIGHTINGS = 20
-# More sightings say nothing new: what they have wrong together is not averaged out.
+# More sightings add nothing: what they have wrong together is not averaged out.
 MOST_SIGHTINGS = 4000
 POSE_SIZE = 6
 # Prior of the encoder's zero [rad].
@@ -48,7 +48,7 @@ CUT_SCATTER = 0.25
 
 @dataclass(frozen=True, kw_only=True)
 class Refinement:
-    """What the joint fit says.
+    """Result of the joint fit.
 
     Attributes:
         pose: Of the camera.
@@ -82,12 +82,12 @@ def refine(
     """Fit pose, encoder shift and all markers at once.
 
     P0 is the origin of wound angles and heights; its azimuth is the cylinder angle. The pose is
-    moved only where the sightings say more of it than was believed, see `carried_correction`.
+    moved only where the sightings determine it better than was believed, see `carried_correction`.
     Where it stays, so do the run means; only their deviations are new.
 
     Args:
         config: Machine and cable, nominal pose of the camera.
-        camera: What CameraInfo says.
+        camera: Content of CameraInfo.
         sightings: Of a run, see `Tracker.sightings`.
         belief: How well the nominal pose was known; see `PoseBelief` for what is taken if None.
 
@@ -106,7 +106,7 @@ def refine(
     best = fit.solved(start, belief.sigmas, nominal)
     information, _ = fit.normal(best)
     pose, rest = slice(0, POSE_SIZE), slice(POSE_SIZE, None)
-    # What a change of the pose does to everything else, and what the data alone say of the pose.
+    # What a change of the pose does to everything else, and what the data alone know of it.
     follow = np.linalg.solve(information[rest, rest], information[rest, pose])
     data = information[pose, pose] - information[pose, rest] @ follow
     moved, covariance = carried_correction(data, best[pose], nominal, belief)

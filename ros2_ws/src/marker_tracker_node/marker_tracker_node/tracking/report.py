@@ -1,4 +1,4 @@
-"""What a tracker has to say about itself, for diagnostics."""
+"""What a tracker reports about itself, for diagnostics."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class TrackerReport:
         remarks: What was found at the start against expectation.
         colour_separation: Share of background pixels that the colour model rejects; nan if
             unknown.
-        contradictions: Told numbers that the pictures speak against.
+        contradictions: Configured numbers that the pictures speak against.
         missing: Numbers of the markers that should have been found long ago.
         guide_doubt: What is wrong with the guide's readings; empty if nothing.
     """

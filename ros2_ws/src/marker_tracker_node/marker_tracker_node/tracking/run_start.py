@@ -23,9 +23,9 @@ from marker_tracker_node.tracking.state import Burst, Setup
 
 ByteArray = NDArray[np.uint8]
 
-# Frames in between tell nothing of what moves with the cylinder [rad].
+# Frames in between show nothing of what moves with the cylinder [rad].
 LOOK_STEP = 0.01
-# The acquisition of markers finds P0 itself so far from where the encoder says that it is [rad].
+# The acquisition of markers finds P0 itself so far from where the encoder places it [rad].
 BELIEVED = 0.45
 # The doubts about a P0 that was sampled end after so much of the way [rad].
 DOUBTED = 2.0 * TURN
@@ -49,7 +49,7 @@ class RunStart:
 
         Args:
             config: Machine, cable and nominal camera pose.
-            camera: What CameraInfo says.
+            camera: Content of CameraInfo.
             colour: Of the markers; None to learn it from P0.
         """
         self.colour = colour
@@ -73,7 +73,7 @@ class RunStart:
         Args:
             frame: Shape (rows, columns, 3).
             setup: Machine and camera.
-            angle: What the encoder says [rad]; nan where it is missing.
+            angle: Reading of the encoder [rad]; nan where it is missing.
             guide: Its position [m]; nan where it is missing.
         """
         void = False
@@ -121,7 +121,7 @@ class RunStart:
         return tuple(filter(None, (*self._remarks, self.zero.remark)))
 
     def _sample(self, frame: ByteArray, setup: Setup, angle: float) -> None:
-        """Learn the colour from P0 where the encoder says that it stands."""
+        """Learn the colour from P0 where the encoder places it."""
         if self._settled:
             return
         if abs(angle) > NEAR_START:
@@ -173,7 +173,7 @@ class RunStart:
         if abs(off) < BELIEVED:
             return False
         place = angle + band.offset
-        # Whole turns are the guide's to tell: an encoder that is not zeroed says nothing of them.
+        # The guide gives the whole turns: an encoder that is not zeroed does not count them.
         advance = self._config.advance_per_radian
         turns = 0
         if math.isfinite(guide) and advance > 0.0:

@@ -28,7 +28,7 @@ from winding_core.compiling import called, compiled
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
-# What is told of the turns beside a band, and of its gate.
+# Fields of the turns beside a band, and of its gate.
 _BESIDE = ("low", "high", "below", "above", "left", "right")
 # After so many steps where a gate's edge meets a cable is known to 0.1 mrad.
 EDGE_STEPS = 6
@@ -184,7 +184,7 @@ def _cuts(
     azimuth: FloatArray,
     z: FloatArray,
     slope: FloatArray,
-    told: FloatArray,
+    otherwise: FloatArray,
     edge: FloatArray,
     side: float,
 ) -> FloatArray:  # pragma: no cover
@@ -196,14 +196,14 @@ def _cuts(
         azimuth: Of the bands [rad], shape (k,).
         z: Of the bands [m], shape (k,).
         slope: dz/dtheta there [m/rad], shape (k,).
-        told: What is taken where an edge is nan [rad], shape (k,).
+        otherwise: What is taken where an edge is nan [rad], shape (k,).
         edge: See `_edges`, shape (k, 2).
         side: Of the cable, -1 or 1.
     """
     out = np.empty(azimuth.size)
     for k in range(azimuth.size):
         if math.isnan(edge[k, 0]):
-            out[k] = told[k]
+            out[k] = otherwise[k]
         else:
             out[k] = _cut(view, body, azimuth[k], z[k], slope[k], edge[k, 0], edge[k, 1], side)
     return out

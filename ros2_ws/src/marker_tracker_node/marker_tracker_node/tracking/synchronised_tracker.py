@@ -1,4 +1,4 @@
-"""Pair every frame with the encoder reading of its own instant."""
+"""Frames and encoder readings as they come: paired by instant, and measured frame by frame."""
 
 from __future__ import annotations
 

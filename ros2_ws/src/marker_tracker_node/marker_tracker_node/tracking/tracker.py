@@ -45,7 +45,7 @@ class Tracker:
 
     Attributes:
         config: Machine, cable and nominal camera pose.
-        camera: What CameraInfo says.
+        camera: Content of CameraInfo.
         state: Of the run.
         beginnings: How often it began anew, azimuths before which are worth nothing.
         seen: Azimuths of the bands in the last frame of `track` [rad], nan where not measured.
@@ -64,7 +64,7 @@ class Tracker:
 
         Args:
             config: Machine, cable and camera pose.
-            camera: What CameraInfo says.
+            camera: Content of CameraInfo.
             colour: Of the markers; None to learn it from P0.
             remember: Whether to keep every sighting for `sightings`; 112 bytes a marker and frame.
             motion_before: Times [s], encoder readings [rad] and guide positions [m] of the run

@@ -1,11 +1,11 @@
-"""How far the camera's clock is ahead of the encoder's, measured from bands that turn.
+"""The camera's clock against the encoder's: measured from bands that turn; what follows from it.
 
 A band n that is seen at azimuth A_n in a frame stamped s obeys
 
     A_n = Theta(s - d) + a_n,
 
 Theta the encoder's angle, d the offset and a_n a constant of the band. Where the speed changes, d
-and a_n are told apart: over standing and a ramp, the residual of the reading at the stamp is
+and a_n separate: over standing and a ramp, the residual of the reading at the stamp is
 a_n - omega d. Least squares over all bands, robust against outliers (Huber), gives d.
 """
 
@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 ROWS, REST = 256, -1
 SPACING_ANGLE = 4.0e-3
 SPACING_TIME = 0.02
-# A band that stood while the cylinder stood says a_n alone. Its mean counts as few sightings: all
+# A band that stood while the cylinder stood gives a_n alone. Its mean counts as few sightings: all
 # of them show the same pixels, with the same bias.
 REST_WEIGHT = 5.0
 REST_ANGLE = 1.0e-3
@@ -49,7 +49,7 @@ HUBER = 2.0
 STEPS = 4
 # The biases of an azimuth grow towards the edge of the cylinder: weight cos^FACING.
 FACING = 4
-# Speeds that differ by less tell nothing [rad/s].
+# Speeds that differ by less show nothing [rad/s].
 LEAST_SPAN = 0.01
 # A sighting of less weight than this does not count as having been at its speed.
 LEAST_WEIGHT, LEAST_TOTAL = 0.2, 1.0e-9
@@ -71,7 +71,7 @@ class ClockEstimate:
 
     Attributes:
         offset: How far the camera's stamps are ahead [s].
-        error: One standard deviation [s]; infinity while nothing tells the offset.
+        error: One standard deviation [s]; infinity while the offset is unobservable.
         shift: Azimuth of P0 less the cylinder's angle at the corrected stamp [rad]; nan before
             P0 was seen.
     """
@@ -200,10 +200,12 @@ class ClockOffset:
             return 0.0
         grid = np.arange(-self._reach, self._reach + 0.5 * GRID, GRID)
         instants = self._t[0, rows] - grid[:, None]
-        told = instants >= self._history.oldest
-        if not told.all(axis=0).any():
+        covered = instants >= self._history.oldest
+        if not covered.all(axis=0).any():
             return 0.0
-        residual = np.where(told, self._azimuth[0, rows] - self._history.angles(instants), np.nan)
+        residual = np.where(
+            covered, self._azimuth[0, rows] - self._history.angles(instants), np.nan
+        )
         stood = self._count[0, REST] > 0.0
         middle = self._azimuth[0, REST] if stood else np.nanmedian(residual, axis=1)[:, None]
         cost = np.nanmean(np.abs(residual - middle), axis=1)
@@ -319,7 +321,7 @@ class CameraClock:
         return self._offset.estimate
 
     def lead(self, t: float, angle: float, shift: float) -> float:
-        """Return how much further than reading and shift say P0 stands in a frame [rad].
+        """Return how much further than by reading and shift P0 stands in a frame [rad].
 
         Args:
             t: Stamp of the frame [s].
@@ -392,7 +394,7 @@ class CameraClock:
         return ""
 
     def values(self) -> dict[str, str]:
-        """Return the offset and its standard error [ms] as text; nan while nothing tells them."""
+        """Return the offset and its standard error [ms] as text; nan while unknown."""
         estimate = self.estimate
         known = math.isfinite(estimate.error)
         numbers = (estimate.offset, estimate.error) if known else (math.nan, math.nan)

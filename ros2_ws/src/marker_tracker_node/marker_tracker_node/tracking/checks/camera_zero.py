@@ -124,7 +124,7 @@ class CameraZero:
         return not self._moved
 
     def _judge(self, rows: FloatArray) -> bool:
-        """Turn the camera by a pass that has ended, if that says something; return whether."""
+        """Turn the camera by a pass that has ended, if it constrains the turn; return whether."""
         self._passed.clear()
         self._passes += 1
         self.done = self._passes >= MOST_PASSES

@@ -18,7 +18,7 @@ TURN = 2.0 * math.pi
 _FACING, _LEAST_SPAN, _LEAST_ROWS = 1.0, 0.1, 4
 # Laps of a marker that are judged: what a long run costs does not grow with it.
 _FIRST_LAPS, _NEWEST_LAPS = 2, 6
-# Times that are told more wrongly than this are not looked for; so many steps on either side.
+# Times that are more wrong than this are not looked for; so many steps on either side.
 _MOST_STRETCH, _STRETCHES = 0.25, 50
 
 
@@ -30,9 +30,9 @@ class Passing:
         marker: Its number.
         lap: Which passing.
         azimuth: Of the sightings, less their mean [rad].
-        angle: As told then, less its mean [rad].
+        angle: Of the encoder then, less its mean [rad].
         t: [s]
-        ahead: Told angle at which the marker stood at azimuth zero [rad].
+        ahead: Encoder angle at which the marker stood at azimuth zero [rad].
     """
 
     marker: int
@@ -85,7 +85,7 @@ def _slope(of: FloatArray, over: FloatArray) -> Slope:
 
 
 def motion_of(passings: list[Passing]) -> Slope | None:
-    """Return by how much bands move over the picture per told angle; None if none was seen."""
+    """Return by how much bands move over the picture per encoder angle; None if none was seen."""
     if not passings:
         return None
     return _slope(_columns(passings, "azimuth"), _columns(passings, "angle"))
@@ -95,7 +95,7 @@ def turns_left(pairs: FloatArray, motion: FloatArray, share: float) -> tuple[flo
     """Return what a wrong scale, and what wrong times, leave of turns unexplained [rad rms].
 
     Args:
-        pairs: Told angles at which markers stood ahead, and one turn later, shape (n, 2).
+        pairs: Encoder angles at which markers stood ahead, and one turn later, shape (n, 2).
         motion: Shape (n, 2): t [s], angle [rad].
         share: By how much either is too large, relative (dimensionless).
     """

@@ -59,7 +59,7 @@ class PictureDoubts:
         Args:
             frame: Shape (rows, columns, 3).
             setup: Machine and camera.
-            angle: What the encoder says [rad].
+            angle: Reading of the encoder [rad].
         """
         for sentence, search in self._searches.items():
             changed = np.ascontiguousarray(_CHANGES[sentence](frame))
@@ -75,7 +75,7 @@ def colourless(frame: ByteArray, config: TrackerConfig) -> str:
     if coloured.mean() < COLOURED_SHARE:
         return (
             f"the picture has no colour: {coloured.mean():.2%} of its pixels are not grey, and "
-            "markers are told by their colour; a mosaic that is read as grey needs encoding set "
+            "markers are known by their colour; a mosaic that is read as grey needs encoding set "
             "to its bayer pattern"
         )
     hue, saturation, _ = hsv(frame[coloured])

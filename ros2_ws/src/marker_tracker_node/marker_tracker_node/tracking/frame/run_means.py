@@ -103,7 +103,7 @@ def update_means(
         mine = trust
         own_theta, own_height = d_theta, d_height
         if outcome[n] == PARTLY or first > 1.0:
-            # What is seen in part says less.
+            # What is seen in part counts less.
             factor = _joint(_factor(outcome[n], out.sigma_theta[k, n]), first)
             mine /= factor * factor
             own_theta /= factor
@@ -238,7 +238,7 @@ def pixel_size(setup: Setup, azimuth: float) -> tuple[float, float]:  # pragma: 
 
 @called
 def frame_variance(cut: bool) -> float:  # pragma: no cover
-    """Return the variance of a band's middle in one frame that no frame tells [px^2]."""
+    """Return the variance of a band's middle in one frame that its scatter does not show [px^2]."""
     return BIAS**2 + (CUT**2 if cut else 0.0)
 
 
