@@ -92,7 +92,7 @@ def test_a_camera_that_does_not_close_leaves_the_node_as_others_do(
 
 
 def stamps(ros: Any, node: ComposedTrackerNode) -> list[int]:
-    """Return a list that fills with the stamps of the frames the graph is told of [ns]."""
+    """Return a list that fills with the stamps of the frames the graph receives [ns]."""
     found: list[int] = []
     listener = ros.plain("listener")
     topics.CAMERA_INFO.subscribe(listener, lambda info: found.append(info.header.stamp.nanosec))
@@ -110,8 +110,8 @@ def test_a_frame_whose_time_runs_backwards_is_refused_and_counted(
         device.port.take(1e-3 * milliseconds, FRAME)
     ros.spin_until(lambda: len(heard) == 2)
     assert heard == [10_000_000, 15_000_000]
-    said = " ".join(f"{s.message} {s.values}" for s in node._statuses())
-    assert "time went back from 0.010 to 0.005 s" in said
+    statuses = " ".join(f"{s.message} {s.values}" for s in node._statuses())
+    assert "time went back from 0.010 to 0.005 s" in statuses
 
 
 @pytest.mark.parametrize(

@@ -125,7 +125,7 @@ def test_frames_wait_for_their_encoder_sample(bench: Bench) -> None:
     bench.ros.spin_until(lambda: len(bench.markers) == 5)
 
 
-def test_frame_without_calibration_is_refused_and_said(bench: Bench) -> None:
+def test_frame_without_calibration_is_refused_and_reported(bench: Bench) -> None:
     bench.info.publish(CameraInfo())
     bench.ros.spin_until(lambda: bench.node.endpoints._guards["camera/camera_info"].refused == 1)
     bench.image.publish(encode_image(0.0, bench.frame(0.0)))
@@ -144,7 +144,7 @@ def test_frames_that_overtake_the_first_calibration_are_measured(bench: Bench) -
     bench.ros.spin_until(lambda: len(bench.markers) == 4)
 
 
-def test_silent_encoder_is_said_and_frames_still_answered(bench: Bench) -> None:
+def test_silent_encoder_is_reported_and_frames_still_answered(bench: Bench) -> None:
     bench.calibrate()
     for index in range(FRAMES):
         bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
@@ -178,19 +178,19 @@ def test_a_camera_of_another_hour_is_an_error_in_one_sentence(bench: Bench) -> N
     assert bench.markers[0].header.stamp.sec == 3600
 
 
-def test_the_lay_is_told_when_it_is_asked_for(bench: Bench) -> None:
+def test_the_lay_is_published_when_it_is_asked_for(bench: Bench) -> None:
     handler = TrackerHandler(TrackerParameters(case=4, measure_lay=True))
     info = serialised(encode_camera_info(0.0, bench.calibration()))
-    told = list(handler.take(topics.CAMERA_INFO, info))
+    answers = list(handler.take(topics.CAMERA_INFO, info))
     for index in range(3):
         t = index * 0.5
         angle, guide = DriveProfile().positions(t)
         reading = AxisReading(
             cylinder_angle=angle, angular_speed=0.0, carriage_position=guide, feed_speed=0.0
         )
-        told += handler.take(topics.JOINT_STATES, serialised(encode_joint_state(t, reading)))
-        told += handler.take(topics.IMAGE, serialised(encode_image(t, bench.frame(t))))
-    lays = [answer for answer in told if answer.topic is topics.TRACKED_LAY]
+        answers += handler.take(topics.JOINT_STATES, serialised(encode_joint_state(t, reading)))
+        answers += handler.take(topics.IMAGE, serialised(encode_image(t, bench.frame(t))))
+    lays = [answer for answer in answers if answer.topic is topics.TRACKED_LAY]
     assert len(lays) == 3
     _, records = decode_cloud(lays[-1].data, LAY_DTYPE)
     # The turn that has just begun lies within a millimetre of P0.

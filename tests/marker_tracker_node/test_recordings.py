@@ -66,7 +66,7 @@ def test_the_lay_is_written_beside_the_markers(sequence, tmp_path):
 
 
 def test_what_is_printed_is_written_as_json(sequence, tmp_path):
-    # The film tells of a cylinder of 30 mm; what is told wrongly is named in the file, too.
+    # The film shows a cylinder of 30 mm; a wrong number is named in the file, too.
     found = tmp_path / "found.json"
     result = command(track)(
         *(sequence, "--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv"),
@@ -90,7 +90,7 @@ OWN = (
 
 
 def test_a_cable_of_ones_own_is_tracked(sequence, tmp_path):
-    # The same film as case 4, told in its own words and with the camera 2.5 mm off.
+    # The same film as case 4, given in its own numbers and with the camera 2.5 mm off.
     out = tmp_path / "own.csv"
     result = command(track)(
         *(sequence, "--camera", sequence / "camera.yaml", "--motion", sequence / "motion.csv"),
@@ -98,7 +98,7 @@ def test_a_cable_of_ones_own_is_tracked(sequence, tmp_path):
     )
     assert result.exit_code == 0, result.output
     last = {int(row["id"]): row for row in table(out)[-5:]}
-    # Case 4 of Table 5; the camera is 1 % nearer than told, and the run is too short to refine.
+    # Case 4 of Table 5; the camera is 1 % nearer, and the run is too short to refine.
     assert float(last[1]["s"]) == pytest.approx(0.10685, rel=0.01)
 
 

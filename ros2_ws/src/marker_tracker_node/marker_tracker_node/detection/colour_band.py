@@ -281,7 +281,7 @@ def _sum(
 
 
 @compiled
-def measure_band(
+def measure(
     picture: Picture,
     view: CameraView,
     body: Body,

@@ -1,30 +1,27 @@
 """Which detector measures a kind of marker: the only place that knows them by name.
 
-A detector is a compiled function with the arguments of `measure_band` that returns a `Detection`.
-One that reads which marker it sees returns its number as identity, which then counts as evidence
-when markers are numbered.
+A detector is a module of this package with a compiled function `measure`, which has the arguments
+of `colour_band.measure` and returns a `Detection`. One that reads which marker it sees returns its
+number as identity, which then counts as evidence when markers are numbered.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
 from typing import Any
 
 from marker_tracker_node.camera.pinhole import CameraView
 from marker_tracker_node.detection.band import Band, Body
-from marker_tracker_node.detection.colour_band import measure_band
 from marker_tracker_node.detection.gate import Detection, Gates, Picture
 from winding_core.compiling import called
 from winding_core.marker_parameters import BAND, DOT
 
-Detector = Callable[..., Detection]
-
-# By `marker_kind`.
-DETECTORS: dict[str, Detector] = {
-    BAND: measure_band,
-    DOT: measure_band,
+# Modules of detectors by `marker_kind`.
+DETECTORS = {
+    BAND: "colour_band",
+    DOT: "colour_band",
 }
-_DISTINCT = tuple(dict.fromkeys(DETECTORS.values()))
+_MODULES = tuple(dict.fromkeys(DETECTORS.values()))
 
 
 def detector_number(kind: str) -> int:
@@ -35,13 +32,14 @@ def detector_number(kind: str) -> int:
     """
     if kind not in DETECTORS:
         raise ValueError(f"marker_kind must be one of {', '.join(DETECTORS)}, got {kind!r}")
-    return _DISTINCT.index(DETECTORS[kind])
+    return _MODULES.index(DETECTORS[kind])
 
 
 def _chosen(number: int) -> Any:
     """Return a function that calls the detector of a number or a later one; the last is sure."""
-    measure = _DISTINCT[number]
-    if number == len(_DISTINCT) - 1:
+    package = __name__.rpartition(".")[0]
+    measure = importlib.import_module(f"{package}.{_MODULES[number]}").measure
+    if number == len(_MODULES) - 1:
 
         @called
         def last(
@@ -84,6 +82,6 @@ def _chosen(number: int) -> Any:
     return this_or_later
 
 
-# Measures a mark with the detector of a number; the other arguments are those of `measure_band`.
+# Measures a mark with the detector of a number; the other arguments are those of `measure`.
 # While there is one detector it is called without a question.
 measure_mark = _chosen(0)

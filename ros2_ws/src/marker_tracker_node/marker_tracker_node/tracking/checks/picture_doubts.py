@@ -75,7 +75,7 @@ def colourless(frame: ByteArray, config: TrackerConfig) -> str:
     if coloured.mean() < COLOURED_SHARE:
         return (
             f"the picture has no colour: {coloured.mean():.2%} of its pixels are not grey, and "
-            "markers are known by their colour; a mosaic that is read as grey needs encoding set "
+            "markers are found by their colour; a mosaic that is read as grey needs encoding set "
             "to its bayer pattern"
         )
     hue, saturation, _ = hsv(frame[coloured])

@@ -1,39 +1,60 @@
-"""Precision, recall and identity over five turns while something disturbs the picture."""
+"""The paper's runs measured back, and precision, recall and identity under disturbances."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from marker_film import FULL_VIEW, UNSEEN, dark_where, photograph
 
 from winding_core.markers import MarkerFlag
-from winding_rig_node.camera import CameraConfig, Light, Paint, Patch, SensorNoise, Surroundings
+from winding_rig_node.camera import Light, Paint, Patch, SensorNoise, Surroundings
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
-UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
-FULL_VIEW = CameraConfig().full_frame(3)
+
+# The live rate is 200 frames/s; the other cases are filmed more coarsely to save time, which
+# gives the tracker less to go on, not more.
+@pytest.mark.parametrize(
+    ("case", "fps"), [(4, 200.0), *((n, 30.0) for n in range(1, 13) if n != 4)]
+)
+def test_every_measured_length_comes_back_within_two_thousandths(paper_film, case, fps):
+    film = paper_film(case)
+    tracker, records, _ = film.followed(fps)
+    known = ~np.isnan(film.theta)
+
+    estimates = tracker.estimates()
+    error = np.abs(estimates["s"] - film.s)[known][1:] / film.s[known][1:]
+    assert error.max() <= 0.002  # the specification's bar
+
+    measured = (records["flags"] & UNSEEN) == 0
+    for n in np.flatnonzero(known)[1:]:
+        seen = records["s"][measured[:, n], n]
+        assert seen.size > 0
+        assert np.abs(seen - film.s[n]).max() / film.s[n] <= 0.002
+
+
+@pytest.mark.parametrize("case", [2, 7, 8])
+def test_a_marker_that_never_lands_stays_not_wound(paper_film, case):
+    film = paper_film(case)
+    _, records, _ = film.followed(40.0)
+    assert ((records["flags"][:, 4] & MarkerFlag.NOT_WOUND) != 0).all()
+    assert np.isnan(records["theta"][:, 4]).all()
+
+
+def test_nothing_is_valid_before_it_lies_on_the_cylinder(paper_film):
+    film = paper_film(4)
+    _, records, angles = film.followed(60.0, stop=9.0)
+    wound = (records["flags"] & MarkerFlag.NOT_WOUND) == 0
+    assert wound.any()
+    # A marker is measured to 0.2 % of S, 12 mrad here; that early it may be called landed.
+    assert (np.where(wound, film.theta - angles[:, None], 0.0) <= 0.012).all()
+
+
 YELLOW = (25.0, 185.0, 225.0)
 # A published number is right when it is closer to its own marker than anything it could be
 # confused with: neighbouring markers lie 6 rad and 9 mm away.
 RIGHT_THETA, RIGHT_Z = 0.05, 1.0e-3
-
-
-def photograph(name):
-    datasets = pytest.importorskip("sklearn.datasets")
-    return datasets.load_sample_image(name)[..., ::-1].copy()
-
-
-def watch(film, fps=24.0, missing=0.0, dark=None):
-    """Track a run, black where `dark` says so, and return records, angles and the tracker."""
-    tracker = film.tracker()
-    records, angles = [], []
-    for t, frame, angle, guide in film.frames(fps, missing=missing):
-        if dark is not None and dark(angle):
-            frame[:] = 40
-        records.append(tracker.track(frame, t, angle, guide))
-        angles.append(angle)
-    return np.stack(records), np.array(angles), tracker
 
 
 def score(film, records, angles):
@@ -91,7 +112,7 @@ DISTURBANCES = {
 @pytest.mark.parametrize("name", DISTURBANCES)
 def test_nothing_false_and_little_missed(paper_film, name):
     film = paper_film(9, **{"camera": FULL_VIEW, **DISTURBANCES[name]})
-    records, angles, tracker = watch(film)
+    tracker, records, angles = film.followed(24.0)
     precision, recall = score(film, records, angles)
     assert precision == 1.0
     assert recall >= 0.98
@@ -120,7 +141,7 @@ GLARES = {
 @pytest.mark.parametrize("name", GLARES)
 def test_a_strong_highlight_hides_a_part_and_not_the_band(paper_film, name):
     film = paper_film(9, camera=replace(FULL_VIEW, light=GLARES[name]))
-    records, angles, _ = watch(film)
+    _, records, angles = film.followed(24.0)
     precision, recall = score(film, records, angles)
     assert precision == 1.0
     assert recall >= 0.9
@@ -128,15 +149,15 @@ def test_a_strong_highlight_hides_a_part_and_not_the_band(paper_film, name):
 
 def test_several_highlights_hide_parts_and_not_the_band(paper_film):
     film = paper_film(9, camera=FULL_VIEW)
-    tracker = film.tracker()
     rows = np.arange(FULL_VIEW.window.shape[0])[:, None, None]
     lamps = sum(np.exp(-(((rows - middle) / 9.0) ** 2)) for middle in (110, 150, 185, 230))
-    records, angles = [], []
-    for t, frame, angle, guide in film.frames(24.0):
-        shining = np.minimum(frame + 255.0 * lamps * (frame.max(axis=2, keepdims=True) > 100), 255)
-        records.append(tracker.track(shining.astype(np.uint8), t, angle, guide))
-        angles.append(angle)
-    precision, recall = score(film, np.stack(records), np.array(angles))
+
+    def shining(frame, angle):
+        lit = frame + 255.0 * lamps * (frame.max(axis=2, keepdims=True) > 100)
+        return np.minimum(lit, 255).astype(np.uint8)
+
+    _, records, angles = film.followed(24.0, change=shining)
+    precision, recall = score(film, records, angles)
     assert precision == 1.0
     assert recall >= 0.9
 
@@ -144,7 +165,7 @@ def test_several_highlights_hide_parts_and_not_the_band(paper_film):
 @pytest.mark.parametrize("name", ["china.jpg", "flower.jpg"])
 def test_a_photograph_behind_the_cylinder_does_not_matter(paper_film, name):
     film = paper_film(9, camera=FULL_VIEW, surroundings=Surroundings(photograph=photograph(name)))
-    records, angles, tracker = watch(film)
+    tracker, records, angles = film.followed(24.0)
     precision, recall = score(film, records, angles)
     assert precision == 1.0
     assert recall >= 0.98
@@ -153,7 +174,7 @@ def test_a_photograph_behind_the_cylinder_does_not_matter(paper_film, name):
 
 def test_four_of_five_frames_may_be_missing(paper_film):
     film = paper_film(9, camera=FULL_VIEW)
-    records, angles, tracker = watch(film, fps=100.0, missing=0.8)
+    tracker, records, angles = film.followed(100.0, missing=0.8)
     precision, recall = score(film, records, angles)
     assert precision == 1.0
     assert recall >= 0.98
@@ -164,9 +185,8 @@ def test_a_marker_hidden_on_arrival_is_found_a_turn_later_under_its_own_number(p
     film = paper_film(9)
     second = film.theta[2]
     # Nothing can be seen from before P2 lands until it has left the picture.
-    records, angles, tracker = watch(
-        film, fps=50.0, dark=lambda angle: second - 0.6 < angle < second + 1.2
-    )
+    dark = dark_where(lambda angle: second - 0.6 < angle < second + 1.2)
+    tracker, records, angles = film.followed(50.0, change=dark)
     precision, _ = score(film, records, angles)
     assert precision == 1.0
     assert tracker.report().known == 5
@@ -181,11 +201,11 @@ def test_a_marker_hidden_on_arrival_is_found_a_turn_later_under_its_own_number(p
 def test_a_rod_across_the_cylinder_costs_frames_but_no_truth(paper_film):
     rod = Patch(column=960, row=640, width=1920, height=26, colour=(60, 60, 60), in_front=True)
     film = paper_film(9, camera=FULL_VIEW, surroundings=Surroundings(patches=(rod,)))
-    records, angles, tracker = watch(film)
+    tracker, records, angles = film.followed(24.0)
     assert tracker.report().contradictions == ()
     precision, recall = score(film, records, angles)
     assert precision == 1.0
-    assert recall < 0.98  # a covered band is said to be covered, not guessed
+    assert recall < 0.98  # a covered band is reported as covered, not guessed
     covered = (records["flags"] & MarkerFlag.OCCLUDED) != 0
     assert covered.sum() > 0
     assert (records["flags"][covered] & MarkerFlag.PREDICTED != 0).all()

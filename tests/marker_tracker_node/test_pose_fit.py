@@ -1,19 +1,63 @@
-"""Pictures of bands through gates that stay where they were."""
+"""Joint refinement: gated sightings, and runs that were filmed with a camera other than believed."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from marker_film import SENSOR
 
-from marker_tracker_node import Sightings
+from marker_tracker_node import CameraPose, PinholeCamera, Sightings, refine
 from marker_tracker_node.detection.band import Band
 from marker_tracker_node.detection.gate import empty_gates, gate_sides
 from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
 from marker_tracker_node.tracking.sightings import GatedBands
+from winding_rig_node.camera import CameraConfig
 
 pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("case", "tilt", "theta_bar", "z_bar"),
+    [
+        (9, (-9e-3, 4e-3, 6e-3), 0.5e-3, 0.02e-3),
+        # Cable of 4 mm on 30 mm: the first two turns touch.
+        (4, (6e-3, -9e-3, 5e-3), 2.0e-3, 0.05e-3),
+    ],
+)
+def test_a_wrong_pose_is_found_and_its_error_leaves_the_markers(
+    smooth_film, case, tilt, theta_bar, z_bar
+):
+    film = smooth_film(case, camera=replace(SENSOR, tilt=tilt))
+    tracker, *_ = film.followed(7.0, film.tracker(pose=CameraPose(), remember=True))
+    assert tracker.report().known == 5
+    fit = refine(tracker.config, tracker.camera, tracker.sightings())
+    # The specification's bars.
+    assert np.abs(fit.theta - film.theta).max() <= theta_bar
+    assert np.abs(fit.z - film.z).max() <= z_bar
+    np.testing.assert_allclose(fit.pose.tilt, tilt, atol=1.5e-3)
+    assert fit.residual < 0.5
+
+
+def test_refining_needs_sightings_that_were_remembered(paper_film):
+    film = paper_film(4)
+    with pytest.raises(ValueError, match="remember"):
+        film.tracker().sightings()
+    tracker = film.tracker(remember=True)
+    with pytest.raises(ValueError, match="at least 20"):
+        refine(tracker.config, tracker.camera, tracker.sightings())
+
+
+def test_p0_zeroes_the_pose_in_the_first_frame(paper_film):
+    film = paper_film(4, camera=replace(CameraConfig(), tilt=(8e-3, -6e-3, 0.0)))
+    tracker = film.tracker(pose=CameraPose())
+    tracker.track(film.frame_at(0.0), 0.0, 0.0, 0.0)
+    # 0.4 px of the binned window are 0.24 mrad: one frame, and P0 sits where the bend begins.
+    np.testing.assert_allclose(tracker.pose.tilt, (8e-3, -6e-3, 0.0), atol=0.25e-3)
+    assert isinstance(tracker.camera, PinholeCamera)
+
 
 AZIMUTHS = np.array([-0.9, -0.3, 0.0, 0.5, 0.9]) + 4.0 * math.pi
 HEIGHT = 4.0e-3
