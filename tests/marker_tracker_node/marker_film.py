@@ -14,6 +14,7 @@ from winding_core.cases import Case
 from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_core.markers import MarkerFlag
+from winding_core.readings import AxisReading
 from winding_rig_node.camera import (
     CablePath,
     CameraConfig,
@@ -87,6 +88,13 @@ def photograph(name: str) -> np.ndarray:
 def encoder(angle: float) -> float:
     """The nearest count of the encoder, as an angle."""
     return round(angle / COUNT) * COUNT
+
+
+def axes(angle: float, guide: float) -> AxisReading:
+    """What the machine reports of itself where only its positions count."""
+    return AxisReading(
+        cylinder_angle=angle, angular_speed=0.0, carriage_position=guide, feed_speed=0.0
+    )
 
 
 @dataclass

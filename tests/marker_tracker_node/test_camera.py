@@ -94,8 +94,8 @@ def test_an_empty_distortion_and_zero_roi_mean_the_plain_whole_sensor():
     np.testing.assert_allclose(undistorted(plain, np.array([[958.0, 541.0]])), 0.0, atol=1e-15)
 
 
-K = np.array([[1125.0, 0.0, 487.0], [0.0, 1126.5, 266.0], [0.0, 0.0, 1.0]])
-D = np.array([-0.2, 0.08, 6e-4, -4e-4, 0.0])
+BOARD_K = np.array([[1125.0, 0.0, 487.0], [0.0, 1126.5, 266.0], [0.0, 0.0, 1.0]])
+BOARD_D = np.array([-0.2, 0.08, 6e-4, -4e-4, 0.0])
 SIZE = (960, 540)
 CHARUCO = Board(columns=14, rows=8, square=8e-3, marker=6e-3)
 # Debian's package opencv-doc; the photographs have no licence of their own, so none is kept here.
@@ -106,15 +106,17 @@ REAL = Path("/usr/share/doc/opencv-doc/examples/data")
 def rays_of_every_pixel():
     """Directions with unit depth, the lens inverted by fixed point."""
     u, v = np.meshgrid(np.arange(SIZE[0], dtype=float), np.arange(SIZE[1], dtype=float))
-    goal = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1]], axis=-1).reshape(-1, 2)
+    goal = np.stack(
+        [(u - BOARD_K[0, 2]) / BOARD_K[0, 0], (v - BOARD_K[1, 2]) / BOARD_K[1, 1]], axis=-1
+    ).reshape(-1, 2)
     plane = goal.copy()
     for _ in range(25):
         x, y = plane.T
         q = x * x + y * y
-        radial = 1.0 + q * (D[0] + q * D[1])
+        radial = 1.0 + q * (BOARD_D[0] + q * BOARD_D[1])
         skew = [
-            2.0 * D[2] * x * y + D[3] * (q + 2.0 * x * x),
-            D[2] * (q + 2.0 * y * y) + 2.0 * D[3] * x * y,
+            2.0 * BOARD_D[2] * x * y + BOARD_D[3] * (q + 2.0 * x * x),
+            BOARD_D[2] * (q + 2.0 * y * y) + 2.0 * BOARD_D[3] * x * y,
         ]
         plane = (goal - np.stack(skew, axis=-1)) / radial[:, None]
     return np.column_stack([plane, np.ones(len(plane))])
@@ -152,7 +154,7 @@ def test_a_charuco_board_gives_the_lens_back():
     # A shift of the picture is a turn of the camera, which the pose takes up; the rest is the
     # lens. 24 views were measured to leave 0.006 px and 6 views 0.017 px rms on larger pictures.
     grid = np.stack(np.meshgrid(np.linspace(75, 885, 6), np.linspace(45, 495, 4)), -1)
-    real = PinholeCamera.from_info(width=960, height=540, k=K, d=D)
+    real = PinholeCamera.from_info(width=960, height=540, k=BOARD_K, d=BOARD_D)
     views_of = (pinhole.view(CameraPose()) for pinhole in (result.camera, real))
     rays, truth = (
         np.array([plane_of_pixel(view, u, v) for u, v in grid.reshape(-1, 2)]) for view in views_of
@@ -202,7 +204,7 @@ def test_an_impossible_board_is_refused():
 
 def test_the_camera_file_comes_back_and_is_the_standard_one(tmp_path):
     camera = PinholeCamera.from_info(
-        width=1920, height=1080, k=K, d=D, roi=(0, 393, 1920, 288), binning=3
+        width=1920, height=1080, k=BOARD_K, d=BOARD_D, roi=(0, 393, 1920, 288), binning=3
     )
     path = tmp_path / "camera.yaml"
     write_camera(path, camera, "high_speed")

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from marker_film import DRIVE, UNSEEN, encoder
+from marker_film import DRIVE, UNSEEN, axes, encoder
 
 from marker_tracker_node.tracking.checks.camera_clock import ClockSettings
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
-from winding_core.readings import AxisReading
 
 pytestmark = pytest.mark.slow
 
@@ -63,13 +62,7 @@ class Cell:
         for arrival, _, t, frame in sorted(arriving, key=lambda event: event[:3]):
             if frame is None:
                 angle, guide = motion(at(t))
-                reading = AxisReading(
-                    cylinder_angle=encoder(angle),
-                    angular_speed=np.nan,
-                    carriage_position=guide,
-                    feed_speed=np.nan,
-                )
-                self.live.add_reading(EPOCH + t, reading)
+                self.live.add_reading(EPOCH + t, axes(encoder(angle), guide))
             else:
                 self.live.add_frame(EPOCH + t + offset, frame)
             self.look()

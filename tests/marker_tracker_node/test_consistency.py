@@ -96,7 +96,7 @@ def found_wrong(
 
 
 @pytest.mark.parametrize("name", LIES)
-def test_the_wrong_number_is_named(paper_film: Any, name: str) -> None:
+def test_the_wrong_number_is_named(paper_film, name):
     lie = LIES[name]
     (found,) = found_wrong(paper_film(4), lie)
     assert found.number == lie.number, found.sentence
@@ -115,7 +115,7 @@ def test_the_wrong_number_is_named(paper_film: Any, name: str) -> None:
         Lie(number=""),
     ],
 )
-def test_a_run_of_one_turn_names_the_right_number(paper_film: Any, lie: Lie) -> None:
+def test_a_run_of_one_turn_names_the_right_number(paper_film, lie):
     # 5 s end just as P0 comes back; P1 is the only marker beside it.
     found = found_wrong(paper_film(4), lie, 25.0, stop=5.0)
     assert [item.number for item in found] == [lie.number] * bool(lie.number)
@@ -126,7 +126,7 @@ def test_a_run_of_one_turn_names_the_right_number(paper_film: Any, lie: Lie) -> 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("case", [2, 5, 9, 10, 12])
-def test_nine_of_ten_are_named_whatever_is_wound(paper_film: Any, case: int) -> None:
+def test_nine_of_ten_are_named_whatever_is_wound(paper_film, case):
     film = paper_film(case)
     named = {name: [item.number for item in found_wrong(film, lie)] for name, lie in LIES.items()}
     # At constant speed a scale and a rate are the same: both may be named together.
@@ -139,13 +139,13 @@ def test_nine_of_ten_are_named_whatever_is_wound(paper_film: Any, case: int) -> 
 
 
 @pytest.mark.parametrize("case", [1, 4, 7, 10])
-def test_a_run_of_the_paper_raises_nothing(paper_film: Any, case: int) -> None:
+def test_a_run_of_the_paper_raises_nothing(paper_film, case):
     assert found_wrong(paper_film(case), Lie(number="")) == ()
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", range(20))
-def test_consistent_runs_raise_nothing(paper_film: Any, smooth_film: Any, seed: int) -> None:
+def test_consistent_runs_raise_nothing(paper_film, smooth_film, seed):
     rng = np.random.default_rng(100 + seed)
     camera = replace(
         CameraConfig(),

@@ -1,26 +1,23 @@
-"""Every frame meets the encoder reading of its own instant, and the camera's clock the encoder's."""
+"""Every frame meets the encoder reading of its own instant; the camera's clock is measured."""
 
 import math
 
 import numpy as np
 import pytest
-from marker_film import DRIVE
+from marker_film import DRIVE, axes
 
 from marker_tracker_node.tracking.checks.camera_clock import ClockOffset
 from marker_tracker_node.tracking.encoder_history import KEPT, EncoderHistory
 from marker_tracker_node.tracking.synchronised_tracker import Synchroniser
-from winding_core.readings import AxisReading
 
 FRAME = np.zeros((2, 2, 3), dtype=np.uint8)
 
 
-def reading(angle: float) -> AxisReading:
-    return AxisReading(
-        cylinder_angle=angle, angular_speed=1.0, carriage_position=2.0 * angle, feed_speed=2.0
-    )
+def reading(angle):
+    return axes(angle, 2.0 * angle)
 
 
-def test_frame_waits_for_the_encoder() -> None:
+def test_frame_waits_for_the_encoder():
     pairing = Synchroniser()
     pairing.add_reading(0.0, reading(0.0))
     pairing.add_frame(0.005, FRAME)
@@ -29,7 +26,7 @@ def test_frame_waits_for_the_encoder() -> None:
     assert [pair.t for pair in pairing.ready()] == [0.005]
 
 
-def test_reading_is_interpolated_to_the_frame() -> None:
+def test_reading_is_interpolated_to_the_frame():
     pairing = Synchroniser()
     pairing.add_reading(0.010, reading(1.0))
     pairing.add_reading(0.012, reading(2.0))
@@ -40,7 +37,7 @@ def test_reading_is_interpolated_to_the_frame() -> None:
 
 
 @pytest.mark.parametrize("ahead", [1, 7])
-def test_what_a_frame_is_measured_with_does_not_depend_on_the_encoder_s_lead(ahead: int) -> None:
+def test_what_a_frame_is_measured_with_does_not_depend_on_the_encoder_s_lead(ahead):
     pairing = Synchroniser()
     for sample in range(100 + ahead):
         pairing.add_reading(1e-3 * sample, reading(1e-6 * sample**2))
@@ -51,7 +48,7 @@ def test_what_a_frame_is_measured_with_does_not_depend_on_the_encoder_s_lead(ahe
     assert pairing.history.angles(np.array([0.2]))[0] == reading(1e-6 * 100**2).cylinder_angle
 
 
-def test_frame_in_an_encoder_drop_out_goes_without_a_reading() -> None:
+def test_frame_in_an_encoder_drop_out_goes_without_a_reading():
     pairing = Synchroniser(EncoderHistory(longest_gap=0.02))
     pairing.add_reading(1.0, reading(1.0))
     pairing.add_frame(1.25, FRAME)
@@ -60,7 +57,7 @@ def test_frame_in_an_encoder_drop_out_goes_without_a_reading() -> None:
     assert pair.cylinder_angle is None
 
 
-def test_frames_do_not_wait_for_a_dead_encoder_forever() -> None:
+def test_frames_do_not_wait_for_a_dead_encoder_forever():
     pairing = Synchroniser(patience=0.1)
     for index in range(5):
         pairing.add_frame(0.05 * index, FRAME)
@@ -68,7 +65,7 @@ def test_frames_do_not_wait_for_a_dead_encoder_forever() -> None:
     assert [pair.t for pair in pairing.ready()] == pytest.approx([0.0, 0.05, 0.1])
 
 
-def test_stale_reading_is_left_out() -> None:
+def test_stale_reading_is_left_out():
     pairing = Synchroniser()
     pairing.add_reading(1.0, reading(1.0))
     pairing.add_reading(0.5, reading(9.0))
@@ -77,7 +74,7 @@ def test_stale_reading_is_left_out() -> None:
     assert pair.cylinder_angle == 1.0
 
 
-def test_frame_before_the_first_reading_goes_without() -> None:
+def test_frame_before_the_first_reading_goes_without():
     pairing = Synchroniser()
     pairing.add_reading(1.0, reading(1.0))
     pairing.add_frame(0.5, FRAME)
@@ -85,7 +82,7 @@ def test_frame_before_the_first_reading_goes_without() -> None:
     assert pair.cylinder_angle is None
 
 
-def test_an_encoder_without_a_camera_fills_no_memory() -> None:
+def test_an_encoder_without_a_camera_fills_no_memory():
     pairing = Synchroniser()
     for sample in range(3 * KEPT):
         pairing.add_reading(sample * 1e-3, reading(0.0))

@@ -1,4 +1,4 @@
-"""Joint refinement: gated sightings, and runs that were filmed with a camera other than believed."""
+"""Joint refinement: gated sightings, and runs filmed with a camera other than believed."""
 
 from __future__ import annotations
 

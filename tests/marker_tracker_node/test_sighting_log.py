@@ -28,7 +28,7 @@ def watched(laps: int) -> SightingLog:
 
 
 @pytest.mark.parametrize("laps", [40, 900])
-def test_the_first_and_the_newest_laps_are_judged(laps: int) -> None:
+def test_the_first_and_the_newest_laps_are_judged(laps):
     log = watched(laps)
     found = passings_of(log)
     numbers = [item.lap for item in found]
