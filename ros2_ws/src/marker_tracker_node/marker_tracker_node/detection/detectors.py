@@ -8,6 +8,7 @@ number as identity, which then counts as evidence when markers are numbered.
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from typing import Any
 
 from marker_tracker_node.camera.pinhole import CameraView
@@ -38,6 +39,7 @@ def detector_number(kind: str) -> int:
 def _chosen(number: int) -> Any:
     """Return a function that calls the detector of a number or a later one; the last is sure."""
     package = __name__.rpartition(".")[0]
+    measure: Callable[..., Detection]
     measure = importlib.import_module(f"{package}.{_MODULES[number]}").measure
     if number == len(_MODULES) - 1:
 
