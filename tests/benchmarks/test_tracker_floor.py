@@ -22,7 +22,7 @@ from winding_core.cases import paper_case
 from winding_core.compiling import compiled
 from winding_core.markers import Markers
 from winding_core.units import MILLIMETRE
-from winding_rig_node.machine.lay import published_lay
+from winding_rig_node.lay.known_lay import published_lay
 
 UNSEEN = 48
 BEGIN, RATE = 14.91, 100.0

@@ -17,7 +17,7 @@ from floors.films import films
 
 from winding_core.cases import paper_case
 from winding_rig_node.camera import CameraConfig
-from winding_rig_node.machine.lay import published_lay
+from winding_rig_node.lay.known_lay import published_lay
 
 UNSEEN = 48
 

@@ -18,7 +18,7 @@ from winding_core.drive import DriveProfile
 from winding_core.markers import MARKER_DTYPE, MarkerFlag, Markers
 from winding_core.readings import AxisReading
 from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene
-from winding_rig_node.machine.lay import published_lay
+from winding_rig_node.lay.known_lay import published_lay
 from winding_ros import topics
 from winding_ros.camera_messages import encode_image
 from winding_ros.cloud_messages import decode_cloud

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from lay_control_node.control.control_parameters import ControlParameters
+from lay_control_node.control.guide_law import WantedProgram
 from lay_control_node.control.lay_controller import LayController, Setpoint
-from lay_control_node.control.wanted_program import WantedProgram
 from winding_core.condition import Condition, ResolvedCondition
 from winding_core.lay_control_records import ControlMode
 from winding_core.lay_program import LayProgram

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lay_control_node.planning.guide_path import guide_path, within
-from lay_control_node.planning.lag import lay_of
+from lay_control_node.planning.guide_path import guide_path, lay_of, within
 from lay_control_node.planning.smoothed_line import PEAK, smoothed_program
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_core.lay_program import LayProgram

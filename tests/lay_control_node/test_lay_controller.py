@@ -7,14 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from lay_control_node.control.guide_law import GuideLaw, WantedPoint
+from lay_control_node.control.guide_law import AxisBounds, GuideLaw, WantedPoint
 from lay_control_node.control.lay_controller import (
     ControllerConfig,
     LayController,
     Setpoint,
 )
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
-from lay_control_node.control.motion_bounds import AxisBounds
 from lay_control_node.control.stretch_filter import StretchFilter
 from lay_control_node.planning.lay_on import LayOnLaw
 from winding_core.cable_parameters import published_case

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lay_control_node.control.motion_bounds import AxisBounds, BoundedMotion
+from lay_control_node.control.guide_law import AxisBounds, BoundedMotion
 
 BOUNDS = AxisBounds(low=-0.1, high=0.4, speed=0.08, acceleration=0.5)
 PERIOD = 0.02

@@ -12,9 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lay_control_node.planning.lay_plan import LayPlan
+from lay_control_node.planning.lay_plan import CSV_COLUMNS, LayPlan, csv_text, plan_record
 from lay_control_node.planning.limits import PlanLimits
-from lay_control_node.planning.plan_files import CSV_COLUMNS, csv_text, plan_record
 from lay_control_node.planning.planner import plan_lay
 from lay_control_node.programs import even_helix, with_markers_every_turn
 from lay_control_node.programs.gcode_reader import parse_gcode

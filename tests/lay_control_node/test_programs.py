@@ -16,7 +16,7 @@ from lay_control_node.programs import (
     read_program,
     with_markers_every_turn,
 )
-from lay_control_node.programs.csv_reader import parse_csv
+from lay_control_node.programs.points import parse_csv
 from winding_core.lay_program import LayProgram
 
 TURN = 2.0 * math.pi

@@ -15,7 +15,7 @@ from lay_control_node.programs import (
     refuse_overlap,
     with_markers_every_turn,
 )
-from lay_control_node.programs.text_file import MOST_BYTES
+from lay_control_node.programs.reading import MOST_BYTES
 from winding_core.lay_program import LayProgram, LayProgramError
 
 TURN = 2.0 * math.pi

@@ -16,7 +16,7 @@ from winding_core.cases import Case, paper_case
 from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_rig_node.camera import CablePath, CameraConfig, Paint, Renderer, Scene, Surroundings
-from winding_rig_node.machine.lay import CableLay, published_lay
+from winding_rig_node.lay.known_lay import CableLay, published_lay
 
 # Modules beside the tests are imported by name.
 sys.path.insert(0, str(Path(__file__).parent))

@@ -11,8 +11,8 @@ from winding_core.drive import DriveProfile
 from winding_core.markers import MarkerFlag
 from winding_rig_node.camera import CameraConfig, Renderer, Scene
 from winding_rig_node.camera.shown_lay import GrowingLay
-from winding_rig_node.machine.driven_lay import DrivenLay
-from winding_rig_node.machine.hidden_rig import HiddenRig
+from winding_rig_node.lay.driven_lay import DrivenLay
+from winding_rig_node.lay.lay_on import HiddenRig
 
 DRIVE = DriveProfile()
 COUNT = 2.0 * math.pi / 8192

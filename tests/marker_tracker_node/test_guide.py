@@ -8,7 +8,7 @@ import pytest
 from winding_core.cases import Case
 from winding_core.drive import DriveProfile
 from winding_rig_node.camera import CameraConfig, SensorNoise
-from winding_rig_node.machine.lay import CableLay
+from winding_rig_node.lay.known_lay import CableLay
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,7 @@ from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_core.markers import MarkerFlag
 from winding_rig_node.camera import CameraConfig, Light, SensorNoise, Window
-from winding_rig_node.machine.lay import CableLay
+from winding_rig_node.lay.known_lay import CableLay
 
 UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 DRIVE = DriveProfile()

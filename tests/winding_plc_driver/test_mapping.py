@@ -7,8 +7,12 @@ from typing import Any
 import pytest
 import yaml
 
-from winding_plc_driver.machine.mapping import MappingError, parse_mapping, read_mapping
-from winding_plc_driver.machine.password import read_password
+from winding_plc_driver.machine.mapping import (
+    MappingError,
+    parse_mapping,
+    read_mapping,
+    read_password,
+)
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "opcua_machine.yaml"
 

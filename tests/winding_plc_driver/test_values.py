@@ -6,11 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from winding_plc_driver.machine.joining import Joiner, Sample
+from winding_plc_driver.machine.joining import Joiner, Pacer, Sample
 from winding_plc_driver.machine.mapping import Variable
-from winding_plc_driver.machine.pacing import Pacer
-from winding_plc_driver.machine.reading import ServerValue, VariableReader
-from winding_plc_driver.machine.sequence import SequenceNumbers
+from winding_plc_driver.machine.reading import SequenceNumbers, ServerValue, VariableReader
 
 WAIT = 0.1
 

@@ -6,7 +6,7 @@ import pytest
 from commanded_machine import run, winding
 
 from winding_core.commands import TensionCommand
-from winding_rig_node.machine.machine_state import Phase
+from winding_rig_node.machine.machine_config import Phase
 
 
 def test_the_brake_follows_a_tension_command_with_its_lag() -> None:

@@ -8,7 +8,7 @@ from commanded_machine import carriage, run, targets, winding
 from winding_core.commands import AxisTarget
 from winding_core.drive import DriveProfile
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_state import PhaseError
+from winding_rig_node.machine.machine_config import PhaseError
 
 
 def test_start_gives_the_axes_back_to_the_programme() -> None:

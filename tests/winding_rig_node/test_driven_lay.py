@@ -7,19 +7,19 @@ import pytest
 
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
-from winding_rig_node.machine.driven_lay import DrivenLay
-from winding_rig_node.machine.hidden_rig import (
+from winding_rig_node.lay.driven_lay import DrivenLay
+from winding_rig_node.lay.known_lay import HiddenCable, simulated_lay
+from winding_rig_node.lay.lay_on import (
     BRAKE_FRICTION,
     BUILD_UP_LENGTH,
     DRAG,
     FREE_LENGTH,
+    GRID_STEP,
     LOAD_SHARE,
     START_SHARE,
     HiddenRig,
+    neo_hookean_stretch,
 )
-from winding_rig_node.machine.lay import HiddenCable, simulated_lay
-from winding_rig_node.machine.lay_on import GRID_STEP
-from winding_rig_node.machine.stretch import neo_hookean_stretch
 
 CASE = paper_case(4)
 RHO = CASE.centreline_radius

@@ -14,7 +14,7 @@ from winding_core.commands import AxisTarget, TensionCommand
 from winding_core.status import Level
 from winding_rig_node.machine.pace import Pace
 from winding_rig_node.node import RigNode
-from winding_rig_node.ros.rig_status import rig_status
+from winding_rig_node.ros.outputs import rig_status
 
 
 def rig_of(ros: Any, **parameters: object) -> RigNode:

@@ -11,7 +11,7 @@ from winding_rig_node.machine.faults import (
     FaultyChannel,
     parse_faults,
 )
-from winding_rig_node.ros.fault_parameters import stated_faults
+from winding_rig_node.ros.inputs import stated_faults
 
 TARGETS = ("load_cell", "camera", "/clock")
 

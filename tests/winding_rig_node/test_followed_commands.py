@@ -10,7 +10,7 @@ from commanded_machine import carriage, course, run, targets, winding
 from winding_core.commands import AxisTarget, Command
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_state import Phase
+from winding_rig_node.machine.machine_config import Phase
 
 # A sine of the carriage: amplitude [m], frequency [Hz], and what it may be missed by [m].
 AMPLITUDE, FREQUENCY, MISSED = 20.0e-3, 0.5, 0.5e-3

@@ -7,8 +7,8 @@ from winding_core.cases import paper_case
 from winding_rig_node.camera import CablePath, CameraConfig, GrowingPath, Renderer, Scene
 from winding_rig_node.camera.cable_path import path_crosses, path_height
 from winding_rig_node.camera.shown_lay import GrowingLay
-from winding_rig_node.machine.driven_lay import DrivenLay
-from winding_rig_node.machine.hidden_rig import HiddenRig
+from winding_rig_node.lay.driven_lay import DrivenLay
+from winding_rig_node.lay.lay_on import HiddenRig
 
 CASE = paper_case(4)
 

@@ -11,8 +11,7 @@ from sensor_msgs.msg import JointState
 
 from winding_core.readings import AxisReading
 from winding_rig_node.node import RigNode
-from winding_rig_node.ros.asked_parameters import SilentRigError
-from winding_rig_node.ros.hosted_camera import open_camera
+from winding_rig_node.ros.hosted_camera import SilentRigError, open_camera
 from winding_ros import topics
 from winding_ros.rig_messages import encode_joint_state
 
@@ -84,7 +83,7 @@ def test_a_reading_that_says_nothing_does_not_end_the_camera(ros: Any, rig: RigN
 def test_without_a_rig_the_camera_is_refused_and_leaves_no_node(
     ros: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("winding_rig_node.ros.asked_parameters._ATTEMPTS", 1)
+    monkeypatch.setattr("winding_rig_node.ros.hosted_camera._ATTEMPTS", 1)
     probe = ros.plain()
     with (
         pytest.raises(SilentRigError, match="winding_rig does not say within"),

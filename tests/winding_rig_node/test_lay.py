@@ -8,12 +8,12 @@ from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
 from winding_core.helix import curve_length
 from winding_core.published import published_markers
-from winding_rig_node.machine.lay import (
+from winding_rig_node.lay.known_lay import (
     HiddenCable,
     published_lay,
     simulated_lay,
 )
-from winding_rig_node.machine.stretch import neo_hookean_stretch
+from winding_rig_node.lay.lay_on import neo_hookean_stretch
 
 END = 33.93
 

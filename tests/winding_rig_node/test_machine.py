@@ -6,8 +6,7 @@ import pytest
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_config import MachineConfig
-from winding_rig_node.machine.machine_state import Phase, PhaseError
+from winding_rig_node.machine.machine_config import MachineConfig, Phase, PhaseError
 
 
 def machine(case: int = 4, duration: float = 20.0, seed: int = 1) -> Machine:

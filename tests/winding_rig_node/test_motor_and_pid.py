@@ -4,10 +4,18 @@ import math
 
 import pytest
 
-from winding_rig_node.machine.axis import tuned_pid
-from winding_rig_node.machine.encoder import EncoderConfig, EncoderState, read_encoder
-from winding_rig_node.machine.motor import CYLINDER_MOTOR, MotorState, advance_motor
-from winding_rig_node.machine.pid import PidConfig, PidState, step_pid
+from winding_rig_node.machine.axis import (
+    CYLINDER_MOTOR,
+    EncoderConfig,
+    EncoderState,
+    MotorState,
+    PidConfig,
+    PidState,
+    advance_motor,
+    read_encoder,
+    step_pid,
+    tuned_pid,
+)
 
 DT = 1.0e-3
 

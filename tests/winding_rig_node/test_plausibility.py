@@ -9,8 +9,7 @@ from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
 from winding_rig_node.machine.faults import Faults, parse_faults
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_config import SENSORS, MachineConfig
-from winding_rig_node.machine.machine_state import Phase, PhaseError
+from winding_rig_node.machine.machine_config import SENSORS, MachineConfig, Phase, PhaseError
 
 FULL_SPEED = DriveProfile().angular_speed
 # A stop takes 0.3 s from full speed; the bar of the fault table is 0.5 s.

@@ -8,10 +8,10 @@ import pytest
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import PAPER_FREE_LENGTH
-from winding_rig_node.machine.driven_lay import DrivenLay
-from winding_rig_node.machine.hidden_rig import HiddenRig
-from winding_rig_node.machine.lay import published_lay
-from winding_rig_node.machine.truth import truth_of, truth_path, write_truth
+from winding_rig_node.lay.driven_lay import DrivenLay
+from winding_rig_node.lay.known_lay import published_lay
+from winding_rig_node.lay.lay_on import HiddenRig
+from winding_rig_node.lay.truth import truth_of, truth_path, write_truth
 
 CASE = paper_case(4)
 

@@ -5,7 +5,7 @@ from commanded_machine import carriage, course, run, targets, winding
 
 from winding_core.commands import AxisTarget, Command, JointTrajectory
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS
-from winding_rig_node.machine.machine_state import Phase
+from winding_rig_node.machine.machine_config import Phase
 
 
 def test_a_stream_that_stops_in_motion_stops_both_axes() -> None:

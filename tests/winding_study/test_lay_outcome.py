@@ -12,7 +12,7 @@ import pytest
 from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
 from winding_core.lay_records import LAY_DTYPE
-from winding_rig_node.machine.hidden_rig import HiddenRig
+from winding_rig_node.lay.lay_on import HiddenRig
 from winding_study.lay.lay_outcome import LaidLine, LaidRun, LayOutcome, lay_outcome
 from winding_study.lay.outcome_record import outcome_json
 from winding_study.reports.report import render_report

@@ -9,7 +9,7 @@ from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Scene
-from winding_rig_node.machine.lay import published_lay
+from winding_rig_node.lay.known_lay import published_lay
 from winding_ros.camera_messages import CameraReading
 
 # How long every published run was wound, at least [s].

@@ -18,10 +18,14 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from winding_plc_driver.driver import Driver
-from winding_plc_driver.machine.mapping import MachineMapping, MappingError, read_mapping
-from winding_plc_driver.machine.password import read_password
+from winding_plc_driver.machine.mapping import (
+    MachineMapping,
+    MappingError,
+    read_mapping,
+    read_password,
+)
 from winding_plc_driver.node import PlcDriverNode
-from winding_plc_driver.opcua.errors import RefusedError
+from winding_plc_driver.opcua.request import RefusedError
 from winding_plc_driver.opcua.session import Session
 from winding_ros.process import EXIT_REFUSED
 

@@ -12,22 +12,19 @@ from winding_core.cases import Case
 from winding_core.parameters import refuse_unknown
 from winding_core.status import Status
 from winding_rig_node.camera.shown_lay import GrowingLay, KnownLay, ShownLay
-from winding_rig_node.machine.driven_lay import DrivenLay
+from winding_rig_node.lay.driven_lay import DrivenLay
+from winding_rig_node.lay.known_lay import CableLay
+from winding_rig_node.lay.lay_on import HiddenRig
+from winding_rig_node.lay.truth import truth_of, truth_path, write_truth
 from winding_rig_node.machine.faults import Faults
-from winding_rig_node.machine.hidden_rig import HiddenRig
-from winding_rig_node.machine.lay import CableLay
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_config import MachineConfig
-from winding_rig_node.machine.machine_state import PhaseError
+from winding_rig_node.machine.machine_config import MachineConfig, PhaseError
 from winding_rig_node.machine.pace import Pace
-from winding_rig_node.machine.truth import truth_of, truth_path, write_truth
 from winding_rig_node.ros.camera import Camera, FrameListener
-from winding_rig_node.ros.command_input import take_commands
-from winding_rig_node.ros.fault_parameters import follow_fault_parameters, stated_faults
+from winding_rig_node.ros.inputs import follow_fault_parameters, stated_faults, take_commands
 from winding_rig_node.ros.machine_loop import MachineLoop
-from winding_rig_node.ros.outputs import Outputs
+from winding_rig_node.ros.outputs import Outputs, rig_status
 from winding_rig_node.ros.parameters import RigParameters
-from winding_rig_node.ros.rig_status import rig_status
 from winding_ros import graph, services, topics
 from winding_ros.heartbeat import Sign, watch_heartbeat
 from winding_ros.managed_node import ManagedNode

@@ -6,15 +6,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from lay_control_node.control.guide_law import GuideLaw, WantedLay
+from lay_control_node.control.guide_law import AxisBounds, GuideLaw, WantedLay
 from lay_control_node.control.landing_law import LandingLaw, PullBounds
 from lay_control_node.control.lay_controller import ControllerConfig, LayController
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
-from lay_control_node.control.motion_bounds import AxisBounds
 from lay_control_node.control.stretch_filter import StretchFilter, StretchFilterConfig
-from lay_control_node.planning.kernel_width import OF_FRICTION
 from lay_control_node.planning.lay_on import LayOnLaw
 from lay_control_node.planning.limits import PlanLimits
+from lay_control_node.planning.rounding import OF_FRICTION
 from winding_core.condition import ResolvedCondition
 from winding_core.lay_control_records import ControlMode
 from winding_core.material_law import MaterialLaw

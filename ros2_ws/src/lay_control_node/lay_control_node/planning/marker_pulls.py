@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.stretched_cable import StretchedCable
+from lay_control_node.planning.lay_on import StretchedCable
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
-from lay_control_node.programs.overlap import crossings
+from lay_control_node.programs.feasibility import crossings
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:

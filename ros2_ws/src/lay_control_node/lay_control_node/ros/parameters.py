@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lay_control_node.control.control_parameters import ControlParameters
+from lay_control_node.control.guide_law import WantedProgram
 from lay_control_node.control.lay_controller import LayController
-from lay_control_node.control.wanted_program import WantedProgram
 from lay_control_node.programs.points import FULL_TURN
 from lay_control_node.programs.reading import read_program
 from lay_control_node.programs.simple_programs import even_helix, with_markers_every_turn

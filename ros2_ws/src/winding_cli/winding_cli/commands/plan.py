@@ -78,7 +78,7 @@ def plan(
 ) -> None:
     """Plan the machine's motion that lays a program, and say what is out of reach, and why."""
     from cable_fem_node.dynamics.failure import SolverError
-    from lay_control_node.planning.plan_files import plan_record
+    from lay_control_node.planning.lay_plan import plan_record
     from lay_control_node.planning.planner import plan_lay
     from winding_cli.output.lay_plan import control_record, print_plan, solver_record, verdict
 
@@ -188,7 +188,7 @@ def _controlled(planned: LayPlan) -> tuple[ExpectedLanding, ...]:
     """Return where wanted markers land if the lay is controlled; none without a brake."""
     from lay_control_node.control.control_parameters import ControlParameters
     from lay_control_node.control.expected_landing import expected_landings
-    from lay_control_node.control.wanted_program import WantedProgram
+    from lay_control_node.control.guide_law import WantedProgram
 
     limits, what, program = planned.limits, planned.what, planned.program
     if limits.brake is None or not program.markers:
@@ -205,7 +205,7 @@ def _write(
     picture: Path | None,
     period: float,
 ) -> None:
-    from lay_control_node.planning.plan_files import csv_text
+    from lay_control_node.planning.lay_plan import csv_text
 
     if csv_file is not None:
         with staged(csv_file) as place:

@@ -51,8 +51,8 @@ def render(
         SensorNoise,
         paint_of_hue,
     )
-    from winding_rig_node.camera.sequence import write_sequence
-    from winding_rig_node.machine.lay import published_lay
+    from winding_rig_node.camera.pictures import write_sequence
+    from winding_rig_node.lay.known_lay import published_lay
 
     for option, number in (("--fps", fps), ("--duration-s", duration_s)):
         if not 0.0 < number < math.inf:

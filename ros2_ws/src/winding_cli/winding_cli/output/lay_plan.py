@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
-from lay_control_node.planning.lay_plan import FULL_TURN
-from lay_control_node.planning.plan_files import plan_turns
+from lay_control_node.planning.lay_plan import FULL_TURN, plan_turns
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:

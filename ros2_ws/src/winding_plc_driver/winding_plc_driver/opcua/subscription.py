@@ -8,11 +8,9 @@ from datetime import UTC, datetime, timedelta
 from asyncua import Client, ua
 
 from winding_plc_driver.machine.mapping import Server
-from winding_plc_driver.machine.reading import ServerValue
-from winding_plc_driver.machine.sequence import SequenceNumbers
-from winding_plc_driver.opcua.errors import LinkError, RefusedError, told
+from winding_plc_driver.machine.reading import SequenceNumbers, ServerValue
 from winding_plc_driver.opcua.nodes import Nodes
-from winding_plc_driver.opcua.request import ask
+from winding_plc_driver.opcua.request import LinkError, RefusedError, ask, told
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 # Part 4 of OPC UA, status codes: the bits that say that a value comes from a queue that was full.

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from winding_core.compiling import called
 from winding_rig_node.camera.cable_path import path_height
-from winding_rig_node.camera.optics import Lens, project
+from winding_rig_node.camera.optics import HIDDEN_COSINE, Lens, project
 from winding_rig_node.camera.raster import COLUMN, GLOSS, NEAR, ROW, SHADE
-from winding_rig_node.camera.sight import HIDDEN_COSINE
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]

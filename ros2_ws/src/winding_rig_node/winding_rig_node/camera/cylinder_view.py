@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_rig_node.camera.config import CameraConfig
-from winding_rig_node.camera.optics import sample_rays
-from winding_rig_node.camera.scene import Paint
-from winding_rig_node.camera.sight import RayRange
-from winding_rig_node.camera.surroundings import Surroundings
+from winding_rig_node.camera.optics import RayRange, sample_rays
+from winding_rig_node.camera.scene import Paint, Surroundings
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]

@@ -7,10 +7,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.camera.cable_path import CablePath, WoundPath
-from winding_rig_node.camera.growing_path import GrowingPath
-from winding_rig_node.machine.driven_lay import LayView
-from winding_rig_node.machine.lay import CableLay
+from winding_rig_node.camera.cable_path import CablePath, GrowingPath, WoundPath
+from winding_rig_node.lay.driven_lay import LayView
+from winding_rig_node.lay.known_lay import CableLay
 
 FloatArray = NDArray[np.float64]
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import astuple, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from winding_core.commands import AXES, Command
 from winding_core.readings import CABLE_TENSION, AxisReading
@@ -27,9 +28,11 @@ from winding_rig_node.machine.machine_config import (
     LOAD_CELL_SIGNAL,
     SAMPLE_RATE,
     MachineConfig,
+    MachineState,
+    Phase,
+    PhaseError,
     sensor_limits,
 )
-from winding_rig_node.machine.machine_state import MachineState, Phase, PhaseError
 from winding_rig_node.machine.plausibility import AxisObservation, Plausibility
 from winding_rig_node.machine.setpoints import Setpoints
 
@@ -326,3 +329,19 @@ class Machine:
         )
         if reason is not None:
             self.protect(reason)
+
+
+def axis_trial(config: MachineConfig, seed: int = 0) -> NDArray[np.float64]:
+    """Drive both axes through a run.
+
+    Returns:
+        A row for each sample, shape (n, 9): time [s], then angle, speed, carriage position and
+        carriage speed as `AxisReading` has them, measured and then commanded.
+    """
+    machine = Machine(config, np.random.default_rng(seed))
+    machine.start()
+    rows = []
+    for _ in range(round(config.duration * SAMPLE_RATE)):
+        machine.step()
+        rows.append((machine.time, *astuple(machine.reading()), *astuple(machine.setpoints())))
+    return np.array(rows)

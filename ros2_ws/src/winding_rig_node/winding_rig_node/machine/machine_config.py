@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from enum import Enum
 
 from winding_core.cases import Case
 from winding_core.drive import PAPER_FEED_SPEED, DriveProfile
-from winding_rig_node.machine.axis import AxisConfig, tuned_pid
+from winding_rig_node.machine.axis import (
+    CARRIAGE_ENCODER,
+    CARRIAGE_MOTOR,
+    CYLINDER_ENCODER,
+    CYLINDER_MOTOR,
+    AxisConfig,
+    AxisState,
+    tuned_pid,
+)
 from winding_rig_node.machine.commander import CommandLimits
-from winding_rig_node.machine.encoder import CARRIAGE_ENCODER, CYLINDER_ENCODER
-from winding_rig_node.machine.motor import CARRIAGE_MOTOR, CYLINDER_MOTOR
 from winding_rig_node.machine.plausibility import AxisLimits, PlausibilityConfig
 
 SAMPLE_RATE = 1000
@@ -92,3 +99,60 @@ def sensor_limits(
         # Without noise a healthy load cell says the same for ever.
         still_tension=0.3 if config.force_noise > config.force_resolution else math.inf,
     )
+
+
+class Phase(Enum):
+    """What the machine is doing."""
+
+    IDLE = "idle"
+    WINDING = "winding"
+    STOPPING = "stopping"
+    FINISHED = "finished"
+    PROTECTIVE = "protective stop"
+    EMERGENCY = "emergency stop"
+
+
+class PhaseError(ValueError):
+    """The machine cannot do this in its present phase."""
+
+
+@dataclass(kw_only=True)
+class MachineState:
+    """Everything that changes.
+
+    Attributes:
+        phase: What the machine does.
+        sample: Number of encoder samples since the machine was switched on.
+        drive_sample: Samples of the current run, the ramps of stops and starts included.
+        fraction: Share of full speed that the setpoints ask for.
+        fraction_rate: Its change per second [1/s].
+        full_speed_time: Time at full speed that covers the commanded way so far [s].
+        quick: Whether the present stop is a quick one.
+        reason: Why the machine was stopped, if nobody asked for it.
+        stop_began: When the last unplanned stop began, simulated time [s].
+        stood_at: When both axes stood after it [s].
+        tension: Last load cell sample [N]; None when it said nothing that can be.
+        origins: Where the drive programme's way begins, by axis, once the axis was commanded.
+        cylinder: Its axis, in radians.
+        carriage: Its axis, in metres.
+    """
+
+    phase: Phase = Phase.IDLE
+    sample: int = 0
+    drive_sample: int = 0
+    fraction: float = 0.0
+    fraction_rate: float = 0.0
+    full_speed_time: float = 0.0
+    quick: bool = False
+    reason: str = ""
+    stop_began: float | None = None
+    stood_at: float | None = None
+    tension: float | None = None
+    origins: dict[str, float] = field(default_factory=dict)
+    cylinder: AxisState = field(default_factory=AxisState)
+    carriage: AxisState = field(default_factory=AxisState)
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the machine was switched on [s]."""
+        return self.sample / SAMPLE_RATE

@@ -6,8 +6,7 @@ from winding_core.commands import CARRIAGE, CYLINDER
 from winding_rig_node.machine.axis import AxisState
 from winding_rig_node.machine.commanded_axis import CommandedAxis
 from winding_rig_node.machine.commander import Commander
-from winding_rig_node.machine.machine_config import MachineConfig
-from winding_rig_node.machine.machine_state import MachineState, Phase, PhaseError
+from winding_rig_node.machine.machine_config import MachineConfig, MachineState, Phase, PhaseError
 
 # Speed that an axis under commands is given per way behind its setpoint [1/s].
 _POSITION_GAIN = 8.0

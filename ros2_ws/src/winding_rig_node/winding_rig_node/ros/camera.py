@@ -14,11 +14,11 @@ from winding_core.cases import Case
 from winding_core.marker_parameters import DOT
 from winding_core.readings import ImageWindow
 from winding_rig_node.camera.config import CameraCalibration, CameraConfig, SensorNoise
-from winding_rig_node.camera.preview import encode_jpeg
+from winding_rig_node.camera.pictures import encode_jpeg
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Paint, Scene, paint_of_hue
 from winding_rig_node.camera.shown_lay import ShownLay
-from winding_rig_node.machine.driven_lay import DrivenLay, LayView
+from winding_rig_node.lay.driven_lay import DrivenLay, LayView
 from winding_rig_node.machine.faults import Faults
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SAMPLE_RATE

@@ -7,10 +7,9 @@ import threading
 import time
 from collections.abc import Callable
 
-from winding_rig_node.machine.driven_lay import DrivenLay
+from winding_rig_node.lay.driven_lay import DrivenLay
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_config import SAMPLE_RATE
-from winding_rig_node.machine.machine_state import Phase
+from winding_rig_node.machine.machine_config import SAMPLE_RATE, Phase
 from winding_rig_node.machine.pace import Pace
 from winding_rig_node.ros.camera import Camera, exposure_of
 from winding_rig_node.ros.outputs import Outputs

@@ -9,8 +9,8 @@ import numpy as np
 from winding_core.condition import Condition
 from winding_core.marker_parameters import MarkerLook
 from winding_core.parameters import parameter
+from winding_rig_node.lay.known_lay import CableLay, HiddenCable, published_lay, simulated_lay
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS, CommandLimits
-from winding_rig_node.machine.lay import CableLay, HiddenCable, published_lay, simulated_lay
 
 DRIVEN = "driven"
 

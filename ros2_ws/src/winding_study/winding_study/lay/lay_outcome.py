@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.lag import lay_of
+from lay_control_node.planning.guide_path import lay_of
 from winding_core.condition import ResolvedCondition
 from winding_core.lay_control_records import ControlBasis, ControlMode, LayControlRecords
 from winding_core.lay_errors import FULL_TURN, TurnError, WantedLine, turn_errors

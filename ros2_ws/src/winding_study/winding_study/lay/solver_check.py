@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from lay_control_node.planning.lag import lay_of
+from lay_control_node.planning.guide_path import lay_of
 from lay_control_node.planning.lay_plan import FULL_TURN, LayPlan
 from winding_core.markers import Markers, is_wound
 from winding_core.run_inputs import INPUT_DTYPE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
-from winding_rig_node.machine.axis_trial import axis_trial
+from winding_rig_node.machine.machine import axis_trial
 from winding_rig_node.machine.machine_config import MachineConfig
 from winding_study.runs.run_record import AxisSpeeds, Signal
 

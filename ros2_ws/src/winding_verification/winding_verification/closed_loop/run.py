@@ -16,8 +16,8 @@ from winding_core.commands import CARRIAGE, AxisTarget, JointTargets, TensionCom
 from winding_core.condition import ResolvedCondition
 from winding_core.lay_control_records import ControlMode
 from winding_core.readings import AxisReading
+from winding_rig_node.lay.lay_on import HiddenRig
 from winding_rig_node.machine.commander import CommandLimits
-from winding_rig_node.machine.hidden_rig import HiddenRig
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import MachineConfig
 from winding_verification.closed_loop.camera import CameraErrors, SimulatedTracker

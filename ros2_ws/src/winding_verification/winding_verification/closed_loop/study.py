@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.expected_landing import expected_landings
-from lay_control_node.control.guide_law import WantedLay
-from lay_control_node.control.wanted_program import WantedProgram
+from lay_control_node.control.guide_law import WantedLay, WantedProgram
 from lay_control_node.programs.simple_programs import even_helix
 from winding_core.condition import Condition, ResolvedCondition
 from winding_core.lay_control_records import ControlMode
-from winding_rig_node.machine.hidden_rig import HiddenRig
+from winding_rig_node.lay.lay_on import HiddenRig
 from winding_verification.closed_loop.run import ClosedRun, wind
 
 Array = NDArray[np.float64]

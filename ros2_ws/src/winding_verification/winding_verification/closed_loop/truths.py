@@ -12,8 +12,8 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Case
 from winding_core.readings import AxisReading
 from winding_core.tension import RigTension
-from winding_rig_node.machine.driven_lay import DrivenLay
-from winding_rig_node.machine.hidden_rig import HiddenRig
+from winding_rig_node.lay.driven_lay import DrivenLay
+from winding_rig_node.lay.lay_on import HiddenRig
 
 Array = NDArray[np.float64]
 TRUTHS = ("driven", "rod")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,3 +128,48 @@ def _samples(line: SmoothedLine) -> Array:
         return np.arange(line.theta[0] - 2.0 * line.width, line.theta[-1] + 2.0 * line.width, step)
     marks = np.rint(line.theta[:, None] / step) + around
     return np.concatenate([np.unique(marks) * step, line.theta])
+
+
+# Smaller roundings are not told [m].
+LEAST_TOLD = 1.0e-5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Corner:
+    """A corner of a program, or several that run into each other.
+
+    Attributes:
+        theta: Wound angle of the most rounded one [rad].
+        rounding: By which it is rounded [m], towards the inside of the corner.
+        rounding_at_half_speed: With the cylinder at half the speed [m].
+    """
+
+    theta: float
+    rounding: float
+    rounding_at_half_speed: float
+
+
+def corners(line: SmoothedLine, at_half_speed: SmoothedLine) -> tuple[Corner, ...]:
+    """Return the corners that are rounded by anything worth telling.
+
+    Args:
+        line: The wanted z, rounded as it is planned.
+        at_half_speed: The same, rounded as at half the cylinder's speed.
+    """
+    rounded, half = line.rounded_by(), at_half_speed.rounded_by()
+    size = np.abs(rounded)
+    found = []
+    for k in np.flatnonzero(size > LEAST_TOLD).tolist():
+        reach = REACH * line.width
+        first = int(np.searchsorted(line.theta, line.theta[k] - reach))
+        last = int(np.searchsorted(line.theta, line.theta[k] + reach, side="right"))
+        # The first of several that are equal stands for all.
+        if first + int(np.argmax(size[first:last])) == k:
+            found.append(
+                Corner(
+                    theta=float(line.theta[k]),
+                    rounding=float(rounded[k]),
+                    rounding_at_half_speed=float(half[k]),
+                )
+            )
+    return tuple(found)

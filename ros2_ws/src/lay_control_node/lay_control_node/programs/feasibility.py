@@ -113,3 +113,24 @@ def _compared(program: LayProgram) -> NDArray[np.float64]:
     before = np.concatenate([(program.theta - FULL_TURN * k) for k in (0, 1)])
     theta = np.union1d(even, before)
     return np.asarray(theta[(theta >= 0.0) & (theta <= program.end)])
+
+
+def refuse_beyond(program: LayProgram, low: float, high: float) -> None:
+    """Refuse a program that wants cable where the guide cannot go.
+
+    Args:
+        program: The program.
+        low: Start of the carriage's travel [m].
+        high: Its end [m].
+
+    Raises:
+        LayProgramError: A point lies outside; says which.
+    """
+    beyond = np.maximum(low - program.z, program.z - high)
+    worst = int(np.argmax(beyond))
+    if beyond[worst] > 0.0:
+        raise LayProgramError(
+            f"the program wants the cable at {program.z[worst] / MILLIMETRE:g} mm after "
+            f"{program.theta[worst] / FULL_TURN:.3g} turns, the carriage travels from "
+            f"{low / MILLIMETRE:g} to {high / MILLIMETRE:g} mm"
+        )

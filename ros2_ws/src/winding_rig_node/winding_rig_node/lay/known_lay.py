@@ -12,7 +12,7 @@ from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_core.published import published_markers
 from winding_core.units import MILLIMETRE
-from winding_rig_node.machine.stretch import neo_hookean_stretch
+from winding_rig_node.lay.lay_on import neo_hookean_stretch
 
 FloatArray = NDArray[np.float64]
 _GRID_STEP = 0.02

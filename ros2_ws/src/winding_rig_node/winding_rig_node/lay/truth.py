@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.machine.driven_lay import DrivenLay
-from winding_rig_node.machine.lay import CableLay
+from winding_rig_node.lay.driven_lay import DrivenLay
+from winding_rig_node.lay.known_lay import CableLay
 
 FloatArray = NDArray[np.float64]
 
