@@ -12,10 +12,9 @@ from winding_core.cases import Case
 from winding_core.parameters import refuse_unknown
 from winding_core.status import Status
 from winding_rig_node.camera.shown_lay import GrowingLay, KnownLay, ShownLay
-from winding_rig_node.lay.driven_lay import DrivenLay
 from winding_rig_node.lay.known_lay import CableLay
-from winding_rig_node.lay.lay_on import HiddenRig
-from winding_rig_node.lay.truth import truth_of, truth_path, write_truth
+from winding_rig_node.lay.lay_law import MotionLay, motion_lay
+from winding_rig_node.lay.truth import truth_path, truth_record, write_truth
 from winding_rig_node.machine.faults import Faults
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import MachineConfig, PhaseError
@@ -51,7 +50,7 @@ class RigNode(ManagedNode[RigParameters]):
         super().__init__(graph.RIG, RigParameters, **kwargs)
         self._camera: Camera | None = None
         self._loop: MachineLoop | None = None
-        self._lay: CableLay | DrivenLay
+        self._lay: CableLay | MotionLay
         self._truth: Path | None = None
         for service, act in (
             (services.START, self._start),
@@ -151,14 +150,14 @@ class RigNode(ManagedNode[RigParameters]):
         if self._loop is not None:
             self._loop.stop_quickly(sentence)
 
-    def _wind(self, case: Case, rng: np.random.Generator) -> tuple[DrivenLay | None, ShownLay]:
+    def _wind(self, case: Case, rng: np.random.Generator) -> tuple[MotionLay | None, ShownLay]:
         """Return the lay that the machine makes, None for one known ahead, and what is shown."""
         wanted = self.configuration
         self._truth = truth_path(wanted.truth_file)
         if not wanted.follows_commands:
             self._lay = wanted.laid(rng)
             return None, KnownLay(self._lay, wanted.free_length)
-        self._lay = driven = DrivenLay(case, HiddenRig.drawn(rng))
+        self._lay = driven = motion_lay(wanted.lay, case, rng)
         # The first step compiles its kernel: before time runs, not within it.
         driven.advance(0.0, 0.0, case.weight)
         driven.restart()
@@ -169,7 +168,7 @@ class RigNode(ManagedNode[RigParameters]):
             return
         try:
             turned = self._loop.machine.state.cylinder.motor.position
-            write_truth(self._truth, truth_of(self._lay, turned))
+            write_truth(self._truth, truth_record(self._lay.truth(turned)))
         except OSError as error:
             self.get_logger().error(f"cannot write the truth of the run: {error}")
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_rig_node.camera.cable_path import CablePath, GrowingPath, WoundPath
-from winding_rig_node.lay.driven_lay import LayView
+from winding_rig_node.lay.lay_law import LayView
 from winding_rig_node.lay.known_lay import CableLay
 
 FloatArray = NDArray[np.float64]
@@ -62,7 +62,7 @@ class KnownLay:
 
 
 class GrowingLay:
-    """A lay that is wound as the machine goes, told view by view.
+    """A lay that is wound as the machine goes, followed view by view.
 
     Args:
         first: Its first view.

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import asdict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from winding_core.cases import Case
+from winding_rig_node.lay.lay_law import LaidPath, LaidPoint, LayTruth, LayView
 from winding_rig_node.lay.lay_on import (
     GRID_STEP,
     Contact,
@@ -18,111 +19,17 @@ from winding_rig_node.lay.lay_on import (
     lay_on,
 )
 
-_ROOM = 4096
-_NOTHING = np.empty(0)
-
-
-class Growth(NamedTuple):
-    """How a laid path has changed.
-
-    Attributes:
-        kept: How many of its points are as they were told before; the others are gone.
-        theta: Wound angles that came after them, ascending [rad], shape (n,).
-        z: Axial positions there [m], shape (n,).
-    """
-
-    kept: int
-    theta: FloatArray
-    z: FloatArray
-
-
-class LaidPath:
-    """Axial position and undeformed length over the wound angle, point by point from P0 on.
-
-    A point costs the same however many there are.
-    """
-
-    def __init__(self) -> None:
-        # Rows: wound angle [rad], axial position [m], undeformed length since P0 [m].
-        self._points = np.zeros((3, _ROOM))
-        self._count = 1
-        self._kept = 0
-
-    @property
-    def theta(self) -> FloatArray:
-        """Wound angles, ascending from 0 [rad], shape (n,); a view."""
-        return self._points[0, : self._count]
-
-    @property
-    def z(self) -> FloatArray:
-        """Axial positions there [m], shape (n,); a view."""
-        return self._points[1, : self._count]
-
-    @property
-    def length(self) -> FloatArray:
-        """Undeformed length from P0 to there [m], shape (n,); a view."""
-        return self._points[2, : self._count]
-
-    def point(self, index: int) -> tuple[float, float, float]:
-        """Return wound angle [rad], axial position [m] and undeformed length [m] of a point."""
-        theta, z, length = self._points[:, : self._count][:, index]
-        return float(theta), float(z), float(length)
-
-    def append(self, theta: float, z: float, length: float) -> None:
-        """Add a point behind the last one; wound angle [rad] and length [m] ascend."""
-        count = self._count
-        if count == self._points.shape[1]:
-            grown = np.zeros((3, 2 * count))
-            grown[:, :count] = self._points
-            self._points = grown
-        self._points[0, count] = theta
-        self._points[1, count] = z
-        self._points[2, count] = length
-        self._count = count + 1
-
-    def take_back(self, theta: float) -> None:
-        """Forget the points at and beyond a wound angle [rad], except P0."""
-        self._count = max(int(np.searchsorted(self.theta, theta, side="left")), 1)
-        self._kept = min(self._kept, self._count)
-
-    def growth(self) -> Growth:
-        """Return what has changed since the last call."""
-        kept, count = self._kept, self._count
-        if kept == count:
-            return Growth(kept, _NOTHING, _NOTHING)
-        self._kept = count
-        theta, z = self._points[:2, kept:count].copy()
-        return Growth(kept, theta, z)
-
-    def tell_anew(self) -> None:
-        """Have the next growth begin with P0."""
-        self._kept = 0
-
-
 FloatArray = NDArray[np.float64]
 
 
-class LayView(NamedTuple):
-    """A driven lay at one instant, for who has seen it before.
+def drawn_lay(case: Case, rng: np.random.Generator) -> DrivenLay:
+    """Return the lay of a case on a rig that is drawn.
 
-    Attributes:
-        growth: What was wound, or taken back, since the last view.
-        theta: Wound angle at the contact line [rad].
-        z: Axial position there [m].
-        slope: Rise of the lay there, dz/dtheta [m/rad].
-        eye: Where the eye of the guide stands [m].
-        free_length: Tangent span between the contact line and the eye, across the axis [m].
-        marker_theta: Wound angles of the markers, those in the free span included [rad],
-            shape (marker_count + 1,); see `DrivenLay.shown_markers`.
+    Raises:
+        ValueError: The cable's stress fades.
     """
-
-    growth: Growth
-    theta: float
-    z: float
-    slope: float
-    eye: float
-    free_length: float
-    marker_theta: FloatArray
+    case.material.refuse_fading("lay 'driven'")
+    return DrivenLay(case, HiddenRig.drawn(rng))
 
 
 class DrivenLay:
@@ -217,19 +124,11 @@ class DrivenLay:
 
     def z_at(self, theta: ArrayLike) -> FloatArray:
         """Return the axial position [m] at wound angles [rad], same shape; nan beyond the lay."""
-        return self._along(self.path.z, self.z, theta)
+        return self.path.along(theta, self._end)[0]
 
     def length_at(self, theta: ArrayLike) -> FloatArray:
         """Return the undeformed length since P0 [m] at wound angles [rad]; nan beyond the lay."""
-        return self._along(self.path.length, self.length, theta)
-
-    def shown_markers(self) -> FloatArray:
-        """Return the wound angles of the markers, those in the free span included [rad].
-
-        One in the span is as many radians beyond the contact line as its way to there is long on
-        the cylinder, shape (marker_count + 1,); nan for one that has not come to the eye yet.
-        """
-        return self._shown(self.contact)
+        return self.path.along(theta, self._end)[1]
 
     def view(self) -> LayView:
         """Return the lay as it is, by what has changed since the last view."""
@@ -243,6 +142,18 @@ class DrivenLay:
             free_length=self.hidden.free_length,
             marker_theta=self._shown(contact),
         )
+
+    def renew_view(self) -> None:
+        """Have the next view begin with P0."""
+        self.path.renew_growth()
+
+    def truth(self, turned: float) -> LayTruth:
+        """Return where the cable lies, up to its own contact line, and what the rig did to it."""
+        return self.path.truth(self._end, self.marker_theta, asdict(self.hidden))
+
+    @property
+    def _end(self) -> LaidPoint:
+        return LaidPoint(self.wound_angle, self.z, self.length)
 
     def _shown(self, contact: Contact) -> FloatArray:
         shown = self.marker_theta.copy()
@@ -272,8 +183,7 @@ class DrivenLay:
         if end >= self.wound_angle:
             return
         k = int(np.searchsorted(path.theta, end, side="left"))
-        present = (self.wound_angle, self.z, self.length)
-        after = np.array(path.point(k) if k < path.theta.size else present)
+        after = np.array(path.point(k) if k < path.theta.size else self._end)
         path.take_back(end)
         before = np.array(path.point(-1))
         slope = length_per_angle = 0.0
@@ -285,13 +195,3 @@ class DrivenLay:
         self.marker_theta[self.marker_theta > end] = math.nan
         contact["next"] = np.isfinite(self.marker_theta).sum()
         contact["last"] = before[0]
-
-    def _along(self, values: FloatArray, end: float, theta: ArrayLike) -> FloatArray:
-        """Interpolate values of the path, and on to their value at the contact line."""
-        theta = np.asarray(theta, dtype=float)
-        known, contact = self.path.theta, self.wound_angle
-        found = np.interp(theta, known, values)
-        if contact > known[-1]:
-            share = (theta - known[-1]) / (contact - known[-1])
-            found = np.where(share > 0.0, values[-1] + share * (end - values[-1]), found)
-        return np.where((theta >= 0.0) & (theta <= contact), found, math.nan)

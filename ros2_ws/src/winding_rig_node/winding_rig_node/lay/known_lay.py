@@ -1,4 +1,4 @@
-"""Where the simulated machine's cable really lies: the truth behind the camera's pictures."""
+"""Lays that are known ahead of the run: the paper's measurement, and a simulated cable's."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_core.published import published_markers
 from winding_core.units import MILLIMETRE
+from winding_rig_node.lay.lay_law import LayTruth
 from winding_rig_node.lay.lay_on import neo_hookean_stretch
 
 FloatArray = NDArray[np.float64]
+# Names of the two lays, as a user chooses them.
+PAPER, FEM = "paper", "fem"
 _GRID_STEP = 0.02
 
 
@@ -31,6 +34,20 @@ class CableLay:
     path_theta: FloatArray
     path_z: FloatArray
     marker_theta: FloatArray
+
+    def truth(self, turned: float) -> LayTruth:
+        """Return the part that is wound with the cylinder at an angle [rad]."""
+        theta = self.path_theta[self.path_theta <= turned]
+        landed = np.where(self.marker_theta <= turned, self.marker_theta, np.nan)
+        return LayTruth(
+            hidden={},
+            wound_angle=turned,
+            theta=theta,
+            z=self.path_z[: theta.size],
+            length=np.empty(0),
+            marker_theta=landed,
+            marker_z=np.interp(landed, self.path_theta, self.path_z),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,13 +91,13 @@ def published_lay(case: Case, drive: DriveProfile, free_length: float, end: floa
     """
     if not drive.feed_speed > 0.0:
         raise ValueError(
-            "lay 'paper' was measured with a feed to +z, got "
-            f"{drive.feed_speed / MILLIMETRE:g} mm/s; use lay 'fem'"
+            f"lay {PAPER!r} was measured with a feed to +z, got "
+            f"{drive.feed_speed / MILLIMETRE:g} mm/s; use lay {FEM!r}"
         )
     if not case.is_published:
         raise ValueError(
-            "lay 'paper' needs a case of 1 to 12 with its own cable and markers, "
-            "as the paper measured it; use lay 'fem'"
+            f"lay {PAPER!r} needs a case of 1 to 12 with its own cable and markers, "
+            f"as the paper measured it; use lay {FEM!r}"
         )
     markers = published_markers(case.number)
     measured = [marker.experiment for marker in markers]

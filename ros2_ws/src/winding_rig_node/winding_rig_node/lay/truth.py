@@ -1,50 +1,39 @@
-"""The truth of a run, for who judges it afterwards."""
+"""The truth of a run as a JSON file, for evaluation after the run."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.lay.driven_lay import DrivenLay
-from winding_rig_node.lay.known_lay import CableLay
+from winding_rig_node.lay.lay_law import LayTruth
 
 FloatArray = NDArray[np.float64]
 
 
-def truth_of(lay: CableLay | DrivenLay, turned: float) -> dict[str, Any]:
-    """Return where the cable lies, and what the rig did to it, as JSON values.
+def truth_record(truth: LayTruth) -> dict[str, Any]:
+    """Return a truth as JSON values.
 
     Keys: `hidden` (what `HiddenRig` holds; empty for a lay that is known ahead), `wound_angle`
     [rad], `path` (`theta` [rad], `z` [m], `length` [m], the last one empty for a lay that is
     known ahead) and `markers` (`theta` [rad], `z` [m], null for those that have not landed).
-
-    Args:
-        lay: The lay.
-        turned: Wound angle of the cylinder [rad]; a lay that is known ahead ends there.
     """
-    hidden: Mapping[str, float] = {}
-    if isinstance(lay, DrivenLay):
-        hidden = asdict(lay.hidden)
-        theta = np.append(lay.path.theta, lay.wound_angle)
-        z, length = lay.z_at(theta), lay.length_at(theta)
-        marker_theta, turned = lay.marker_theta, lay.wound_angle
-        marker_z = lay.z_at(marker_theta)
-    else:
-        theta = lay.path_theta[lay.path_theta <= turned]
-        z, length = lay.path_z[: theta.size], np.empty(0)
-        marker_theta = np.where(lay.marker_theta <= turned, lay.marker_theta, np.nan)
-        marker_z = np.interp(marker_theta, lay.path_theta, lay.path_z)
     return {
-        "hidden": dict(hidden),
-        "wound_angle": turned,
-        "path": {"theta": theta.tolist(), "z": z.tolist(), "length": length.tolist()},
-        "markers": {"theta": _numbers(marker_theta), "z": _numbers(marker_z)},
+        "hidden": dict(truth.hidden),
+        "wound_angle": truth.wound_angle,
+        "path": {
+            "theta": truth.theta.tolist(),
+            "z": truth.z.tolist(),
+            "length": truth.length.tolist(),
+        },
+        "markers": {
+            "theta": _numbers(truth.marker_theta),
+            "z": _numbers(truth.marker_z),
+        },
     }
 
 

@@ -18,7 +18,7 @@ from winding_rig_node.camera.pictures import encode_jpeg
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Paint, Scene, paint_of_hue
 from winding_rig_node.camera.shown_lay import ShownLay
-from winding_rig_node.lay.driven_lay import DrivenLay, LayView
+from winding_rig_node.lay.lay_law import LayView, MotionLay
 from winding_rig_node.machine.faults import Faults
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SAMPLE_RATE
@@ -182,7 +182,7 @@ class Camera:
         )
 
 
-def exposure_of(machine: Machine, lay: DrivenLay | None) -> Exposure:
+def exposure_of(machine: Machine, lay: MotionLay | None) -> Exposure:
     """Return what a frame shows that is taken of a machine, and of the lay it winds, now."""
     return Exposure(
         t=machine.time,

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from winding_rig_node.lay.driven_lay import DrivenLay
+from winding_rig_node.lay.lay_law import MotionLay
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SAMPLE_RATE, Phase
 from winding_rig_node.machine.pace import Pace
@@ -44,7 +44,7 @@ class MachineLoop:
         pace: Pace,
         outputs: Outputs,
         camera: Camera | None,
-        lay: DrivenLay | None,
+        lay: MotionLay | None,
         *,
         finished: Callable[[], None],
         warn: Callable[[str], None],
@@ -89,7 +89,7 @@ class MachineLoop:
         self._quit = False
         if self._lay is not None:
             # What was exposed last before a halt may not have reached the camera.
-            self._lay.path.tell_anew()
+            self._lay.renew_view()
         self._threads = [threading.Thread(target=self._guard(self._run), name="machine")]
         camera = self._camera
         if camera is not None:
