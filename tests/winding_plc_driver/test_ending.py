@@ -9,7 +9,7 @@ import yaml
 
 from winding_core.status import Status
 from winding_plc_driver.driver import Driver
-from winding_plc_driver.machine.joining import Sample
+from winding_plc_driver.machine.joining import Measured, Sample
 from winding_plc_driver.machine.mapping import parse_mapping
 from winding_plc_driver.opcua.session import Session
 
@@ -20,7 +20,7 @@ class Nowhere:
     """Takes what the driver publishes."""
 
     def joints(self, sample: Sample) -> None: ...
-    def tension(self, stamp_ns: int, force: float) -> None: ...
+    def measured(self, stamp_ns: int, measured: Measured) -> None: ...
     def status(self, status: Status) -> None: ...
     def log(self, text: str) -> None: ...
 

@@ -24,7 +24,7 @@ from winding_plc_driver.machine.mapping import (
     read_mapping,
     read_password,
 )
-from winding_plc_driver.node import PlcDriverNode
+from winding_plc_driver.node import QUANTITIES, PlcDriverNode
 from winding_plc_driver.opcua.request import RefusedError
 from winding_plc_driver.opcua.session import Session
 from winding_ros.process import EXIT_REFUSED
@@ -38,7 +38,7 @@ def main() -> int:
     # What the library logs, the driver says in /diagnostics; a traceback says it to nobody.
     logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
     try:
-        mapping = read_mapping(mapping_file)
+        mapping = read_mapping(mapping_file, QUANTITIES)
         password = read_password(mapping.server, os.environ)
         with contextlib.ExitStack() as after:
             asyncio.run(_drive(mapping, password, after))
@@ -64,7 +64,9 @@ async def _drive(mapping: MachineMapping, password: str, after: contextlib.ExitS
         context = Context()
         rclpy.init(args=sys.argv, context=context, signal_handler_options=SignalHandlerOptions.NO)
         after.callback(rclpy.try_shutdown, context=context)
-        node = PlcDriverNode(context, driver.command, loop, mapping.server.endpoint)
+        node = PlcDriverNode(
+            context, driver.command, loop, mapping.server.endpoint, mapping.measured
+        )
         after.callback(node.close)
         await driver.run(node)
 

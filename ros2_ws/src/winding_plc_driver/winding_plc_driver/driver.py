@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from winding_core.status import Level, Status
-from winding_plc_driver.machine.joining import Joiner, Pacer, Sample
+from winding_plc_driver.machine.joining import Joiner, Measured, Pacer, Sample
 from winding_plc_driver.machine.link import HeartbeatWatch, Link
-from winding_plc_driver.machine.mapping import START, TENSION, MachineMapping, State
+from winding_plc_driver.machine.mapping import AXES, START, MachineMapping, State
 from winding_plc_driver.machine.reading import SequenceNumbers, ServerValue, VariableReader
 from winding_plc_driver.opcua.nodes import READ, STATE
 from winding_plc_driver.opcua.request import LinkError, RefusedError
@@ -27,8 +27,8 @@ class Outlets(Protocol):
     def joints(self, sample: Sample) -> None:
         """Publish the axes."""
 
-    def tension(self, stamp_ns: int, force: float) -> None:
-        """Publish the load cell's force [N] of a source timestamp [ns]."""
+    def measured(self, stamp_ns: int, measured: Measured) -> None:
+        """Publish the value of a quantity with its source timestamp [ns]."""
 
     def status(self, status: Status) -> None:
         """Publish the driver's state."""
@@ -155,10 +155,10 @@ class Driver:
             self._state = value.value
         elif (read := self._readers[value.title].read(value)) is not None:
             stamp_ns, number = read
-            if value.title != TENSION:
+            if value.title in AXES:
                 self._joiner.add(value.title, stamp_ns, number, self._clock())
             else:
-                self._pacer.add(stamp_ns, number)
+                self._pacer.add(stamp_ns, Measured(value.title, number))
 
     def _publish(self, outlets: Outlets) -> None:
         now = self._clock()
@@ -168,7 +168,7 @@ class Driver:
             if isinstance(item, Sample):
                 outlets.joints(item)
             else:
-                outlets.tension(stamp_ns, item)
+                outlets.measured(stamp_ns, item)
 
     async def _let_go(self, outlets: Outlets) -> None:
         while True:

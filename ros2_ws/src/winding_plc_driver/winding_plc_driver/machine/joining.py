@@ -12,6 +12,7 @@ import heapq
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +26,13 @@ class Sample:
 
     stamp_ns: int
     values: Mapping[str, float]
+
+
+class Measured(NamedTuple):
+    """One value [SI] of a quantity, by its name."""
+
+    name: str
+    value: float
 
 
 @dataclass(kw_only=True)
@@ -149,18 +157,18 @@ class Pacer:
     """
 
     def __init__(self, now: float) -> None:
-        self._waiting: list[tuple[int, int, Sample | float]] = []
+        self._waiting: list[tuple[int, int, Sample | Measured]] = []
         self._count = 0
         self._newest_ns = 0
         self._last = now
 
-    def add(self, stamp_ns: int, item: Sample | float) -> None:
-        """Take a sample or a tension [N] with its timestamp [ns]."""
+    def add(self, stamp_ns: int, item: Sample | Measured) -> None:
+        """Take a sample or a measured value with its timestamp [ns]."""
         heapq.heappush(self._waiting, (stamp_ns, self._count, item))
         self._count += 1
         self._newest_ns = max(self._newest_ns, stamp_ns)
 
-    def take(self, now: float) -> list[tuple[int, Sample | float]]:
+    def take(self, now: float) -> list[tuple[int, Sample | Measured]]:
         """Return the items, with timestamps, whose turn it is at a monotonic time [s]."""
         elapsed, self._last = min(now - self._last, _LONGEST), now
         if not self._waiting:

@@ -4,44 +4,37 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from winding_core.parameters import ParameterError, build, parameter, refuse_unknown
+from winding_core.readings import CABLE_TENSION, Quantity
 from winding_core.yaml_text import YamlTextError, load_yaml
 
-# Factor to SI.
-UNITS = {
-    "rad": 1.0,
-    "deg": math.pi / 180.0,
-    "turn": 2.0 * math.pi,
-    "rad/s": 1.0,
-    "deg/s": math.pi / 180.0,
-    "rpm": math.pi / 30.0,
-    "m": 1.0,
-    "mm": 1e-3,
-    "um": 1e-6,
-    "m/s": 1.0,
-    "mm/s": 1e-3,
-    "m/min": 1.0 / 60.0,
-    "N": 1.0,
-    "mN": 1e-3,
-    "kN": 1e3,
+# Units of a value by the SI unit that it becomes, each with its factor; a quantity of a unit that
+# is missing here is read in that unit alone.
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "rad": {"rad": 1.0, "deg": math.pi / 180.0, "turn": 2.0 * math.pi},
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0},
+    "m": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
+    "m/s": {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0},
+    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
 }
-ANGLE, CARRIAGE, TENSION = "angle", "carriage", "tension"
+ANGLE, CARRIAGE = "angle", "carriage"
 ANGULAR_SPEED, FEED_SPEED = "angular_speed", "feed_speed"
 START, STOP, QUICK_STOP = "start", "stop", "quick_stop"
 RESET, EMERGENCY_STOP = "reset", "emergency_stop"
-UNITS_OF = {
-    ANGLE: ("rad", "deg", "turn"),
-    CARRIAGE: ("m", "mm", "um"),
-    TENSION: ("N", "mN", "kN"),
-    ANGULAR_SPEED: ("rad/s", "deg/s", "rpm"),
-    FEED_SPEED: ("m/s", "mm/s", "m/min"),
+# SI units of the variables that make a joint state; every other variable is a `Quantity`.
+AXES: Mapping[str, str] = {
+    ANGLE: "rad",
+    CARRIAGE: "m",
+    ANGULAR_SPEED: "rad/s",
+    FEED_SPEED: "m/s",
 }
-_NEEDED = (ANGLE, CARRIAGE, TENSION)
+_NEEDED = (ANGLE, CARRIAGE, CABLE_TENSION.name)
+_FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
 COMMANDS = (START, STOP, QUICK_STOP, RESET, EMERGENCY_STOP)
 _NODE_ID = re.compile(r"(ns=\d+;|nsu=[^;]+;)?(i=\d+|[sgb]=.+)", re.DOTALL)
 
@@ -101,7 +94,7 @@ class Server:
 
 @dataclass(frozen=True, kw_only=True)
 class Variable:
-    """Where a number of the machine is, and how it becomes SI."""
+    """Node of a number of the machine, and its conversion to SI."""
 
     node: str = parameter("", "node id")
     unit: str = parameter("", "unit of the value")
@@ -113,7 +106,7 @@ class Variable:
     @property
     def factor(self) -> float:
         """Factor from the server's value to SI."""
-        return self.scale * UNITS[self.unit]
+        return self.scale * _FACTORS.get(self.unit, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,7 +159,8 @@ class MachineMapping:
 
     Attributes:
         server: How the PLC is reached.
-        variables: By the names of UNITS_OF; speeds may be missing.
+        variables: By the names of AXES and of quantities; speeds and quantities other than the
+            tension may be missing.
         commands: By the names of COMMANDS, all of them.
         state: The machine's own state; None where it tells none.
         heartbeat: Node ids are empty where there is none.
@@ -181,25 +175,41 @@ class MachineMapping:
     @property
     def axes(self) -> tuple[str, ...]:
         """Variables that a joint state is made of, positions first."""
-        return tuple(name for name in self.variables if name != TENSION)
+        return tuple(name for name in self.variables if name in AXES)
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Variables that are a quantity each."""
+        return tuple(name for name in self.variables if name not in AXES)
 
 
-def read_mapping(path: Path) -> MachineMapping:
-    """Return a mapping file's content; its file names count from its own folder.
+def read_mapping(path: Path, quantities: Collection[Quantity] = (CABLE_TENSION,)) -> MachineMapping:
+    """Return a mapping file's content.
+
+    Args:
+        path: The file; file names in it are relative to its folder.
+        quantities: That the graph has a topic for.
 
     Raises:
         MappingError: One sentence on the first thing that cannot be used.
     """
     try:
-        return parse_mapping(path.read_text(encoding="utf-8"), path.parent)
+        return parse_mapping(path.read_text(encoding="utf-8"), path.parent, quantities)
     except (OSError, UnicodeError) as error:
         raise MappingError(f"{path} cannot be read: {error}") from None
     except MappingError as error:
         raise MappingError(f"{path}: {error}") from None
 
 
-def parse_mapping(text: str, folder: Path) -> MachineMapping:
-    """Return the mapping that a text states.
+def parse_mapping(
+    text: str, folder: Path, quantities: Collection[Quantity] = (CABLE_TENSION,)
+) -> MachineMapping:
+    """Return the mapping of a YAML text.
+
+    Args:
+        text: The document.
+        folder: That its file names are relative to.
+        quantities: That the graph has a topic for.
 
     Raises:
         MappingError: One sentence on the first thing that cannot be used.
@@ -209,14 +219,17 @@ def parse_mapping(text: str, folder: Path) -> MachineMapping:
         refuse_unknown(
             top, ("server", "variables", "commands", "state", "heartbeat"), owner="the file"
         )
-        variables = _named(top, "variables", tuple(UNITS_OF), _NEEDED)
+        known = {**AXES, **{item.name: item.unit for item in quantities}}
+        variables = _named(top, "variables", tuple(known), _NEEDED)
         # A PLC without a quick stop is stopped as fast as it can.
         commands = _named(top, "commands", COMMANDS, (START, STOP, RESET, EMERGENCY_STOP))
         commands.setdefault(QUICK_STOP, commands[STOP])
         return MachineMapping(
             server=_server(_section(top.get("server"), "server"), folder),
             variables={
-                name: _variable(name, variables[name]) for name in UNITS_OF if name in variables
+                name: _variable(name, unit, variables[name])
+                for name, unit in known.items()
+                if name in variables
             },
             commands={name: _command(name, commands[name]) for name in COMMANDS},
             state=_state(_section(top["state"], "state")) if "state" in top else None,
@@ -287,13 +300,14 @@ def _server(values: dict[str, Any], folder: Path) -> Server:
     return replace(server, **found)  # type: ignore[arg-type]
 
 
-def _variable(name: str, values: Any) -> Variable:
+def _variable(name: str, si_unit: str, values: Any) -> Variable:
     title = f"variable {name}"
     variable = build(Variable, _section(values, title), owner=title)
     _check_node_id(f"node of {title}", variable.node)
-    if variable.unit not in UNITS_OF[name]:
+    units = tuple(UNITS.get(si_unit, (si_unit,)))
+    if variable.unit not in units:
         raise MappingError(
-            f"unit of {title} must be one of {', '.join(UNITS_OF[name])}, got {variable.unit!r}"
+            f"unit of {title} must be one of {', '.join(units)}, got {variable.unit!r}"
         )
     if variable.scale == 0.0:
         raise MappingError(f"scale of {title} must not be 0")
