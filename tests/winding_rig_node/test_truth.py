@@ -11,7 +11,7 @@ from winding_core.fleet_angle import PAPER_FREE_LENGTH
 from winding_rig_node.lay.driven_lay import DrivenLay
 from winding_rig_node.lay.known_lay import published_lay
 from winding_rig_node.lay.lay_on import HiddenRig
-from winding_rig_node.lay.truth import truth_of, truth_path, write_truth
+from winding_rig_node.lay.truth import truth_path, truth_record, write_truth
 
 CASE = paper_case(4)
 
@@ -21,7 +21,7 @@ def test_the_truth_of_a_driven_lay_is_the_lay_and_what_was_hidden(tmp_path):
     lay = DrivenLay(CASE, hidden)
     for angle in np.arange(0.01, 14.0, 0.01):
         lay.advance(angle, 3.0e-3 * angle, CASE.weight)
-    write_truth(tmp_path / "truth.json", truth_of(lay, 99.0))
+    write_truth(tmp_path / "truth.json", truth_record(lay.truth(99.0)))
     told = json.loads((tmp_path / "truth.json").read_text())
     assert HiddenRig(**told["hidden"]) == hidden
     assert told["wound_angle"] == lay.wound_angle == told["path"]["theta"][-1]
@@ -35,7 +35,7 @@ def test_the_truth_of_a_driven_lay_is_the_lay_and_what_was_hidden(tmp_path):
 
 def test_the_truth_of_a_known_lay_ends_where_the_cylinder_stands():
     lay = published_lay(CASE, DriveProfile(), PAPER_FREE_LENGTH, 33.93)
-    told = truth_of(lay, 8.0)
+    told = truth_record(lay.truth(8.0))
     assert told["hidden"] == {}
     assert max(told["path"]["theta"]) <= 8.0
     assert told["markers"]["theta"] == [0.0, lay.marker_theta[1], None, None, None]

@@ -1,4 +1,4 @@
-"""ROS adapter of the lay controller: what the graph says in, commands of guide and brake out."""
+"""ROS adapter of the lay controller: measured lay in, commands of guide and brake out."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class LayControlNode(ManagedNode[LayControlParameters]):
             )
         lay = newest.lay
         fallen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.RAMP
-        said = {
+        basis = {
             ControlBasis.MEASURED: "by the measured lay",
             ControlBasis.MODEL: "by the model: no lay has been measured for 1.5 turns",
             ControlBasis.RAMP: "by the drive programme: the solver is silent",
@@ -65,12 +65,12 @@ class LayControlNode(ManagedNode[LayControlParameters]):
             newest.commanding and abs(newest.ahead) > _BEHIND * self.configuration.following_error
         )
         if stays:
-            said += f"; the carriage stands {1e3 * newest.ahead:.1f} mm behind its setpoint"
+            basis += f"; the carriage stands {1e3 * newest.ahead:.1f} mm behind its setpoint"
         unseen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.MODEL
         return Status(
             name=topics.LAY_CONTROL,
             level=Level.WARN if fallen or unseen or stays else Level.OK,
-            message=f"{mode.name.lower()}, {said}",
+            message=f"{mode.name.lower()}, {basis}",
             values={
                 "mode": mode.name.lower(),
                 "basis": newest.basis.name.lower(),

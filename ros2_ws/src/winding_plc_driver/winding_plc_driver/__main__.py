@@ -35,7 +35,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="winding_plc_driver", description=__doc__)
     parser.add_argument("--mapping", type=Path, required=True, help="YAML file, see docs/opc-ua.md")
     mapping_file = parser.parse_args(remove_ros_args(sys.argv)[1:]).mapping
-    # What the library logs, the driver says in /diagnostics; a traceback says it to nobody.
+    # What the library logs as tracebacks, the driver reports in /diagnostics.
     logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
     try:
         mapping = read_mapping(mapping_file, QUANTITIES)

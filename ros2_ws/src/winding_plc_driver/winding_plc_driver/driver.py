@@ -1,4 +1,4 @@
-"""Keeps the link, passes on what the PLC tells and what the graph commands; knows no ROS."""
+"""Keeps the link, passes values and commands on and reports the state; imports no ROS."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Outlets(Protocol):
         """Publish the driver's state."""
 
     def log(self, text: str) -> None:
-        """Tell the operator something that happened."""
+        """Report an event to the operator."""
 
 
 class Driver:
@@ -87,14 +87,14 @@ class Driver:
         """Drive until cancelled."""
         try:
             async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._let_go(outlets))
-                tasks.create_task(self._tell(outlets))
+                tasks.create_task(self._release(outlets))
+                tasks.create_task(self._report(outlets))
                 tasks.create_task(self._keep_link(outlets))
         finally:
             await self._session.close()
 
     async def command(self, name: str) -> tuple[bool, str]:
-        """Return (whether the machine did as told, one sentence)."""
+        """Return (whether the command was executed, one sentence)."""
         refusal = self._link.refuse(name, self._clock())
         if not refusal and name == START:
             refusal = self._heartbeat.complaint(self._clock())
@@ -112,9 +112,9 @@ class Driver:
                     await self._session.open()
                 self._opened = False
                 while stop := self._link.stop_on_return(self._clock()):
-                    _, said = await self._session.call(stop, self._mapping.commands[stop])
+                    _, answer = await self._session.call(stop, self._mapping.commands[stop])
                     self._link.stopped(stop)
-                    outlets.log(f"the link is back and the machine was told to {stop}: {said}")
+                    outlets.log(f"the link is back and the machine received {stop}: {answer}")
                 self._link.established()
                 self._changed.set()
                 outlets.log(f"ready: the link to {self._mapping.server.endpoint} is up")
@@ -170,7 +170,7 @@ class Driver:
             else:
                 outlets.measured(stamp_ns, item)
 
-    async def _let_go(self, outlets: Outlets) -> None:
+    async def _release(self, outlets: Outlets) -> None:
         while True:
             await asyncio.sleep(_LOOK)
             self._publish(outlets)
@@ -185,7 +185,7 @@ class Driver:
                 self._beat_complaint = str(error)
             await asyncio.sleep(heartbeat.period_s)
 
-    async def _tell(self, outlets: Outlets) -> None:
+    async def _report(self, outlets: Outlets) -> None:
         while True:
             self._changed.clear()
             outlets.status(self._status())

@@ -105,7 +105,7 @@ class PlcDriverNode(Node):  # type: ignore[misc]
         self._diagnostics.publish(encode_diagnostics(time.time(), [status], self._endpoint))
 
     def log(self, text: str) -> None:
-        """Tell the operator something that happened."""
+        """Report an event to the operator."""
         self.get_logger().info(text)
 
     def close(self) -> None:

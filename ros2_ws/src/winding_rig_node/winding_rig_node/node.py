@@ -20,7 +20,7 @@ from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import MachineConfig, PhaseError
 from winding_rig_node.machine.pace import Pace
 from winding_rig_node.ros.camera import Camera, FrameListener
-from winding_rig_node.ros.inputs import follow_fault_parameters, stated_faults, take_commands
+from winding_rig_node.ros.inputs import enabled_faults, follow_fault_parameters, take_commands
 from winding_rig_node.ros.machine_loop import MachineLoop
 from winding_rig_node.ros.outputs import Outputs, rig_status
 from winding_rig_node.ros.parameters import RigParameters
@@ -35,8 +35,9 @@ from winding_ros.topic import Topic
 class RigNode(ManagedNode[RigParameters]):
     """Simulated winding machine; owns simulated time.
 
-    Publishes and serves what `winding graph --interfaces` says. Listens to commands for its axes
-    and brake, to `pace_topics` for their stamps alone, and to the orchestrator's signs of life.
+    Publishes and serves what `winding graph --interfaces` lists. Subscribes to commands for its
+    axes and brake, to `pace_topics` for their stamps alone, and to the orchestrator's signs of
+    life.
 
     The machine runs in a thread of its own with absolute deadlines, the camera in another; the
     executor only serves requests and answers.
@@ -94,7 +95,7 @@ class RigNode(ManagedNode[RigParameters]):
             fail=self.fail,
         )
         self._put_in(
-            stated_faults(
+            enabled_faults(
                 wanted.inject_fault,
                 enabled=wanted.inject_faults,
                 seed=wanted.seed,
@@ -146,7 +147,7 @@ class RigNode(ManagedNode[RigParameters]):
             self._loop.come_to_rest()
 
     def contested(self, sentence: str) -> None:
-        """Stop the machine: somebody else speaks in its name."""
+        """Stop the machine: another node publishes in its name."""
         if self._loop is not None:
             self._loop.stop_quickly(sentence)
 

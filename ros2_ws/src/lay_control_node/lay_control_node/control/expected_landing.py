@@ -37,9 +37,9 @@ class ExpectedLanding:
     Attributes:
         number: Of the marker.
         wanted: Wound angle [rad].
-        expected: Where it lands if the tension at lay-on is the believed one [rad].
-        sigma: One standard deviation of that [rad], from what is believed of that tension, and of
-            what no law of it says.
+        expected: Where it lands if the tension at lay-on is that of the prior [rad].
+        sigma: One standard deviation of that [rad], of the prior of that tension, and of
+            what its law leaves out.
         unusual: Its larger miss under two rigs that are 2.2 deviations off where that moves the
             first marker most [rad]: the pull may come to its bounds there.
     """
@@ -63,15 +63,15 @@ def expected_landings(
     wanted: WantedLay,
     markers: Mapping[int, float],
 ) -> tuple[ExpectedLanding, ...]:
-    """Wind markers under control, with each belief of the tension moved by its deviation in turn.
+    """Wind markers under control, each parameter of the tension moved by its deviation in turn.
 
     Then with all of them moved together, to either side, where that moves the first marker most.
 
     The cable sticks where it lands; the pull is the commanded one. Markers are measured behind
-    the contact line, so the first one says nothing until it lies.
+    the contact line, so the first one adds nothing until it lies.
 
     Args:
-        control: What is believed, and the range of the pull.
+        control: Priors, and the range of the pull.
         what: What is wound.
         wanted: The lay.
         markers: Wound angle at which a marker is wanted [rad], by marker.
@@ -97,7 +97,7 @@ def expected_landings(
     unusual = dict(zip(numbers, np.abs(ends - aims).max(axis=0).tolist(), strict=True))
     radius, before = what.case.centreline_radius, 0.0
     for number in numbers:
-        # What nobody learns: by how much the brake's own friction keeps the tension off its law.
+        # Unobservable: by how much the brake's own friction keeps the tension off its law.
         segment = nominal[number] - before
         stretched = max(radius * segment / what.case.marker_spacing - 1.0, 0.0)
         friction = believed.stretch.config.tension_error * stretched * segment

@@ -1,4 +1,4 @@
-"""Where the guide has to be so that the cable lands on the wanted line."""
+"""The guide: the lay that is wanted of it, where it has to be for that, and within which bounds."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class GuideLaw:
 
     The end of the span is bent over l, so its lag is one of l and one of L - l in a row:
     t2 z' = h - z and t1 h' = g + b - h with t2 = l / rho and t1 = (L - l) / rho. What h has to
-    follow is v = w + t2 w'. Where the guide stands says h' already. It is to come to
+    follow is v = w + t2 w'. The place of the guide gives h' already. It is to come to
 
         v' + k (v - h)      by      h'' = v'' + 4 k (v' + k (v - h) - h'),
 
@@ -80,7 +80,7 @@ class GuideLaw:
 
         Args:
             wanted: At the contact line.
-            lay: What is believed there.
+            lay: Estimate there.
             guide: Setpoint of the carriage now [m].
             turned: Wound angle of the step [rad]; one that is not positive moves nothing.
         """

@@ -48,11 +48,11 @@ class LandedMarker:
 
 
 class LandedMarkers:
-    """Averages tracked markers frame by frame, and tells each one once."""
+    """Averages tracked markers frame by frame, and yields each one once."""
 
     def __init__(self) -> None:
         self._frames: dict[int, list[list[float]]] = {}
-        self._told: set[int] = set()
+        self._landed: set[int] = set()
 
     def take(self, markers: Markers) -> Iterator[LandedMarker]:
         """Take the markers of a frame; yield those that have landed with it, in order.
@@ -61,7 +61,7 @@ class LandedMarkers:
         """
         for record in np.sort(markers[markers["flags"] == 0], order="id"):
             number = int(record["id"])
-            if number == 0 or number in self._told:
+            if number == 0 or number in self._landed:
                 continue
             frame = [float(record[n]) for n in ("theta", "z", "sigma_theta", "sigma_z")]
             if not all(map(math.isfinite, frame)):
@@ -75,7 +75,7 @@ class LandedMarkers:
                 # It moves, or one of the frames is wrong: the oldest one is the first to go.
                 frames.pop(0)
                 continue
-            self._told.add(number)
+            self._landed.add(number)
             yield _mean(number, frames)
 
 
@@ -93,7 +93,7 @@ def _mean(number: int, frames: list[list[float]]) -> LandedMarker:
 
 # Cable that lies on less than this has nothing on the cylinder that could slip [rad].
 UNWOUND = 0.2
-# A span is believed to carry this at least [N].
+# Least tension that a span is taken to carry [N].
 _LEAST_TENSION = 1.0e-3
 
 
@@ -109,7 +109,7 @@ class ControllerConfig:
             unseen [rad].
         following_error: How far the setpoint goes ahead of the carriage [m].
         solver_patience: Time without the solver after which the guide follows the drive
-            programme [s]; infinite where no solver is listened to.
+            programme [s]; infinite where no solver is subscribed to.
     """
 
     advance_per_radian: float
@@ -131,8 +131,8 @@ class Setpoint:
         guide_speed: Its rate [m/s].
         pull: Pull of the brake [N]; None where none is commanded.
         wanted_z: Wanted height at the contact line [m].
-        lay: What is believed of the lay there.
-        stretch: What is believed of the tension at lay-on.
+        lay: Estimate of the lay there.
+        stretch: Estimate of the tension at lay-on.
         basis: What it rests on.
         limited: Whether a bound of the guide held it back.
         ahead: How far the setpoint is ahead of the carriage [m].
@@ -155,7 +155,7 @@ class Setpoint:
 
 @dataclass(kw_only=True)
 class LayController:
-    """Follows machine, markers and lay; says where guide and brake have to be.
+    """Follows machine, markers and lay; computes where guide and brake have to be.
 
     A carriage that has been driven is not left standing beside a cylinder that winds: in the other
     modes it goes on at the drive programme's advance, and the pull stays as it is.
@@ -193,7 +193,7 @@ class LayController:
             self.stretch.land(landed.number, landed.theta, landed.sigma_theta)
 
     def take_lay(self, places: LayRecords) -> None:
-        """Take the measured places of the wound cable; those that say nothing new do nothing."""
+        """Take measured places of the wound cable; only those ahead of the newest one count."""
         new = places[places["theta"] > self.lay.measured_to]
         new = new[(new["flags"] & (LayFlag.OVERLAP | LayFlag.CLIMB)) == 0]
         for place in np.sort(new, order="theta"):

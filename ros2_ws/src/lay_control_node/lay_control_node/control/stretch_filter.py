@@ -25,7 +25,7 @@ _OUTLYING = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class StretchFilterConfig:
-    """What is believed of the tension at lay-on before a marker has landed.
+    """Prior of the tension at lay-on before a marker has landed.
 
     Attributes:
         share: Share of the pull at the guide that reaches the cylinder.
@@ -103,10 +103,6 @@ class StretchEstimate:
         final = np.maximum(self.share * np.asarray(pull) + self.drag, 0.0)
         return np.asarray(self.built(wound) * final)
 
-    def pull_for(self, tension: float, wound: float) -> float:
-        """Return the pull [N] that gives a tension at lay-on [N] after a wound length [m]."""
-        return float((tension / self.built(wound) - self.drag) / self.share)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
@@ -133,7 +129,7 @@ class StretchFilter:
         law: Lay-on of the cable.
         spacing: Undeformed cable between markers [m].
         radius: Centreline radius R + r [m].
-        config: What is believed before.
+        config: The prior.
     """
 
     def __init__(
@@ -164,16 +160,11 @@ class StretchFilter:
 
     @property
     def estimate(self) -> StretchEstimate:
-        """What is believed now."""
+        """Estimate now."""
         return self._believed(self._mean)
 
-    @property
-    def landed_at(self) -> float:
-        """Wound angle of the newest marker that was taken [rad]."""
-        return self._from
-
     def join(self, theta: float) -> None:
-        """Begin in mid-run at a wound angle [rad]: the next marker says how much is laid."""
+        """Begin in mid-run at a wound angle [rad]: the next marker shows how much is laid."""
         self._steps.clear()
         self._from, self._joined = theta, True
 

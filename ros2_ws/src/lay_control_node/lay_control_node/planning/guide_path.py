@@ -1,4 +1,4 @@
-"""Where the guide must stand over the wound angle so that the cable lands on a program."""
+"""The law of the lag: where the guide must stand for a lay, and where a sticking cable lands."""
 
 from __future__ import annotations
 

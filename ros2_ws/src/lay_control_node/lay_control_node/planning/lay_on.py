@@ -1,4 +1,4 @@
-"""How much undeformed cable lies on a radian of the cylinder under a tension, and the reverse."""
+"""How much undeformed cable lies on a radian of the cylinder under a tension or a pull."""
 
 from __future__ import annotations
 
@@ -62,14 +62,6 @@ class LayOnLaw:
             slope: dz/dtheta [m/rad], broadcast with it.
         """
         return np.asarray(np.hypot(self.radius(force), slope) / self.stretch(force))
-
-    def force_for(self, density: float, slope: float) -> float:
-        """Return the tension [N] under which a density [m/rad] is laid at a slope [m/rad].
-
-        Nearest end of the table where none does.
-        """
-        laid = np.hypot(self._radius, slope) / self._stretch
-        return float(np.interp(-density, -laid, self._force))
 
 
 # Pulls are planned up to this share of what the material carries at all.

@@ -1,4 +1,4 @@
-"""A planned run: the machine's motion and pull over time, and what will lie where."""
+"""A planned run: motion and pull over time, what will lie where, and its table for a PLC."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The machine's motion along a guide's path: both axes over time, within every limit."""
+"""The machine's motion along a guide's path: both axes over time, slowed to keep every limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How widely a path's corners must be rounded for the carriage to follow them at full speed."""
+"""How widely a path's corners must be rounded for the carriage to follow, and by how much."""
 
 from __future__ import annotations
 
@@ -130,8 +130,8 @@ def _samples(line: SmoothedLine) -> Array:
     return np.concatenate([np.unique(marks) * step, line.theta])
 
 
-# Smaller roundings are not told [m].
-LEAST_TOLD = 1.0e-5
+# Smaller roundings are not reported [m].
+LEAST_REPORTED = 1.0e-5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +150,7 @@ class Corner:
 
 
 def corners(line: SmoothedLine, at_half_speed: SmoothedLine) -> tuple[Corner, ...]:
-    """Return the corners that are rounded by anything worth telling.
+    """Return the corners that are rounded by more than `LEAST_REPORTED`.
 
     Args:
         line: The wanted z, rounded as it is planned.
@@ -159,7 +159,7 @@ def corners(line: SmoothedLine, at_half_speed: SmoothedLine) -> tuple[Corner, ..
     rounded, half = line.rounded_by(), at_half_speed.rounded_by()
     size = np.abs(rounded)
     found = []
-    for k in np.flatnonzero(size > LEAST_TOLD).tolist():
+    for k in np.flatnonzero(size > LEAST_REPORTED).tolist():
         reach = REACH * line.width
         first = int(np.searchsorted(line.theta, line.theta[k] - reach))
         last = int(np.searchsorted(line.theta, line.theta[k] + reach, side="right"))

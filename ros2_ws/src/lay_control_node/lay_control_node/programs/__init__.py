@@ -1,4 +1,4 @@
-"""Lay programs from files and options."""
+"""Which lay is wanted: programs from files and options, and what of them cannot be wound?"""
 
 from lay_control_node.programs.feasibility import crossings, refuse_beyond, refuse_overlap
 from lay_control_node.programs.reading import read_program

@@ -1,4 +1,7 @@
-"""Turns that would lie over each other: one layer is what the lay law and the solver know."""
+"""What of a program cannot be wound: turns over each other, cable beyond the travel.
+
+The lay law and the solver know one layer.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from winding_core.units import MILLIMETRE
 _STEP = FULL_TURN / 48.0
 # Touching neighbours are no overlap.
 _ROUNDING = 1.0e-9
-# More are wound by nobody, and comparing them would take minutes.
+# No run winds more, and comparing them would take minutes.
 _MOST_PAIRS = 20_000_000
 
 
@@ -45,7 +48,7 @@ def refuse_overlap(program: LayProgram, cable_diameter: float) -> None:
         cable_diameter: [m]
 
     Raises:
-        LayProgramError: Two turns would overlap; says where.
+        LayProgramError: Two turns would overlap; the message contains where.
     """
     theta = _compared(program)
     slope = program.slope_at(theta)
@@ -124,7 +127,7 @@ def refuse_beyond(program: LayProgram, low: float, high: float) -> None:
         high: Its end [m].
 
     Raises:
-        LayProgramError: A point lies outside; says which.
+        LayProgramError: A point lies outside; the message contains which.
     """
     beyond = np.maximum(low - program.z, program.z - high)
     worst = int(np.argmax(beyond))

@@ -1,7 +1,7 @@
 """G-code of filament winding: X the carriage, A the mandrel's angle; the format only.
 
 The carriage of such a program is taken for where the cable is wanted, because the programs know
-neither a lag nor a stretch. Times and feed rates say nothing: the plan has its own.
+neither a lag nor a stretch. Times and feed rates are ignored: the plan has its own.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _WORD = re.compile(r"([A-Z])\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d+)?)\s*", re.
 
 
 def words_of(text: str, name: str) -> Iterator[tuple[int, list[Word]]]:
-    """Yield the number of every line that says something, and its words.
+    """Yield the number of every line that is not empty, and its words.
 
     Raises:
         LayProgramError: A line is no G-code.
@@ -56,7 +56,7 @@ _DEGREE = math.pi / 180.0
 # Planes, compensation off, a coordinate system, path modes, feed modes: nothing moves by them.
 _WITHOUT_EFFECT = {17.0, 18.0, 19.0, 40.0, 49.0, 54.0, 61.0, 64.0, 80.0, 93.0, 94.0, 95.0}
 _ENDS = {2.0, 30.0}
-# Letters of which nothing is used, and what they say.
+# Letters of which nothing is used, and what they stand for.
 _IGNORED = {"B": "the head B", "C": "the axis C", "E": "the extruder E", "F": "feed rates F",
             "S": "speeds S", "T": "tools T", "P": "pauses P"}  # fmt: skip
 _TINY = 1.0e-9
@@ -124,13 +124,15 @@ def parse_gcode(text: str, *, radius: float, name: str) -> LayProgram:
     if not sense:
         raise LayProgramError(f"{name} never turns the mandrel (A)")
     if machine.ignored:
-        said = ", ".join(f"{what} ({count} x)" for what, count in sorted(machine.ignored.items()))
-        remarks.append(f"ignored: {said}")
+        ignored = ", ".join(
+            f"{what} ({count} x)" for what, count in sorted(machine.ignored.items())
+        )
+        remarks.append(f"ignored: {ignored}")
     return points.program(name, remarks)
 
 
 def _take(machine: _Machine, words: list[Word], place: str) -> bool:
-    """Do what a line says; return whether the program ends."""
+    """Execute a line; return whether the program ends."""
     axes: dict[str, float] = {}
     sets_place = False
     for letter, value in words:
@@ -142,7 +144,7 @@ def _take(machine: _Machine, words: list[Word], place: str) -> bool:
             _ignore(machine, f"M{value:g}")
         elif letter in "XA":
             if letter in axes:
-                raise LayProgramError(f"{place} says {letter} twice")
+                raise LayProgramError(f"{place} has {letter} twice")
             axes[letter] = value
         elif letter in _IGNORED:
             _ignore(machine, _IGNORED[letter])

@@ -1,4 +1,4 @@
-"""Points of a program as a table states them: an angle or a length, z, and what goes with it."""
+"""Points of a program and tables of them: an angle or a length, z, tension and marker."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def finite_number(value: object, what: str) -> float:
     """Return a number that was given as one or as its text.
 
     Raises:
-        LayProgramError: It is none, or not finite; says what.
+        LayProgramError: It is none, or not finite; the message contains what.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise LayProgramError(f"{what} must be a number, got {_shown(value)}")
@@ -225,12 +225,12 @@ def parse_csv(text: str, *, radius: float, name: str) -> LayProgram:
     """Read a table.
 
     Args:
-        text: Head line and rows; lines that are empty or begin with # say nothing.
+        text: Head line and rows; lines that are empty or begin with # are skipped.
         radius: Of the laid cable's centreline [m].
         name: Of the program.
 
     Raises:
-        LayProgramError: It cannot be used; says the line.
+        LayProgramError: It cannot be used; the message contains the line.
     """
     points = PointList(radius=radius)
     columns: Columns | None = None

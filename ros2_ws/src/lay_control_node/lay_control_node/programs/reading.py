@@ -1,4 +1,4 @@
-"""A program file by its suffix."""
+"""Which reader takes a program file: by its suffix, on its text."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def read_program(path: Path, *, radius: float) -> LayProgram:
     """Read a lay program: a table, YAML, or G-code of filament winding.
 
     Args:
-        path: Its suffix says which, see docs/lay-control.md.
+        path: Its suffix selects the reader, see docs/lay-control.md.
         radius: Of the laid cable's centreline [m], for lengths of cable.
 
     Raises:

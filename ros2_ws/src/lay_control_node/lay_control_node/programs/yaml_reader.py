@@ -149,7 +149,7 @@ def parse_yaml(text: str, *, radius: float, name: str) -> LayProgram:
         name: Of the program where the document has none.
 
     Raises:
-        LayProgramError: It cannot be used; says where.
+        LayProgramError: It cannot be used; the message contains where.
     """
     try:
         content = load_yaml(text)

@@ -24,26 +24,26 @@ from winding_ros.topic import Topic
 
 # A machine that has stood for longer is not commanded: it may have been stopped [s].
 _STANDING = 0.2
-# A stamp of zero would say that a command holds from when it arrives [s].
+# A stamp of zero means that a command holds from its arrival [s].
 _FIRST_STAMP = 1.0e-9
 
 
 class LayControlHandler:
-    """Follows the machine and says where guide and brake have to be.
+    """Follows the machine and answers where guide and brake have to be.
 
     Args:
         wanted: The controller and its program.
 
     Attributes:
         controller: Of the present run.
-        newest: What was said last; None before the first joint state.
+        newest: Last setpoint; None before the first joint state.
     """
 
     def __init__(self, wanted: LayControlParameters) -> None:
         self._wanted = wanted
         self._axes = wanted
         self._period = 1.0 / (topics.LAY_CONTROL_STATE.rate or 1.0)
-        # A machine may be heard before the first run begins.
+        # Messages of a machine may arrive before the first run begins.
         self._restart(wanted.new_controller())
 
     def begin(self, t: float) -> Iterator[Answer]:

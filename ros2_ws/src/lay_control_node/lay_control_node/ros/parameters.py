@@ -49,7 +49,9 @@ class LayControlParameters(ControlParameters, LayWish, MachineAxes, Condition):
         if self.markers_every_turn:
             program = with_markers_every_turn(program, what.case.marker_count)
         if program.markers and not self.brake:
-            raise LayProgramError("the program says where markers shall land, which needs a brake")
+            raise LayProgramError(
+                "the program states where markers shall land, which needs a brake"
+            )
         return program
 
     def new_controller(self) -> LayController:

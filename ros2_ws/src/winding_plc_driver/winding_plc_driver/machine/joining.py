@@ -1,4 +1,4 @@
-"""Values that arrive one by one become samples of all axes.
+"""Values that arrive one by one become samples of all axes, passed on at a bearable pace.
 
 A sample belongs to one source timestamp. Values of the same source timestamp are one
 sample. An axis that has no value of that time is interpolated between its neighbours in time, once

@@ -279,8 +279,8 @@ def _server(values: dict[str, Any], folder: Path) -> Server:
     sources = bool(server.password_variable) + bool(server.password_file)
     if sources != bool(server.user):
         raise MappingError(
-            "a user needs one of password_variable and password_file, and nobody needs none, got "
-            f"user {server.user!r} with {sources} of them"
+            "a user needs one of password_variable and password_file, and an anonymous session "
+            f"neither, got user {server.user!r} with {sources} of them"
         )
     if bool(server.user_certificate) != bool(server.user_private_key):
         raise MappingError(

@@ -1,4 +1,4 @@
-"""Values as the server sent them become numbers in SI, each once, and what is amiss is counted."""
+"""Values and notifications as the server sent them: in SI, each once, in order, losses counted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One request and its answer, with a time limit of its own."""
+"""One request and its answer, with a time limit of its own, and what can go wrong with it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class RefusedError(Exception):
 
 
 @contextmanager
-def told(what: str, timeout: float) -> Iterator[None]:
+def in_one_sentence(what: str, timeout: float) -> Iterator[None]:
     """Turn what a request may raise into one sentence.
 
     Args:

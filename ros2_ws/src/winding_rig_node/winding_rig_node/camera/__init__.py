@@ -1,4 +1,4 @@
-"""Simulated high-speed camera with exact ground truth; it shares no code with the tracker."""
+"""What does the simulated camera see? Exact ground truth; no code shared with the tracker."""
 
 from winding_rig_node.camera.cable_path import CablePath, GrowingPath
 from winding_rig_node.camera.config import (

@@ -1,4 +1,4 @@
-"""Where the wound cable lies: axial position over wound angle, checked once, with its bounds."""
+"""Where the wound cable lies, with bounds for the renderer: known ahead, or growing."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def path_crosses(
 _ROOM = 4096
 # The lay goes on by so much beyond the contact line, for its direction there [rad].
 _AHEAD = 0.02
-# Nearer to the last point than this a line through both says nothing [rad].
+# Nearer to the last point than this a line through both is undetermined [rad].
 _CLOSE = 1.0e-4
 # Beside the points and the blocks: what lies ahead of the contact line, and where that ends.
 _SPARE = 2

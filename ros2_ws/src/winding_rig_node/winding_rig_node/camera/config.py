@@ -113,7 +113,7 @@ class Light:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraCalibration:
-    """Exactly what a sensor_msgs/CameraInfo says about a camera, in full-resolution pixels.
+    """Content of a sensor_msgs/CameraInfo, in full-resolution pixels.
 
     Attributes:
         width: Columns of the full sensor.
@@ -212,7 +212,7 @@ class CameraConfig:
         return replace(self, window=whole)
 
     def calibration(self) -> CameraCalibration:
-        """Return what the camera's CameraInfo says."""
+        """Return the content of the camera's CameraInfo."""
         window = self.window
         return CameraCalibration(
             width=self.width,

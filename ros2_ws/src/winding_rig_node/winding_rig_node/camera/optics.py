@@ -1,4 +1,4 @@
-"""Pinhole with Brown-Conrady distortion, forwards for points and backwards once for all rays."""
+"""Pinhole with Brown-Conrady distortion, for points and for rays, and what its window can show."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compressed preview of a frame for operators."""
+"""How frames leave the camera: as a compressed preview, and as a sequence on disk with truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Depth-buffered samples, points of facets, and triangles written into samples."""
+"""Depth-buffered samples: facets written into them, and resolved into pixels.
+
+Where every corner of a section lies farther down (or up) the picture than that of the section
+before, the facets between the two are a ribbon: the line through the corners of one kind crosses
+each row once, and a row of a facet lies between two such crossings. Elsewhere facets are pairs of
+triangles.
+"""
 
 from __future__ import annotations
 

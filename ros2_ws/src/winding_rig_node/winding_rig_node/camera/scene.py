@@ -1,4 +1,4 @@
-"""What stands before the camera at one instant: cylinder, cable, markers, guide."""
+"""What stands before the camera: cylinder, cable, markers, guide, and what disturbs the picture."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Paint:
 
     def of_markers(self, count: int) -> tuple[Colour, ...]:
         """Return the colour of each of a number of markers."""
-        told = self.markers or (self.marker,)
-        return (told + told[-1:] * count)[:count]
+        given = self.markers or (self.marker,)
+        return (given + given[-1:] * count)[:count]
 
 
 def paint_of_hue(hue: float) -> Colour:

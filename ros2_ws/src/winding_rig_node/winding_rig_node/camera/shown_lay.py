@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_rig_node.camera.cable_path import CablePath, GrowingPath, WoundPath
-from winding_rig_node.lay.lay_law import LayView
 from winding_rig_node.lay.known_lay import CableLay
+from winding_rig_node.lay.lay_law import LayView
 
 FloatArray = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""One driven axis: motor, encoder and speed controller in a loop."""
+"""One driven axis: geared DC motor, incremental encoder and PID speed controller in a loop."""
 
 from __future__ import annotations
 
@@ -330,7 +330,7 @@ def control_axis(
         acceleration: Its rate [rad/s^2 or m/s^2].
         dt: Control period [s].
         load: Opposing load that the drive knows of [N m or N]; counts only without the encoder.
-        open_loop: Whether the motor's model alone drives the axis, because its encoder lies.
+        open_loop: Whether the motor's model alone drives the axis, because its encoder is wrong.
     """
     motor = config.motor
     dry = math.copysign(motor.friction_voltage, setpoint) if setpoint else 0.0
@@ -378,7 +378,7 @@ def advance_axis(
         load: Opposing load [N m or N].
         dt: Sample period [s].
         braked: Whether drive is cut and brake applied.
-        seen: What the encoder makes of a position; None when it says nothing that can be.
+        seen: What the encoder makes of a position; None when its reading is invalid.
     """
     advance_motor(config.motor, state.motor, state.voltage, load, dt, braked=braked)
     read_encoder(

@@ -56,7 +56,7 @@ class Aim(Protocol):
         ...
 
     def unattended(self, t: float, timeout: float, rest: float) -> bool:
-        """Return whether nobody has repeated in time what the axis still moves for.
+        """Return whether the command that the axis still moves for was not repeated in time.
 
         Args:
             t: Now [s].
@@ -68,7 +68,7 @@ class Aim(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Planned:
-    """A trajectory: a plan with an end, the `course`, which nobody has to repeat."""
+    """A trajectory: a plan with an end, the `course`, which needs no repetition."""
 
     course: Interpolation
 

@@ -36,7 +36,7 @@ CARRIAGE_LIMITS = MotionLimits(name=CARRIAGE, speed=0.08, acceleration=0.5, low=
 
 
 class CommandError(ValueError):
-    """The machine cannot do what it is told; nothing has changed."""
+    """The machine cannot execute a command; nothing has changed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +108,7 @@ class Commander:
     def take(
         self, command: Command, now: float, standing: Mapping[str, CommandedAxis], pull: float
     ) -> None:
-        """Do what a command says from now on.
+        """Execute a command from now on.
 
         Args:
             command: The command.

@@ -52,8 +52,8 @@ class Machine:
         faults: What is wrong with its sensors on purpose.
         plausibility: Judge of its sensors.
         commander: What outside commanders have asked for since the last start.
-        sensors: What each sensor beside the encoders said last, by the name of its quantity;
-            None when it said nothing that can be.
+        sensors: Last reading of each sensor beside the encoders, by the name of its quantity;
+            None when it was invalid.
     """
 
     def __init__(self, config: MachineConfig, rng: np.random.Generator) -> None:
@@ -134,7 +134,7 @@ class Machine:
             self._hurry(Phase.PROTECTIVE, reason)
 
     def command(self, command: Command) -> None:
-        """Do what an outside commander says; its axes leave the drive programme until a start.
+        """Execute an external command; its axes leave the drive programme until a start.
 
         Raises:
             CommandError: The machine does not wind, or cannot do that; nothing has changed.
@@ -207,7 +207,7 @@ class Machine:
             self._judge()
 
     def reading(self) -> AxisReading:
-        """Return what the encoders say now."""
+        """Return the encoders' readings now."""
         cylinder, carriage = self.state.cylinder.encoder, self.state.carriage.encoder
         return AxisReading(
             cylinder_angle=cylinder.position,
@@ -227,7 +227,7 @@ class Machine:
         )
 
     def tension(self) -> float | None:
-        """Return one load cell sample [N], or None when the load cell says nothing that can be.
+        """Return one load cell sample [N], or None when it is invalid.
 
         It is the pull on the cable with noise and the converter's steps.
         """
@@ -236,8 +236,8 @@ class Machine:
             self.plausibility.config = replace(self.plausibility.config, weight=force)
         noisy = force + self.config.force_noise * self._rng.standard_normal()
         step = self.config.force_resolution
-        said = self.faults.through(LOAD_CELL_SIGNAL, self.time, step * round(noisy / step))
-        return self.plausibility.tension(self.time, said)
+        reading = self.faults.through(LOAD_CELL_SIGNAL, self.time, step * round(noisy / step))
+        return self.plausibility.tension(self.time, reading)
 
     def _turns(self) -> bool:
         return self.state.cylinder.motor.speed != 0.0 or self.state.carriage.motor.speed != 0.0
@@ -280,8 +280,8 @@ class Machine:
 
     def _seen(self, index: int, position: float) -> float | None:
         """Return what an axis's encoder makes of its position, if that can be."""
-        said = self.faults.through(self._axes()[index][3], self.time, position)
-        return self.plausibility.position(index, self.time, said)
+        reading = self.faults.through(self._axes()[index][3], self.time, position)
+        return self.plausibility.position(index, self.time, reading)
 
     def _control(self) -> None:
         state = self.state

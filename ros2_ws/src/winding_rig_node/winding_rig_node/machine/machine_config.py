@@ -1,4 +1,4 @@
-"""What the machine is: rates, axes, sensors, and the limits of what these can say."""
+"""What the machine is: rates, axes, sensors and their limits; its state and the phases of a run."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class MachineConfig:
 def sensor_limits(
     config: MachineConfig, full_speeds: tuple[float, ...] | None = None
 ) -> PlausibilityConfig:
-    """Return what the sensors of a machine can say.
+    """Return the limits of a machine's sensors.
 
     Args:
         config: The machine.
@@ -96,7 +96,7 @@ def sensor_limits(
             ),
         ),
         weight=config.case.weight,
-        # Without noise a healthy load cell says the same for ever.
+        # Without noise a healthy load cell repeats one value for ever.
         still_tension=0.3 if config.force_noise > config.force_resolution else math.inf,
     )
 
@@ -128,10 +128,10 @@ class MachineState:
         fraction_rate: Its change per second [1/s].
         full_speed_time: Time at full speed that covers the commanded way so far [s].
         quick: Whether the present stop is a quick one.
-        reason: Why the machine was stopped, if nobody asked for it.
+        reason: Why the machine was stopped, where no stop was requested.
         stop_began: When the last unplanned stop began, simulated time [s].
         stood_at: When both axes stood after it [s].
-        tension: Last load cell sample [N]; None when it said nothing that can be.
+        tension: Last load cell sample [N]; None when it was invalid.
         origins: Where the drive programme's way begins, by axis, once the axis was commanded.
         cylinder: Its axis, in radians.
         carriage: Its axis, in metres.

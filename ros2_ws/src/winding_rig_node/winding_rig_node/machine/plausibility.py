@@ -1,4 +1,4 @@
-"""Does what the sensors say fit the machine? What cannot be is refused; what lasts stops it."""
+"""Do readings fit the machine? Invalid ones are refused; a persistent misfit stops the machine."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class PlausibilityConfig:
             cases stay below 0.05.
         low_tension: Smallest tension, as a share of the weight.
         high_tension: Largest tension, as a share of the weight.
-        still_tension: How long a load cell may say the very same [s]; noise moves a healthy one.
+        still_tension: How long a load cell may repeat one value [s]; noise moves a healthy one.
     """
 
     axes: tuple[AxisLimits, ...]

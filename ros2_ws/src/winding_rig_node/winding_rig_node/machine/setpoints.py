@@ -18,7 +18,7 @@ class Setpoints:
     Args:
         config: The machine.
         state: Its state.
-        commander: Says which axes are under commands.
+        commander: Knows which axes are under commands.
     """
 
     def __init__(self, config: MachineConfig, state: MachineState, commander: Commander) -> None:
@@ -43,7 +43,7 @@ class Setpoints:
 
         Args:
             name: The axis.
-            measured: Position that its encoder says [rad or m].
+            measured: Position by its encoder [rad or m].
             dt: Control period [s].
             hurried: Whether the machine is on its way to a standstill that nothing may delay.
 

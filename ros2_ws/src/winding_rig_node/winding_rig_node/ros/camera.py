@@ -112,7 +112,7 @@ class Camera:
                 f"the sensor has {present.width} x {present.height} pixels, the calibration is "
                 f"for {reading.width} x {reading.height}"
             )
-        # The window is the driver's own: a calibration says nothing about it.
+        # The window is the driver's own: a calibration does not change it.
         self.calibration = replace(reading, window=present.window)
 
     def expose(self, exposure: Exposure, going: Callable[[], bool]) -> None:
@@ -126,7 +126,7 @@ class Camera:
             return
 
     def run(self, going: Callable[[], bool]) -> None:
-        """Take exposures until told to stop; the loop of the camera's thread."""
+        """Take exposures until `going` ends; the loop of the camera's thread."""
         while True:
             try:
                 exposure, began = self._exposures.get(timeout=_POLL)

@@ -35,14 +35,14 @@ _PATIENCE = 0.5
 
 
 class SilentRigError(ValueError):
-    """The rig does not say what it is set to."""
+    """The rig does not answer with its parameters."""
 
 
 def asked_parameters(node: Node) -> RigParameters:
-    """Return what the rig of a node's namespace is set to now.
+    """Return the present parameters of the rig in a node's namespace.
 
     Args:
-        node: Asks; spun by nobody else.
+        node: Asks; added to no executor.
 
     Raises:
         SilentRigError: The rig does not answer.
@@ -104,7 +104,7 @@ def open_camera(port: Port) -> Iterator[None]:
         port: Takes the frames, from a thread of the camera's own.
 
     Raises:
-        SilentRigError: The rig does not say what it winds.
+        SilentRigError: The rig does not answer with its parameters.
     """
     node = Node(_NAME, context=port.context, enable_rosout=False, start_parameter_services=False)
     closing = threading.Event()
@@ -151,7 +151,7 @@ class _Handover:
 
 
 def _usable(joints: PolledTopic, read: JointStateReader) -> Iterator[tuple[float, AxisReading]]:
-    """Yield what has arrived and says where the axes are; the tracker counts what does not."""
+    """Yield the usable joint states that have arrived; the tracker counts the others."""
     for taken in joints.take():
         with contextlib.suppress(MessageError):
             yield read(taken.data)

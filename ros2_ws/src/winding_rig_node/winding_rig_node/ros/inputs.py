@@ -1,4 +1,4 @@
-"""What outside commanders publish: decoded, handed to the machine, or refused in one sentence."""
+"""Commands and faults from the graph: checked, handed to the machine, or refused in a sentence."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LOG_PERIOD = 1.0
 
 
 def take_commands(node: ManagedNode[Any], loop: MachineLoop) -> None:
-    """Subscribe to every command topic; a refused command is logged and told in diagnostics."""
+    """Subscribe to every command topic; a refused command is logged and reported in diagnostics."""
     for topic in topics.published_by(topics.COMMANDER):
         node.endpoints.listen(topic, _taker(node, loop, topic))
 
@@ -67,11 +67,13 @@ TARGETS = (*SENSORS, CAMERA_SIGNAL, *(topic.name for topic in graph.RIG.publishe
 _OF_CAMERA = frozenset({CAMERA_SIGNAL, *(topic.name for topic in graph.CAMERA_TOPICS)})
 
 
-def stated_faults(text: str, *, enabled: bool, seed: int, camera_elsewhere: bool = False) -> Faults:
-    """Return the faults that a text states.
+def enabled_faults(
+    text: str, *, enabled: bool, seed: int, camera_elsewhere: bool = False
+) -> Faults:
+    """Return the faults of a text.
 
     Raises:
-        FaultError: The text states none, faults are not enabled, or the camera runs elsewhere.
+        FaultError: The text is no list of faults, none are enabled, or the camera runs elsewhere.
     """
     faults = parse_faults(text, TARGETS)
     beyond = sorted(_OF_CAMERA & {fault.target for fault in faults}) if camera_elsewhere else []
@@ -83,7 +85,7 @@ def stated_faults(text: str, *, enabled: bool, seed: int, camera_elsewhere: bool
 
 
 def follow_fault_parameters(node: Node, put_in: Callable[[Faults], None]) -> None:
-    """Refuse a text that states no fault; call `put_in` with the faults of one that does."""
+    """Refuse a text that is no list of faults; call `put_in` with the faults of one that is."""
 
     def faults_of(parameters: list[Parameter]) -> Faults | None:
         given: dict[str, Any] = {parameter.name: parameter.value for parameter in parameters}
@@ -93,7 +95,7 @@ def follow_fault_parameters(node: Node, put_in: Callable[[Faults], None]) -> Non
         enabled = given.get("inject_faults", _present(node, "inject_faults", default=True))
         seed = given.get("seed", _present(node, "seed", default=0))
         elsewhere = given.get("camera_elsewhere", _present(node, "camera_elsewhere", default=False))
-        return stated_faults(
+        return enabled_faults(
             str(given["inject_fault"]),
             enabled=bool(enabled),
             seed=int(seed),

@@ -60,7 +60,7 @@ class MachineLoop:
             camera: Takes its pictures in a second thread; None for a camera elsewhere.
             lay: What the machine winds; None for a lay that is known ahead.
             finished: Called, from the machine's thread, when a run has reached its end.
-            warn: Receives the sentence of a stop that nobody asked for.
+            warn: Receives the sentence of a stop that was not requested.
             fail: Receives what ended a thread.
         """
         self.machine = machine
@@ -154,7 +154,7 @@ class MachineLoop:
         if not self.running:
             return
         with self._changed:
-            self.machine.quick_stop("the node was told to end")
+            self.machine.quick_stop("the node ends")
             self._changed.notify_all()
             end = time.monotonic() + _REST_PATIENCE
             while self.machine.moving and not self._failed and time.monotonic() < end:
@@ -218,7 +218,7 @@ class MachineLoop:
         last_answer = time.monotonic()
         with self._changed:
             while self.machine.time + _SAMPLE_PERIOD > self.pace.limit + _ROUNDING:
-                # A machine that has to stand soon waits for nobody.
+                # A machine that has to stand soon waits for no reader.
                 if self._quit or self.machine.hurried:
                     break
                 self._check_supervisor()

@@ -1,4 +1,4 @@
-"""What the rig publishes: encoded, and with the faults that are put in on purpose."""
+"""What the rig publishes: encoded, with the faults that are put in on purpose, and its status."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _MEASURED = tuple(
 
 
 class Outputs:
-    """What the rig says, topic by topic.
+    """Publications of the rig, topic by topic.
 
     Attributes:
         faults: What is wrong with the topics on purpose; a healthy topic costs nothing.
@@ -66,13 +66,13 @@ class Outputs:
     def joints(self, topic: Topic, t: float, reading: AxisReading) -> None:
         """Publish both axes, as measured or as commanded."""
         for stamp, values in self._through(topic, t, lambda: _axis_values(reading)):
-            said = reading if values is None else _axis_reading(values)
-            self._publish(topic, encode_joint_state(stamp, said))
+            sent = reading if values is None else _axis_reading(values)
+            self._publish(topic, encode_joint_state(stamp, sent))
 
     def measured(
         self, t: float, sample: int, sensors: Mapping[str, Callable[[], float | None]]
     ) -> None:
-        """Publish what the sensors say whose turn it is at a sample of the run."""
+        """Publish the sensors whose turn it is at a sample of the run."""
         for topic, quantity in _MEASURED:
             value = sensors[quantity.name]() if due(sample, topic) else None
             if value is not None:
@@ -81,18 +81,19 @@ class Outputs:
     def camera_info(self, t: float, calibration: CameraReading) -> None:
         """Publish the camera's calibration."""
         for stamp, values in self._through(topics.CAMERA_INFO, t, calibration.matrix.copy):
-            said = calibration
+            sent = calibration
             if values is not None:
-                said = replace(calibration, matrix=np.asarray(values, dtype=float).reshape(3, 3))
-            if said is not self._calibration:
-                self._calibration, self._info = said, camera_info_template(said)
+                matrix = np.asarray(values, dtype=float).reshape(3, 3)
+                sent = replace(calibration, matrix=matrix)
+            if sent is not self._calibration:
+                self._calibration, self._info = sent, camera_info_template(sent)
             self._publish(topics.CAMERA_INFO, bytes(self._info.stamped(stamp)))
 
     def image(self, t: float, frame: NDArray[np.uint8]) -> None:
         """Publish a frame, shape (height, width, 3), of time t [s]."""
         for stamp, values in self._through(topics.IMAGE, t, lambda: frame):
-            said = frame if values is None else np.asarray(values, dtype=np.uint8)
-            self._publish(topics.IMAGE, encode_image(stamp, said))
+            sent = frame if values is None else np.asarray(values, dtype=np.uint8)
+            self._publish(topics.IMAGE, encode_image(stamp, sent))
 
     def preview(self, t: float, jpeg: bytes) -> None:
         """Publish a compressed frame."""
@@ -106,8 +107,8 @@ class Outputs:
 
     def _measured(self, topic: Topic, quantity: Quantity, t: float, value: float) -> None:
         for stamp, values in self._through(topic, t, lambda: np.array([value])):
-            said = value if values is None else float(values[0])
-            self._publish(topic, encode_quantity(topic.type, quantity, stamp, said))
+            sent = value if values is None else float(values[0])
+            self._publish(topic, encode_quantity(topic.type, quantity, stamp, sent))
 
     def _through(
         self, topic: Topic, t: float, values: Callable[[], Values]

@@ -20,6 +20,7 @@ from winding_rig_node.lay.known_lay import (
 from winding_rig_node.lay.lay_law import MOTION_LAYS
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS, CommandLimits
 
+
 @dataclass(frozen=True, kw_only=True)
 class RigParameters(MarkerLook, Condition):
     """What is wound, how fast simulated time runs, and what the camera sees."""
