@@ -1,4 +1,6 @@
-"""A simulated machine that winds, and the commands that tests give it."""
+"""A simulated machine, what winds it, and the commands that tests give it."""
+
+import math
 
 import numpy as np
 
@@ -12,20 +14,21 @@ from winding_rig_node.machine.machine_config import MachineConfig
 BEGIN = 1.0
 
 
-def machine(duration: float = 60.0) -> Machine:
-    config = MachineConfig(case=paper_case(4), drive=DriveProfile(), duration=duration)
-    return Machine(config, np.random.default_rng(1))
+def machine(case: int = 4, duration: float = 60.0, seed: int = 1) -> Machine:
+    config = MachineConfig(case=paper_case(case), drive=DriveProfile(), duration=duration)
+    return Machine(config, np.random.default_rng(seed))
 
 
-def winding(duration: float = 60.0) -> Machine:
-    """Return a machine that has wound for a second."""
-    rig = machine(duration)
+def winding(duration: float = 60.0, until: float = BEGIN) -> Machine:
+    """Return a machine that has wound up to a time [s]."""
+    rig = machine(duration=duration)
     rig.start()
-    run(rig, BEGIN)
+    run(rig, until)
     return rig
 
 
-def run(rig: Machine, seconds: float) -> None:
+def run(rig: Machine, seconds: float = math.inf) -> None:
+    """Step a machine on for a time [s], or until it stands."""
     end = rig.time + seconds - 0.5e-3
     while rig.moving and rig.time < end:
         rig.step()
