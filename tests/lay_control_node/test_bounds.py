@@ -118,12 +118,12 @@ def check(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_commands_stay_within_bounds_whatever_is_wanted_and_whatever_fails(seed: int) -> None:
+def test_commands_stay_within_bounds_whatever_is_wanted_and_whatever_fails(seed):
     check(seed)
 
 
 @pytest.mark.campaign
 @pytest.mark.timeout(3000)
-def test_a_thousand_programs_and_faults_stay_within_bounds() -> None:
+def test_a_thousand_programs_and_faults_stay_within_bounds():
     for seed in range(100, 1100):
         check(seed)

@@ -80,7 +80,7 @@ def said(answers: Iterable[Any]) -> np.ndarray:
     return np.concatenate(clouds)
 
 
-def test_targets_are_in_the_joints_own_unit_sign_and_offset() -> None:
+def test_targets_are_in_the_joints_own_unit_sign_and_offset():
     plain = wind(begun(), 0.0, 1.0)
     other = wind(begun(**AXES), 0.0, 1.0, **AXES)
     targets = on(topics.JOINT_TARGETS, other)
@@ -92,30 +92,30 @@ def test_targets_are_in_the_joints_own_unit_sign_and_offset() -> None:
     assert targets[-1].position[0] < 1234.5
 
 
-def test_a_command_at_time_zero_has_a_stamp() -> None:
+def test_a_command_at_time_zero_has_a_stamp():
     (first,) = on(topics.JOINT_TARGETS, wind(begun(), 0.0, PERIOD))
     assert (first.header.stamp.sec, first.header.stamp.nanosec) == (0, 1)
 
 
-def test_target_names_the_machines_own_joint_and_no_other() -> None:
+def test_target_names_the_machines_own_joint_and_no_other():
     handler = begun(carriage_joint="carriage_joint", cylinder_joint="cylinder_joint")
     names = {tuple(target.name) for target in on(topics.JOINT_TARGETS, wind(handler, 0.0, 0.1))}
     assert names == {("carriage_joint",)}
 
 
-def test_state_is_said_at_its_rate_whatever_the_encoders_rate() -> None:
+def test_state_is_said_at_its_rate_whatever_the_encoders_rate():
     answers = wind(begun(), 0.0, 1.0)
     assert len(on(topics.LAY_CONTROL_STATE, answers)) == round(1.0 / COMMANDS_PERIOD)
 
 
 @pytest.mark.parametrize("mode", ["off", "watch"])
-def test_nothing_is_commanded_by_a_controller_that_does_not_drive(mode: str) -> None:
+def test_nothing_is_commanded_by_a_controller_that_does_not_drive(mode):
     answers = wind(begun(control=mode, brake=True, markers_every_turn=True), 0.0, 1.0)
     assert {answer.topic for answer in answers} == {topics.LAY_CONTROL_STATE}
     assert set(said(answers)["mode"]) == {int(ControlMode[mode.upper()])}
 
 
-def test_pull_is_commanded_of_a_machine_with_a_brake_alone() -> None:
+def test_pull_is_commanded_of_a_machine_with_a_brake_alone():
     with_brake = wind(begun(brake=True, markers_every_turn=True), 0.0, 1.0)
     assert on(topics.TENSION_COMMAND, with_brake)
     assert not on(topics.TENSION_COMMAND, wind(begun(), 0.0, 1.0))
@@ -136,7 +136,7 @@ def stood_still(handler: LayControlHandler, start: float, end: float) -> list[An
     return answers
 
 
-def test_machine_that_stands_after_a_stop_is_not_commanded() -> None:
+def test_machine_that_stands_after_a_stop_is_not_commanded():
     handler = begun()
     wind(handler, 0.0, 2.0)
     stood_still(handler, 2.0, 2.3)
@@ -145,13 +145,13 @@ def test_machine_that_stands_after_a_stop_is_not_commanded() -> None:
     assert len(on(topics.LAY_CONTROL_STATE, later)) == round(0.7 / COMMANDS_PERIOD)
 
 
-def test_controller_that_starts_beside_a_standing_machine_soon_leaves_it_alone() -> None:
+def test_controller_that_starts_beside_a_standing_machine_soon_leaves_it_alone():
     handler = begun()
     stood_still(handler, 2.0, 2.3)
     assert on(topics.JOINT_TARGETS, stood_still(handler, 2.3, 3.0)) == []
 
 
-def test_restart_in_mid_run_takes_the_guide_over_where_it_is() -> None:
+def test_restart_in_mid_run_takes_the_guide_over_where_it_is():
     targets = on(topics.JOINT_TARGETS, wind(begun(), 5.0, 6.0))
     guide = [target.position[0] for target in targets]
     first = DRIVE.reading_at(5.0)
@@ -163,7 +163,7 @@ def test_restart_in_mid_run_takes_the_guide_over_where_it_is() -> None:
     assert np.abs(np.diff(guide, 2)).max() <= acceleration * COMMANDS_PERIOD**2 * (1.0 + 1.0e-6)
 
 
-def test_restart_beside_a_guide_that_is_where_it_should_be_leaves_it_there() -> None:
+def test_restart_beside_a_guide_that_is_where_it_should_be_leaves_it_there():
     handler = begun()
     what = LayControlParameters().resolved()
     pitch = DRIVE.pitch / (2.0 * math.pi)
@@ -180,13 +180,13 @@ def test_restart_beside_a_guide_that_is_where_it_should_be_leaves_it_there() -> 
     assert targets[-1].position[0] == pytest.approx(there, abs=4.0e-4)
 
 
-def test_restart_in_mid_run_owns_that_it_knows_little_of_the_lay() -> None:
+def test_restart_in_mid_run_owns_that_it_knows_little_of_the_lay():
     state = said(wind(begun(), 5.0, 5.1))
     assert state["sigma_z"][0] > 0.01
     assert state["theta"][0] == pytest.approx(DRIVE.reading_at(5.0).cylinder_angle)
 
 
-def test_modes_are_switched_without_a_step_of_the_guide() -> None:
+def test_modes_are_switched_without_a_step_of_the_guide():
     handler = begun(control="watch")
     wind(handler, 0.0, 3.0)
     handler.switch(ControlMode.DRIVE)
@@ -202,7 +202,7 @@ def test_modes_are_switched_without_a_step_of_the_guide() -> None:
 
 
 @pytest.mark.parametrize("mode", [ControlMode.OFF, ControlMode.WATCH])
-def test_a_carriage_that_was_driven_goes_on_by_the_drive_programme(mode: ControlMode) -> None:
+def test_a_carriage_that_was_driven_goes_on_by_the_drive_programme(mode):
     handler = begun()
     before = on(topics.JOINT_TARGETS, wind(handler, 0.0, 3.0))[-1]
     handler.switch(mode)
@@ -221,14 +221,14 @@ def test_a_carriage_that_was_driven_goes_on_by_the_drive_programme(mode: Control
     assert not on(topics.JOINT_TARGETS, stood_still(handler, 5.0, 6.0)[-30:])
 
 
-def test_mode_that_was_switched_stays_in_the_next_run() -> None:
+def test_mode_that_was_switched_stays_in_the_next_run():
     handler = begun(control="watch")
     handler.switch(ControlMode.DRIVE)
     list(handler.begin(0.0))
     assert on(topics.JOINT_TARGETS, wind(handler, 0.0, 0.1))
 
 
-def test_silent_solver_leaves_the_drive_programme() -> None:
+def test_silent_solver_leaves_the_drive_programme():
     state = said(wind(begun(solver_patience=0.5), 0.0, 1.5, solver=False))
     assert state["basis"][0] != ControlBasis.RAMP
     assert state["basis"][-1] == ControlBasis.RAMP
@@ -237,7 +237,7 @@ def test_silent_solver_leaves_the_drive_programme() -> None:
     assert state["guide_speed"][-1] == pytest.approx(programme, rel=0.01)
 
 
-def test_measured_lay_makes_the_estimate_surer() -> None:
+def test_measured_lay_makes_the_estimate_surer():
     handler = begun()
     before = said(wind(handler, 0.0, 4.0))[-1]
     angle = DRIVE.reading_at(4.0).cylinder_angle
@@ -274,7 +274,7 @@ def bad_messages() -> list[Any]:
 
 
 @pytest.mark.parametrize(("topic", "data"), bad_messages())
-def test_message_that_cannot_be_used_changes_nothing(topic: Any, data: bytes) -> None:
+def test_message_that_cannot_be_used_changes_nothing(topic, data):
     hurt, unhurt = begun(), begun()
     for handler in (hurt, unhurt):
         wind(handler, 0.0, 1.0)
@@ -285,7 +285,7 @@ def test_message_that_cannot_be_used_changes_nothing(topic: Any, data: bytes) ->
 
 
 @pytest.mark.parametrize("field", ["theta", "z", "sigma_z"])
-def test_place_that_is_not_a_number_moves_nothing(field: str) -> None:
+def test_place_that_is_not_a_number_moves_nothing(field):
     handler = begun()
     wind(handler, 0.0, 4.0)
     places = np.zeros(3, dtype=LAY_DTYPE)

@@ -102,14 +102,14 @@ class Machine:
 
 
 @pytest.mark.parametrize("length", [0.16, 0.198, 0.23])
-def test_the_cable_lands_on_the_helix_whatever_the_free_length(length: float) -> None:
+def test_the_cable_lands_on_the_helix_whatever_the_free_length(length):
     machine = Machine(controller(), length)
     machine.wind(6.0)
     # Two of the 0.03 mm that heights are known by.
     assert abs(machine.error()) < 6.0e-5
 
 
-def test_without_a_tracker_it_goes_on_by_what_it_knows() -> None:
+def test_without_a_tracker_it_goes_on_by_what_it_knows():
     machine = Machine(controller(), 0.17)
     machine.wind(6.0)
     before = len(machine.setpoints)
@@ -121,7 +121,7 @@ def test_without_a_tracker_it_goes_on_by_what_it_knows() -> None:
     assert abs(machine.error()) < 1.0e-3
 
 
-def test_without_a_solver_the_guide_follows_the_drive_programme() -> None:
+def test_without_a_solver_the_guide_follows_the_drive_programme():
     machine = Machine(controller(patience=1.0), 0.17)
     machine.wind(6.0)
     before = len(machine.setpoints)
@@ -133,7 +133,7 @@ def test_without_a_solver_the_guide_follows_the_drive_programme() -> None:
     assert np.abs(steps).max() < FEED * PERIOD + 1.0e-4
 
 
-def test_taking_over_in_mid_run_makes_no_step() -> None:
+def test_taking_over_in_mid_run_makes_no_step():
     control = controller()
     control.mode = ControlMode.WATCH
     machine = Machine(control, 0.17)
@@ -148,7 +148,7 @@ def test_taking_over_in_mid_run_makes_no_step() -> None:
     assert abs(machine.error()) < 1.0e-4
 
 
-def test_setpoint_waits_for_a_carriage_that_stands_and_goes_on_with_it() -> None:
+def test_setpoint_waits_for_a_carriage_that_stands_and_goes_on_with_it():
     machine = Machine(controller(), 0.198)
     machine.wind(6.0)
     stood = machine.guide
@@ -162,7 +162,7 @@ def test_setpoint_waits_for_a_carriage_that_stands_and_goes_on_with_it() -> None
     assert abs(machine.error()) < 1.0e-4
 
 
-def test_no_pull_is_commanded_without_a_brake() -> None:
+def test_no_pull_is_commanded_without_a_brake():
     machine = Machine(controller(), 0.198)
     machine.wind(1.0)
     assert all(s.pull is None for s in machine.setpoints)

@@ -28,7 +28,7 @@ def filtered(length: float, *, delay: float, sigma: float, until: float) -> LayF
     return lay
 
 
-def test_without_a_measurement_it_is_the_law_of_the_lag() -> None:
+def test_without_a_measurement_it_is_the_law_of_the_lag():
     lay = LayFilter(LayFilterConfig(radius=RADIUS, free_length=BELIEVED))
     law = FleetAngleLaw(advance_per_radian=ADVANCE, free_length=BELIEVED, radius=RADIUS)
     for theta in np.arange(0.0, 20.0, 0.01):
@@ -39,7 +39,7 @@ def test_without_a_measurement_it_is_the_law_of_the_lag() -> None:
 
 
 @pytest.mark.parametrize("bend", [0.002, 0.01, 0.02])
-def test_a_bent_span_is_two_lags_in_a_row(bend: float) -> None:
+def test_a_bent_span_is_two_lags_in_a_row(bend):
     """A lag of L - l and one of l under an even feed, against the sum of their exponentials."""
     lay = LayFilter(LayFilterConfig(radius=RADIUS, free_length=BELIEVED))
     for theta in np.arange(0.01, 8.0, 0.01):
@@ -59,7 +59,7 @@ def test_a_bent_span_is_two_lags_in_a_row(bend: float) -> None:
 
 
 @pytest.mark.parametrize("length", [0.16, 0.198, 0.23])
-def test_heights_tell_the_free_length(length: float) -> None:
+def test_heights_tell_the_free_length(length):
     lay = filtered(length, delay=0.3, sigma=5.0e-5, until=12.0)
     now = lay.estimate()
     assert abs(now.free_length - length) < 3.0 * now.sigma_length
@@ -67,14 +67,14 @@ def test_heights_tell_the_free_length(length: float) -> None:
 
 
 @pytest.mark.parametrize("delay", [0.1, 1.0, 3.0])
-def test_delayed_heights_say_where_the_cable_lands_now(delay: float) -> None:
+def test_delayed_heights_say_where_the_cable_lands_now(delay):
     law = FleetAngleLaw(advance_per_radian=ADVANCE, free_length=0.17, radius=RADIUS)
     now = filtered(0.17, delay=delay, sigma=5.0e-5, until=15.0).estimate()
     assert abs(now.z - float(law.z(now.theta))) < 3.0 * now.sigma_z
     assert now.sigma_z < 3.0e-4
 
 
-def test_a_standing_or_backward_cylinder_lays_nothing() -> None:
+def test_a_standing_or_backward_cylinder_lays_nothing():
     lay = filtered(0.198, delay=0.2, sigma=5.0e-5, until=6.0)
     before = lay.estimate()
     for guide in np.linspace(0.0, 0.1, 20):
@@ -84,7 +84,7 @@ def test_a_standing_or_backward_cylinder_lays_nothing() -> None:
     assert (after.z, after.free_length) == (before.z, before.free_length)
 
 
-def test_a_height_that_was_measured_already_says_nothing_again() -> None:
+def test_a_height_that_was_measured_already_says_nothing_again():
     lay = filtered(0.198, delay=0.2, sigma=5.0e-5, until=6.0)
     before = lay.estimate()
     assert lay.measure(lay.measured_to, 1.0, 1.0e-4) is None
@@ -93,7 +93,7 @@ def test_a_height_that_was_measured_already_says_nothing_again() -> None:
     assert lay.estimate().z == before.z
 
 
-def test_deviations_are_honest() -> None:
+def test_deviations_are_honest():
     """Squared errors over their variances have a mean of one: 60 random spans and eyes."""
     rng = np.random.default_rng(11)
     scores = []
@@ -118,7 +118,7 @@ def test_deviations_are_honest() -> None:
     assert 0.4 < np.mean(scores) < 1.35
 
 
-def test_the_height_of_another_turn_is_refused() -> None:
+def test_the_height_of_another_turn_is_refused():
     lay = filtered(BELIEVED, delay=0.3, sigma=5.0e-5, until=12.0)
     before = lay.estimate()
     place = lay.measured_to + 0.05
@@ -127,7 +127,7 @@ def test_the_height_of_another_turn_is_refused() -> None:
     assert lay.estimate().free_length == pytest.approx(before.free_length, abs=1.0e-9)
 
 
-def test_heights_that_keep_coming_are_believed_after_half_a_turn() -> None:
+def test_heights_that_keep_coming_are_believed_after_half_a_turn():
     """Somebody moves the cable by 20 mm: the estimate was wrong, not the camera."""
     lay = filtered(BELIEVED, delay=0.3, sigma=5.0e-5, until=12.0)
     law = FleetAngleLaw(advance_per_radian=ADVANCE, free_length=BELIEVED, radius=RADIUS)

@@ -18,7 +18,7 @@ from lay_control_node.planning.planner import plan_lay
 from lay_control_node.programs import even_helix, with_markers_every_turn
 from lay_control_node.programs.gcode_reader import parse_gcode
 from lay_control_node.programs.yaml_reader import parse_yaml
-from winding_core.condition import Condition, ResolvedCondition
+from winding_core.condition import Condition
 from winding_core.lay_program import LayProgram, LayProgramError
 
 TURN = 2.0 * math.pi
@@ -35,14 +35,7 @@ LIMITS = PlanLimits(
 )
 
 
-@pytest.fixture
-def limits() -> PlanLimits:
-    return LIMITS
-
-
-@pytest.fixture
-def what() -> ResolvedCondition:
-    return Condition(case=4).resolved()
+WHAT = Condition(case=4).resolved()
 
 
 def words(text: str) -> LayProgram:
@@ -69,10 +62,8 @@ KINDS = {
 
 @pytest.mark.parametrize("together", [False, True], ids=["guide first", "together"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_program_is_laid_to_a_twentieth_of_what_it_would_miss_by(
-    kind: str, together: bool, what: ResolvedCondition, limits: PlanLimits
-) -> None:
-    plan = plan_lay(KINDS[kind], what, limits, together=together)
+def test_every_kind_of_program_is_laid_to_a_twentieth_of_what_it_would_miss_by(kind, together):
+    plan = plan_lay(KINDS[kind], WHAT, LIMITS, together=together)
     planned, uncompensated = plan.rms()
     # The bar of the issue.
     assert planned <= 0.05 * uncompensated
@@ -106,13 +97,8 @@ def refuse_broken_limits(plan: LayPlan) -> None:
     jerk=st.floats(0.5, 50.0),
 )
 def test_the_table_keeps_every_limit_whatever_is_wanted(
-    pieces: list[tuple[float, float]],
-    downwards: bool,
-    together: bool,
-    residual: float | None,
-    omega: float,
-    jerk: float,
-) -> None:
+    pieces, downwards, together, residual, omega, jerk
+):
     steps = np.array(pieces)
     theta = TURN * np.concatenate([[0.0], np.cumsum(steps[:, 0])])
     z = 1.0e-3 * np.concatenate([[0.0], np.cumsum(steps[:, 0] * steps[:, 1])])
@@ -132,9 +118,9 @@ def test_the_table_keeps_every_limit_whatever_is_wanted(
     refuse_broken_limits(plan)
 
 
-def test_a_residual_limit_is_kept_by_slowing(what: ResolvedCondition, limits: PlanLimits) -> None:
-    free = plan_lay(KINDS["reversal"], what, limits)
-    held = plan_lay(KINDS["reversal"], what, limits, residual_limit=3.0e-4)
+def test_a_residual_limit_is_kept_by_slowing():
+    free = plan_lay(KINDS["reversal"], WHAT, LIMITS)
+    held = plan_lay(KINDS["reversal"], WHAT, LIMITS, residual_limit=3.0e-4)
     assert free.worst[0] > 1.0e-3
     assert held.worst[0] <= 3.0e-4
     assert held.motion.end > free.motion.end
@@ -142,11 +128,9 @@ def test_a_residual_limit_is_kept_by_slowing(what: ResolvedCondition, limits: Pl
     refuse_broken_limits(held)
 
 
-def test_a_corner_says_by_how_much_it_is_rounded_and_why(
-    what: ResolvedCondition, limits: PlanLimits
-) -> None:
-    what = dataclasses.replace(what, friction=1.0)
-    plan = plan_lay(KINDS["reversal"], what, limits)
+def test_a_corner_says_by_how_much_it_is_rounded_and_why():
+    what = dataclasses.replace(WHAT, friction=1.0)
+    plan = plan_lay(KINDS["reversal"], what, LIMITS)
     first = plan.corners[0]
     off = np.interp(first.theta, plan.theta, plan.residual)
     # The lay is sampled every 0.01 rad at most.
@@ -155,35 +139,29 @@ def test_a_corner_says_by_how_much_it_is_rounded_and_why(
     assert f"turn {first.theta / TURN:.2f} is rounded by {-1e3 * first.rounding:.2g} mm" in sentence
     assert "80 mm/s" in sentence
     slow = dataclasses.replace(what, drive=dataclasses.replace(what.drive, angular_speed=0.87))
-    half = plan_lay(KINDS["reversal"], slow, limits)
+    half = plan_lay(KINDS["reversal"], slow, LIMITS)
     assert half.corners[0].rounding == pytest.approx(first.rounding_at_half_speed, rel=0.01)
 
 
-def test_a_corner_is_rounded_until_friction_holds_it(
-    what: ResolvedCondition, limits: PlanLimits
-) -> None:
-    rough = plan_lay(KINDS["reversal"], dataclasses.replace(what, friction=1.0), limits)
-    plan = plan_lay(KINDS["reversal"], what, limits)
+def test_a_corner_is_rounded_until_friction_holds_it():
+    rough = plan_lay(KINDS["reversal"], dataclasses.replace(WHAT, friction=1.0), LIMITS)
+    plan = plan_lay(KINDS["reversal"], WHAT, LIMITS)
     assert plan.width > rough.width
     assert "friction 0.1 holds no sharper turn" in plan.sentences[0]
-    sharp = plan_lay(KINDS["reversal"], dataclasses.replace(what, friction=0.02), limits)
+    sharp = plan_lay(KINDS["reversal"], dataclasses.replace(WHAT, friction=0.02), LIMITS)
     assert "the cable slips: it needs a friction of" in " ".join(sharp.sentences)
 
 
-def test_a_pitch_beyond_the_carriage_slows_the_cylinder_and_says_so(
-    what: ResolvedCondition, limits: PlanLimits
-) -> None:
+def test_a_pitch_beyond_the_carriage_slows_the_cylinder_and_says_so():
     steep = LayProgram(theta=np.array([0.0, 3.0 * TURN]), z=np.array([0.0, 0.9]))
-    plan = plan_lay(steep, what, dataclasses.replace(limits, travel=(-0.1, 2.0)))
-    assert plan.speed < what.drive.angular_speed
+    plan = plan_lay(steep, WHAT, dataclasses.replace(LIMITS, travel=(-0.1, 2.0)))
+    assert plan.speed < WHAT.drive.angular_speed
     assert "a pitch of 300 mm would need 83.08 mm/s" in plan.sentences[0]
     refuse_broken_limits(plan)
 
 
-def test_a_lead_beyond_the_travel_is_told_with_its_place(
-    what: ResolvedCondition, limits: PlanLimits
-) -> None:
-    plan = plan_lay(even_helix(0.018, 5.0), what, dataclasses.replace(limits, travel=(-0.1, 0.1)))
+def test_a_lead_beyond_the_travel_is_told_with_its_place():
+    plan = plan_lay(even_helix(0.018, 5.0), WHAT, dataclasses.replace(LIMITS, travel=(-0.1, 0.1)))
     assert "the guide would have to go to 123.4 mm at 5 turns" in plan.sentences[0]
     assert "its travel ends at 100 mm" in plan.sentences[0]
     assert plan.worst[0] > 1.0e-4
@@ -191,12 +169,10 @@ def test_a_lead_beyond_the_travel_is_told_with_its_place(
 
 
 @pytest.mark.parametrize("case", [1, 4, 9, 12])
-def test_the_brake_lands_markers_on_whole_turns_or_the_plan_says_which_it_cannot(
-    case: int, limits: PlanLimits
-) -> None:
+def test_the_brake_lands_markers_on_whole_turns_or_the_plan_says_which_it_cannot(case):
     what = Condition(case=case).resolved()
     program = with_markers_every_turn(even_helix(what.drive.pitch, 5.0), 4)
-    plan = plan_lay(program, what, limits)
+    plan = plan_lay(program, what, LIMITS)
     said = " ".join(plan.sentences)
     for item in plan.landings:
         missed = abs(item.predicted - item.wanted) > 1.0e-3 * TURN
@@ -205,40 +181,36 @@ def test_the_brake_lands_markers_on_whole_turns_or_the_plan_says_which_it_cannot
         assert missed == (f"marker {item.number} is wanted" in said)
 
 
-def test_more_pull_lands_a_marker_later(what: ResolvedCondition, limits: PlanLimits) -> None:
-    helix = even_helix(what.drive.pitch, 6.0)
+def test_more_pull_lands_a_marker_later():
+    helix = even_helix(WHAT.drive.pitch, 6.0)
     landed = []
     for angle in (0.97, 1.0, 1.05):
         program = dataclasses.replace(helix, markers={1: angle * TURN})
-        plan = plan_lay(program, what, limits)
+        plan = plan_lay(program, WHAT, LIMITS)
         assert plan.landings[0].predicted == pytest.approx(angle * TURN, abs=1e-5 * TURN)
         landed.append(plan.landings[0].pull)
     assert landed == sorted(landed)
 
 
-def test_without_a_brake_the_weight_pulls_and_the_plan_says_so(
-    what: ResolvedCondition, limits: PlanLimits
-) -> None:
+def test_without_a_brake_the_weight_pulls_and_the_plan_says_so():
     program = dataclasses.replace(
-        even_helix(what.drive.pitch, 5.0), markers={1: 1.05 * TURN}, tension=np.array([1.0, 1.0])
+        even_helix(WHAT.drive.pitch, 5.0), markers={1: 1.05 * TURN}, tension=np.array([1.0, 1.0])
     )
-    plan = plan_lay(program, what, dataclasses.replace(limits, brake=None))
-    assert (plan.pulls.commanded == what.case.weight).all()
+    plan = plan_lay(program, WHAT, dataclasses.replace(LIMITS, brake=None))
+    assert (plan.pulls.commanded == WHAT.case.weight).all()
     said = " ".join(plan.sentences)
     assert "needs a brake" in said
     assert "a dead weight cannot choose the stretch" in said
 
 
-def test_a_record_is_plain(what: ResolvedCondition, limits: PlanLimits) -> None:
-    record = plan_record(plan_lay(KINDS["dwell"], what, limits))
+def test_a_record_is_plain():
+    record = plan_record(plan_lay(KINDS["dwell"], WHAT, LIMITS))
     assert [round(item["theta_rad"] / TURN, 2) for item in record["turns"]] == [1, 2, 3, 4, 4.5]
     assert record["residual_rms_m"] < record["uncompensated_rms_m"]
-    assert len(record["markers"]) == what.case.marker_count
+    assert len(record["markers"]) == WHAT.case.marker_count
 
 
-def test_a_marker_that_is_not_on_the_cable_is_refused(
-    what: ResolvedCondition, limits: PlanLimits
-) -> None:
-    program = with_markers_every_turn(even_helix(what.drive.pitch, 6.0))
+def test_a_marker_that_is_not_on_the_cable_is_refused():
+    program = with_markers_every_turn(even_helix(WHAT.drive.pitch, 6.0))
     with pytest.raises(LayProgramError, match="wants marker 6 to land, the cable has 4"):
-        plan_lay(program, what, limits)
+        plan_lay(program, WHAT, LIMITS)

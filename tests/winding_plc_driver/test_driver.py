@@ -29,9 +29,7 @@ def check_nothing_is_lost_or_doubled(listener: Any, machine: Any) -> None:
     assert all(m.wrench.force.x == written[stamp_ns(m)][2] for m in listener.forces)
 
 
-def test_every_value_arrives_once_with_its_source_timestamp(
-    machine: Any, driver: Any, listener: Any
-) -> None:
+def test_every_value_arrives_once_with_its_source_timestamp(machine, driver, listener):
     plc = machine()
     process = driver(plc.port)
     listener.more(1)
@@ -52,9 +50,7 @@ def test_every_value_arrives_once_with_its_source_timestamp(
     assert "Traceback" not in process.stderr.read()
 
 
-def test_a_refusal_of_the_plc_is_the_answer_of_the_service(
-    machine: Any, driver: Any, listener: Any
-) -> None:
+def test_a_refusal_of_the_plc_is_the_answer_of_the_service(machine, driver, listener):
     driver(machine().port)
     listener.more(1)
     assert listener.call("emergency_stop")[0]
@@ -67,7 +63,7 @@ def test_a_refusal_of_the_plc_is_the_answer_of_the_service(
     assert listener.call("start")[0]
 
 
-def test_a_command_may_be_a_variable(machine: Any, driver: Any, listener: Any) -> None:
+def test_a_command_may_be_a_variable(machine, driver, listener):
     space = "nsu=urn:winding-machine;s=Machine."
     commands = {
         name: {"node": f"{space}{node}", "value": 77}
@@ -88,9 +84,7 @@ def test_a_command_may_be_a_variable(machine: Any, driver: Any, listener: Any) -
     assert status.values["heartbeat of the PLC"] == "77"
 
 
-def test_losses_and_bad_values_that_the_server_marks_are_counted(
-    machine: Any, driver: Any, listener: Any
-) -> None:
+def test_losses_and_bad_values_that_the_server_marks_are_counted(machine, driver, listener):
     """Good with the overflow bit, and BadSensorFailure, from the server on its own."""
     status = "0x480 if cycle % 10 == 3 else 0x808C0000 if cycle % 10 == 7 else 0"
     marked = {"SourceTimestamp=due)": f"ua.StatusCode({status}), due)"}
@@ -104,16 +98,14 @@ def test_losses_and_bad_values_that_the_server_marks_are_counted(
     listener.wait(lambda: any("lost so far" in s.message for s in listener.statuses))
 
 
-def test_a_call_that_hangs_is_given_up(machine: Any, driver: Any, listener: Any) -> None:
+def test_a_call_that_hangs_is_given_up(machine, driver, listener):
     slow = {"return machine.call(name)": "await asyncio.sleep(600.0 * (name == 'Reset'))"}
     driver(machine(changes=slow).port, call_timeout_s=0.5)
     listener.more(1)
     assert listener.call("reset") == (False, "reset was not answered within 0.5 s")
 
 
-def test_a_cut_link_is_said_and_the_queue_of_the_server_is_taken(
-    machine: Any, driver: Any, relay: Any, listener: Any
-) -> None:
+def test_a_cut_link_is_said_and_the_queue_of_the_server_is_taken(machine, driver, relay, listener):
     plc = machine()
     path = relay(plc.port)
     driver(path.port, stop_after_link_loss_s=0.0)
@@ -133,7 +125,7 @@ def test_a_cut_link_is_said_and_the_queue_of_the_server_is_taken(
     check_nothing_is_lost_or_doubled(listener, plc)
 
 
-def test_a_silent_link_is_lost(machine: Any, driver: Any, relay: Any, listener: Any) -> None:
+def test_a_silent_link_is_lost(machine, driver, relay, listener):
     plc = machine()
     path = relay(plc.port)
     driver(path.port, link_timeout_s=3.0)
@@ -148,9 +140,7 @@ def test_a_silent_link_is_lost(machine: Any, driver: Any, relay: Any, listener: 
 
 
 @pytest.mark.parametrize("asked", ["", "quick_stop"])
-def test_a_machine_is_stopped_when_the_link_returns(
-    asked: str, machine: Any, driver: Any, relay: Any, listener: Any
-) -> None:
+def test_a_machine_is_stopped_when_the_link_returns(asked, machine, driver, relay, listener):
     plc = machine()
     path = relay(plc.port)
     driver(path.port, stop_after_link_loss_s=0.0 if asked else 1e-6)
@@ -169,9 +159,7 @@ def test_a_machine_is_stopped_when_the_link_returns(
     listener.wait(lambda: listener.joints[-1].position == listener.joints[-2].position)
 
 
-def test_a_server_that_has_forgotten_the_session_gets_a_new_one(
-    machine: Any, driver: Any, relay: Any, listener: Any
-) -> None:
+def test_a_server_that_has_forgotten_the_session_gets_a_new_one(machine, driver, relay, listener):
     path = relay(machine().port)
     driver(path.port)
     listener.more(100)
@@ -186,9 +174,7 @@ def test_a_server_that_has_forgotten_the_session_gets_a_new_one(
     assert stamps == sorted(set(stamps))
 
 
-def test_a_variable_that_is_not_there_is_one_sentence(
-    machine: Any, driver: Any, tmp_path: Path
-) -> None:
+def test_a_variable_that_is_not_there_is_one_sentence(machine, driver, tmp_path):
     plc = machine(changes={'("Tension", 0.0)': '("Torque", 0.0)', '"Tension": T': '"Torque": T'})
     process = driver(plc.port)
     said = process.communicate(timeout=60)[1]
@@ -199,9 +185,7 @@ def test_a_variable_that_is_not_there_is_one_sentence(
     )
 
 
-def test_a_plc_that_comes_later_is_waited_for(
-    machine: Any, driver: Any, relay: Any, listener: Any
-) -> None:
+def test_a_plc_that_comes_later_is_waited_for(machine, driver, relay, listener):
     path = relay(machine().port)
     path.cut()
     driver(path.port)
@@ -213,8 +197,8 @@ def test_a_plc_that_comes_later_is_waited_for(
 
 @pytest.mark.asyncio
 async def test_certificates_and_a_user_name_open_the_session(
-    machine: Any, driver: Any, relay: Any, listener: Any, secured: Any
-) -> None:
+    machine, driver, relay, listener, secured
+):
     security, options = await secured()
     plc = machine("--user", "winding", "--password", "right", *options)
     path = relay(plc.port)
@@ -232,8 +216,8 @@ async def test_certificates_and_a_user_name_open_the_session(
 @pytest.mark.parametrize("encrypted", [False, True])
 @pytest.mark.asyncio
 async def test_a_wrong_password_is_one_sentence_before_anything_else(
-    encrypted: bool, machine: Any, driver: Any, secured: Any, tmp_path: Path
-) -> None:
+    encrypted, machine, driver, secured, tmp_path
+):
     security, options = await secured() if encrypted else ({}, [])
     plc = machine("--user", "winding", "--password", "right", *options)
     (tmp_path / "password.txt").write_text("wrong\n", encoding="utf-8")
@@ -264,8 +248,8 @@ def users_by_certificate(known: Path) -> dict[str, str]:
 
 @pytest.mark.asyncio
 async def test_a_user_s_certificate_opens_the_session_and_resumes_it(
-    machine: Any, driver: Any, relay: Any, listener: Any, secured: Any, pair: Any, tmp_path: Path
-) -> None:
+    machine, driver, relay, listener, secured, pair, tmp_path
+):
     security, options = await secured()
     await pair("user", "urn:winding:user")
     plc = machine(*options, changes=users_by_certificate(tmp_path / "user.der"))
@@ -296,15 +280,8 @@ async def test_a_user_s_certificate_opens_the_session_and_resumes_it(
 )
 @pytest.mark.asyncio
 async def test_who_is_not_that_user_is_refused_in_one_sentence(
-    certificate: str,
-    key: str,
-    reason: str,
-    machine: Any,
-    driver: Any,
-    secured: Any,
-    pair: Any,
-    tmp_path: Path,
-) -> None:
+    certificate, key, reason, machine, driver, secured, pair, tmp_path
+):
     security, options = await secured()
     for name in ("user", "other"):
         await pair(name, f"urn:winding:{name}")

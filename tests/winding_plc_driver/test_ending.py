@@ -2,7 +2,6 @@
 
 import asyncio
 import time
-from typing import Any
 
 import pytest
 import yaml
@@ -26,7 +25,7 @@ class Nowhere:
 
 
 @pytest.mark.asyncio
-async def test_a_cancellation_is_never_lost(machine: Any, examples: Any) -> None:
+async def test_a_cancellation_is_never_lost(machine, examples):
     """With asyncio.wait_for around the requests, one of the first five was."""
     content = yaml.safe_load((examples / "opcua_machine.yaml").read_text(encoding="utf-8"))
     content["server"]["endpoint"] = f"opc.tcp://127.0.0.1:{machine().port}"

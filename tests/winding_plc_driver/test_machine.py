@@ -37,14 +37,14 @@ def parse(folder: Path, **sections: dict[str, Any]) -> Any:
     return parse_mapping(yaml.safe_dump(content), folder)
 
 
-def test_values_become_si() -> None:
+def test_values_become_si():
     mapping = read_mapping(EXAMPLE)
     assert mapping.variables["angle"].factor == math.pi / 180.0
     assert mapping.axes == ("angle", "carriage", "angular_speed", "feed_speed")
     assert mapping.commands["quick_stop"].method.endswith("QuickStop")
 
 
-def test_a_plc_without_quick_stop_is_stopped(tmp_path: Path) -> None:
+def test_a_plc_without_quick_stop_is_stopped(tmp_path):
     command = {"node": "ns=3;i=7", "value": 2}
     mapping = parse(tmp_path, commands={"quick_stop": None, "stop": command})
     assert mapping.commands["quick_stop"] == mapping.commands["stop"]
@@ -92,16 +92,14 @@ def test_a_plc_without_quick_stop_is_stopped(tmp_path: Path) -> None:
         ("joints", {}, "the file has no parameter joints"),
     ],
 )
-def test_what_cannot_be_used_is_one_sentence(
-    section: str, changes: dict[str, Any], sentence: str, tmp_path: Path
-) -> None:
+def test_what_cannot_be_used_is_one_sentence(section, changes, sentence, tmp_path):
     with pytest.raises(MappingError) as refusal:
         parse(tmp_path, **{section: changes})
     assert sentence in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
-def test_a_file_that_is_missing_or_no_yaml_is_named(tmp_path: Path) -> None:
+def test_a_file_that_is_missing_or_no_yaml_is_named(tmp_path):
     file = tmp_path / "machine.yaml"
     with pytest.raises(MappingError, match=r"machine\.yaml cannot be read"):
         read_mapping(file)
@@ -110,7 +108,7 @@ def test_a_file_that_is_missing_or_no_yaml_is_named(tmp_path: Path) -> None:
         read_mapping(file)
 
 
-def test_a_password_comes_from_where_the_file_says(tmp_path: Path) -> None:
+def test_a_password_comes_from_where_the_file_says(tmp_path):
     (tmp_path / "word").write_text("secret\n", encoding="utf-8")
     by_file = parse(tmp_path, server={"user": "me", "password_file": "word"}).server
     assert read_password(by_file, {}) == "secret"
@@ -131,7 +129,7 @@ def values(samples: list[Sample]) -> list[tuple[int, float, float]]:
     return [(s.stamp_ns, s.values["angle"], s.values["carriage"]) for s in samples]
 
 
-def test_values_of_one_timestamp_are_one_sample() -> None:
+def test_values_of_one_timestamp_are_one_sample():
     join = joiner()
     join.add("angle", 10, 1.0, 0.0)
     assert join.take(0.0) == []
@@ -140,7 +138,7 @@ def test_values_of_one_timestamp_are_one_sample() -> None:
     assert join.counts.joined == 1
 
 
-def test_a_value_alone_meets_the_other_axis_between_its_neighbours() -> None:
+def test_a_value_alone_meets_the_other_axis_between_its_neighbours():
     join = joiner()
     for ns, position in ((10, 1.0), (30, 3.0)):
         join.add("carriage", ns, position, 0.0)
@@ -150,7 +148,7 @@ def test_a_value_alone_meets_the_other_axis_between_its_neighbours() -> None:
     assert join.counts.interpolated == 1
 
 
-def test_an_axis_that_stays_silent_stands() -> None:
+def test_an_axis_that_stays_silent_stands():
     join = joiner()
     join.add("angle", 10, 0.0, 0.0)
     join.add("carriage", 10, 2.0, 0.0)
@@ -164,7 +162,7 @@ def test_an_axis_that_stays_silent_stands() -> None:
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=30), st.integers(1, 5))
-def test_samples_do_not_depend_on_how_notifications_are_cut(order: list[bool], cut: int) -> None:
+def test_samples_do_not_depend_on_how_notifications_are_cut(order, cut):
     """Each axis in its own order; both tell every timestamp."""
     queues = {name: list(range(1, 21)) for name in ("angle", "carriage")}
     join, samples = joiner(), []
@@ -182,14 +180,14 @@ def test_samples_do_not_depend_on_how_notifications_are_cut(order: list[bool], c
     assert values(samples) == [(ns, float(ns), float(ns)) for ns in range(1, 21)]
 
 
-def test_what_comes_as_it_was_measured_is_passed_on_at_once_and_in_order() -> None:
+def test_what_comes_as_it_was_measured_is_passed_on_at_once_and_in_order():
     pacer = Pacer(0.0)
     for ns in (30, 10, 20):
         pacer.add(ns, float(ns))
     assert pacer.take(0.0) == [(10, 10.0), (20, 20.0), (30, 30.0)]
 
 
-def test_a_long_queue_is_passed_on_at_four_times_its_pace() -> None:
+def test_a_long_queue_is_passed_on_at_four_times_its_pace():
     pacer, step = Pacer(0.0), 10_000_000
     for k in range(500):
         pacer.add(k * step, float(k))
@@ -206,7 +204,7 @@ def value(number: object, ns: int | None, **further: bool | str) -> ServerValue:
     return ServerValue(title="angle", value=number, stamp_ns=ns, **further)  # type: ignore[arg-type]
 
 
-def test_a_value_is_taken_once_and_losses_are_counted() -> None:
+def test_a_value_is_taken_once_and_losses_are_counted():
     reader = VariableReader("angle", Variable(node="i=1", unit="deg", scale=-2.0))
     assert reader.read(value(90.0, 10)) == (10, -math.pi)
     assert reader.read(value(90.0, 10)) is None
@@ -222,14 +220,14 @@ def test_a_value_is_taken_once_and_losses_are_counted() -> None:
     assert reader.complaint == ""
 
 
-def test_an_angle_that_starts_again_goes_on() -> None:
+def test_an_angle_that_starts_again_goes_on():
     reader = VariableReader("angle", Variable(node="i=1", unit="turn", wraps_at=1.0))
     read = [reader.read(value(raw, 10 * k)) for k, raw in enumerate((0.8, 0.1, 0.9, 0.3), 1)]
     turns = [item[1] / (2.0 * math.pi) for item in read if item is not None]
     assert turns == pytest.approx([0.8, 1.1, 0.9, 1.3])
 
 
-def test_missing_and_repeated_notifications_show() -> None:
+def test_missing_and_repeated_notifications_show():
     numbers = SequenceNumbers()
     assert numbers.take(1)
     assert numbers.missing(2) == []
@@ -242,7 +240,7 @@ def test_missing_and_repeated_notifications_show() -> None:
     assert (numbers.gaps, numbers.repeated) == (1, 1)
 
 
-def test_numbers_begin_again_with_one() -> None:
+def test_numbers_begin_again_with_one():
     numbers = SequenceNumbers()
     numbers.skip(2**32 - 2)
     assert numbers.missing(2) == [2**32 - 1, 1]
@@ -264,7 +262,7 @@ def lost_link() -> Link:
     return link
 
 
-def test_attempts_come_ever_slower_and_fast_again_after_a_success() -> None:
+def test_attempts_come_ever_slower_and_fast_again_after_a_success():
     link = Link(SERVER, 0.0)
     assert [link.failed("no route") for _ in range(4)] == [0.5, 1.0, 2.0, 3.0]
     link.established()
@@ -272,7 +270,7 @@ def test_attempts_come_ever_slower_and_fast_again_after_a_success() -> None:
     assert link.failed("no route") == 0.5
 
 
-def test_what_is_refused_says_since_when_and_why() -> None:
+def test_what_is_refused_says_since_when_and_why():
     link = lost_link()
     assert link.refuse("start", 12.5) == (
         "the link to the PLC at opc.tcp://plc:4840 has been lost for 2.5 s: cable out"
@@ -281,13 +279,13 @@ def test_what_is_refused_says_since_when_and_why() -> None:
     assert link.refuse("start", 12.5) == ""
 
 
-def test_a_machine_is_stopped_after_a_long_loss_only() -> None:
+def test_a_machine_is_stopped_after_a_long_loss_only():
     assert lost_link().stop_on_return(11.9) == ""
     assert lost_link().stop_on_return(12.1) == "stop"
     assert Link(SERVER, 0.0).stop_on_return(100.0) == ""
 
 
-def test_the_strongest_stop_is_owed_and_paid_once() -> None:
+def test_the_strongest_stop_is_owed_and_paid_once():
     link = lost_link()
     for command in ("emergency_stop", "start", "stop"):
         link.refuse(command, 10.5)
@@ -299,7 +297,7 @@ def test_the_strongest_stop_is_owed_and_paid_once() -> None:
     assert link.stop_on_return(20.1) == ""
 
 
-def test_a_stop_that_is_asked_for_while_a_weaker_one_is_given_is_owed() -> None:
+def test_a_stop_that_is_asked_for_while_a_weaker_one_is_given_is_owed():
     link = lost_link()
     assert link.stop_on_return(13.0) == "stop"
     link.refuse("quick_stop", 13.1)
@@ -307,7 +305,7 @@ def test_a_stop_that_is_asked_for_while_a_weaker_one_is_given_is_owed() -> None:
     assert link.stop_on_return(13.2) == "quick_stop"
 
 
-def test_a_program_that_stands_is_said() -> None:
+def test_a_program_that_stands_is_said():
     watch = HeartbeatWatch(Heartbeat(read="i=1", timeout_s=1.0))
     watch.restart(0.0)
     assert watch.complaint(0.9) == ""
@@ -319,7 +317,7 @@ def test_a_program_that_stands_is_said() -> None:
     assert HeartbeatWatch(Heartbeat()).complaint(1e6) == ""
 
 
-def test_the_drivers_counter_fits_a_small_integer() -> None:
+def test_the_drivers_counter_fits_a_small_integer():
     watch = HeartbeatWatch(Heartbeat())
     counts = [watch.advance() for _ in range(2**15 + 1)]
     assert (counts[0], max(counts), counts[-1]) == (1, 2**15 - 1, 1)

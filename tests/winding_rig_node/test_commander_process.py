@@ -128,9 +128,7 @@ def from_rest(t: float) -> float:
         ("sine by speed", 100.0, from_rest),
     ],
 )
-def test_a_sine_from_another_process_is_followed(
-    bench: Bench, course: str, rate: float, meant: Callable[[float], float]
-) -> None:
+def test_a_sine_from_another_process_is_followed(bench, course, rate, meant):
     bench.wind(speed=0.0, pace_topics=topics.FEM_MARKERS.name, max_lead=1.0 / rate + MILLISECOND)
     bench.command(course, rate)
     bench.ros.spin_until(lambda: bench.samples and bench.samples[-1][0] >= END, 500.0)
@@ -140,7 +138,7 @@ def test_a_sine_from_another_process_is_followed(
     assert max(errors) < MISSED
 
 
-def test_a_commanded_carriage_moves_the_lay_in_the_picture(bench: Bench, tmp_path: Path) -> None:
+def test_a_commanded_carriage_moves_the_lay_in_the_picture(bench, tmp_path):
     frames: deque[Any] = deque(maxlen=1)
     topics.IMAGE.subscribe(bench.node, frames.append)
     truth = tmp_path / "truth.json"
@@ -183,7 +181,7 @@ def test_a_commanded_carriage_moves_the_lay_in_the_picture(bench: Bench, tmp_pat
     assert columns[near].mean() == pytest.approx(column, abs=2.0)
 
 
-def test_a_command_out_of_bounds_is_refused_in_one_sentence(bench: Bench) -> None:
+def test_a_command_out_of_bounds_is_refused_in_one_sentence(bench):
     bench.wind()
     bench.command("out of bounds")
     status = bench.wait_for("carriage position")
@@ -192,7 +190,7 @@ def test_a_command_out_of_bounds_is_refused_in_one_sentence(bench: Bench) -> Non
     assert "commanded" not in status.values
 
 
-def test_a_commander_that_is_killed_leaves_a_machine_at_rest(bench: Bench) -> None:
+def test_a_commander_that_is_killed_leaves_a_machine_at_rest(bench):
     bench.wind()
     commander = bench.command("steady speed")
     bench.ros.spin_until(lambda: bench.samples and bench.samples[-1][2][1] > 0.015)

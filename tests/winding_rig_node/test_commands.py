@@ -43,9 +43,7 @@ def by_speed(rig: Machine, origin: float, t: float) -> Command:
 @pytest.mark.slow
 @pytest.mark.parametrize("rate", [50, 100])
 @pytest.mark.parametrize(("send", "meant"), [(by_position, sine), (by_speed, from_rest)])
-def test_streamed_sine_is_followed(
-    rate: int, send: Sender, meant: Callable[[float], float]
-) -> None:
+def test_streamed_sine_is_followed(rate, send, meant):
     rig = winding()
     origin, errors = carriage(rig), []
     for count in range(30_000):
@@ -60,7 +58,7 @@ def test_streamed_sine_is_followed(
 
 @pytest.mark.campaign
 @pytest.mark.slow
-def test_a_missing_sample_does_not_tear_a_stream() -> None:
+def test_a_missing_sample_does_not_tear_a_stream():
     rig = winding()
     origin, errors = carriage(rig), []
     for count in range(8_000):
@@ -76,7 +74,7 @@ def test_a_missing_sample_does_not_tear_a_stream() -> None:
 @pytest.mark.campaign
 @pytest.mark.slow
 @pytest.mark.parametrize("step", [0.02, 0.1], ids=["lines", "cubics"])
-def test_sine_as_a_trajectory_is_followed(step: float) -> None:
+def test_sine_as_a_trajectory_is_followed(step):
     rig = winding()
     origin, times = carriage(rig), np.arange(step, 30.0 + step / 2.0, step)
     rows = np.array([times, origin + AMPLITUDE * (1.0 - np.cos(OMEGA * times))]).T
@@ -94,7 +92,7 @@ def test_sine_as_a_trajectory_is_followed(step: float) -> None:
     assert rig.state.phase is Phase.WINDING
 
 
-def test_the_axis_that_is_not_commanded_stays_on_its_programme() -> None:
+def test_the_axis_that_is_not_commanded_stays_on_its_programme():
     free, led = winding(), winding()
     led.command(targets(carriage=AxisTarget(speed=0.0)))
     for rig in (free, led):
@@ -103,7 +101,7 @@ def test_the_axis_that_is_not_commanded_stays_on_its_programme() -> None:
     assert carriage(led) < carriage(free) - 0.02
 
 
-def test_a_step_of_speed_is_limited_to_the_acceleration_of_the_axis() -> None:
+def test_a_step_of_speed_is_limited_to_the_acceleration_of_the_axis():
     rig = winding()
     speeds = []
     rig.command(targets(carriage=AxisTarget(speed=CARRIAGE_LIMITS.speed)))
@@ -116,7 +114,7 @@ def test_a_step_of_speed_is_limited_to_the_acceleration_of_the_axis() -> None:
     assert speeds[-1] == pytest.approx(CARRIAGE_LIMITS.speed, rel=0.01)
 
 
-def test_a_new_trajectory_replaces_the_old_one() -> None:
+def test_a_new_trajectory_replaces_the_old_one():
     rig = winding()
     rig.command(course((2.0, 0.1)))
     run(rig, 0.5)
@@ -136,7 +134,7 @@ def refused(rig: Machine, command: Command) -> str:
     return str(caught.value)
 
 
-def test_a_refused_command_leaves_every_number_as_it_was() -> None:
+def test_a_refused_command_leaves_every_number_as_it_was():
     rigs = winding(), winding()
     refused(rigs[0], targets(carriage=AxisTarget(position=2.0), cylinder=AxisTarget(speed=1.0)))
     for rig in rigs:
@@ -194,13 +192,11 @@ def test_a_refused_command_leaves_every_number_as_it_was() -> None:
         (TensionCommand(t=0.0, force=25.0), "tension must lie in 0.1 to 20 N, got 25"),
     ],
 )
-def test_what_is_out_of_bounds_is_refused_with_value_and_limit(
-    command: Command, sentence: str
-) -> None:
+def test_what_is_out_of_bounds_is_refused_with_value_and_limit(command, sentence):
     assert refused(winding(), command) == sentence
 
 
-def test_a_cubic_that_overshoots_the_travel_is_refused() -> None:
+def test_a_cubic_that_overshoots_the_travel_is_refused():
     rig = winding()
     # Both ends lie within; the way on from -0.09 m at -0.05 m/s does not.
     assert refused(rig, course((4.0, -0.09, -0.05), (8.0, -0.09, 0.0))).startswith(
@@ -216,16 +212,14 @@ def phases() -> Iterator[tuple[str, Callable[[Machine], object]]]:
 
 
 @pytest.mark.parametrize(("phase", "bring"), list(phases()), ids=lambda value: str(value)[:9])
-def test_only_a_machine_that_winds_takes_commands(
-    phase: str, bring: Callable[[Machine], object]
-) -> None:
+def test_only_a_machine_that_winds_takes_commands(phase, bring):
     rig = machine() if phase == "idle" else winding()
     bring(rig)
     said = refused(rig, targets(carriage=AxisTarget(speed=0.01)))
     assert said == f"commands are taken while the machine winds, it is in {phase}"
 
 
-def test_a_stream_that_stops_in_motion_stops_both_axes() -> None:
+def test_a_stream_that_stops_in_motion_stops_both_axes():
     rig = winding()
     rig.command(targets(carriage=AxisTarget(speed=0.05)))
     run(rig, 0.45)
@@ -238,7 +232,7 @@ def test_a_stream_that_stops_in_motion_stops_both_axes() -> None:
     assert rig.state.cylinder.motor.speed == rig.state.carriage.motor.speed == 0.0
 
 
-def test_a_way_that_nobody_attends_is_not_gone_to_its_end() -> None:
+def test_a_way_that_nobody_attends_is_not_gone_to_its_end():
     rig = winding()
     rig.command(targets(carriage=AxisTarget(position=0.3)))
     run(rig, 3.0)
@@ -252,7 +246,7 @@ def test_a_way_that_nobody_attends_is_not_gone_to_its_end() -> None:
     course((2.0, 0.05)),
     JointTrajectory(t=0.0, axes={"carriage": (), "cylinder": ()}),
 ])  # fmt: skip
-def test_what_is_reached_stands_or_ends_by_itself_needs_no_stream(command: Command) -> None:
+def test_what_is_reached_stands_or_ends_by_itself_needs_no_stream(command):
     rig = winding()
     rig.command(command)
     run(rig, 4.0)
@@ -265,7 +259,7 @@ def test_what_is_reached_stands_or_ends_by_itself_needs_no_stream(command: Comma
     assert carriage(rig) == pytest.approx(where, abs=2.0e-6)
 
 
-def test_a_speed_towards_the_end_of_the_travel_stops_before_it() -> None:
+def test_a_speed_towards_the_end_of_the_travel_stops_before_it():
     rig = winding()
     while rig.state.phase is Phase.WINDING:
         if rig.state.drive_sample % 20 == 0:
@@ -276,7 +270,7 @@ def test_a_speed_towards_the_end_of_the_travel_stops_before_it() -> None:
     assert CARRIAGE_LIMITS.low <= carriage(rig) < CARRIAGE_LIMITS.low + 5.0e-3
 
 
-def test_start_gives_the_axes_back_to_the_programme() -> None:
+def test_start_gives_the_axes_back_to_the_programme():
     rig = winding()
     rig.command(targets(carriage=AxisTarget(position=0.02)))
     run(rig, 1.0)
@@ -290,7 +284,7 @@ def test_start_gives_the_axes_back_to_the_programme() -> None:
     assert "carriage" not in rig.commander.axes
 
 
-def test_start_waits_until_commanded_axes_stand() -> None:
+def test_start_waits_until_commanded_axes_stand():
     rig = winding()
     rig.command(targets(carriage=AxisTarget(speed=0.05)))
     run(rig, 0.3)
@@ -300,9 +294,7 @@ def test_start_waits_until_commanded_axes_stand() -> None:
 
 
 @pytest.mark.parametrize("stop", [Machine.quick_stop, Machine.emergency_stop])
-def test_a_hurried_stop_brings_commanded_axes_to_rest_as_well(
-    stop: Callable[[Machine], object],
-) -> None:
+def test_a_hurried_stop_brings_commanded_axes_to_rest_as_well(stop):
     rig = winding()
     rig.command(targets(carriage=AxisTarget(speed=0.08), cylinder=AxisTarget(speed=4.0)))
     run(rig, 0.45)
@@ -314,7 +306,7 @@ def test_a_hurried_stop_brings_commanded_axes_to_rest_as_well(
     assert rig.state.stood_at - began < 0.35
 
 
-def test_the_brake_follows_a_tension_command_with_its_lag() -> None:
+def test_the_brake_follows_a_tension_command_with_its_lag():
     rig = winding()
     rig.command(TensionCommand(t=0.0, force=4.0))
     weight = rig.config.case.weight
@@ -327,7 +319,7 @@ def test_the_brake_follows_a_tension_command_with_its_lag() -> None:
     assert rig.state.phase is Phase.WINDING
 
 
-def test_reset_puts_the_dead_weight_back() -> None:
+def test_reset_puts_the_dead_weight_back():
     rig = winding()
     rig.command(TensionCommand(t=0.0, force=4.0))
     rig.stop()

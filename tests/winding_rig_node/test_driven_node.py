@@ -1,7 +1,6 @@
 """The rig's node with a lay that its own motion makes."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -38,7 +37,7 @@ def started(ros: Any, node: RigNode) -> Any:
 
 
 @pytest.mark.parametrize("lay", ["driven", "paper"])
-def test_the_truth_is_there_at_the_end_of_the_run(ros: Any, tmp_path: Path, lay: str) -> None:
+def test_the_truth_is_there_at_the_end_of_the_run(ros, tmp_path, lay):
     file = tmp_path / "truth.json"
     node = rig_of(ros, lay=lay, truth_file=str(file))
     started(ros, node)
@@ -50,7 +49,7 @@ def test_the_truth_is_there_at_the_end_of_the_run(ros: Any, tmp_path: Path, lay:
     assert ("free_length" in told["hidden"]) == (lay == "driven")
 
 
-def test_the_truth_of_a_run_that_is_ended_early_is_written_too(ros: Any, tmp_path: Path) -> None:
+def test_the_truth_of_a_run_that_is_ended_early_is_written_too(ros, tmp_path):
     file = tmp_path / "truth.json"
     node = rig_of(ros, duration=60.0, truth_file=str(file))
     started(ros, node)
@@ -59,7 +58,7 @@ def test_the_truth_of_a_run_that_is_ended_early_is_written_too(ros: Any, tmp_pat
     assert json.loads(file.read_text())["wound_angle"] == node._lay.wound_angle > 0.5
 
 
-def test_a_reset_begins_with_a_bare_cylinder(ros: Any) -> None:
+def test_a_reset_begins_with_a_bare_cylinder(ros):
     node = rig_of(ros, duration=60.0)
     call = started(ros, node)
     ros.spin_until(lambda: node._lay.wound_angle > 0.5)
@@ -73,7 +72,7 @@ def test_a_reset_begins_with_a_bare_cylinder(ros: Any) -> None:
     assert not node._loop._failed
 
 
-def test_the_camera_goes_on_after_a_pause_of_the_node(ros: Any) -> None:
+def test_the_camera_goes_on_after_a_pause_of_the_node(ros):
     node = rig_of(ros, duration=60.0)
     call = started(ros, node)
     ros.spin_until(lambda: node._lay.wound_angle > 0.3)
@@ -85,13 +84,13 @@ def test_the_camera_goes_on_after_a_pause_of_the_node(ros: Any) -> None:
     assert not node._loop._failed
 
 
-def test_a_camera_elsewhere_cannot_show_it(ros: Any) -> None:
+def test_a_camera_elsewhere_cannot_show_it(ros):
     node = rig_of(ros, camera_elsewhere=True)
     assert node.trigger_configure() is TransitionCallbackReturn.FAILURE
     assert "camera_elsewhere must be false" in node._failure
 
 
-def test_a_truth_file_without_a_folder_is_refused(ros: Any, tmp_path: Path) -> None:
+def test_a_truth_file_without_a_folder_is_refused(ros, tmp_path):
     node = rig_of(ros, truth_file=str(tmp_path / "absent" / "truth.json"))
     assert node.trigger_configure() is TransitionCallbackReturn.FAILURE
     assert "truth_file must name a file in a folder that exists" in node._failure
@@ -100,7 +99,7 @@ def test_a_truth_file_without_a_folder_is_refused(ros: Any, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     "command", [targets(carriage=AxisTarget(speed=0.01)), TensionCommand(t=0.0, force=2.0)]
 )
-def test_commands_that_the_picture_does_not_follow_are_warned_of(command: Any) -> None:
+def test_commands_that_the_picture_does_not_follow_are_warned_of(command):
     machine, pace = winding(), Pace([], 0.25)
     assert rig_status(machine, pace, "", "fem").level is Level.OK
     machine.command(command)

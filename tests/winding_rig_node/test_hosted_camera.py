@@ -58,7 +58,7 @@ def rig(ros: Any) -> Iterator[RigNode]:
     node.destroy_node()
 
 
-def test_what_was_chosen_since_the_process_was_started_is_filmed(ros: Any, rig: RigNode) -> None:
+def test_what_was_chosen_since_the_process_was_started_is_filmed(ros, rig):
     rig.set_parameters([Parameter("frame_rate", value=1000)])
     joints, port = topics.JOINT_STATES.advertise(ros.plain()), Port(ros.context)
     with open_camera(port):
@@ -69,7 +69,7 @@ def test_what_was_chosen_since_the_process_was_started_is_filmed(ros: Any, rig: 
     assert port.times == [0.0, 0.001, 0.002]
 
 
-def test_a_reading_that_says_nothing_does_not_end_the_camera(ros: Any, rig: RigNode) -> None:
+def test_a_reading_that_says_nothing_does_not_end_the_camera(ros, rig):
     joints, port = topics.JOINT_STATES.advertise(ros.plain()), Port(ros.context)
     with open_camera(port):
         ros.spin_until(lambda: joints.get_subscription_count() == 1)
@@ -80,9 +80,7 @@ def test_a_reading_that_says_nothing_does_not_end_the_camera(ros: Any, rig: RigN
     assert port.times == [0.005]
 
 
-def test_without_a_rig_the_camera_is_refused_and_leaves_no_node(
-    ros: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_rig_the_camera_is_refused_and_leaves_no_node(ros, monkeypatch):
     monkeypatch.setattr("winding_rig_node.ros.hosted_camera._ATTEMPTS", 1)
     probe = ros.plain()
     with (

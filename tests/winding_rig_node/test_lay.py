@@ -343,7 +343,7 @@ def test_a_rig_that_cannot_be_is_refused(changes, sentence):
 END = 33.93
 
 
-def test_published_lay_passes_through_every_measured_marker() -> None:
+def test_published_lay_passes_through_every_measured_marker():
     offenders = []
     for number in range(1, 13):
         lay = published_lay(paper_case(number), DriveProfile(), PAPER_FREE_LENGTH, END)
@@ -360,7 +360,7 @@ def test_published_lay_passes_through_every_measured_marker() -> None:
     assert offenders == []
 
 
-def test_simulated_lay_without_load_winds_the_undeformed_cable() -> None:
+def test_simulated_lay_without_load_winds_the_undeformed_cable():
     case = paper_case(4)
     hidden = HiddenCable(free_length=0.2, load_factor=1e-9, drag=0.0)
     lay = simulated_lay(case, DriveProfile(), hidden, END)
@@ -370,7 +370,7 @@ def test_simulated_lay_without_load_winds_the_undeformed_cable() -> None:
     assert length == pytest.approx(case.marker_spacing, rel=1e-3)
 
 
-def test_simulated_lay_follows_the_fleet_angle_law() -> None:
+def test_simulated_lay_follows_the_fleet_angle_law():
     case, drive = paper_case(9), DriveProfile()
     hidden = HiddenCable.drawn(np.random.default_rng(3))
     lay = simulated_lay(case, drive, hidden, END)
@@ -382,20 +382,20 @@ def test_simulated_lay_follows_the_fleet_angle_law() -> None:
     np.testing.assert_allclose(lay.path_z, law.z(lay.path_theta), atol=1e-12)
 
 
-def test_more_weight_winds_longer_lengths() -> None:
+def test_more_weight_winds_longer_lengths():
     hidden = HiddenCable(free_length=0.2, load_factor=0.7, drag=0.1)
     light = simulated_lay(paper_case(3), DriveProfile(), hidden, END)
     heavy = simulated_lay(paper_case(4), DriveProfile(), hidden, END)
     assert (heavy.marker_theta[1:] > light.marker_theta[1:]).all()
 
 
-def test_neo_hookean_stretch_balances_its_load() -> None:
+def test_neo_hookean_stretch_balances_its_load():
     loads = np.array([0.0, 0.06, 0.24, 0.48])
     stretch = np.array([neo_hookean_stretch(load) for load in loads])
     np.testing.assert_allclose((stretch - stretch**-2) / 3.0, loads, rtol=0, atol=1e-9)
 
 
-def test_published_lay_of_an_unpublished_condition_is_refused() -> None:
+def test_published_lay_of_an_unpublished_condition_is_refused():
     own = Case(cylinder_diameter=0.04, cable_diameter=0.003, weight=2.0, marker_spacing=0.1)
     with pytest.raises(ValueError, match="as the paper measured it"):
         published_lay(own, DriveProfile(), PAPER_FREE_LENGTH, END)

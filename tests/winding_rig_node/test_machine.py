@@ -31,7 +31,7 @@ def rows(request: pytest.FixtureRequest) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_speeds_hold_their_targets_after_the_ramp(rows: np.ndarray) -> None:
+def test_speeds_hold_their_targets_after_the_ramp(rows):
     drive = DriveProfile()
     held = rows[rows[:, 0] > drive.ramp_time]
     for column, target in ((2, drive.angular_speed), (4, drive.feed_speed)):
@@ -41,7 +41,7 @@ def test_speeds_hold_their_targets_after_the_ramp(rows: np.ndarray) -> None:
         assert error.max() < 0.03
 
 
-def test_positions_follow_the_drive_profile(rows: np.ndarray) -> None:
+def test_positions_follow_the_drive_profile(rows):
     angle, guide = DriveProfile().positions(rows[:, 0])
     # Speed error rms 0.1 %, integrated by the controller to nothing: a few milliradians.
     assert np.abs(rows[:, 1] - angle).max() < 0.01
@@ -49,12 +49,12 @@ def test_positions_follow_the_drive_profile(rows: np.ndarray) -> None:
 
 
 @pytest.mark.slow
-def test_run_has_one_sample_per_millisecond_and_ends_at_its_duration(rows: np.ndarray) -> None:
+def test_run_has_one_sample_per_millisecond_and_ends_at_its_duration(rows):
     assert len(rows) == 20_000
     np.testing.assert_allclose(np.diff(rows[:, 0]), 1.0e-3, atol=1e-12)
 
 
-def test_load_cell_shows_the_weight() -> None:
+def test_load_cell_shows_the_weight():
     rig = machine()
     rig.start()
     samples = np.array([rig.tension() for _ in range(400)])
@@ -62,7 +62,7 @@ def test_load_cell_shows_the_weight() -> None:
     assert samples.mean() == pytest.approx(paper_case(4).weight, abs=1.5e-3)
 
 
-def test_stop_ramps_down_and_start_resumes_where_it_stood() -> None:
+def test_stop_ramps_down_and_start_resumes_where_it_stood():
     rig = winding(duration=4.0, until=1.5)
     rig.stop()
     run(rig)
@@ -75,7 +75,7 @@ def test_stop_ramps_down_and_start_resumes_where_it_stood() -> None:
     assert rig.state.phase is Phase.FINISHED
 
 
-def test_emergency_stop_halts_within_a_tenth_of_a_second() -> None:
+def test_emergency_stop_halts_within_a_tenth_of_a_second():
     rig = winding(until=1.5)
     rig.emergency_stop()
     begin = rig.time
@@ -83,7 +83,7 @@ def test_emergency_stop_halts_within_a_tenth_of_a_second() -> None:
     assert rig.time - begin < 0.1
 
 
-def test_starting_twice_is_starting_once() -> None:
+def test_starting_twice_is_starting_once():
     rig = machine()
     rig.start()
     rig.step()
@@ -91,7 +91,7 @@ def test_starting_twice_is_starting_once() -> None:
     assert (rig.state.phase, rig.state.sample) == (Phase.WINDING, 1)
 
 
-def test_reset_while_winding_is_refused() -> None:
+def test_reset_while_winding_is_refused():
     rig = machine()
     rig.start()
     rig.step()
@@ -99,7 +99,7 @@ def test_reset_while_winding_is_refused() -> None:
         rig.reset()
 
 
-def test_finished_run_can_be_reset_and_wound_again() -> None:
+def test_finished_run_can_be_reset_and_wound_again():
     rig = machine(duration=2.0)
     wind(rig)
     assert rig.state.phase is Phase.FINISHED
@@ -110,7 +110,7 @@ def test_finished_run_can_be_reset_and_wound_again() -> None:
     assert rows[-1, 0] == pytest.approx(4.0)
 
 
-def test_same_seed_gives_the_same_run() -> None:
+def test_same_seed_gives_the_same_run():
     first, second = machine(duration=1.0, seed=5), machine(duration=1.0, seed=5)
     np.testing.assert_array_equal(wind(first), wind(second))
     assert first.tension() == second.tension()
@@ -135,7 +135,7 @@ def break_at(t: float, text: str) -> tuple[Machine, float]:
 
 
 @pytest.mark.slow
-def test_healthy_machine_of_every_case_winds_to_its_end() -> None:
+def test_healthy_machine_of_every_case_winds_to_its_end():
     offenders = []
     for case in range(1, 13):
         rig = machine(case, duration=2.5)
@@ -168,7 +168,7 @@ IMPOSSIBLE = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("t", [0.0, 1.5], ids=["from the start", "at full speed"])
-def test_sensor_that_cannot_be_right_ends_in_standstill(t: float) -> None:
+def test_sensor_that_cannot_be_right_ends_in_standstill(t):
     offenders = []
     for text, sentence in IMPOSSIBLE.items():
         rig, fastest = break_at(t, text)
@@ -187,19 +187,19 @@ def test_sensor_that_cannot_be_right_ends_in_standstill(t: float) -> None:
     assert offenders == []
 
 
-def test_fault_is_judged_after_fifty_milliseconds() -> None:
+def test_fault_is_judged_after_fifty_milliseconds():
     rig, _ = break_at(1.5, "cylinder_encoder:off")
     assert rig.state.stop_began is not None
     # One control step late at most.
     assert rig.state.stop_began - 1.5 == pytest.approx(0.05, abs=0.003)
 
 
-def test_single_lost_samples_do_not_stop_the_machine() -> None:
+def test_single_lost_samples_do_not_stop_the_machine():
     rig, _ = break_at(1.0, "cylinder_encoder:intermittent:0.2,load_cell:intermittent:0.2")
     assert rig.state.phase is Phase.FINISHED
 
 
-def test_protective_stop_is_latched_until_reset() -> None:
+def test_protective_stop_is_latched_until_reset():
     rig, _ = break_at(1.5, "load_cell:off")
     with pytest.raises(PhaseError, match="cannot start while the machine is in protective stop"):
         rig.start()
@@ -210,7 +210,7 @@ def test_protective_stop_is_latched_until_reset() -> None:
     assert rig.state.phase is Phase.FINISHED
 
 
-def test_emergency_stop_is_latched_until_reset() -> None:
+def test_emergency_stop_is_latched_until_reset():
     rig = winding(until=1.5)
     rig.emergency_stop()
     run(rig)
@@ -224,7 +224,7 @@ def test_emergency_stop_is_latched_until_reset() -> None:
     assert rig.state.phase is Phase.WINDING
 
 
-def test_quick_stop_is_resumed_by_start() -> None:
+def test_quick_stop_is_resumed_by_start():
     rig = winding(duration=3.0, until=1.5)
     rig.quick_stop("by hand")
     began = rig.time
@@ -240,7 +240,7 @@ def test_quick_stop_is_resumed_by_start() -> None:
     assert rig.state.cylinder.motor.position > stood
 
 
-def test_value_that_cannot_be_never_reaches_controller_or_reader() -> None:
+def test_value_that_cannot_be_never_reaches_controller_or_reader():
     rig = winding(duration=3.0)
     rig.faults = Faults(parse_faults("cylinder_encoder:garbage,load_cell:garbage", SENSORS))
     while rig.moving:
@@ -253,11 +253,11 @@ def test_value_that_cannot_be_never_reaches_controller_or_reader() -> None:
     assert rig.plausibility.refused["load cell"] > 0
 
 
-def test_without_consumers_time_is_free() -> None:
+def test_without_consumers_time_is_free():
     assert Pace([], 0.1).limit == math.inf
 
 
-def test_limit_follows_the_slowest_consumer() -> None:
+def test_limit_follows_the_slowest_consumer():
     pace = Pace(["a", "b"], 0.25)
     pace.answer("a", 5.0)
     pace.answer("b", 1.0)
@@ -265,13 +265,13 @@ def test_limit_follows_the_slowest_consumer() -> None:
     assert pace.slowest == "b"
 
 
-def test_a_stale_answer_does_not_take_time_back() -> None:
+def test_a_stale_answer_does_not_take_time_back():
     pace = Pace(["a"], 0.25)
     pace.answer("a", 2.0)
     pace.answer("a", 1.0)
     assert pace.limit == pytest.approx(2.25)
 
 
-def test_zero_lead_is_refused() -> None:
+def test_zero_lead_is_refused():
     with pytest.raises(ValueError, match=r"max_lead must be positive, got 0\.0 s"):
         Pace(["a"], 0.0)

@@ -58,13 +58,13 @@ class Bench:
         return self.stamps["rig/joint_states"][-1] if self.stamps["rig/joint_states"] else -1
 
 
-def test_time_stands_still_until_start(ros: Any) -> None:
+def test_time_stands_still_until_start(ros):
     bench = Bench(ros)
     assert bench.command("stop").message == "cannot stop while the machine is in idle"
     assert bench.stamps["/clock"] == []
 
 
-def test_run_publishes_every_topic_at_its_rate(ros: Any) -> None:
+def test_run_publishes_every_topic_at_its_rate(ros):
     bench = Bench(ros)
     assert bench.command("start").success
     rates = {"rig/joint_states": 1, "rig/joint_commands": 20, "rig/tension": 10, "/clock": 10}
@@ -75,7 +75,7 @@ def test_run_publishes_every_topic_at_its_rate(ros: Any) -> None:
     ros.spin_until(lambda: bench.node.status().message == "finished")
 
 
-def test_time_waits_for_the_paced_consumer(ros: Any) -> None:
+def test_time_waits_for_the_paced_consumer(ros):
     bench = Bench(ros, pace_topics="tracker/markers", max_lead=0.05)
     answers = topics.TRACKED_MARKERS.advertise(bench.probe)
     ros.spin_until(lambda: answers.get_subscription_count() == 1)
@@ -89,7 +89,7 @@ def test_time_waits_for_the_paced_consumer(ros: Any) -> None:
     ros.spin_until(lambda: bench.last() == 150)
 
 
-def test_emergency_stop_ends_motion_and_is_an_error(ros: Any) -> None:
+def test_emergency_stop_ends_motion_and_is_an_error(ros):
     bench = Bench(ros, duration=5.0)
     assert bench.command("start").success
     ros.spin_until(lambda: bench.last() > 200)
@@ -98,7 +98,7 @@ def test_emergency_stop_ends_motion_and_is_an_error(ros: Any) -> None:
     assert not bench.command("start").success
 
 
-def test_stop_then_reset_begins_anew_while_time_goes_on(ros: Any) -> None:
+def test_stop_then_reset_begins_anew_while_time_goes_on(ros):
     bench = Bench(ros, duration=5.0)
     bench.command("start")
     ros.spin_until(lambda: bench.last() > 100)
@@ -111,7 +111,7 @@ def test_stop_then_reset_begins_anew_while_time_goes_on(ros: Any) -> None:
     ros.spin_until(lambda: bench.last() > before + 10)
 
 
-def test_inactive_rig_refuses_to_start(ros: Any) -> None:
+def test_inactive_rig_refuses_to_start(ros):
     bench = Bench(ros)
     assert bench.node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
     answer = bench.command("start")
@@ -119,12 +119,12 @@ def test_inactive_rig_refuses_to_start(ros: Any) -> None:
     assert answer.message == "winding_rig is not active"
 
 
-def test_unknown_pace_topic_is_refused(ros: Any) -> None:
+def test_unknown_pace_topic_is_refused(ros):
     node = ros.add(RigNode, parameter_overrides=[Parameter("pace_topics", value="tracker/markres")])
     assert node.trigger_configure() is TransitionCallbackReturn.FAILURE
 
 
-def test_new_calibration_is_carried_by_every_later_camera_info(ros: Any) -> None:
+def test_new_calibration_is_carried_by_every_later_camera_info(ros):
     bench = Bench(ros)
     said: list[Any] = []
     topics.CAMERA_INFO.subscribe(bench.probe, said.append)
@@ -152,9 +152,7 @@ def test_new_calibration_is_carried_by_every_later_camera_info(ros: Any) -> None
         ),
     ],
 )
-def test_calibration_that_cannot_be_the_camera_s_is_refused(
-    ros: Any, info: Any, sentence: str
-) -> None:
+def test_calibration_that_cannot_be_the_camera_s_is_refused(ros, info, sentence):
     bench = Bench(ros)
     request = SetCameraInfo.Request(camera_info=info)
     answer = ros.call(bench.probe, SetCameraInfo, "camera/set_camera_info", request)
@@ -162,7 +160,7 @@ def test_calibration_that_cannot_be_the_camera_s_is_refused(
     assert sentence in answer.status_message
 
 
-def test_clock_drives_a_node_that_uses_simulated_time(ros: Any) -> None:
+def test_clock_drives_a_node_that_uses_simulated_time(ros):
     follower = ros.plain("follower")
     follower.set_parameters([Parameter("use_sim_time", value=True)])
     bench = Bench(ros)

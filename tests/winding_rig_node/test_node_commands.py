@@ -67,7 +67,7 @@ class Commanded:
         return self.node.status().values
 
 
-def test_joint_targets_move_an_axis(ros: Any) -> None:
+def test_joint_targets_move_an_axis(ros):
     bench = Commanded(ros)
     # As topic_based_ros2_control sends them: NaN for interfaces that are not commanded.
     wanted = JointState(
@@ -78,7 +78,7 @@ def test_joint_targets_move_an_axis(ros: Any) -> None:
     assert bench.axes.velocity[0] > 0.5
 
 
-def test_a_joint_trajectory_moves_both_axes_to_its_end(ros: Any) -> None:
+def test_a_joint_trajectory_moves_both_axes_to_its_end(ros):
     bench = Commanded(ros)
     angle = bench.axes.position[0] + 0.5
     waypoints = {
@@ -91,7 +91,7 @@ def test_a_joint_trajectory_moves_both_axes_to_its_end(ros: Any) -> None:
     ros.spin_until(lambda: abs(bench.axes.position[0] - angle) < 1.0e-3)
 
 
-def test_a_tension_command_sets_the_brake(ros: Any) -> None:
+def test_a_tension_command_sets_the_brake(ros):
     bench = Commanded(ros)
     pull = 1.5 * paper_case(4).weight
     bench.send(topics.TENSION_COMMAND, encode_tension(0.0, pull))
@@ -99,7 +99,7 @@ def test_a_tension_command_sets_the_brake(ros: Any) -> None:
     assert bench.values["brake [N]"] == f"{pull:.3f}"
 
 
-def test_a_refused_command_is_told_in_diagnostics(ros: Any) -> None:
+def test_a_refused_command_is_told_in_diagnostics(ros):
     bench = Commanded(ros)
     wanted = JointState(name=["carriage_joint"], position=[3.0])
     bench.send(topics.JOINT_TARGETS, wanted)
@@ -112,7 +112,7 @@ def test_a_refused_command_is_told_in_diagnostics(ros: Any) -> None:
     assert bench.values["refused commands"] == "2"
 
 
-def test_two_commanders_at_once_are_refused(ros: Any) -> None:
+def test_two_commanders_at_once_are_refused(ros):
     bench = Commanded(ros)
     other = topics.JOINT_TARGETS.advertise(ros.plain("other"))
     ros.spin_until(lambda: other.get_subscription_count() == 1)
@@ -121,7 +121,7 @@ def test_two_commanders_at_once_are_refused(ros: Any) -> None:
     assert bench.values["refusal"] == "one commander at a time, got 2: other, probe"
 
 
-def test_a_commander_that_falls_silent_stops_the_machine(ros: Any) -> None:
+def test_a_commander_that_falls_silent_stops_the_machine(ros):
     bench = Commanded(ros)
     wanted = JointState(name=["carriage_joint"], velocity=[0.02])
     bench.until(lambda: bench.axes.velocity[1] > 0.015, topics.JOINT_TARGETS, wanted)
@@ -129,7 +129,7 @@ def test_a_commander_that_falls_silent_stops_the_machine(ros: Any) -> None:
     assert bench.values["reason"].startswith("no command for the carriage for more than 0.5 s")
 
 
-def test_limits_that_contradict_each_other_are_refused(ros: Any) -> None:
+def test_limits_that_contradict_each_other_are_refused(ros):
     node = ros.add(RigNode, parameter_overrides=[Parameter("carriage_travel", value=[0.5, 0.1])])
     assert node.trigger_configure() is TransitionCallbackReturn.FAILURE
     assert "travel must end above its start, got 0.5 to 0.1 m" in node._failure
