@@ -6,94 +6,70 @@ from typing import Any
 import pytest
 from commanded_machine import targets, winding
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
+from rig_bench import RigBench, refusal
 
 from winding_core.commands import AxisTarget, TensionCommand
 from winding_core.status import Level
 from winding_rig_node.machine.pace import Pace
-from winding_rig_node.node import RigNode
 from winding_rig_node.ros.outputs import rig_status
 
 
-def rig_of(ros: Any, **parameters: object) -> RigNode:
-    values = {"speed": 0.0, "duration": 0.5, "lay": "driven", **parameters}
-    overrides = [Parameter(name, value=value) for name, value in values.items()]
-    node: RigNode = ros.add(RigNode, parameter_overrides=overrides)
-    return node
-
-
-def started(ros: Any, node: RigNode) -> Any:
-    """Return what calls a service of an active rig that winds."""
-    assert node.trigger_configure() is TransitionCallbackReturn.SUCCESS
-    assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
-    probe = ros.plain()
-
-    def call(name: str) -> Any:
-        return ros.call(probe, Trigger, f"rig/{name}", Trigger.Request())
-
-    assert call("start").success
-    return call
+def driven(ros: Any, **parameters: object) -> RigBench:
+    """Return the bench of a rig with such a lay that winds."""
+    bench = RigBench(ros, **({"lay": "driven", "duration": 60.0} | parameters))
+    bench.start()
+    return bench
 
 
 @pytest.mark.parametrize("lay", ["driven", "paper"])
 def test_the_truth_is_there_at_the_end_of_the_run(ros, tmp_path, lay):
     file = tmp_path / "truth.json"
-    node = rig_of(ros, lay=lay, truth_file=str(file))
-    started(ros, node)
-    ros.spin_until(lambda: node.status().message == "finished")
+    bench = driven(ros, lay=lay, duration=0.5, truth_file=str(file))
+    bench.wait_for("finished")
     ros.spin_until(file.exists)
-    told = json.loads(file.read_text())
-    turned = node._loop.machine.state.cylinder.motor.position
-    assert told["wound_angle"] == pytest.approx(turned)
-    assert ("free_length" in told["hidden"]) == (lay == "driven")
+    written = json.loads(file.read_text())
+    turned = bench.node._loop.machine.state.cylinder.motor.position
+    assert written["wound_angle"] == pytest.approx(turned)
+    assert ("free_length" in written["hidden"]) == (lay == "driven")
 
 
 def test_the_truth_of_a_run_that_is_ended_early_is_written_too(ros, tmp_path):
     file = tmp_path / "truth.json"
-    node = rig_of(ros, duration=60.0, truth_file=str(file))
-    started(ros, node)
-    ros.spin_until(lambda: node._lay.wound_angle > 0.5)
-    assert node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
-    assert json.loads(file.read_text())["wound_angle"] == node._lay.wound_angle > 0.5
+    bench = driven(ros, truth_file=str(file))
+    bench.wound(0.5)
+    assert bench.node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
+    assert json.loads(file.read_text())["wound_angle"] == bench.node._lay.wound_angle > 0.5
 
 
 def test_a_reset_begins_with_a_bare_cylinder(ros):
-    node = rig_of(ros, duration=60.0)
-    call = started(ros, node)
-    ros.spin_until(lambda: node._lay.wound_angle > 0.5)
-    assert call("stop").success
-    ros.spin_until(lambda: node.status().message == "idle")
-    assert call("reset").success
-    assert node._lay.wound_angle == 0.0
-    assert call("start").success
+    bench = driven(ros)
+    bench.wound(0.5)
+    assert bench.command("stop").success
+    bench.wait_for("idle")
+    assert bench.command("reset").success
+    assert bench.node._lay.wound_angle == 0.0
+    bench.start()
     # Its camera goes on, too: a picture that could not be drawn would fail the node.
-    ros.spin_until(lambda: node._lay.wound_angle > 0.5)
-    assert not node._loop._failed
+    bench.wound(0.5)
+    assert not bench.node._loop._failed
 
 
 def test_the_camera_goes_on_after_a_pause_of_the_node(ros):
-    node = rig_of(ros, duration=60.0)
-    call = started(ros, node)
-    ros.spin_until(lambda: node._lay.wound_angle > 0.3)
-    assert node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
-    assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
-    stood = node._lay.wound_angle
-    assert call("start").success
-    ros.spin_until(lambda: node._lay.wound_angle > stood + 0.3)
-    assert not node._loop._failed
+    bench = driven(ros)
+    bench.wound(0.3)
+    assert bench.node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
+    assert bench.node.trigger_activate() is TransitionCallbackReturn.SUCCESS
+    stood = bench.node._lay.wound_angle
+    bench.start()
+    bench.wound(stood + 0.3)
+    assert not bench.node._loop._failed
 
 
-def test_a_camera_elsewhere_cannot_show_it(ros):
-    node = rig_of(ros, camera_elsewhere=True)
-    assert node.trigger_configure() is TransitionCallbackReturn.FAILURE
-    assert "camera_elsewhere must be false" in node._failure
-
-
-def test_a_truth_file_without_a_folder_is_refused(ros, tmp_path):
-    node = rig_of(ros, truth_file=str(tmp_path / "absent" / "truth.json"))
-    assert node.trigger_configure() is TransitionCallbackReturn.FAILURE
-    assert "truth_file must name a file in a folder that exists" in node._failure
+def test_what_cannot_be_shown_or_written_is_refused(ros, tmp_path):
+    sentence = refusal(ros, lay="driven", camera_elsewhere=True)
+    assert "camera_elsewhere must be false" in sentence
+    sentence = refusal(ros, truth_file=str(tmp_path / "absent" / "truth.json"))
+    assert "truth_file must name a file in a folder that exists" in sentence
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from winding_rig_node.machine.faults import (
     FaultyChannel,
     parse_faults,
 )
-from winding_rig_node.ros.inputs import stated_faults
+from winding_rig_node.ros.inputs import enabled_faults
 
 TARGETS = ("load_cell", "camera", "/clock")
 
@@ -112,6 +112,6 @@ def test_text_that_states_no_fault_is_refused():
 @pytest.mark.parametrize("target", ["camera", "camera/image_raw", "camera/camera_info"])
 def test_no_fault_of_a_camera_that_runs_elsewhere(target):
     text = f"load_cell:off,{target}:off"
-    assert stated_faults(text, enabled=True, seed=0).of(target) is not None
+    assert enabled_faults(text, enabled=True, seed=0).of(target) is not None
     with pytest.raises(FaultError, match=f"another process: no fault of {target}"):
-        stated_faults(text, enabled=True, seed=0, camera_elsewhere=True)
+        enabled_faults(text, enabled=True, seed=0, camera_elsewhere=True)

@@ -7,91 +7,58 @@ import numpy as np
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
+from rig_bench import RigBench, refusal
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.srv import SetCameraInfo
-from std_srvs.srv import Trigger
 
 from winding_core.markers import MARKER_DTYPE
-from winding_rig_node.node import RigNode
 from winding_ros import topics
 from winding_ros.camera_messages import decode_camera_info, encode_camera_info
 from winding_ros.cloud_messages import encode_cloud
-from winding_ros.stamps import decode_stamp, serialised_stamp_ns
-
-MEANT = {"speed": 0.0, "duration": 0.3}
+from winding_ros.stamps import decode_stamp
 
 
-class Bench:
-    """An active rig and everything it says, by topic, as stamps in milliseconds."""
-
-    def __init__(self, ros: Any, **parameters: object) -> None:
-        self.ros = ros
-        values = MEANT | parameters
-        self.node = ros.add(
-            RigNode,
-            parameter_overrides=[Parameter(name, value=value) for name, value in values.items()],
-        )
-        self.probe = ros.plain()
-        self.stamps: dict[str, list[int]] = {}
-        assert self.node.trigger_configure() is TransitionCallbackReturn.SUCCESS
-        assert self.node.trigger_activate() is TransitionCallbackReturn.SUCCESS
-        for topic in topics.TOPICS:
-            if topic.publisher == topics.RIG:
-                topic.subscribe(self.probe, self._note(topic.name), raw=True)
-        ros.spin_until(
-            lambda: all(
-                self.node.matched(topic.name) >= 1
-                for topic in topics.TOPICS
-                if topic.publisher == topics.RIG
-            )
-        )
-        self.empty = np.zeros(0, dtype=MARKER_DTYPE)
-
-    def _note(self, name: str) -> Any:
-        store = self.stamps.setdefault(name, [])
-        return lambda data: store.append(round(serialised_stamp_ns(data) / 1e6))
-
-    def command(self, name: str) -> Any:
-        return self.ros.call(self.probe, Trigger, f"rig/{name}", Trigger.Request())
-
-    def last(self) -> int:
-        return self.stamps["rig/joint_states"][-1] if self.stamps["rig/joint_states"] else -1
+def heard(ros: Any, **parameters: object) -> RigBench:
+    """Return the bench of a rig of which everything is heard."""
+    bench = RigBench(ros, **parameters)
+    bench.hear()
+    return bench
 
 
 def test_time_stands_still_until_start(ros):
-    bench = Bench(ros)
+    bench = heard(ros)
     assert bench.command("stop").message == "cannot stop while the machine is in idle"
     assert bench.stamps["/clock"] == []
 
 
 def test_run_publishes_every_topic_at_its_rate(ros):
-    bench = Bench(ros)
-    assert bench.command("start").success
+    bench = heard(ros)
+    bench.start()
     rates = {"rig/joint_states": 1, "rig/joint_commands": 20, "rig/tension": 10, "/clock": 10}
     rates |= {"camera/image_raw": 5, "camera/camera_info": 5, "camera/image_raw/compressed": 40}
     for name, period in rates.items():
         expected = list(range(0, 301, period))
         ros.spin_until(lambda name=name, expected=expected: bench.stamps[name] == expected)
-    ros.spin_until(lambda: bench.node.status().message == "finished")
+    bench.wait_for("finished")
 
 
 def test_time_waits_for_the_paced_consumer(ros):
-    bench = Bench(ros, pace_topics="tracker/markers", max_lead=0.05)
+    bench = heard(ros, pace_topics="tracker/markers", max_lead=0.05)
     answers = topics.TRACKED_MARKERS.advertise(bench.probe)
     ros.spin_until(lambda: answers.get_subscription_count() == 1)
-    assert bench.command("start").success
+    bench.start()
     ros.spin_until(lambda: bench.last() == 50)
     # With no answer the rig may not take another sample, however long it is spun.
     for _ in range(20):
         ros.executor.spin_once(timeout_sec=0.01)
     assert bench.last() == 50
-    answers.publish(encode_cloud(0.1, bench.empty))
+    answers.publish(encode_cloud(0.1, np.zeros(0, dtype=MARKER_DTYPE)))
     ros.spin_until(lambda: bench.last() == 150)
 
 
 def test_emergency_stop_ends_motion_and_is_an_error(ros):
-    bench = Bench(ros, duration=5.0)
-    assert bench.command("start").success
+    bench = heard(ros, duration=5.0)
+    bench.start()
     ros.spin_until(lambda: bench.last() > 200)
     assert bench.command("emergency_stop").success
     assert bench.node.status().message == "emergency stop"
@@ -99,20 +66,20 @@ def test_emergency_stop_ends_motion_and_is_an_error(ros):
 
 
 def test_stop_then_reset_begins_anew_while_time_goes_on(ros):
-    bench = Bench(ros, duration=5.0)
+    bench = heard(ros, duration=5.0)
     bench.command("start")
     ros.spin_until(lambda: bench.last() > 100)
     assert not bench.command("reset").success
     assert bench.command("stop").success
-    ros.spin_until(lambda: bench.node.status().message == "idle")
+    bench.wait_for("idle")
     before = bench.last()
     assert bench.command("reset").success
-    assert bench.command("start").success
+    bench.start()
     ros.spin_until(lambda: bench.last() > before + 10)
 
 
 def test_inactive_rig_refuses_to_start(ros):
-    bench = Bench(ros)
+    bench = heard(ros)
     assert bench.node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
     answer = bench.command("start")
     assert not answer.success
@@ -120,12 +87,11 @@ def test_inactive_rig_refuses_to_start(ros):
 
 
 def test_unknown_pace_topic_is_refused(ros):
-    node = ros.add(RigNode, parameter_overrides=[Parameter("pace_topics", value="tracker/markres")])
-    assert node.trigger_configure() is TransitionCallbackReturn.FAILURE
+    assert "tracker/markres" in refusal(ros, pace_topics="tracker/markres")
 
 
 def test_new_calibration_is_carried_by_every_later_camera_info(ros):
-    bench = Bench(ros)
+    bench = heard(ros)
     said: list[Any] = []
     topics.CAMERA_INFO.subscribe(bench.probe, said.append)
     present = bench.node._camera.calibration
@@ -153,7 +119,7 @@ def test_new_calibration_is_carried_by_every_later_camera_info(ros):
     ],
 )
 def test_calibration_that_cannot_be_the_camera_s_is_refused(ros, info, sentence):
-    bench = Bench(ros)
+    bench = heard(ros)
     request = SetCameraInfo.Request(camera_info=info)
     answer = ros.call(bench.probe, SetCameraInfo, "camera/set_camera_info", request)
     assert not answer.success
@@ -163,7 +129,7 @@ def test_calibration_that_cannot_be_the_camera_s_is_refused(ros, info, sentence)
 def test_clock_drives_a_node_that_uses_simulated_time(ros):
     follower = ros.plain("follower")
     follower.set_parameters([Parameter("use_sim_time", value=True)])
-    bench = Bench(ros)
+    bench = heard(ros)
     bench.command("start")
     ros.spin_until(lambda: follower.get_clock().now().nanoseconds == 300_000_000)
     assert decode_stamp(follower.get_clock().now().to_msg()) == pytest.approx(0.3, abs=1e-9)

@@ -3,15 +3,12 @@
 from typing import Any
 
 import pytest
-from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.parameter import Parameter
+from rig_bench import RigBench, refusal
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from winding_core.cases import paper_case
 from winding_core.commands import JointTrajectory, Waypoint
 from winding_core.status import Level
-from winding_rig_node.node import RigNode
 from winding_ros import topics
 from winding_ros.command_messages import encode_trajectory
 from winding_ros.rig_messages import encode_tension
@@ -20,17 +17,13 @@ from winding_ros.topic import Topic
 pytestmark = pytest.mark.slow
 
 
-class Commanded:
+class Commanded(RigBench):
     """A rig that winds in wall time, and a commander that repeats what it wants."""
 
     def __init__(self, ros: Any) -> None:
-        self.ros = ros
-        self.node = ros.add(RigNode, parameter_overrides=[Parameter("duration", value=60.0)])
-        self.probe = ros.plain()
+        super().__init__(ros, speed=1.0, duration=60.0)
         self.axes: Any = None
         self.force = 0.0
-        assert self.node.trigger_configure() is TransitionCallbackReturn.SUCCESS
-        assert self.node.trigger_activate() is TransitionCallbackReturn.SUCCESS
         topics.JOINT_STATES.subscribe(self.probe, lambda message: setattr(self, "axes", message))
         topics.TENSION.subscribe(self.probe, self._weigh)
         self.publishers = {
@@ -40,7 +33,7 @@ class Commanded:
             lambda: all(item.get_subscription_count() == 1 for item in self.publishers.values())
         )
         ros.spin_until(lambda: self.node.matched("rig/joint_states") == 1)
-        assert ros.call(self.probe, Trigger, "rig/start", Trigger.Request()).success
+        self.start()
         ros.spin_until(lambda: self.axes is not None)
 
     def _weigh(self, message: Any) -> None:
@@ -130,6 +123,5 @@ def test_a_commander_that_falls_silent_stops_the_machine(ros):
 
 
 def test_limits_that_contradict_each_other_are_refused(ros):
-    node = ros.add(RigNode, parameter_overrides=[Parameter("carriage_travel", value=[0.5, 0.1])])
-    assert node.trigger_configure() is TransitionCallbackReturn.FAILURE
-    assert "travel must end above its start, got 0.5 to 0.1 m" in node._failure
+    sentence = refusal(ros, carriage_travel=[0.5, 0.1])
+    assert "travel must end above its start, got 0.5 to 0.1 m" in sentence
