@@ -34,8 +34,31 @@ def run(rig: Machine, seconds: float = math.inf) -> None:
         rig.step()
 
 
+# A sine of the carriage: amplitude [m], frequency [Hz], and what it may be missed by [m].
+AMPLITUDE, FREQUENCY, MISSED = 20.0e-3, 0.5, 0.5e-3
+OMEGA = 2.0 * math.pi * FREQUENCY
+
+
+def sine(t: float) -> float:
+    return AMPLITUDE * math.sin(OMEGA * t)
+
+
+def sine_speed(t: float) -> float:
+    return AMPLITUDE * OMEGA * math.sin(OMEGA * t)
+
+
+def from_rest(t: float) -> float:
+    """A sine that begins at its turning point: who commands speeds cannot catch up."""
+    return AMPLITUDE * (1.0 - math.cos(OMEGA * t))
+
+
 def targets(t: float = 0.0, **axes: AxisTarget) -> JointTargets:
     return JointTargets(t=t, axes=axes)
+
+
+def guide(**target: float) -> JointTargets:
+    """Return a target of the carriage that holds now."""
+    return targets(carriage=AxisTarget(**target))
 
 
 def course(*points: tuple[float, ...], t: float = 0.0) -> JointTrajectory:

@@ -296,10 +296,10 @@ IMPOSSIBLE = [
 ]
 
 
-def test_impossible_descriptions_are_refused():
-    for make, message in IMPOSSIBLE:
-        with pytest.raises(ValueError, match=message):
-            make()
+@pytest.mark.parametrize(("make", "message"), IMPOSSIBLE)
+def test_impossible_descriptions_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
 
 
 def test_calibration_says_what_camera_info_says():

@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from commanded_machine import MISSED, from_rest, sine
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
@@ -34,9 +35,6 @@ pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(6
 COMMANDER = Path(__file__).with_name("commander.py")
 NAMESPACE = "commanded"
 IN_NAMESPACE = ("--ros-args", "-r", f"__ns:=/{NAMESPACE}")
-# A sine of the carriage: amplitude [m], frequency [Hz], and what it may be missed by [m].
-AMPLITUDE, FREQUENCY, MISSED = 20.0e-3, 0.5, 0.5e-3
-OMEGA = 2.0 * math.pi * FREQUENCY
 # It is judged for thirty seconds once the carriage has caught up with it [s].
 CAUGHT_UP, END = 1.0, 31.0
 
@@ -108,14 +106,6 @@ def bench(ros: Any, tmp_path: Path) -> Iterator[Bench]:
     for process in processes:
         process.kill()
         process.wait()
-
-
-def sine(t: float) -> float:
-    return AMPLITUDE * math.sin(OMEGA * t)
-
-
-def from_rest(t: float) -> float:
-    return AMPLITUDE * (1.0 - math.cos(OMEGA * t))
 
 
 # The machine's time waits for the commander as it does for the nodes of a run: a slow computer

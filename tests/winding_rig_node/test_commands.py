@@ -1,12 +1,27 @@
 """Commands are followed, refused with value and limit, and end in a stop when they cease."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import astuple
+from typing import Any
 
 import numpy as np
 import pytest
-from commanded_machine import carriage, course, machine, run, targets, winding
+from commanded_machine import (
+    AMPLITUDE,
+    MISSED,
+    OMEGA,
+    carriage,
+    course,
+    from_rest,
+    guide,
+    machine,
+    run,
+    sine,
+    sine_speed,
+    targets,
+    winding,
+)
 
 from winding_core.commands import AxisTarget, Command, JointTrajectory, TensionCommand
 from winding_core.drive import DriveProfile
@@ -14,29 +29,37 @@ from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CommandError
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import Phase, PhaseError
 
-# A sine of the carriage: amplitude [m], frequency [Hz], and what it may be missed by [m].
-AMPLITUDE, FREQUENCY, MISSED = 20.0e-3, 0.5, 0.5e-3
-OMEGA = 2.0 * math.pi * FREQUENCY
+Target = Callable[[float, float], AxisTarget]
 
 
-def sine(t: float) -> float:
-    return AMPLITUDE * math.sin(OMEGA * t)
+def by_position(origin: float, t: float) -> AxisTarget:
+    return AxisTarget(position=origin + sine(t))
 
 
-def from_rest(t: float) -> float:
-    """A sine that begins at its turning point: who commands speeds cannot catch up."""
-    return AMPLITUDE * (1.0 - math.cos(OMEGA * t))
+def by_speed(origin: float, t: float) -> AxisTarget:
+    return AxisTarget(speed=sine_speed(t))
 
 
-Sender = Callable[[Machine, float, float], Command]
+def missed(
+    rig: Machine, meant: Callable[[float], float], samples: int, send: Target, due: Any
+) -> float:
+    """Return by how much a carriage misses a course [m] once it has caught up for a second.
 
-
-def by_position(rig: Machine, origin: float, t: float) -> Command:
-    return targets(rig.time, carriage=AxisTarget(position=origin + sine(t)))
-
-
-def by_speed(rig: Machine, origin: float, t: float) -> Command:
-    return targets(rig.time, carriage=AxisTarget(speed=AMPLITUDE * OMEGA * math.sin(OMEGA * t)))
+    Args:
+        rig: Winds.
+        meant: The course over time [s], from where the carriage stands.
+        samples: Of the machine.
+        send: Makes the target of that place [m] and a time [s].
+        due: Whether a target is sent at a sample.
+    """
+    origin, errors = carriage(rig), []
+    for count in range(samples):
+        if due(count):
+            rig.command(targets(rig.time, carriage=send(origin, 1.0e-3 * count)))
+        rig.step()
+        if count >= 1000:
+            errors.append(carriage(rig) - origin - meant(1.0e-3 * (count + 1)))
+    return float(np.abs(errors).max())
 
 
 @pytest.mark.campaign
@@ -45,30 +68,18 @@ def by_speed(rig: Machine, origin: float, t: float) -> Command:
 @pytest.mark.parametrize(("send", "meant"), [(by_position, sine), (by_speed, from_rest)])
 def test_streamed_sine_is_followed(rate, send, meant):
     rig = winding()
-    origin, errors = carriage(rig), []
-    for count in range(30_000):
-        if count % (1000 // rate) == 0:
-            rig.command(send(rig, origin, 1.0e-3 * count))
-        rig.step()
-        if count > 500 / FREQUENCY:
-            errors.append(carriage(rig) - origin - meant(1.0e-3 * (count + 1)))
-    assert np.abs(errors).max() < MISSED
+    assert missed(rig, meant, 30_000, send, lambda count: count % (1000 // rate) == 0) < MISSED
     assert rig.state.phase is Phase.WINDING
 
 
 @pytest.mark.campaign
 @pytest.mark.slow
 def test_a_missing_sample_does_not_tear_a_stream():
-    rig = winding()
-    origin, errors = carriage(rig), []
-    for count in range(8_000):
+    def due(count: int) -> bool:
         # One of ten is lost.
-        if count % 20 == 0 and count % 200 != 100:
-            rig.command(by_position(rig, origin, 1.0e-3 * count))
-        rig.step()
-        if count > 500 / FREQUENCY:
-            errors.append(carriage(rig) - origin - sine(1.0e-3 * (count + 1)))
-    assert np.abs(errors).max() < MISSED
+        return count % 20 == 0 and count % 200 != 100
+
+    assert missed(winding(), sine, 8_000, by_position, due) < MISSED
 
 
 @pytest.mark.campaign
@@ -82,19 +93,14 @@ def test_sine_as_a_trajectory_is_followed(step):
         rows = np.column_stack([rows, AMPLITUDE * OMEGA * np.sin(OMEGA * times)])
         rows[-1, 2] = 0.0
     rig.command(course(*map(tuple, rows.tolist())))
-    errors = []
-    for count in range(1, 30_000):
-        rig.step()
-        if count > 1000:
-            errors.append(carriage(rig) - origin - from_rest(1.0e-3 * count))
-    assert np.abs(errors).max() < MISSED
+    assert missed(rig, from_rest, 29_999, by_position, lambda count: False) < MISSED
     run(rig, 1.0)
     assert rig.state.phase is Phase.WINDING
 
 
 def test_the_axis_that_is_not_commanded_stays_on_its_programme():
     free, led = winding(), winding()
-    led.command(targets(carriage=AxisTarget(speed=0.0)))
+    led.command(guide(speed=0.0))
     for rig in (free, led):
         run(rig, 5.0)
     assert led.reading().cylinder_angle == free.reading().cylinder_angle
@@ -104,7 +110,7 @@ def test_the_axis_that_is_not_commanded_stays_on_its_programme():
 def test_a_step_of_speed_is_limited_to_the_acceleration_of_the_axis():
     rig = winding()
     speeds = []
-    rig.command(targets(carriage=AxisTarget(speed=CARRIAGE_LIMITS.speed)))
+    rig.command(guide(speed=CARRIAGE_LIMITS.speed))
     for _ in range(400):
         rig.step()
         speeds.append(rig.state.carriage.motor.speed)
@@ -143,55 +149,28 @@ def test_a_refused_command_leaves_every_number_as_it_was():
     assert rigs[0].state.tension == rigs[1].state.tension
 
 
-@pytest.mark.parametrize(
-    ("command", "sentence"),
-    [
-        (
-            targets(carriage=AxisTarget(position=1.2)),
-            "carriage position must lie in -0.1 to 1 m, got 1.2",
-        ),
-        (
-            targets(carriage=AxisTarget(speed=-0.2)),
-            "carriage speed must be at most 0.08 m/s, got -0.2",
-        ),
-        (
-            targets(cylinder=AxisTarget(speed=9.0)),
-            "cylinder speed must be at most 8 rad/s, got 9",
-        ),
-        (
-            targets(12.0, cylinder=AxisTarget(speed=1.0)),
-            "a command must be stamped within 0.5 s of the machine's time, 1.000 s, it is of "
-            "12.000 s",
-        ),
-        (
-            course((1.0, 0.1)),
-            "the carriage trajectory must stay within 0.08 m/s, it asks for 0.0975 at 0.000 s "
-            "from now",
-        ),
-        (
-            course((0.5, 0.02, 0.0), (0.7, 0.033, 0.0)),
-            "the carriage trajectory must stay within 0.08 m/s, it asks for 0.0975 at 0.600 s "
-            "from now",
-        ),
-        (
-            course((0.5, 0.02, 0.0), (0.6, 0.025, 0.05), (2.0, 0.03, 0.0)),
-            "the carriage trajectory must stay within 0.5 m/s^2, it asks for 2 at 0.500 s from now",
-        ),
-        (
-            course((1.0, -0.05), (2.0, -0.12)),
-            "carriage position must lie in -0.1 to 1 m, got -0.12",
-        ),
-        (
-            course((1.0, 0.01, 0.01)),
-            "the carriage trajectory must end at rest, it ends at 0.01 m/s",
-        ),
-        (
-            course((0.1, 0.01), t=0.5),
-            "the carriage trajectory must end after now, 1.000 s, it ends at 0.600 s",
-        ),
-        (TensionCommand(t=0.0, force=25.0), "tension must lie in 0.1 to 20 N, got 25"),
-    ],
-)
+STAYS, ENDS = "the carriage trajectory must stay within", "the carriage trajectory must end"
+LATE = "a command must be stamped within 0.5 s of the machine's time, 1.000 s, it is of 12.000 s"
+CUBIC = course((0.5, 0.02, 0.0), (0.6, 0.025, 0.05), (2.0, 0.03, 0.0))
+REFUSED = [
+    (guide(position=1.2), "carriage position must lie in -0.1 to 1 m, got 1.2"),
+    (guide(speed=-0.2), "carriage speed must be at most 0.08 m/s, got -0.2"),
+    (targets(cylinder=AxisTarget(speed=9.0)), "cylinder speed must be at most 8 rad/s, got 9"),
+    (targets(12.0, cylinder=AxisTarget(speed=1.0)), LATE),
+    (course((1.0, 0.1)), f"{STAYS} 0.08 m/s, it asks for 0.0975 at 0.000 s from now"),
+    (
+        course((0.5, 0.02, 0.0), (0.7, 0.033, 0.0)),
+        f"{STAYS} 0.08 m/s, it asks for 0.0975 at 0.600 s from now",
+    ),
+    (CUBIC, f"{STAYS} 0.5 m/s^2, it asks for 2 at 0.500 s from now"),
+    (course((1.0, -0.05), (2.0, -0.12)), "carriage position must lie in -0.1 to 1 m, got -0.12"),
+    (course((1.0, 0.01, 0.01)), f"{ENDS} at rest, it ends at 0.01 m/s"),
+    (course((0.1, 0.01), t=0.5), f"{ENDS} after now, 1.000 s, it ends at 0.600 s"),
+    (TensionCommand(t=0.0, force=25.0), "tension must lie in 0.1 to 20 N, got 25"),
+]
+
+
+@pytest.mark.parametrize(("command", "sentence"), REFUSED)
 def test_what_is_out_of_bounds_is_refused_with_value_and_limit(command, sentence):
     assert refused(winding(), command) == sentence
 
@@ -204,24 +183,25 @@ def test_a_cubic_that_overshoots_the_travel_is_refused():
     )
 
 
-def phases() -> Iterator[tuple[str, Callable[[Machine], object]]]:
-    yield "idle", Machine.reset
-    yield "stopping", Machine.stop
-    yield "emergency stop", Machine.emergency_stop
-    yield "protective stop", lambda rig: rig.protect("on purpose")
+PHASES: dict[str, Callable[[Machine], object]] = {
+    "idle": Machine.reset,
+    "stopping": Machine.stop,
+    "emergency stop": Machine.emergency_stop,
+    "protective stop": lambda rig: rig.protect("on purpose"),
+}
 
 
-@pytest.mark.parametrize(("phase", "bring"), list(phases()), ids=lambda value: str(value)[:9])
-def test_only_a_machine_that_winds_takes_commands(phase, bring):
+@pytest.mark.parametrize("phase", PHASES)
+def test_only_a_machine_that_winds_takes_commands(phase):
     rig = machine() if phase == "idle" else winding()
-    bring(rig)
-    said = refused(rig, targets(carriage=AxisTarget(speed=0.01)))
-    assert said == f"commands are taken while the machine winds, it is in {phase}"
+    PHASES[phase](rig)
+    sentence = f"commands are taken while the machine winds, it is in {phase}"
+    assert refused(rig, guide(speed=0.01)) == sentence
 
 
 def test_a_stream_that_stops_in_motion_stops_both_axes():
     rig = winding()
-    rig.command(targets(carriage=AxisTarget(speed=0.05)))
+    rig.command(guide(speed=0.05))
     run(rig, 0.45)
     assert rig.state.phase is Phase.WINDING
     run(rig, 3.0)
@@ -234,15 +214,15 @@ def test_a_stream_that_stops_in_motion_stops_both_axes():
 
 def test_a_way_that_nobody_attends_is_not_gone_to_its_end():
     rig = winding()
-    rig.command(targets(carriage=AxisTarget(position=0.3)))
+    rig.command(guide(position=0.3))
     run(rig, 3.0)
     assert rig.state.phase is Phase.IDLE
     assert carriage(rig) < 0.1
 
 
 @pytest.mark.parametrize("command", [
-    targets(carriage=AxisTarget(position=0.01)),
-    targets(carriage=AxisTarget(speed=0.0)),
+    guide(position=0.01),
+    guide(speed=0.0),
     course((2.0, 0.05)),
     JointTrajectory(t=0.0, axes={"carriage": (), "cylinder": ()}),
 ])  # fmt: skip
@@ -272,7 +252,7 @@ def test_a_speed_towards_the_end_of_the_travel_stops_before_it():
 
 def test_start_gives_the_axes_back_to_the_programme():
     rig = winding()
-    rig.command(targets(carriage=AxisTarget(position=0.02)))
+    rig.command(guide(position=0.02))
     run(rig, 1.0)
     rig.stop()
     run(rig, 3.0)
@@ -286,7 +266,7 @@ def test_start_gives_the_axes_back_to_the_programme():
 
 def test_start_waits_until_commanded_axes_stand():
     rig = winding()
-    rig.command(targets(carriage=AxisTarget(speed=0.05)))
+    rig.command(guide(speed=0.05))
     run(rig, 0.3)
     rig.stop()
     with pytest.raises(PhaseError, match="a commanded axis is coming to rest"):
