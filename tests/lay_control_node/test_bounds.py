@@ -1,7 +1,5 @@
 """No program, no rig and no fault makes the controller command beyond its bounds."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The guide: wherever the cable lies it comes back to the wanted line, within every bound."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """The lag law and the rounding of corners, against their closed forms."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Tension from landed markers, the pull that lands the next ones, and what is expected before."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

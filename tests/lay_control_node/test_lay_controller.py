@@ -1,7 +1,5 @@
 """The controller as a whole: modes, fall-backs, and no step in any of them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

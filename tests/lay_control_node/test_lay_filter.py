@@ -1,7 +1,5 @@
 """Where the cable lands now, from delayed heights and an unknown span."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

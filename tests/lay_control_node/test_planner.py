@@ -1,7 +1,5 @@
 """Plans: the lay comes to lie on its program, within every limit, or the plan says why not."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io

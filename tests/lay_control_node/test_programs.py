@@ -1,7 +1,5 @@
 """Programs from files and options: every kind is read, and what cannot be wound is refused."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -31,14 +31,21 @@ def through(kind: FaultKind, amount: float = 0.0, count: int = 100) -> list[tupl
     return out
 
 
-def test_off_says_nothing():
-    assert through(FaultKind.OFF) == []
+TIMES = [pytest.approx(0.01 * k) for k in range(100)]
+PASSED = {
+    (FaultKind.OFF, 0.0): [],
+    # The first value, with a time that goes on.
+    (FaultKind.STUCK, 0.0): [(t, 0.0) for t in TIMES],
+    (FaultKind.WRONG, -1.0): [(t, -float(k)) for k, t in enumerate(TIMES)],
+    (FaultKind.SLOW, 10.0): [(TIMES[k], float(k)) for k in range(0, 100, 10)],
+    # In order, with the time of the measurement.
+    (FaultKind.DELAYED, 0.05): [(TIMES[k], float(k)) for k in range(95)],
+}
 
 
-def test_stuck_repeats_the_first_value_with_a_time_that_goes_on():
-    out = through(FaultKind.STUCK)
-    assert [value for _, value in out] == [0.0] * 100
-    assert out[-1][0] == pytest.approx(0.99)
+@pytest.mark.parametrize(("kind", "amount"), PASSED)
+def test_each_kind_passes_what_it_states(kind, amount):
+    assert through(kind, amount) == PASSED[kind, amount]
 
 
 def test_garbage_is_never_a_number():
@@ -54,19 +61,9 @@ def test_garbage_of_pixels_is_other_pixels():
     assert delivered.values.mean() == pytest.approx(127.5, abs=4.8)
 
 
-def test_wrong_scales_numbers_and_clips_pixels():
-    assert through(FaultKind.WRONG, -1.0)[5] == (0.05, -5.0)
+def test_wrong_clips_pixels():
     (delivered,) = channel(FaultKind.WRONG, 2.0).deliver(0.0, np.array([100, 200], dtype=np.uint8))
     assert delivered.values.tolist() == [200, 255]
-
-
-def test_slow_lets_one_in_so_many_through():
-    assert [value for _, value in through(FaultKind.SLOW, 10.0)] == list(range(0, 100, 10))
-
-
-def test_delayed_keeps_order_and_claims_the_old_time():
-    out = through(FaultKind.DELAYED, 0.05)
-    assert out == [(pytest.approx(0.01 * k), float(k)) for k in range(95)]
 
 
 def test_intermittent_loses_its_share():
