@@ -72,7 +72,7 @@ def wound(seed: int) -> tuple[ControlParameters, ResolvedCondition, list[Setpoin
     )
     t = theta = guide = speed = 0.0
     omega, pull = 0.0, what.case.weight
-    said = []
+    setpoints = []
     for _ in range(400):
         t += PERIOD
         if rng.random() < 0.02:
@@ -90,17 +90,17 @@ def wound(seed: int) -> tuple[ControlParameters, ResolvedCondition, list[Setpoin
             cylinder_angle=theta, angular_speed=omega, carriage_position=guide, feed_speed=speed
         )
         setpoint = controller.advance(t, reading, pull)
-        said.append(setpoint)
+        setpoints.append(setpoint)
         # A driver that does not follow for once leaves the carriage where it is.
         if rng.random() < 0.95:
             guide, speed = setpoint.guide, setpoint.guide_speed
-    return control, what, said
+    return control, what, setpoints
 
 
 def check(seed: int) -> None:
-    control, what, said = wound(seed)
-    guide = np.array([s.guide for s in said])
-    speed = np.array([s.guide_speed for s in said])
+    control, what, setpoints = wound(seed)
+    guide = np.array([s.guide for s in setpoints])
+    speed = np.array([s.guide_speed for s in setpoints])
     low, high = control.guide_travel
     assert guide.min() >= low - ROUNDING
     assert guide.max() <= high + ROUNDING
@@ -108,7 +108,7 @@ def check(seed: int) -> None:
     assert np.abs(np.diff(guide)).max() <= control.guide_speed_limit * PERIOD + ROUNDING
     most = control.guide_acceleration_limit * PERIOD
     assert np.abs(np.diff(speed)).max() <= most * (1.0 + 1.0e-6)
-    pulls = np.array([s.pull for s in said if s.pull is not None]) / what.case.weight
+    pulls = np.array([s.pull for s in setpoints if s.pull is not None]) / what.case.weight
     assert np.isfinite(pulls).all()
     if pulls.size:
         assert pulls.min() >= control.pull_range[0] - ROUNDING

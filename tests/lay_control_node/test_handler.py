@@ -71,7 +71,7 @@ def on(topic: Any, answers: Iterable[Any]) -> list[Any]:
     return [answer.message for answer in answers if answer.topic is topic]
 
 
-def said(answers: Iterable[Any]) -> np.ndarray:
+def states(answers: Iterable[Any]) -> np.ndarray:
     """Return the records of lay_control/state."""
     clouds = [
         decode_cloud(message, LAY_CONTROL_DTYPE)[1]
@@ -112,7 +112,7 @@ def test_state_is_said_at_its_rate_whatever_the_encoders_rate():
 def test_nothing_is_commanded_by_a_controller_that_does_not_drive(mode):
     answers = wind(begun(control=mode, brake=True, markers_every_turn=True), 0.0, 1.0)
     assert {answer.topic for answer in answers} == {topics.LAY_CONTROL_STATE}
-    assert set(said(answers)["mode"]) == {int(ControlMode[mode.upper()])}
+    assert set(states(answers)["mode"]) == {int(ControlMode[mode.upper()])}
 
 
 def test_pull_is_commanded_of_a_machine_with_a_brake_alone():
@@ -181,7 +181,7 @@ def test_restart_beside_a_guide_that_is_where_it_should_be_leaves_it_there():
 
 
 def test_restart_in_mid_run_owns_that_it_knows_little_of_the_lay():
-    state = said(wind(begun(), 5.0, 5.1))
+    state = states(wind(begun(), 5.0, 5.1))
     assert state["sigma_z"][0] > 0.01
     assert state["theta"][0] == pytest.approx(DRIVE.reading_at(5.0).cylinder_angle)
 
@@ -216,7 +216,7 @@ def test_a_carriage_that_was_driven_goes_on_by_the_drive_programme(mode):
     assert np.abs(np.diff(speed)).max() <= most
     assert np.abs(np.diff(guide)).max() <= limits.guide_speed_limit * COMMANDS_PERIOD
     assert speed[-1] == pytest.approx(DRIVE.reading_at(4.9).feed_speed, rel=0.01)
-    assert set(said(answers)["basis"]) == {ControlBasis.RAMP}
+    assert set(states(answers)["basis"]) == {ControlBasis.RAMP}
     # Within the 0.2 s after which a machine counts as standing there are some.
     assert not on(topics.JOINT_TARGETS, stood_still(handler, 5.0, 6.0)[-30:])
 
@@ -229,24 +229,24 @@ def test_mode_that_was_switched_stays_in_the_next_run():
 
 
 def test_silent_solver_leaves_the_drive_programme():
-    state = said(wind(begun(solver_patience=0.5), 0.0, 1.5, solver=False))
+    state = states(wind(begun(solver_patience=0.5), 0.0, 1.5, solver=False))
     assert state["basis"][0] != ControlBasis.RAMP
     assert state["basis"][-1] == ControlBasis.RAMP
     programme = DRIVE.reading_at(1.4).feed_speed
-    # The setpoint goes at the feed speed of the drive programme, as the encoder says its speed.
+    # The setpoint goes at the feed speed of the drive programme, by the encoder.
     assert state["guide_speed"][-1] == pytest.approx(programme, rel=0.01)
 
 
 def test_measured_lay_makes_the_estimate_surer():
     handler = begun()
-    before = said(wind(handler, 0.0, 4.0))[-1]
+    before = states(wind(handler, 0.0, 4.0))[-1]
     angle = DRIVE.reading_at(4.0).cylinder_angle
     places = np.zeros(20, dtype=LAY_DTYPE)
     places["theta"] = np.linspace(0.2, angle - 0.5, 20)
     places["z"] = before["z"] * places["theta"] / angle
     places["sigma_z"] = 1.0e-4
     assert list(handler.take(topics.TRACKED_LAY, encode_cloud(4.0, places))) == []
-    after = said(wind(handler, 4.0, 4.1))[-1]
+    after = states(wind(handler, 4.0, 4.1))[-1]
     assert after["sigma_free_length"] < before["sigma_free_length"]
     assert after["basis"] == ControlBasis.MEASURED
 
@@ -280,7 +280,7 @@ def test_message_that_cannot_be_used_changes_nothing(topic, data):
         wind(handler, 0.0, 1.0)
     with pytest.raises(MessageError):
         list(hurt.take(topic, data))
-    after, expected = (said(wind(handler, 1.001, 1.2)) for handler in (hurt, unhurt))
+    after, expected = (states(wind(handler, 1.001, 1.2)) for handler in (hurt, unhurt))
     assert after.tobytes() == expected.tobytes()
 
 
@@ -297,6 +297,6 @@ def test_place_that_is_not_a_number_moves_nothing(field):
     markers[field] = math.nan
     for k in range(40):
         list(handler.take(topics.TRACKED_MARKERS, encode_cloud(4.0 + 0.005 * k, markers)))
-    state = said(wind(handler, 4.0, 4.2))
+    state = states(wind(handler, 4.0, 4.2))
     for name in ("z", "guide", "guide_speed", "free_length", "load_share"):
         assert np.isfinite(state[name]).all(), name

@@ -245,7 +245,7 @@ def test_markers_within_reach_are_expected_at_their_places():
 
 def test_what_has_landed_is_learnt_from():
     sigmas = [item.sigma for item in expected(4)]
-    # What a brake's own friction makes of it is learnt by nobody, half of P1's deviation here.
+    # What a brake's own friction makes of it is unobservable, half of P1's deviation here.
     assert max(sigmas[1:]) < 0.7 * sigmas[0]
 
 
@@ -257,7 +257,7 @@ def test_a_softer_cable_is_known_less_well():
 
 def test_a_pull_at_its_bounds_is_foreseen():
     # Where P1 of a soft cable is far off, P2 cannot be brought back within one turn: what a
-    # derivative says of small deviations is too little.
+    # derivative makes of small deviations is too little.
     item = expected(2)[1]
     assert item.misses > 1.5 * (abs(item.expected - item.wanted) + 2.0 * item.sigma)
 

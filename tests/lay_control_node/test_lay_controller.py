@@ -54,7 +54,7 @@ def controller(*, patience: float = math.inf) -> LayController:
 
 
 class Machine:
-    """A carriage that goes where it is told, and a cable that follows over a true length [m]."""
+    """A carriage that follows its command, and a cable that follows over a true length [m]."""
 
     def __init__(self, control: LayController, length: float) -> None:
         self.control, self.length = control, length

@@ -126,7 +126,7 @@ def test_the_height_of_another_turn_is_refused():
 
 
 def test_heights_that_keep_coming_are_believed_after_half_a_turn():
-    """Somebody moves the cable by 20 mm: the estimate was wrong, not the camera."""
+    """The cable is moved by 20 mm: the estimate was wrong, not the camera."""
     lay = filtered(BELIEVED, delay=0.3, sigma=5.0e-5, until=12.0)
     law = FleetAngleLaw(advance_per_radian=ADVANCE, free_length=BELIEVED, radius=RADIUS)
     first, believed = lay.measured_to, math.inf

@@ -1,4 +1,4 @@
-"""Plans: the lay comes to lie on its program, within every limit, or the plan says why not."""
+"""Plans: the lay comes to lie on its program, within every limit, or the plan states why not."""
 
 import csv
 import dataclasses
@@ -171,12 +171,12 @@ def test_the_brake_lands_markers_on_whole_turns_or_the_plan_says_which_it_cannot
     what = Condition(case=case).resolved()
     program = with_markers_every_turn(even_helix(what.drive.pitch, 5.0), 4)
     plan = plan_lay(program, what, LIMITS)
-    said = " ".join(plan.sentences)
+    text = " ".join(plan.sentences)
     for item in plan.landings:
         missed = abs(item.predicted - item.wanted) > 1.0e-3 * TURN
         within = item.earliest <= item.wanted <= item.latest
         assert missed != within
-        assert missed == (f"marker {item.number} is wanted" in said)
+        assert missed == (f"marker {item.number} is wanted" in text)
 
 
 def test_more_pull_lands_a_marker_later():
@@ -196,9 +196,9 @@ def test_without_a_brake_the_weight_pulls_and_the_plan_says_so():
     )
     plan = plan_lay(program, WHAT, dataclasses.replace(LIMITS, brake=None))
     assert (plan.pulls.commanded == WHAT.case.weight).all()
-    said = " ".join(plan.sentences)
-    assert "needs a brake" in said
-    assert "a dead weight cannot choose the stretch" in said
+    text = " ".join(plan.sentences)
+    assert "needs a brake" in text
+    assert "a dead weight cannot choose the stretch" in text
 
 
 def test_a_record_is_plain():

@@ -131,10 +131,10 @@ def test_gcode_of_a_cylinder_is_read(tmp_path):
     program = written(tmp_path, "a.gcode", text)
     assert program.theta == pytest.approx(TURN * np.array([0.0, 3.0, 6.0]))
     assert program.z == pytest.approx([0.0, 0.054, 0.0], abs=1e-15)
-    said = " ".join(program.remarks)
-    assert "head B (2 x)" in said
-    assert "feed rates F (1 x)" in said
-    assert "X 50 mm" in said
+    remarks = " ".join(program.remarks)
+    assert "head B (2 x)" in remarks
+    assert "feed rates F (1 x)" in remarks
+    assert "X 50 mm" in remarks
 
 
 def test_gcode_may_be_relative_in_inches_and_descend(tmp_path):

@@ -1,4 +1,4 @@
-"""The driver ends whenever it is told to, also while an answer of the PLC comes in."""
+"""The driver ends whenever it is cancelled, also while an answer of the PLC comes in."""
 
 import asyncio
 import time

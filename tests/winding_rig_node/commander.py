@@ -23,7 +23,6 @@ COURSES: dict[str, Callable[[float], AxisTarget]] = {
     "sine by position": lambda t: AxisTarget(position=sine(t)),
     "sine by speed": lambda t: AxisTarget(speed=sine_speed(t)),
     "steady speed": lambda t: AxisTarget(speed=0.02),
-    "out of bounds": lambda t: AxisTarget(position=3.0),
 }
 
 

@@ -22,7 +22,7 @@ def wound(seed, *angles):
     """A lay and what a camera has seen of it, wound to one angle after the other [rad]."""
     lay = DrivenLay(CASE, HiddenRig.drawn(np.random.default_rng(seed)))
     shown = GrowingLay(lay.view())
-    seen, told = shown.at(0.0, None), 0
+    seen, counted = shown.at(0.0, None), 0
     for angle in angles:
         start, step = lay.contact.angle, 9.0e-3
         parts = max(round(abs(angle - start) / step), 1)
@@ -30,9 +30,9 @@ def wound(seed, *angles):
             at = start + (angle - start) * k / parts
             lay.advance(at, restless(at), CASE.weight)
             view = lay.view()
-            told += view.growth.theta.size
+            counted += view.growth.theta.size
             seen = shown.at(0.0, view)
-    return lay, seen, told
+    return lay, seen, counted
 
 
 ROUTES = [(0.3,), (15.0,), (15.0, 9.0), (15.0, 9.0, 22.0), (8.0, -1.0, 3.0), (4.0, 3.99, 4.1)]
@@ -92,9 +92,9 @@ def test_the_lay_goes_on_beyond_the_contact_line_in_its_direction():
 
 
 def test_every_point_is_told_once():
-    lay, _, told = wound(3, 40.0)
-    # P0 was told before the first step.
-    assert told == lay.path.theta.size - 1
+    lay, _, counted = wound(3, 40.0)
+    # P0 was viewed before the first step.
+    assert counted == lay.path.theta.size - 1
 
 
 def test_points_are_kept_beyond_the_room_that_was_made_for_them():

@@ -31,7 +31,7 @@ class Port:
         """Every calibration will do."""
 
     def exposed(self, t: float, began_ns: int) -> None:
-        """Nobody traces."""
+        """No trace is kept."""
 
     def take(self, t: float, frame: Any) -> None:
         self.times.append(t)

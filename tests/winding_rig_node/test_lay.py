@@ -407,23 +407,23 @@ def test_the_truth_of_a_driven_lay_is_the_lay_and_what_was_hidden(tmp_path):
     for angle in np.arange(0.01, 14.0, 0.01):
         lay.advance(angle, 3.0e-3 * angle, CASE.weight)
     write_truth(tmp_path / "truth.json", truth_record(lay.truth(99.0)))
-    told = json.loads((tmp_path / "truth.json").read_text())
-    assert HiddenRig(**told["hidden"]) == hidden
-    assert told["wound_angle"] == lay.wound_angle == told["path"]["theta"][-1]
-    theta = np.array(told["path"]["theta"])
-    np.testing.assert_array_equal(told["path"]["z"], lay.z_at(theta))
-    np.testing.assert_array_equal(told["path"]["length"], lay.length_at(theta))
-    assert told["markers"]["theta"] == [*lay.marker_theta[:3].tolist(), None, None]
-    assert told["markers"]["z"][3:] == [None, None]
+    written = json.loads((tmp_path / "truth.json").read_text())
+    assert HiddenRig(**written["hidden"]) == hidden
+    assert written["wound_angle"] == lay.wound_angle == written["path"]["theta"][-1]
+    theta = np.array(written["path"]["theta"])
+    np.testing.assert_array_equal(written["path"]["z"], lay.z_at(theta))
+    np.testing.assert_array_equal(written["path"]["length"], lay.length_at(theta))
+    assert written["markers"]["theta"] == [*lay.marker_theta[:3].tolist(), None, None]
+    assert written["markers"]["z"][3:] == [None, None]
     assert [path.name for path in tmp_path.iterdir()] == ["truth.json"]
 
 
 def test_the_truth_of_a_known_lay_ends_where_the_cylinder_stands():
     lay = published_lay(CASE, DriveProfile(), PAPER_FREE_LENGTH, 33.93)
-    told = truth_record(lay.truth(8.0))
-    assert told["hidden"] == {}
-    assert max(told["path"]["theta"]) <= 8.0
-    assert told["markers"]["theta"] == [0.0, lay.marker_theta[1], None, None, None]
+    written = truth_record(lay.truth(8.0))
+    assert written["hidden"] == {}
+    assert max(written["path"]["theta"]) <= 8.0
+    assert written["markers"]["theta"] == [0.0, lay.marker_theta[1], None, None, None]
 
 
 def test_an_empty_name_is_no_file():

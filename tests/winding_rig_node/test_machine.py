@@ -175,7 +175,7 @@ def test_sensor_that_cannot_be_right_ends_in_standstill(t):
         state = rig.state
         began, stood = state.stop_began or math.nan, state.stood_at or math.nan
         still = state.cylinder.motor.speed == state.carriage.motor.speed == 0.0
-        # The controller pushes for the 50 ms in which nobody knows.
+        # The controller pushes for the 50 ms before the judgement.
         if not (
             state.phase is Phase.PROTECTIVE
             and sentence in state.reason

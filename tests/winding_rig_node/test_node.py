@@ -92,16 +92,16 @@ def test_unknown_pace_topic_is_refused(ros):
 
 def test_new_calibration_is_carried_by_every_later_camera_info(ros):
     bench = heard(ros)
-    said: list[Any] = []
-    topics.CAMERA_INFO.subscribe(bench.probe, said.append)
+    infos: list[Any] = []
+    topics.CAMERA_INFO.subscribe(bench.probe, infos.append)
     present = bench.node._camera.calibration
     better = replace(present, matrix=present.matrix * [[1.01], [1.01], [1.0]])
     request = SetCameraInfo.Request(camera_info=encode_camera_info(0.0, better))
     assert ros.call(bench.probe, SetCameraInfo, "camera/set_camera_info", request).success
     ros.spin_until(lambda: bench.node.matched("camera/camera_info") == 2)
     bench.command("start")
-    ros.spin_until(lambda: said)
-    reading = decode_camera_info(said[0])[1]
+    ros.spin_until(lambda: infos)
+    reading = decode_camera_info(infos[0])[1]
     np.testing.assert_allclose(reading.matrix, better.matrix, rtol=1e-12)
     assert reading.window == present.window
 

@@ -1,4 +1,4 @@
-"""Commands over DDS: each interface moves the machine, or says why it does not."""
+"""Commands over DDS: each interface moves the machine, or reports why it does not."""
 
 from typing import Any
 
