@@ -104,17 +104,22 @@ class Machine:
         return places
 
 
+def winding(length: float, duration: float, control: LayController | None = None) -> Machine:
+    """Return a machine with a true free length [m] that has wound for a time [s]."""
+    machine = Machine(control or controller(), length)
+    machine.wind(duration)
+    return machine
+
+
 @pytest.mark.parametrize("length", [0.16, 0.198, 0.23])
 def test_the_cable_lands_on_the_helix_whatever_the_free_length(length):
-    machine = Machine(controller(), length)
-    machine.wind(6.0)
+    machine = winding(length, 6.0)
     # Two of the 0.03 mm that heights are known by.
     assert abs(machine.error()) < 6.0e-5
 
 
 def test_without_a_tracker_it_goes_on_by_what_it_knows():
-    machine = Machine(controller(), 0.17)
-    machine.wind(6.0)
+    machine = winding(0.17, 6.0)
     before = len(machine.setpoints)
     machine.wind(8.0, seen=False)
     steps = np.diff([s.guide for s in machine.setpoints[before - 2 :]])
@@ -125,8 +130,7 @@ def test_without_a_tracker_it_goes_on_by_what_it_knows():
 
 
 def test_without_a_solver_the_guide_follows_the_drive_programme():
-    machine = Machine(controller(patience=1.0), 0.17)
-    machine.wind(6.0)
+    machine = winding(0.17, 6.0, controller(patience=1.0))
     before = len(machine.setpoints)
     machine.wind(4.0, solved=False)
     speeds = [s.guide_speed for s in machine.setpoints[before:]]
@@ -152,8 +156,7 @@ def test_taking_over_in_mid_run_makes_no_step():
 
 
 def test_setpoint_waits_for_a_carriage_that_stands_and_goes_on_with_it():
-    machine = Machine(controller(), 0.198)
-    machine.wind(6.0)
+    machine = winding(0.198, 6.0)
     stood = machine.guide
     for _ in range(400):
         machine.wind(PERIOD)
@@ -166,8 +169,7 @@ def test_setpoint_waits_for_a_carriage_that_stands_and_goes_on_with_it():
 
 
 def test_no_pull_is_commanded_without_a_brake():
-    machine = Machine(controller(), 0.198)
-    machine.wind(1.0)
+    machine = winding(0.198, 1.0)
     assert all(s.pull is None for s in machine.setpoints)
 
 

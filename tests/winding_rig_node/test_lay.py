@@ -44,6 +44,14 @@ def rig(**changes):
     return HiddenRig(**{"free_length": 0.19, "load_share": 0.7, "drag": 0.1, **changes})
 
 
+def level(_angle):
+    return 0.0
+
+
+def even(angle):
+    return ADVANCE * angle
+
+
 def wind(lay, end, carriage, pull=CASE.weight, step=STEP):
     """Turn the cylinder evenly up to an angle [rad] with the carriage at a place for each angle."""
     start = lay.contact.angle
@@ -51,6 +59,13 @@ def wind(lay, end, carriage, pull=CASE.weight, step=STEP):
     for k in range(1, parts + 1):
         angle = start + (end - start) * k / parts
         lay.advance(angle, carriage(angle), pull)
+
+
+def wound(hidden, end, carriage, pull=CASE.weight, step=STEP):
+    """Return a lay of case 4 on a rig, wound up to an angle [rad]."""
+    lay = DrivenLay(CASE, hidden)
+    wind(lay, end, carriage, pull, step)
+    return lay
 
 
 @pytest.mark.parametrize("number", [1, 4, 9, 12])
@@ -72,8 +87,7 @@ def test_the_drive_programme_winds_the_lay_of_the_plan(number):
 
 @pytest.mark.parametrize("bending", [0.0, 1.0, 4.0])
 def test_a_steady_guide_stays_ahead_by_its_lag(bending):
-    lay = DrivenLay(CASE, rig(bending=bending))
-    wind(lay, 200.0, lambda angle: ADVANCE * angle, step=GRID_STEP)
+    lay = wound(rig(bending=bending), 200.0, even, step=GRID_STEP)
     # After 20 lag angles nothing is left of the start: exp(-20) of 27 mm.
     lag = lay.hidden.free_length / RHO
     assert lay.contact.eye - lay.z == pytest.approx(lag * ADVANCE, abs=1.0e-9)
@@ -94,15 +108,14 @@ def test_a_step_of_the_guide_dies_away_over_the_lag_angle():
 def test_a_step_of_the_guide_dies_away_the_same_in_large_steps():
     fine, coarse = DrivenLay(CASE, rig(bending=1.0)), DrivenLay(CASE, rig(bending=1.0))
     for lay, step in ((fine, 1.0e-3), (coarse, 0.5)):
-        wind(lay, 10.0, lambda angle: ADVANCE * angle, step=step)
+        wind(lay, 10.0, even, step=step)
     assert coarse.z == pytest.approx(fine.z, abs=1.0e-9)
     assert coarse.length == pytest.approx(fine.length, rel=1.0e-6)
     np.testing.assert_allclose(coarse.marker_theta, fine.marker_theta, rtol=0, atol=1.0e-5)
 
 
 def test_a_stiff_cable_obeys_the_equation_of_its_bent_span():
-    lay = DrivenLay(CASE, rig(bending=1.0))
-    wind(lay, 1.0, lambda angle: 0.0)
+    lay = wound(rig(bending=1.0), 1.0, level)
     wind(lay, 1.6, lambda angle: 10.0 * ADVANCE * (angle - 1.0), step=1.0e-3)
     theta = np.arange(1.1, 1.5, GRID_STEP)
     way, z = RHO * theta, lay.z_at(theta)
@@ -120,8 +133,7 @@ def test_a_stiff_cable_obeys_the_equation_of_its_bent_span():
 
 
 def test_a_standing_cylinder_lays_nothing_whatever_the_guide_does():
-    lay = DrivenLay(CASE, rig(bending=1.0))
-    wind(lay, 5.0, lambda angle: ADVANCE * angle)
+    lay = wound(rig(bending=1.0), 5.0, even)
     before, points = lay.contact, lay.path.theta.size
     for carriage in (0.0, 0.05, -0.02, 0.015):
         lay.advance(5.0, carriage, CASE.weight)
@@ -162,8 +174,7 @@ def landings(lay, count):
 
 
 def test_markers_land_where_the_closed_form_says():
-    lay = DrivenLay(CASE, PLAIN)
-    wind(lay, 26.0, lambda angle: 0.0)
+    lay = wound(PLAIN, 26.0, level)
     load = (PLAIN.drag + PLAIN.load_share * CASE.weight) / (CASE.section_area * 2.6e6)
     expected = neo_hookean_stretch(load) * CASE.marker_spacing * np.arange(1, 5) / RHO
     np.testing.assert_allclose(landings(lay, 4), expected, rtol=1.0e-9)
@@ -171,9 +182,8 @@ def test_markers_land_where_the_closed_form_says():
 
 def test_a_step_of_the_pull_moves_only_what_lands_after_it():
     step_at, more = 15.0, 1.5 * CASE.weight
-    lay = DrivenLay(CASE, PLAIN)
-    wind(lay, step_at, lambda angle: 0.0)
-    wind(lay, 30.0, lambda angle: 0.0, pull=more)
+    lay = wound(PLAIN, step_at, level)
+    wind(lay, 30.0, level, pull=more)
     before, after = (
         neo_hookean_stretch(
             (PLAIN.drag + PLAIN.load_share * pull) / (CASE.section_area * CASE.material.young)
@@ -190,8 +200,7 @@ def test_a_step_of_the_pull_moves_only_what_lands_after_it():
 
 
 def test_bending_takes_its_share_of_the_stretch():
-    lay = DrivenLay(CASE, rig(bending=1.0))
-    wind(lay, 1.0, lambda angle: 0.0)
+    lay = wound(rig(bending=1.0), 1.0, level)
     ea = CASE.section_area * CASE.material.young
     tension = PLAIN.drag + PLAIN.load_share * CASE.weight
     span = neo_hookean_stretch(tension / ea)
@@ -205,7 +214,7 @@ def test_the_tension_builds_up_over_the_wound_length():
     lay = DrivenLay(CASE, hidden)
     final = hidden.drag + hidden.load_share * CASE.weight
     for angle in (1.0e-3, 5.0, 20.0):
-        wind(lay, angle, lambda angle: 0.0, step=1.0e-3)
+        wind(lay, angle, level, step=1.0e-3)
         built = 1.0 - 0.7 * math.exp(-RHO * angle / 0.25)
         # The tension is that of the middle of the last step.
         assert lay.contact.tension == pytest.approx(final * built, rel=1.0e-3)
@@ -240,8 +249,7 @@ def test_what_has_landed_has_the_length_of_its_spacings():
 
 
 def test_turning_back_takes_cable_off_and_winding_on_lays_it_anew():
-    lay = DrivenLay(CASE, rig(bending=1.0))
-    wind(lay, 20.0, lambda angle: ADVANCE * angle)
+    lay = wound(rig(bending=1.0), 20.0, even)
     theta = np.linspace(0.0, 12.0, 100)
     z, length, landed = lay.z_at(theta), lay.length_at(theta), lay.marker_theta.copy()
     assert np.isfinite(landed[3])
@@ -253,13 +261,12 @@ def test_turning_back_takes_cable_off_and_winding_on_lays_it_anew():
     np.testing.assert_array_equal(lay.marker_theta, np.where(landed <= 12.0, landed, np.nan))
     assert np.isnan(lay.z_at(12.01))
     # Wound on as before, it comes to lie as before.
-    wind(lay, 20.0, lambda angle: ADVANCE * angle)
+    wind(lay, 20.0, even)
     np.testing.assert_allclose(lay.marker_theta, landed, rtol=0, atol=1.0e-5)
 
 
 def test_turning_back_behind_p0_leaves_a_bare_cylinder():
-    lay = DrivenLay(CASE, PLAIN)
-    wind(lay, 8.0, lambda angle: ADVANCE * angle)
+    lay = wound(PLAIN, 8.0, even)
     lay.advance(-0.5, 1.0e-3, CASE.weight)
     assert (lay.wound_angle, lay.z, lay.length) == (0.0, 0.0, 0.0)
     np.testing.assert_array_equal(lay.marker_theta, [0.0, *[np.nan] * 4])
@@ -267,29 +274,27 @@ def test_turning_back_behind_p0_leaves_a_bare_cylinder():
     fresh.advance(0.0, 1.0e-3, CASE.weight)
     lay.advance(0.0, 1.0e-3, CASE.weight)
     for each in (lay, fresh):
-        wind(each, 8.0, lambda angle: ADVANCE * angle)
+        wind(each, 8.0, even)
     assert lay.z == pytest.approx(fresh.z, abs=1.0e-12)
     np.testing.assert_allclose(lay.marker_theta, fresh.marker_theta, rtol=1.0e-9)
 
 
 def test_a_marker_in_the_span_comes_closer_as_the_cylinder_turns():
-    lay = DrivenLay(CASE, PLAIN)
-    wind(lay, 0.1, lambda angle: 0.0)
+    lay = wound(PLAIN, 0.1, level)
     # P1 is 107 mm of stretched cable from P0: within the span of 190 mm, P2 is not.
     first = lay.view().marker_theta
     assert np.isnan(first[2])
-    wind(lay, 26.0, lambda angle: 0.0)
+    wind(lay, 26.0, level)
     # A level lay without bending: the span brings it along as it will lie.
     assert first[1] == pytest.approx(lay.marker_theta[1], rel=1.0e-9)
 
 
 def test_a_restart_is_a_bare_cylinder():
-    lay = DrivenLay(CASE, rig(guide_play=0.3e-3))
-    wind(lay, 8.0, lambda angle: ADVANCE * angle)
+    lay = wound(rig(guide_play=0.3e-3), 8.0, even)
     lay.restart()
     fresh = DrivenLay(CASE, rig(guide_play=0.3e-3))
     for each in (lay, fresh):
-        wind(each, 8.0, lambda angle: ADVANCE * angle)
+        wind(each, 8.0, even)
     np.testing.assert_array_equal(lay.marker_theta, fresh.marker_theta)
     np.testing.assert_array_equal(lay.path.theta, fresh.path.theta)
     np.testing.assert_array_equal(lay.z_at(lay.path.theta), fresh.z_at(lay.path.theta))
@@ -298,8 +303,7 @@ def test_a_restart_is_a_bare_cylinder():
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 @pytest.mark.parametrize("which", [0, 1, 2])
 def test_what_is_not_finite_is_refused_and_changes_nothing(bad, which):
-    lay = DrivenLay(CASE, PLAIN)
-    wind(lay, 3.0, lambda angle: 0.0)
+    lay = wound(PLAIN, 3.0, level)
     before = lay.contact
     numbers = [3.1, 0.0, CASE.weight]
     numbers[which] = bad

@@ -15,6 +15,12 @@ from winding_rig_node.machine.machine_config import SENSORS, Phase, PhaseError
 from winding_rig_node.machine.pace import Pace
 
 
+def started(case: int = 4, duration: float = 60.0) -> Machine:
+    rig = machine(case, duration)
+    rig.start()
+    return rig
+
+
 def wind(rig: Machine) -> np.ndarray:
     """Wind to the end; return rows (t, Theta, omega, z, feed)."""
     rig.start()
@@ -55,8 +61,7 @@ def test_run_has_one_sample_per_millisecond_and_ends_at_its_duration(rows):
 
 
 def test_load_cell_shows_the_weight():
-    rig = machine()
-    rig.start()
+    rig = started()
     samples = np.array([rig.tension() for _ in range(400)])
     # Noise of 10 mN: three standard errors of 400 samples are 1.5 mN.
     assert samples.mean() == pytest.approx(paper_case(4).weight, abs=1.5e-3)
@@ -84,16 +89,14 @@ def test_emergency_stop_halts_within_a_tenth_of_a_second():
 
 
 def test_starting_twice_is_starting_once():
-    rig = machine()
-    rig.start()
+    rig = started()
     rig.step()
     rig.start()
     assert (rig.state.phase, rig.state.sample) == (Phase.WINDING, 1)
 
 
 def test_reset_while_winding_is_refused():
-    rig = machine()
-    rig.start()
+    rig = started()
     rig.step()
     with pytest.raises(PhaseError, match="stop it first"):
         rig.reset()
@@ -123,8 +126,7 @@ STAND_WITHIN = 0.5
 
 def break_at(t: float, text: str) -> tuple[Machine, float]:
     """Wind with a fault from t [s] on until the machine stands; return it and the largest speed."""
-    rig = machine(duration=3.0)
-    rig.start()
+    rig = started(duration=3.0)
     fastest = 0.0
     while rig.moving:
         if rig.time >= t and not rig.faults:
@@ -138,8 +140,7 @@ def break_at(t: float, text: str) -> tuple[Machine, float]:
 def test_healthy_machine_of_every_case_winds_to_its_end():
     offenders = []
     for case in range(1, 13):
-        rig = machine(case, duration=2.5)
-        rig.start()
+        rig = started(case, duration=2.5)
         while rig.moving:
             rig.step()
             if rig.state.drive_sample == 2000:
