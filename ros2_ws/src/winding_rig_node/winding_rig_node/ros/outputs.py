@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import astuple, fields, replace
 from typing import Any
 
 import numpy as np
@@ -129,24 +129,12 @@ def due(sample: int, topic: Topic) -> bool:
 
 
 def _axis_values(reading: AxisReading) -> Values:
-    return np.array(
-        [
-            reading.cylinder_angle,
-            reading.angular_speed,
-            reading.carriage_position,
-            reading.feed_speed,
-        ]
-    )
+    return np.array(astuple(reading))
 
 
 def _axis_reading(values: Values) -> AxisReading:
-    angle, angular_speed, position, feed_speed = map(float, values)
-    return AxisReading(
-        cylinder_angle=angle,
-        angular_speed=angular_speed,
-        carriage_position=position,
-        feed_speed=feed_speed,
-    )
+    names = (item.name for item in fields(AxisReading))
+    return AxisReading(**dict(zip(names, map(float, values), strict=True)))
 
 
 def rig_status(machine: Machine, pace: Pace, faults: str, known_lay: str) -> Status:
