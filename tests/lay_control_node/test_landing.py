@@ -121,7 +121,7 @@ def test_one_wrong_marker_does_not_carry_the_estimate_away():
     for angle in np.arange(landing[3], landing[3] + 4.0, STEP):
         found.advance(float(angle), CASE.weight, SLOPE)
     found.land(found.landed + 1, landing[3] + 3.0, 1.0e-3)
-    # Half a turn too early is some fifty deviations; the belief moves by three.
+    # Half a turn too early is some fifty deviations; the estimate moves by three.
     assert abs(found.estimate.share - before) < 0.2
 
 
@@ -218,7 +218,7 @@ def resolved(case: int) -> ResolvedCondition:
 
 
 def within_reach(control: ControlParameters, what: ResolvedCondition) -> dict[int, float]:
-    """Return where markers land [rad] under 0.9 of the weight, if the tension is as believed."""
+    """Return where markers land [rad] under 0.9 of the weight, the tension as in the prior."""
     controller = control.controller(what, HELIX, markers={1: 1.0}, mode=ControlMode.WATCH)
     assert controller.landing is not None
     theta = np.arange(0.01, 60.0, 0.01)
@@ -234,7 +234,9 @@ def within_reach(control: ControlParameters, what: ResolvedCondition) -> dict[in
 
 def expected(case: int, **changed: float) -> tuple[ExpectedLanding, ...]:
     control, what = ControlParameters(**changed), resolved(case)
-    return expected_landings(control, what, HELIX, within_reach(control, what))
+    found = expected_landings(control, what, HELIX, within_reach(control, what))
+    assert len(found) == what.case.marker_count
+    return found
 
 
 def test_markers_within_reach_are_expected_at_their_places():
@@ -269,10 +271,12 @@ def test_a_known_rig_is_known_before():
         assert item.sigma < 0.004 * TURN
 
 
-def test_what_is_beyond_the_pull_is_said_to_be():
+def test_what_is_beyond_the_pull_is_expected_to_miss():
     control, what = ControlParameters(), resolved(4)
     wanted = {n: 1.15 * angle for n, angle in within_reach(control, what).items()}
-    for item in expected_landings(control, what, HELIX, wanted):
+    found = expected_landings(control, what, HELIX, wanted)
+    assert len(found) == len(wanted)
+    for item in found:
         assert item.expected < item.wanted - 0.02 * TURN
 
 

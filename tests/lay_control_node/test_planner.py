@@ -176,6 +176,7 @@ def test_the_brake_lands_markers_on_whole_turns_or_the_plan_says_which_it_cannot
     program = with_markers_every_turn(even_helix(what.drive.pitch, 5.0), 4)
     plan = plan_lay(program, what, LIMITS)
     text = " ".join(plan.sentences)
+    assert len(plan.landings) == what.case.marker_count
     for item in plan.landings:
         missed = abs(item.predicted - item.wanted) > 1.0e-3 * TURN
         within = item.earliest <= item.wanted <= item.latest

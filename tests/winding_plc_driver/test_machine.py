@@ -9,6 +9,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from winding_core.readings import CABLE_TENSION, Quantity
 from winding_plc_driver.machine.joining import Joiner, Pacer, Sample
 from winding_plc_driver.machine.link import HeartbeatWatch, Link
 from winding_plc_driver.machine.mapping import (
@@ -42,6 +43,17 @@ def test_values_become_si():
     assert mapping.variables["angle"].factor == math.pi / 180.0
     assert mapping.axes == ("angle", "carriage", "angular_speed", "feed_speed")
     assert mapping.commands["quick_stop"].method.endswith("QuickStop")
+
+
+def test_every_quantity_of_the_graph_may_be_a_variable(tmp_path):
+    humidity = Quantity(name="humidity", unit="1", sensor="hygrometer", field="relative_humidity")
+    content = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8"))
+    content["variables"]["humidity"] = {"node": "i=9", "unit": "1", "scale": 0.01}
+    mapping = parse_mapping(yaml.safe_dump(content), tmp_path, (CABLE_TENSION, humidity))
+    assert mapping.measured == ("tension", "humidity")
+    assert mapping.variables["humidity"].factor == 0.01
+    with pytest.raises(MappingError, match="no parameter humidity"):
+        parse_mapping(yaml.safe_dump(content), tmp_path)
 
 
 def test_a_plc_without_quick_stop_is_stopped(tmp_path):

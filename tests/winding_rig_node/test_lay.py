@@ -10,6 +10,7 @@ from winding_core.cases import Case, paper_case
 from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
 from winding_core.helix import curve_length
+from winding_core.parameters import build
 from winding_core.published import published_markers
 from winding_rig_node.lay.driven_lay import DrivenLay
 from winding_rig_node.lay.known_lay import (
@@ -17,6 +18,7 @@ from winding_rig_node.lay.known_lay import (
     published_lay,
     simulated_lay,
 )
+from winding_rig_node.lay.lay_law import MOTION_LAYS, motion_lay
 from winding_rig_node.lay.lay_on import (
     BRAKE_FRICTION,
     BUILD_UP_LENGTH,
@@ -29,6 +31,7 @@ from winding_rig_node.lay.lay_on import (
     neo_hookean_stretch,
 )
 from winding_rig_node.lay.truth import truth_path, truth_record, write_truth
+from winding_rig_node.ros.parameters import RigParameters
 
 CASE = paper_case(4)
 RHO = CASE.centreline_radius
@@ -439,3 +442,19 @@ def test_a_file_that_cannot_be_is_refused(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ValueError, match=f"a file in a folder that exists, got '{name}'"):
         truth_path(name)
+
+
+@pytest.mark.parametrize("name", MOTION_LAYS)
+def test_every_motion_driven_law_is_a_choice_and_lays_cable(name):
+    assert build(RigParameters, {"lay": name}, owner="rig").lay == name
+    lay = motion_lay(name, CASE, np.random.default_rng(1))
+    for angle in np.arange(0.0, 8.0, 0.01):
+        lay.advance(angle, even(angle), CASE.weight)
+    view, truth = lay.view(), lay.truth(8.0)
+    assert truth.wound_angle == view.theta == pytest.approx(7.99)
+    assert truth.theta.size == truth.z.size == truth.length.size > view.growth.theta.size
+    assert truth.marker_theta[1] == view.marker_theta[1] < view.theta
+    lay.renew_view()
+    assert lay.view().growth.kept == 0
+    lay.restart()
+    assert lay.truth(0.0).wound_angle == 0.0

@@ -78,8 +78,8 @@ def expected_landings(
     """
     if not markers:
         return ()
-    believed = control.controller(what, wanted, markers=markers, mode=ControlMode.DRIVE)
-    mean = believed.stretch.estimate
+    controller = control.controller(what, wanted, markers=markers, mode=ControlMode.DRIVE)
+    mean = controller.stretch.estimate
     nominal = _landed(control, what, wanted, markers, mean)
     numbers = sorted(markers)
 
@@ -100,7 +100,7 @@ def expected_landings(
         # Unobservable: by how much the brake's own friction keeps the tension off its law.
         segment = nominal[number] - before
         stretched = max(radius * segment / what.case.marker_spacing - 1.0, 0.0)
-        friction = believed.stretch.config.tension_error * stretched * segment
+        friction = controller.stretch.config.tension_error * stretched * segment
         variance[number] += friction**2
         # It holds every change of the pull back, so it adds to the misses that are corrected.
         unusual[number] += friction

@@ -161,7 +161,7 @@ class StretchFilter:
     @property
     def estimate(self) -> StretchEstimate:
         """Estimate now."""
-        return self._believed(self._mean)
+        return self._estimate_of(self._mean)
 
     def join(self, theta: float) -> None:
         """Begin in mid-run at a wound angle [rad]: the next marker shows how much is laid."""
@@ -239,15 +239,15 @@ class StretchFilter:
         self, steps: list[tuple[float, float, float]], mean: Array
     ) -> tuple[float, Array]:
         """Return the length [m] of steps under a mean (4,) and its derivatives (4,)."""
-        length = self._length(steps, self._believed(mean))
+        length = self._length(steps, self._estimate_of(mean))
         row = np.empty(mean.size)
         for index in range(mean.size):
             moved = mean.copy()
             moved[index] += _CHANGE
-            row[index] = (self._length(steps, self._believed(moved)) - length) / _CHANGE
+            row[index] = (self._length(steps, self._estimate_of(moved)) - length) / _CHANGE
         return length, row
 
-    def _believed(self, mean: Array) -> StretchEstimate:
+    def _estimate_of(self, mean: Array) -> StretchEstimate:
         return StretchEstimate.of(mean, self._covariance.copy())
 
     def _length(self, steps: list[tuple[float, float, float]], estimate: StretchEstimate) -> float:
