@@ -14,12 +14,7 @@ PITCH = 2.87e-3
 
 
 def wound(
-    angle: float,
-    law: GuideLaw,
-    *,
-    believed: float = LENGTH,
-    start: float = 0.0,
-    bend: float = BEND,
+    angle: float, law: GuideLaw, *, believed: float = LENGTH, start: float = 0.0, bend: float = BEND
 ) -> Array:
     """Wind an angle [rad] of an even helix from an error [m] on, the span pointing along it.
 

@@ -23,8 +23,7 @@ from winding_core.material_law import MaterialLaw
 
 CASE = published_case(4, "case")
 LAW = LayOnLaw(
-    CASE,
-    MaterialLaw(law="neo_hookean", young=CASE.material.young, poisson=CASE.material.poisson),
+    CASE, MaterialLaw(law="neo_hookean", young=CASE.material.young, poisson=CASE.material.poisson)
 )
 SLOPE, BUILD_UP = 2.87e-3, 0.255
 STEP = 0.02
@@ -46,10 +45,7 @@ def wound(
 ) -> tuple[StretchFilter, np.ndarray]:
     """Wind under pulls [N], one per step of 0.02 rad; return the filter and landing angles."""
     found = StretchFilter(
-        LAW,
-        spacing=CASE.marker_spacing,
-        radius=CASE.centreline_radius,
-        config=config,
+        LAW, spacing=CASE.marker_spacing, radius=CASE.centreline_radius, config=config
     )
     theta = STEP * np.arange(1, pulls.size + 1)
     grown = 1.0 - (1.0 - start) * np.exp(-CASE.centreline_radius * (theta - 0.01) / BUILD_UP)
@@ -94,10 +90,7 @@ def test_landed_markers_tell_the_tension(share, drag):
 def test_a_missed_marker_makes_the_segment_longer():
     config = StretchFilterConfig(start=1.0, sigma_start=0.01)
     found = StretchFilter(
-        LAW,
-        spacing=CASE.marker_spacing,
-        radius=CASE.centreline_radius,
-        config=config,
+        LAW, spacing=CASE.marker_spacing, radius=CASE.centreline_radius, config=config
     )
     theta = STEP * np.arange(1, 900)
     laid = np.cumsum(np.full(theta.size, float(LAW.density(0.8 * CASE.weight, SLOPE)) * STEP))

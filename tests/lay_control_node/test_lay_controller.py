@@ -7,11 +7,7 @@ import pytest
 
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.guide_law import AxisBounds, GuideLaw, WantedPoint, WantedProgram
-from lay_control_node.control.lay_controller import (
-    ControllerConfig,
-    LayController,
-    Setpoint,
-)
+from lay_control_node.control.lay_controller import ControllerConfig, LayController, Setpoint
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
 from lay_control_node.control.stretch_filter import StretchFilter
 from lay_control_node.planning.lay_on import LayOnLaw

@@ -13,11 +13,7 @@ from winding_core.helix import curve_length
 from winding_core.parameters import build
 from winding_core.published import published_markers
 from winding_rig_node.lay.driven_lay import DrivenLay
-from winding_rig_node.lay.known_lay import (
-    HiddenCable,
-    published_lay,
-    simulated_lay,
-)
+from winding_rig_node.lay.known_lay import HiddenCable, published_lay, simulated_lay
 from winding_rig_node.lay.lay_law import MOTION_LAYS, motion_lay
 from winding_rig_node.lay.lay_on import (
     BRAKE_FRICTION,
@@ -236,18 +232,10 @@ def test_the_pull_stays_behind_by_the_brakes_friction():
 
 def test_what_has_landed_has_the_length_of_its_spacings():
     lay = DrivenLay(CASE, HiddenRig.drawn(np.random.default_rng(5)))
-    wind(
-        lay,
-        28.0,
-        lambda angle: 4.0e-3 * angle + 6.0e-3 * math.sin(angle),
-        pull=1.3 * CASE.weight,
-    )
+    wind(lay, 28.0, lambda angle: 4.0e-3 * angle + 6.0e-3 * math.sin(angle), pull=1.3 * CASE.weight)
     # Between kept points the length is a straight line: its rate changes by 2 % per step at most.
     np.testing.assert_allclose(
-        lay.length_at(lay.marker_theta),
-        CASE.marker_spacing * np.arange(5),
-        rtol=0,
-        atol=1.0e-6,
+        lay.length_at(lay.marker_theta), CASE.marker_spacing * np.arange(5), rtol=0, atol=1.0e-6
     )
 
 
