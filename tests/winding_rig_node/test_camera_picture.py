@@ -296,12 +296,3 @@ IMPOSSIBLE = [
 def test_impossible_descriptions_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
-
-
-def test_calibration_says_what_camera_info_says():
-    info = CameraConfig().calibration()
-    assert (info.width, info.height, info.distortion_model) == (1920, 1080, "plumb_bob")
-    assert info.roi == (0, 393, 1920, 288)
-    assert info.binning == 3
-    assert info.k[0, 0] == CameraConfig().focal
-    assert info.d.shape == (5,)

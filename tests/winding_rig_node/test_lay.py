@@ -338,21 +338,15 @@ def test_a_rig_that_cannot_be_is_refused(changes, sentence):
 END = 33.93
 
 
-def test_published_lay_passes_through_every_measured_marker():
-    offenders = []
-    for number in range(1, 13):
-        lay = published_lay(paper_case(number), DriveProfile(), PAPER_FREE_LENGTH, END)
-        for marker in published_markers(number):
-            theta = lay.marker_theta[marker.marker]
-            z = np.interp(theta, lay.path_theta, lay.path_z)
-            measured = marker.experiment
-            if measured is None:
-                passes = bool(np.isnan(theta))
-            else:
-                passes = theta == measured.theta and abs(z - measured.z) < 1e-12
-            if not passes:
-                offenders.append((number, marker.marker))
-    assert offenders == []
+@pytest.mark.parametrize("number", range(1, 13))
+def test_published_lay_passes_through_every_measured_marker(number):
+    lay = published_lay(paper_case(number), DriveProfile(), PAPER_FREE_LENGTH, END)
+    measured = [marker.experiment for marker in published_markers(number)]
+    assert len(measured) == lay.marker_theta.size - 1
+    for place, theta in zip(measured, lay.marker_theta[1:], strict=True):
+        z = np.interp(theta, lay.path_theta, lay.path_z)
+        assert np.isnan(theta) if place is None else theta == place.theta
+        assert place is None or abs(z - place.z) < 1e-12
 
 
 def test_simulated_lay_without_load_winds_the_undeformed_cable():
