@@ -71,6 +71,10 @@ def on(topic: Any, answers: Iterable[Any]) -> list[Any]:
     return [answer.message for answer in answers if answer.topic is topic]
 
 
+def commanded(answers: Iterable[Any]) -> list[Any]:
+    return on(topics.JOINT_TARGETS, answers)
+
+
 def states(answers: Iterable[Any]) -> np.ndarray:
     """Return the records of lay_control/state."""
     clouds = [
@@ -83,9 +87,9 @@ def states(answers: Iterable[Any]) -> np.ndarray:
 def test_targets_are_in_the_joints_own_unit_sign_and_offset():
     plain = wind(begun(), 0.0, 1.0)
     other = wind(begun(**AXES), 0.0, 1.0, **AXES)
-    targets = on(topics.JOINT_TARGETS, other)
-    assert len(targets) == len(on(topics.JOINT_TARGETS, plain)) == round(1.0 / COMMANDS_PERIOD)
-    for mine, his in zip(on(topics.JOINT_TARGETS, plain), targets, strict=True):
+    targets = commanded(other)
+    assert len(targets) == len(commanded(plain)) == round(1.0 / COMMANDS_PERIOD)
+    for mine, his in zip(commanded(plain), targets, strict=True):
         # Rounding of 1234.5 mm in double precision, and of what was computed with it.
         assert his.position[0] == pytest.approx(1234.5 - 1.0e3 * mine.position[0], abs=1.0e-7)
         assert his.velocity[0] == pytest.approx(-1.0e3 * mine.velocity[0], abs=1.0e-6)
@@ -93,13 +97,13 @@ def test_targets_are_in_the_joints_own_unit_sign_and_offset():
 
 
 def test_a_command_at_time_zero_has_a_stamp():
-    (first,) = on(topics.JOINT_TARGETS, wind(begun(), 0.0, PERIOD))
+    (first,) = commanded(wind(begun(), 0.0, PERIOD))
     assert (first.header.stamp.sec, first.header.stamp.nanosec) == (0, 1)
 
 
 def test_target_names_the_machines_own_joint_and_no_other():
     handler = begun(carriage_joint="carriage_joint", cylinder_joint="cylinder_joint")
-    names = {tuple(target.name) for target in on(topics.JOINT_TARGETS, wind(handler, 0.0, 0.1))}
+    names = {tuple(target.name) for target in commanded(wind(handler, 0.0, 0.1))}
     assert names == {("carriage_joint",)}
 
 
@@ -123,13 +127,7 @@ def test_pull_is_commanded_of_a_machine_with_a_brake_alone():
 
 def stood_still(handler: LayControlHandler, start: float, end: float) -> list[Any]:
     """Give a handler joint states of a machine that stopped at an instant [s], till another."""
-    stopped = DRIVE.reading_at(start)
-    standing = AxisReading(
-        cylinder_angle=stopped.cylinder_angle,
-        angular_speed=0.0,
-        carriage_position=stopped.carriage_position,
-        feed_speed=0.0,
-    )
+    standing = replace(DRIVE.reading_at(start), angular_speed=0.0, feed_speed=0.0)
     answers: list[Any] = []
     for t in instants(start, end):
         answers += handler.take(topics.JOINT_STATES, encode_joint_state(t, standing))
@@ -141,18 +139,18 @@ def test_machine_that_stands_after_a_stop_is_not_commanded():
     wind(handler, 0.0, 2.0)
     stood_still(handler, 2.0, 2.3)
     later = stood_still(handler, 2.3, 3.0)
-    assert on(topics.JOINT_TARGETS, later) == []
+    assert commanded(later) == []
     assert len(on(topics.LAY_CONTROL_STATE, later)) == round(0.7 / COMMANDS_PERIOD)
 
 
 def test_controller_that_starts_beside_a_standing_machine_soon_leaves_it_alone():
     handler = begun()
     stood_still(handler, 2.0, 2.3)
-    assert on(topics.JOINT_TARGETS, stood_still(handler, 2.3, 3.0)) == []
+    assert commanded(stood_still(handler, 2.3, 3.0)) == []
 
 
 def test_restart_in_mid_run_takes_the_guide_over_where_it_is():
-    targets = on(topics.JOINT_TARGETS, wind(begun(), 5.0, 6.0))
+    targets = commanded(wind(begun(), 5.0, 6.0))
     guide = [target.position[0] for target in targets]
     first = DRIVE.reading_at(5.0)
     # Within the first period a carriage moves no further than at its largest speed.
@@ -173,7 +171,7 @@ def test_restart_beside_a_guide_that_is_where_it_should_be_leaves_it_there():
         reading = DRIVE.reading_at(t)
         ahead = replace(reading, carriage_position=pitch * reading.cylinder_angle + lead)
         answers += handler.take(topics.JOINT_STATES, encode_joint_state(t, ahead))
-    targets = on(topics.JOINT_TARGETS, answers)
+    targets = commanded(answers)
     # The last command is of 5.98 s. The end of the span grows 4 % less bent as the tension builds
     # up; the lay moves by 0.02 mm with it, and the law moves the guide by 11 times that.
     there = pitch * DRIVE.reading_at(5.98).cylinder_angle + lead
@@ -190,7 +188,7 @@ def test_modes_are_switched_without_a_step_of_the_guide():
     handler = begun(control="watch")
     wind(handler, 0.0, 3.0)
     handler.switch(ControlMode.DRIVE)
-    targets = on(topics.JOINT_TARGETS, wind(handler, 3.0, 3.5))
+    targets = commanded(wind(handler, 3.0, 3.5))
     guide = np.array([target.position[0] for target in targets])
     assert guide.size == round(0.5 / COMMANDS_PERIOD)
     limits = LayControlParameters()
@@ -204,10 +202,10 @@ def test_modes_are_switched_without_a_step_of_the_guide():
 @pytest.mark.parametrize("mode", [ControlMode.OFF, ControlMode.WATCH])
 def test_a_carriage_that_was_driven_goes_on_by_the_drive_programme(mode):
     handler = begun()
-    before = on(topics.JOINT_TARGETS, wind(handler, 0.0, 3.0))[-1]
+    before = commanded(wind(handler, 0.0, 3.0))[-1]
     handler.switch(mode)
     answers = wind(handler, 3.0, 5.0)
-    targets = on(topics.JOINT_TARGETS, answers)
+    targets = commanded(answers)
     guide = np.array([before.position[0], *(target.position[0] for target in targets)])
     speed = np.array([before.velocity[0], *(target.velocity[0] for target in targets)])
     limits = LayControlParameters()
@@ -218,14 +216,14 @@ def test_a_carriage_that_was_driven_goes_on_by_the_drive_programme(mode):
     assert speed[-1] == pytest.approx(DRIVE.reading_at(4.9).feed_speed, rel=0.01)
     assert set(states(answers)["basis"]) == {ControlBasis.RAMP}
     # Within the 0.2 s after which a machine counts as standing there are some.
-    assert not on(topics.JOINT_TARGETS, stood_still(handler, 5.0, 6.0)[-30:])
+    assert not commanded(stood_still(handler, 5.0, 6.0)[-30:])
 
 
 def test_mode_that_was_switched_stays_in_the_next_run():
     handler = begun(control="watch")
     handler.switch(ControlMode.DRIVE)
     list(handler.begin(0.0))
-    assert on(topics.JOINT_TARGETS, wind(handler, 0.0, 0.1))
+    assert commanded(wind(handler, 0.0, 0.1))
 
 
 def test_silent_solver_leaves_the_drive_programme():
@@ -253,12 +251,7 @@ def test_measured_lay_makes_the_estimate_surer():
 
 def bad_messages() -> list[Any]:
     reading = DRIVE.reading_at(1.0)
-    nowhere = AxisReading(
-        cylinder_angle=math.nan,
-        angular_speed=reading.angular_speed,
-        carriage_position=reading.carriage_position,
-        feed_speed=reading.feed_speed,
-    )
+    nowhere = replace(reading, cylinder_angle=math.nan)
     good = encode_joint_state(1.0, reading)
     wrong = encode_cloud(1.0, np.zeros(1, dtype=[("x", "<f4"), ("y", "<f4")]))
     return [
