@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
 from winding_core.lay_program import LayProgram
 
+Array = NDArray[np.float64]
+
 # The first and the last piece are looked at so far before and behind the corners [rad].
 _BEYOND = 1.0e3
 
@@ -66,8 +68,6 @@ def within(line: SmoothedLine, low: float, high: float) -> SmoothedLine:
         width=line.width,
     )
 
-
-Array = NDArray[np.float64]
 
 # Below this share of the lag the integrals take their series.
 _SHORT = 1.0e-4

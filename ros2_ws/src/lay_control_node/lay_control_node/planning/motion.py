@@ -12,6 +12,8 @@ from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.rounding import SAMPLES, USED
 from lay_control_node.planning.smoothed_line import SmoothedLine
 
+Array = NDArray[np.float64]
+
 _ROUNDS = 60
 # A motion that has to be slower than this share of its speed is planned anew.
 _LEAST = 1.0e-3
@@ -220,8 +222,6 @@ class CylinderCourse:
             self.speed / self.ramp**2 * np.where(changing, 6.0 - 12.0 * x, 0.0),
         )
 
-
-Array = NDArray[np.float64]
 
 # Longest step of the motion's own time [s]; a ramp of 50 ms has ten of them.
 _STEP = 5.0e-3

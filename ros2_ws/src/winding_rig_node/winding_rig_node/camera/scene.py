@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from winding_rig_node.camera.cable_path import WoundPath
 from winding_rig_node.camera.config import CameraConfig
 
+SingleArray = NDArray[np.float32]
+ByteArray = NDArray[np.uint8]
+
 FloatArray = NDArray[np.float64]
 Colour = tuple[float, float, float]
 
@@ -135,10 +138,6 @@ class Scene:
             axis=-1,
         )
         return np.where((way > 0.0)[:, None], free, wound)
-
-
-SingleArray = NDArray[np.float32]
-ByteArray = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, kw_only=True)

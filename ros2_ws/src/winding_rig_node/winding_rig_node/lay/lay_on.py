@@ -1,4 +1,4 @@
-"""How a cable lies down while the cylinder turns by a small angle."""
+"""How a cable lies down on a rig with hidden properties while the cylinder turns a little."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from winding_core.cases import Case
 from winding_core.compiling import called, compiled
+
+FloatArray = NDArray[np.float64]
+Record = NDArray[np.void]
 
 
 def neo_hookean_stretch(load: float, guess: float = 1.0) -> float:
@@ -94,16 +97,12 @@ class HiddenRig:
         )
 
 
-FloatArray = NDArray[np.float64]
-
 _stretched = called(neo_hookean_stretch)
 
 # Angle between points of a path that are kept [rad].
 GRID_STEP = 0.02
 # The bent end of the span is short beside the span; a slack cable would make it endless.
 _LONGEST_BENT_END = 0.25
-
-Record = NDArray[np.void]
 
 
 class Contact(NamedTuple):
