@@ -212,12 +212,13 @@ class Run:
         await orchestrator.start()
         await orchestrator.bring_up()
         await stack.enter_async_context(supervisor.beating())
+        # Before the page: what it offers may be pressed as soon as it is served.
+        await machine.ready()
         ended = asyncio.Event()
         if page is not None:
             await page.start()
             say(f"operator's page: {page.url}  (Start is there; Ctrl-C here ends the run)")
         if page is None:
-            await machine.ready()
             if not machine.simulated:
                 say("ready; Ctrl-C ends the run")
                 interruption.instead_of_sigint(ended.set)
@@ -250,7 +251,6 @@ class Run:
     async def _conduct(self, session: _Session, view: View, say: Say, deliver: Deliver) -> None:
         """Follow what an operator does with the machine until the session ends."""
         if isinstance(session.machine, ExternalMachine):
-            await session.machine.ready()
             say("ready; Ctrl-C ends the session")
             next_run = NextRun(
                 session.client, lambda: session.machine.t, lambda: session.machine.standing
