@@ -24,7 +24,7 @@ from pathlib import Path
 import psutil
 
 from winding_ros.graph import DEFAULT_NAMESPACE
-from winding_supervisor.domain_lock import DomainError, domain_lock
+from winding_supervisor.session.domain_lock import DomainError, domain_lock
 
 PATIENCE = 600.0
 POLL = 0.005

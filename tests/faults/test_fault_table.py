@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from winding_ros.environment import set_process_environment
-from winding_supervisor.domain_lock import domain_lock
+from winding_supervisor.session.domain_lock import domain_lock
 from winding_verification.faults.campaign import NAMESPACE, row_names
 from winding_verification.faults.cell import FaultCell
 from winding_verification.faults.outcome import Outcome

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from winding_ros.environment import set_process_environment
-from winding_supervisor.domain_lock import domain_lock
+from winding_supervisor.session.domain_lock import domain_lock
 from winding_verification.faults.cell import FaultCell
 
 NAMESPACE = "soak"

@@ -28,7 +28,7 @@ from winding_recorder.playback.recorded_buffer import recorded_run
 from winding_ros import topics
 from winding_ros.cloud_messages import encode_cloud
 from winding_ros.rig_messages import encode_joint_state
-from winding_supervisor.run_result import RunResult
+from winding_supervisor.session.run_config import RunResult
 
 DRIVE = DriveProfile()
 ADVANCE = DRIVE.advance_per_radian

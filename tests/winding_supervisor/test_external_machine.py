@@ -98,7 +98,7 @@ HANG = """\
     [
         (
             {SERVE: '"rig/" + ("no_" * ("stop" in name)) + name, getattr(self, name)'},
-            "nobody serves rig/quick_stop; nobody serves rig/stop",
+            "rig/quick_stop has no server; rig/stop has no server",
         ),
         (
             {

@@ -57,7 +57,7 @@ UNSTOPPABLE = '"rig/" + ("no_" * ("stop" in name)) + name, getattr(self, name)'
 def test_a_machine_that_cannot_be_stopped_at_its_end_is_said(session: ConductedSession) -> None:
     session.reach(RunPhase.READY)
     assert session.call("rig/start").success
-    session.reach(RunPhase.OVER, message="the stop could not be delivered: nobody serves rig/stop")
+    session.reach(RunPhase.OVER, message="the stop could not be delivered: rig/stop has no server")
     assert session.end() == 0
     assert session.record(1)["ended"] is None
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from winding_supervisor import interruption
-from winding_supervisor.interruption import Interruption, run_closing
+from winding_supervisor.session import interruption
+from winding_supervisor.session.interruption import Interruption, run_closing
 
 
 @pytest.fixture(autouse=True)

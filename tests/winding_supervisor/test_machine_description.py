@@ -9,8 +9,8 @@ from winding_core.condition import Condition
 from winding_core.machine_axes import MachineAxes
 from winding_core.urdf import machine_urdf
 from winding_ros import topics
-from winding_supervisor.machine_description import describe_machine
-from winding_supervisor.run_config import RunConfig
+from winding_supervisor.session.run_config import RunConfig
+from winding_supervisor.session.run_parts import describe_machine
 
 
 def config(tmp_path: Path) -> RunConfig:

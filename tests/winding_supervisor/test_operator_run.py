@@ -22,10 +22,10 @@ from winding_ros.environment import set_process_environment
 from winding_ros.graph_error import GraphError
 from winding_ros.lifecycle import LifecycleDriver
 from winding_ros.rig_messages import encode_joint_state
-from winding_supervisor.dashboard_process import DashboardConfig, DashboardProcess
-from winding_supervisor.discovery import outsiders
-from winding_supervisor.event_log import EventLog, read_events
-from winding_supervisor.operator_run import RunStart
+from winding_supervisor.processes.discovery import outsiders
+from winding_supervisor.session.dashboard_process import DashboardConfig, DashboardProcess
+from winding_supervisor.session.operator_run import RunStart
+from winding_supervisor.supervision.event_log import EventLog, read_events
 
 NAMESPACE = "attended"
 SPEED = 1.74

@@ -17,7 +17,7 @@ from winding_cli.doctor.examination import udp_ports
 from winding_cli.doctor.exchange import Exchange, exchange, judge_exchange
 from winding_cli.doctor.finding import Finding, Level
 from winding_cli.doctor.variables import judge_variables
-from winding_supervisor.domain_lock import domain_lock, lock_folder
+from winding_supervisor.session.domain_lock import domain_lock, lock_folder
 
 EPHEMERAL = (32_768, 60_999)
 # No test process is given this one.

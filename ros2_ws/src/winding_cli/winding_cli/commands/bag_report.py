@@ -34,7 +34,7 @@ def write_recorded_report(
     from winding_recorder.bags.recorded_parameters import configuration_of
     from winding_recorder.playback.recorded_buffer import recorded_run
     from winding_ros import topics
-    from winding_supervisor.run_result import RunResult
+    from winding_supervisor.session.run_config import RunResult
 
     run = recorded_run(source)
     condition = configuration_of(Condition, run.parameters[topics.FEM], topics.FEM)

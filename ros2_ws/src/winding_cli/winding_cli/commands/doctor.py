@@ -33,7 +33,7 @@ def doctor(
 ) -> None:
     """Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL."""
     from winding_cli.doctor.examination import examine
-    from winding_supervisor.domain_lock import DomainError, chosen_domain, lock_folder
+    from winding_supervisor.session.domain_lock import DomainError, chosen_domain, lock_folder
 
     source = "ROS_DOMAIN_ID" if os.environ.get("ROS_DOMAIN_ID") else "ROS_DOMAIN_ID is not set"
     check_output_file(json, "--json")

@@ -17,7 +17,7 @@ from winding_core.parameters import ParameterError, build, declarations
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
-    from winding_supervisor.external_machine import ExternalMachineConfig
+    from winding_supervisor.machine.external_machine import ExternalMachineConfig
 
 SIMULATED, EXTERNAL = "simulated", "external"
 
@@ -73,7 +73,7 @@ def machine_of(
         if value is not None:
             refuse(f"--{name} is for the simulated machine")
     _check(options)
-    from winding_supervisor.external_machine import ExternalMachineConfig
+    from winding_supervisor.machine.external_machine import ExternalMachineConfig
 
     return ExternalMachineConfig(
         axes=machine_axes(axes),

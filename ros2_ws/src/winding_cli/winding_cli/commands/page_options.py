@@ -12,7 +12,7 @@ from winding_cli.commands.refusal import refuse, refused
 
 if TYPE_CHECKING:
     from winding_core.condition import Condition
-    from winding_supervisor.run_result import RunResult
+    from winding_supervisor.session.run_config import RunResult
 
 _TRACKER, _PAGE = "marker_tracker", "dashboard"
 # The page draws frames where the tracker's camera stands.

@@ -52,7 +52,7 @@ def joined(domain: int | None) -> Iterator[Joined]:
         domain: Of the command line, or None for the environment's.
     """
     from winding_ros.environment import set_process_environment
-    from winding_supervisor.domain_lock import DomainError, chosen_domain
+    from winding_supervisor.session.domain_lock import DomainError, chosen_domain
 
     with refused(DomainError):
         chosen = chosen_domain(domain)

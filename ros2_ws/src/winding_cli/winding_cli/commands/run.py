@@ -229,7 +229,7 @@ def run(
     from winding_cli.output.origin import origin_here
     from winding_recorder.bags.notes import ORIGIN
     from winding_ros import topics
-    from winding_supervisor.run_config import RunConfig
+    from winding_supervisor.session.run_config import RunConfig
 
     origin = origin_here()
     simulated = given(

@@ -18,8 +18,8 @@ from winding_core.units import MEGABYTE
 
 if TYPE_CHECKING:
     from winding_recorder.bags.mcap_file import BagConfig
-    from winding_supervisor.external_machine import ExternalMachineConfig
-    from winding_supervisor.run_config import RunConfig
+    from winding_supervisor.machine.external_machine import ExternalMachineConfig
+    from winding_supervisor.session.run_config import RunConfig
 
 
 def given(**values: object) -> dict[str, object]:
@@ -167,7 +167,7 @@ def composed_camera(
 
 def check_before_start(config: RunConfig) -> None:
     """Refuse what would end the run after its nodes have started."""
-    from winding_supervisor.run_config import check_run
+    from winding_supervisor.session.run_config import check_run
 
     try:
         check_run(config)

@@ -16,8 +16,7 @@ from winding_core.parameters import Value
 
 if TYPE_CHECKING:
     from winding_study.runs.identity import Origin
-    from winding_supervisor.run_config import RunConfig
-    from winding_supervisor.run_result import RunResult
+    from winding_supervisor.session.run_config import RunConfig, RunResult
 
 _RIG = "winding_rig"
 

@@ -15,7 +15,7 @@ from winding_core.parameters import Value
 if TYPE_CHECKING:
     from winding_study.runs.identity import Origin
     from winding_study.runs.run_record import RunRecord
-    from winding_supervisor.run_result import RunResult
+    from winding_supervisor.session.run_config import RunResult
 
 
 def deliver(

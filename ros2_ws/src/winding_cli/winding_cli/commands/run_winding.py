@@ -15,9 +15,8 @@ from winding_core.condition import Condition
 if TYPE_CHECKING:
     from winding_cli.commands.run_delivery import RunDelivery
     from winding_recorder.live.recorder import RunBuffer
-    from winding_supervisor.run import Run
-    from winding_supervisor.run_config import RunConfig
-    from winding_supervisor.run_result import RunResult
+    from winding_supervisor.session.run import Run
+    from winding_supervisor.session.run_config import RunConfig, RunResult
 
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
@@ -38,9 +37,9 @@ def wind(
     from winding_cli.output.early_import import import_early
     from winding_recorder.live.recorder import RecorderError
     from winding_ros.graph_error import GraphError
-    from winding_supervisor.domain_lock import DomainError
-    from winding_supervisor.run import opened_run
-    from winding_supervisor.run_config import RunFolderError
+    from winding_supervisor.session.domain_lock import DomainError
+    from winding_supervisor.session.run import opened_run
+    from winding_supervisor.session.run_config import RunFolderError
 
     check_before_start(config)
     ending: Callable[[], NoReturn] | None = None

@@ -28,7 +28,7 @@ from winding_ros.topic import Topic
 from winding_study.runs.identity import Identity, Origin, condition_quantities
 from winding_study.runs.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 from winding_study.trace.hops import length_trace
-from winding_supervisor.run_result import RunResult
+from winding_supervisor.session.run_config import RunResult
 
 # A marker in one of these states was not measured in the frame that says so.
 _UNSEEN = int(

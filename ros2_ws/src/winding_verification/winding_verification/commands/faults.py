@@ -25,8 +25,8 @@ def faults(
     ] = None,
 ) -> None:
     """Kill, hold and mislead a running graph in every way of the table; exit 1 if it fails one."""
-    from winding_supervisor.domain_lock import DomainError, domain_lock
-    from winding_supervisor.interruption import Interruption, run_closing
+    from winding_supervisor.session.domain_lock import DomainError, domain_lock
+    from winding_supervisor.session.interruption import Interruption, run_closing
     from winding_verification.faults import campaign
 
     check_output_file(json, "--json")

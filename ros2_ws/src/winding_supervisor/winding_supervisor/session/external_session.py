@@ -1,4 +1,7 @@
-"""Runs of a machine with a driver of its own, one after the other as its operator conducts it."""
+"""Runs of an external machine, one after the other as its operator conducts it.
+
+Service orchestrator/next_run: an operator reports that the machine stands ready for another run.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,84 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-from winding_core.run_phase import RunPhase
+from winding_core.run_phase import COMPONENT, RunPhase
+from winding_core.status import Level
+from winding_ros import services
+from winding_ros.async_client import AsyncClient
 from winding_ros.graph_error import GraphError
-from winding_supervisor.external_machine import ExternalMachine
-from winding_supervisor.machine_run import MachineRun, View
-from winding_supervisor.next_run import NextRun
-from winding_supervisor.orchestrator import Orchestrator
-from winding_supervisor.run_result import RunResult
-from winding_supervisor.supervision import Supervisor
+from winding_supervisor.machine.external_machine import ExternalMachine
+from winding_supervisor.processes.orchestrator import Orchestrator
+from winding_supervisor.session.machine_run import MachineRun, View
+from winding_supervisor.session.run_config import RunResult
+from winding_supervisor.supervision.supervisor import Supervisor
 
-_POLL = 0.05
+_REPORT_PERIOD, _POLL = 1.0, 0.05
+_TAKEN = "machine and nodes are made ready for the next run"
+
+
+class NextRun:
+    """Reports the phase of the present run, and takes requests for the next one.
+
+    Args:
+        client: The orchestrator's node.
+        time_of: Returns the machine's time [s].
+        standing: Returns whether the machine stands.
+    """
+
+    def __init__(
+        self, client: AsyncClient, time_of: Callable[[], float], standing: Callable[[], bool]
+    ) -> None:
+        self._client, self._time_of, self._standing = client, time_of, standing
+        self._phase, self._reason = RunPhase.READY, ""
+        self._loop = asyncio.get_running_loop()
+        self._asked = asyncio.Event()
+        services.NEXT_RUN.serve(client.node, self._answer)
+
+    def enter(self, phase: RunPhase, reason: str = "") -> None:
+        """Begin a phase of the run, for a reason that the operator should know."""
+        if phase is RunPhase.PREPARED:
+            self._asked.clear()
+        self._phase, self._reason = phase, reason
+        self._report()
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether another run is wanted."""
+        return self._asked.is_set()
+
+    async def asked(self) -> None:
+        """Wait until another run is wanted."""
+        await self._asked.wait()
+
+    async def keep_reporting(self) -> None:
+        """Report the phase of the run in the diagnostics, again and again."""
+        while True:
+            self._report()
+            await asyncio.sleep(_REPORT_PERIOD)
+
+    def _report(self) -> None:
+        level = Level.WARN if self._reason else Level.OK
+        message = self._reason or f"the run is {self._phase.value}"
+        values = {"phase": self._phase.value}
+        self._client.tell(self._time_of(), level, COMPONENT, message, values)
+
+    def _answer(self, _request: Any, response: Any) -> Any:
+        """Answer in the thread that spins the node."""
+        refusal = self._refusal()
+        response.success, response.message = not refusal, refusal or _TAKEN
+        if not refusal:
+            self._loop.call_soon_threadsafe(self._asked.set)
+        return response
+
+    def _refusal(self) -> str:
+        if self._phase is RunPhase.FAILED:
+            return "the session cannot go on"
+        if self._phase is RunPhase.PREPARED:
+            return "the next run is being prepared"
+        if self._phase is RunPhase.UNDER_WAY and not self._standing():
+            return "a run is under way; stop the machine first"
+        return ""
+
 
 Parameters = dict[str, dict[str, object]]
 
@@ -67,7 +138,7 @@ class ExternalSession:
             work: What must go on meanwhile; when it fails, so does this.
         """
         working = asyncio.create_task(work)
-        saying = asyncio.create_task(self._next_run.keep_saying())
+        reporting = asyncio.create_task(self._next_run.keep_reporting())
         try:
             while not self._ended.is_set():
                 beside = (self._supervisor.watch(), self._note_begin(), _as_long_as(working))
@@ -84,7 +155,7 @@ class ExternalSession:
             raise
         finally:
             working.cancel()
-            saying.cancel()
+            reporting.cancel()
 
     def _cut(self) -> bool:
         return self._ended.is_set() or self._next_run.is_asked

@@ -1,4 +1,4 @@
-"""One node's process: start, listen to its complaints, stop by INT, TERM, KILL."""
+"""One node's process: start, errors in its output, stop by INT, TERM, KILL, pauses of restarts."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import contextlib
 import os
 import signal
 import sys
+from collections import deque
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import psutil  # type: ignore[import-untyped]
@@ -121,7 +123,7 @@ class NodeProcess:
         return await self._process.wait()
 
     async def refusal(self, patience: float) -> str:
-        """Return what the process says went wrong, waiting for it for up to `patience` [s]."""
+        """Return the error that the process has printed, waiting up to `patience` [s] for it."""
         try:
             async with asyncio.timeout(patience):
                 await self._complained.wait()
@@ -130,9 +132,9 @@ class NodeProcess:
         return self.complaint()
 
     def complaint(self) -> str:
-        """Return the last line that says what went wrong; nothing of one that was killed."""
+        """Return the last error that was printed; nothing of a process that was killed."""
         if self.return_code == -signal.SIGKILL:
-            # Whatever it said was about something else.
+            # What it printed had another cause.
             return ""
         errors = [line for line in self._complaints if line.startswith(_ERROR_MARKS)]
         if errors:
@@ -199,3 +201,29 @@ def node_process(
             arguments += ["--params-file", str(file)]
     log = log_directory / f"{spec.name}.log"
     return NodeProcess(spec, arguments, child_environment(), log)
+
+
+@dataclass(kw_only=True)
+class Backoff:
+    """Counts the restarts of one node.
+
+    Attributes:
+        limit: Restarts allowed within the window.
+        window: Wall time over which they count [s].
+        first: Wait before the second restart [s]; it doubles with each further one.
+    """
+
+    limit: int = 3
+    window: float = 60.0
+    first: float = 0.5
+    _restarts: deque[float] = field(default_factory=deque)
+
+    def next_wait(self, now: float) -> float | None:
+        """Return how long to wait before a restart at `now` [s]; None when there were too many."""
+        while self._restarts and now - self._restarts[0] > self.window:
+            self._restarts.popleft()
+        count = len(self._restarts)
+        if count >= self.limit:
+            return None
+        self._restarts.append(now)
+        return 0.0 if count == 0 else self.first * 2.0 ** (count - 1)

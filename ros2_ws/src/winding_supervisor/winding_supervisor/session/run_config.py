@@ -1,4 +1,4 @@
-"""What one run of the graph is, and what can be refused before any process starts."""
+"""What a run of the graph is configured with, what is refused before it starts, what it leaves."""
 
 from __future__ import annotations
 
@@ -6,9 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_core.operator_limits import OperatorLimits
 from winding_core.parameters import ParameterError, build
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.live.recorder import RecorderError
+from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
 from winding_ros.graph import (
     DEFAULT_NAMESPACE,
@@ -23,8 +28,9 @@ from winding_ros.graph import (
     parameters_of,
 )
 from winding_ros.parameter_files import check_readable, declared_names, parameters_for
-from winding_supervisor.domain_lock import chosen_domain
-from winding_supervisor.external_machine import ExternalMachineConfig
+from winding_supervisor.machine.external_machine import ExternalMachineConfig
+from winding_supervisor.session.domain_lock import chosen_domain
+from winding_supervisor.supervision.event_log import Event
 
 # The machine stops when the orchestrator has given no sign of life for so long.
 _SUPERVISOR_TIMEOUT = 1.5
@@ -49,8 +55,8 @@ class RunConfig:
         parameters_file: The user's own parameter file.
         domain: DDS domain, or None for the environment's.
         namespace: Namespace of the graph.
-        attach: Whether somebody else runs the nodes; nothing is started or ended here.
-        machine: The machine behind somebody else's driver; None for the simulated one.
+        attach: Whether the nodes run elsewhere; no process is started or ended here.
+        machine: The external machine; None for the simulated one.
         page: Parameters of the operator's page; None for a run that starts by itself.
         trace: Whether the nodes note the way of each corrected length.
         compose: What opens a camera in the tracker's process, as MODULE:FUNCTION; empty for one
@@ -202,3 +208,34 @@ def _about(node: str, sentence: str) -> str:
 
 def _taken(folder: Path) -> RunFolderError:
     return RunFolderError(f"{folder} exists already; a run is never written over another")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunResult:
+    """What a run leaves.
+
+    Attributes:
+        buffer: Every message but the pictures.
+        wall_s: How long the run took [s].
+        recording_error: What ended the bag before the run, if anything did.
+        events: What supervision saw and did; nothing in a run without failures.
+        wound: Parameters of the machine in a run that an operator conducted; nothing when none
+            was begun.
+        bags: What was recorded.
+        ended: Why the run ended before its end; empty for one that came to its end.
+        limits: What an operator called good at its end; None of a run without a page.
+        simulated: Whether its machine was the simulated one, with samples at known instants.
+        trace: What the nodes noted of the corrected lengths, TRACE_DTYPE, shape (n,); None in a
+            run without a trace.
+    """
+
+    buffer: RunBuffer
+    wall_s: float
+    recording_error: Exception | None = None
+    events: tuple[Event, ...] = ()
+    wound: Mapping[str, object] = field(default_factory=dict)
+    bags: tuple[Path, ...] = ()
+    ended: str = ""
+    limits: OperatorLimits | None = None
+    simulated: bool = True
+    trace: NDArray[np.void] | None = None

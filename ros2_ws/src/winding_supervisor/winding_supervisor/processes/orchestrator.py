@@ -24,10 +24,9 @@ from winding_ros.lifecycle import (
     LifecycleDriver,
 )
 from winding_ros.parameter_files import parameters_for
-from winding_supervisor.attached_node import AttachedNode
-from winding_supervisor.discovery import PATIENCE, Discovery
-from winding_supervisor.lifecycle import Member, configure, exit_error
-from winding_supervisor.node_process import node_process
+from winding_supervisor.processes.discovery import PATIENCE, Discovery
+from winding_supervisor.processes.members import AttachedNode, Member, configure, exit_error
+from winding_supervisor.processes.node_process import node_process
 
 # A successor may hang as its predecessor did; one that replays a long run only takes long.
 _RESTART_PATIENCE = (20.0, 60.0, CONFIGURE_TIMEOUT)
@@ -48,7 +47,7 @@ class GraphConfig:
         parameters: Node name -> parameter name -> value.
         parameters_file: Parameter file of the user, given to every node.
         recorded: Topics that the recorder of this process listens to.
-        attach: Whether somebody else runs the nodes, such as a container each.
+        attach: Whether the nodes run elsewhere, such as in a container each.
         graph: The nodes, those first that only listen.
         sim_time: Whether the nodes' time is the simulated machine's.
     """

@@ -20,8 +20,8 @@ from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.message_error import MessageError
 from winding_ros.rig_messages import decode_joint_state
-from winding_supervisor.completion import Completion
-from winding_supervisor.orchestrator import Orchestrator
+from winding_supervisor.processes.orchestrator import Orchestrator
+from winding_supervisor.session.machine_run import Completion
 
 _POLL = 0.05
 _VIEW_PERIOD = 0.25
@@ -67,7 +67,7 @@ class RunStart:
 
 
 def _place(message: BufferedMessage) -> tuple[int, float] | None:
-    """Return stamp [ns] and angle of the cylinder [rad]; None for a sample that says nothing."""
+    """Return stamp [ns] and angle of the cylinder [rad]; None for an invalid sample."""
     try:
         _, reading = decode_joint_state(deserialize_message(message.data, topics.JOINT_STATES.type))
     except MessageError:
@@ -85,7 +85,7 @@ class OperatedRun:
         wall_s: How long it took [s].
         bags: That were recorded meanwhile.
         ended: Why it ended before its end; empty for one that came to its end.
-        limits: What the operator called good at its end; None where the page did not say.
+        limits: The limits that the operator had set at its end; None where the page reported none.
     """
 
     buffer: RunBuffer
@@ -109,7 +109,7 @@ class OperatorRun:
         recorder: Its buffer and its notes.
         ended: Is set when the operator ends the session.
         deliver: Takes a run that is over, in a thread of its own.
-        limits: Returns what the operator calls good; None where nobody has said.
+        limits: Returns the limits that the operator has set; None where none are set.
         started_with: Parameters that the machine was started with.
     """
 
@@ -182,7 +182,7 @@ class OperatorRun:
                 task.cancel()
 
     def remaining(self, reason: str) -> list[OperatedRun]:
-        """Return the runs that nobody took before the session ended early for a reason."""
+        """Return the runs that were not delivered before the session ended early for a reason."""
         if self._open:
             self._note_over(self._recorder.buffer.before(), self._stopped or reason)
         left, self._undelivered = self._undelivered, []

@@ -1,4 +1,4 @@
-"""A real machine behind somebody else's driver, known by its topics and services alone."""
+"""An external machine as its driver's topics and services show it, and where its axes stand."""
 
 from __future__ import annotations
 
@@ -9,21 +9,25 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from winding_core.axis_check import wrong_axis
 from winding_core.drive import DriveProfile
-from winding_core.machine_axes import AxisReader, MachineAxes
+from winding_core.machine_axes import AxisReader, JointSample, MachineAxes
 from winding_core.motion_start import LEAD_IN, has_moved, stands
 from winding_core.readings import AxisReading
 from winding_core.units import MILLIMETRE
-from winding_recorder.live.run_buffer import RunBuffer
+from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import services, topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph_error import GraphError
+from winding_ros.message_error import MessageError
+from winding_ros.rig_messages import decode_joint_sample
+from winding_ros.serialised import deserialised
 from winding_ros.services import Service
 from winding_ros.topic import Topic
-from winding_supervisor.standing_axes import joint_sample, standing_axes
+from winding_supervisor.processes.discovery import RivalWatch
 
 _POLL = 0.02
 # The first half second of a motion may be over before it is noticed [s].
@@ -34,7 +38,7 @@ _START_TIMEOUT = 5.0
 _MOTION_PATIENCE = 20.0
 # A service that stops the machine has so long to answer before it is given up [s].
 _STOP_TIMEOUT = 0.8
-# Then the next one is asked as well: 1.2 s for two, and the failure is said within two seconds.
+# Then the next one is asked as well: 1.2 s for two, and the failure is reported within two seconds.
 _STOP_HASTE = 0.4
 # So long after the first motion its direction and speed are judged [s].
 _JUDGED = 3.0
@@ -42,7 +46,7 @@ _JUDGED = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class ExternalMachineConfig:
-    """How a run deals with a machine that somebody else's driver moves.
+    """How a run deals with a machine that an external driver moves.
 
     Attributes:
         axes: Its joints; the offsets are measured before the start.
@@ -69,7 +73,7 @@ class ExternalMachine:
     Args:
         config: What is known of it.
         client: Calls its services.
-        buffer: Has what its driver has said.
+        buffer: Has the messages of its driver.
         clock: Monotonic wall time [s].
 
     Attributes:
@@ -163,7 +167,7 @@ class ExternalMachine:
         """Return why the run cannot go on with this machine, to follow its name, or nothing."""
         self.look()
         if self._wrong:
-            return f"say that {self._wrong}"
+            return f"show that {self._wrong}"
         message = self._buffer.last(topics.JOINT_STATES)
         if message is not None:
             silent = self._clock() - message.received_ns * 1e-9
@@ -214,7 +218,7 @@ class ExternalMachine:
         """Call rig/start, unless the machine begins by itself.
 
         Raises:
-            GraphError: It was refused, or nobody serves it.
+            GraphError: It was refused, or has no server.
         """
         if self._config.starts_itself:
             return
@@ -251,7 +255,7 @@ class ExternalMachine:
         """Call rig/reset between two runs, unless the machine begins by itself.
 
         Raises:
-            GraphError: It was refused, or nobody serves it.
+            GraphError: It was refused, or has no server.
         """
         if self._config.starts_itself:
             return
@@ -298,7 +302,7 @@ class ExternalMachine:
         end = self._clock() + 0.5 * timeout
         while not self._client.ready(Trigger, name):
             if self._clock() > end:
-                return f"nobody serves {service}"
+                return f"{service} has no server"
             await asyncio.sleep(_POLL)
         try:
             answer = await self._client.call(Trigger, name, Trigger.Request(), timeout, retry=False)
@@ -318,3 +322,91 @@ class ExternalMachine:
 def _done_well(asked: list[asyncio.Task[str]]) -> bool:
     """Return whether a service has done what it was asked."""
     return any(task.done() and not task.result() for task in asked)
+
+
+PATIENCE = 30.0
+# Standing readings are looked at for so long [s].
+_LOOK = 0.5
+# Positions of a machine that stands tremble by less than this within a look [rad, m].
+_TREMBLING = (0.01, 2.0e-4)
+
+
+async def standing_axes(
+    node: Node, buffer: RunBuffer, axes: MachineAxes, clock: Callable[[], float]
+) -> MachineAxes:
+    """Wait until a machine is heard and stands; return axes with their offsets there.
+
+    Args:
+        node: Knows the graph.
+        buffer: Has the messages of the driver.
+        axes: Joints, directions and units.
+        clock: Monotonic wall time [s].
+
+    Raises:
+        GraphError: No driver is heard, its joints have other names, or the machine moves.
+    """
+    end = clock() + PATIENCE
+    while True:
+        samples = _recent(buffer, axes, clock())
+        if samples is not None:
+            turned, moved = _spread(samples, axes)
+            if turned <= _TREMBLING[0] and moved <= _TREMBLING[1]:
+                return axes.standing_at((item.cylinder, item.carriage) for item in samples)
+        if clock() > end:
+            raise GraphError(_why_not(node, buffer, axes, samples, clock()))
+        await asyncio.sleep(_POLL)
+
+
+def joint_sample(message: BufferedMessage, axes: MachineAxes) -> JointSample | None:
+    """Return the joints of a buffered joint state; None for one that cannot be used."""
+    try:
+        return decode_joint_sample(deserialised(message.data, topics.JOINT_STATES.type), axes)
+    except MessageError:
+        return None
+
+
+def _recent(buffer: RunBuffer, axes: MachineAxes, now: float) -> list[JointSample] | None:
+    """Return the samples of the last look; None before they cover it."""
+    found: list[JointSample] = []
+    for message in reversed(buffer.messages[topics.JOINT_STATES.name]):
+        sample = joint_sample(message, axes)
+        if sample is None or now - message.received_ns * 1e-9 > 2.0 * _LOOK:
+            return None
+        found.append(sample)
+        if found[0].t - sample.t >= _LOOK:
+            return found
+    return None
+
+
+def _why_not(
+    node: Node, buffer: RunBuffer, axes: MachineAxes, samples: list[JointSample] | None, now: float
+) -> str:
+    """Return why no standing machine was seen, as a sentence."""
+    name = topics.JOINT_STATES.name
+    message = buffer.last(topics.JOINT_STATES)
+    if message is None:
+        return (
+            f"no driver is heard on {node.resolve_topic_name(name)} for {PATIENCE:g} s; start it, "
+            "or see `winding conform`"
+        )
+    try:
+        decode_joint_sample(deserialised(message.data, topics.JOINT_STATES.type), axes)
+    except MessageError as error:
+        return f"the driver's {error}; name its joints by cylinder_joint and carriage_joint"
+    contested = RivalWatch(node, ()).look(now)
+    if contested:
+        return " ".join(contested)
+    if samples is None:
+        return f"{name} comes too seldom to tell whether the machine stands"
+    turned, moved = _spread(samples, axes)
+    return (
+        f"the machine does not stand: within {_LOOK:g} s the cylinder turned {turned:.3g} rad "
+        f"and the carriage moved {moved / MILLIMETRE:.3g} mm; a run begins at a standstill"
+    )
+
+
+def _spread(samples: list[JointSample], axes: MachineAxes) -> tuple[float, float]:
+    """Return the range of the angle [rad] and of the carriage position [m]."""
+    places = [axes.positions(item.cylinder, item.carriage) for item in samples]
+    angles, ways = zip(*places, strict=True)
+    return max(angles) - min(angles), max(ways) - min(ways)

@@ -21,13 +21,13 @@ from winding_ros.async_client import NAME, AsyncClient
 from winding_ros.graph import Policy
 from winding_ros.graph_error import GraphError
 from winding_ros.heartbeat import Sign
-from winding_supervisor.backoff import Backoff
-from winding_supervisor.event_log import EventLog
-from winding_supervisor.load_monitor import LoadMonitor
-from winding_supervisor.machine import Machine
-from winding_supervisor.orchestrator import Orchestrator
-from winding_supervisor.rival_watch import RivalWatch
-from winding_supervisor.sensor_watch import SensorWatch
+from winding_supervisor.machine.machine import Machine
+from winding_supervisor.processes.discovery import RivalWatch
+from winding_supervisor.processes.node_process import Backoff
+from winding_supervisor.processes.orchestrator import Orchestrator
+from winding_supervisor.supervision.event_log import EventLog
+from winding_supervisor.supervision.load_monitor import LoadMonitor
+from winding_supervisor.supervision.sensor_watch import SensorWatch
 
 _LOOK_PERIOD = 0.05
 _BEAT_PERIOD = 0.1
@@ -67,12 +67,12 @@ class Supervisor:
         orchestrator: Whose processes.
         machine: What moves.
         client: The orchestrator's node.
-        buffer: What the graph has said so far.
+        buffer: Messages of the graph so far.
         log: Where events go.
         replay: Writes the run's inputs so far and returns the parameters with which a node
             replays them, by node.
-        operated: Whether an operator starts and stops the machine. Then nobody else starts it,
-            and what nodes do while it stands is the operator's business.
+        operated: Whether an operator starts and stops the machine. Then supervision does
+            not start it, and ignores what nodes do while it stands.
         stand_timeout: Wall time in which the axes have to stand after a stop [s].
         backoff: Makes the count of restarts of one node.
     """
@@ -192,7 +192,7 @@ class Supervisor:
             if self._misses[name] >= _STALLS:
                 self._find(name, sign.value)
         elif sign is Sign.REPLACED:
-            # Of a process of its own the orchestrator knows; somebody else's has forgotten the run.
+            # The orchestrator knows of its own processes; an attached node has forgotten the run.
             if not process.started:
                 self._find(name, sign.value)
         elif process.stopped:
@@ -240,16 +240,16 @@ class Supervisor:
             }
             wrong = self._sensors.look(time.monotonic(), sensors, answers)
             if wrong is not None:
-                self._find(wrong.split(" ", 1)[0], wrong.split(" ", 1)[1], fatal=True)
+                self._find(*wrong, fatal=True)
                 return
 
     async def _look_for_rivals(self) -> None:
         """Look who else publishes on the topics of the graph."""
-        contested = ""
-        while not contested:
+        contested = None
+        while contested is None:
             await asyncio.sleep(_CENSUS_PERIOD)
             contested = self._rivals.look(time.monotonic())
-        self._find(*contested.split(" ", 1), fatal=True)
+        self._find(*contested, fatal=True)
 
     async def _publish_load(self) -> None:
         load = LoadMonitor(self._buffer)
@@ -267,11 +267,11 @@ class Supervisor:
         sentence = f"{finding.node} {finding.text} {self._machine.when}"
         self._note("detected", finding.node, finding.text, wall=finding.wall)
         if finding.node == topics.RIG and not finding.fatal:
-            # Nobody is left who could stop the axes; its process goes, and its drives with it.
+            # No process is left that could stop the axes; its process goes, and its drives with it.
             process = self._orchestrator.process(topics.RIG)
             await process.kill()
-            said = process.complaint()
-            self._end(finding.node, sentence + (f": {said}" if said else ""))
+            cause = process.complaint()
+            self._end(finding.node, sentence + (f": {cause}" if cause else ""))
         if self._left_alone and not self._machine.built:
             # Nothing can move, and whoever was preparing it waits for this node in vain.
             self._end(finding.node, sentence)
@@ -333,7 +333,7 @@ def replay_parameters(buffer: RunBuffer, file: Path, since: float = 0.0) -> dict
     """Write the run's inputs so far into a file; return the parameters that replay them.
 
     Args:
-        buffer: What the graph has said.
+        buffer: Messages of the graph.
         file: Where the inputs go.
         since: When the run began, monotonic wall time [s].
     """

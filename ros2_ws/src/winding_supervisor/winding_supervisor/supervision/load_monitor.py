@@ -20,7 +20,7 @@ class LoadMonitor:
     """Measures what has come since the last look.
 
     Attributes:
-        buffer: What the graph has said so far.
+        buffer: Messages of the graph so far.
         lost_frames: Frames missing between those that came, since the beginning.
     """
 

@@ -15,31 +15,33 @@ from winding_ros.async_client import AsyncClient
 from winding_ros.environment import set_process_environment
 from winding_ros.graph import Policy
 from winding_ros.graph_error import GraphError
-from winding_supervisor.dashboard_process import DashboardProcess
-from winding_supervisor.domain_lock import chosen_domain, domain_lock
-from winding_supervisor.event_log import EventLog
-from winding_supervisor.external_machine import ExternalMachine
-from winding_supervisor.external_session import ExternalSession
-from winding_supervisor.failed_session import outlive
-from winding_supervisor.interruption import Interruption, run_closing
-from winding_supervisor.machine import Machine
-from winding_supervisor.machine_description import describe_machine
-from winding_supervisor.machine_run import MachineRun, View
-from winding_supervisor.next_run import NextRun
-from winding_supervisor.operator_run import (
+from winding_supervisor.machine.external_machine import ExternalMachine
+from winding_supervisor.machine.machine import Machine
+from winding_supervisor.processes.orchestrator import Orchestrator
+from winding_supervisor.session.dashboard_process import DashboardProcess, outlive
+from winding_supervisor.session.domain_lock import chosen_domain, domain_lock
+from winding_supervisor.session.external_session import ExternalSession, NextRun
+from winding_supervisor.session.interruption import Interruption, run_closing
+from winding_supervisor.session.machine_run import MachineRun, View
+from winding_supervisor.session.operator_run import (
     SESSION_ENDED,
     OperatedRun,
     OperatorRun,
     parameter_notes,
 )
-from winding_supervisor.orchestrator import Orchestrator
-from winding_supervisor.run_config import RunConfig, check_run, claim_folder
-from winding_supervisor.run_parts import graph_config, new_machine, new_recorder, page_config
-from winding_supervisor.run_result import RunResult
-from winding_supervisor.supervision import Supervisor, replay_parameters
-from winding_supervisor.trace_recording import TraceRecording
+from winding_supervisor.session.run_config import RunConfig, RunResult, check_run, claim_folder
+from winding_supervisor.session.run_parts import (
+    TraceRecording,
+    describe_machine,
+    graph_config,
+    new_machine,
+    new_recorder,
+    page_config,
+)
+from winding_supervisor.supervision.event_log import EventLog
+from winding_supervisor.supervision.supervisor import Supervisor, replay_parameters
 
-Say = Callable[[str], None]
+Report = Callable[[str], None]
 Deliver = Callable[[RunResult], None]
 
 
@@ -92,13 +94,13 @@ class Run:
         self._dashboard: DashboardProcess | None = None
 
     def wind(
-        self, view: View, say: Say = print, deliver: Deliver | None = None
+        self, view: View, report: Report = print, deliver: Deliver | None = None
     ) -> RunResult | None:
         """Run the graph once from start to finish, or as an operator conducts it.
 
         Args:
             view: Called a few times per second with the buffer so far and the wall time [s].
-            say: Takes the sentence with the address of the operator's page.
+            report: Takes the sentence with the address of the operator's page.
             deliver: Takes every run of an operator as soon as it is over, in a thread of its own.
 
         Returns:
@@ -110,7 +112,7 @@ class Run:
         """
 
         async def work(stack: AsyncExitStack, interruption: Interruption) -> Recorder:
-            return await self._wind(stack, interruption, view, say, deliver or _nobody)
+            return await self._wind(stack, interruption, view, report, deliver or _drop)
 
         recorder = run_closing(work)
         if self._delivered or self._operated:
@@ -120,7 +122,7 @@ class Run:
         return None if recorder.buffer.time <= 0.0 else self._result(recorder, SESSION_ENDED)
 
     def remains(self, reason: str) -> list[RunResult]:
-        """Return what runs leave that ended early for a reason and that nobody took."""
+        """Return what runs leave that ended early for a reason and were not delivered."""
         recorder = self._recorder_of_run
         if recorder is None or self._delivered:
             return []
@@ -167,7 +169,7 @@ class Run:
         stack: AsyncExitStack,
         interruption: Interruption,
         view: View,
-        say: Say,
+        report: Report,
         deliver: Deliver,
     ) -> Recorder:
         config = self.config
@@ -182,7 +184,7 @@ class Run:
         machine = new_machine(config, client, recorder.buffer)
         await machine.stand()
         axes = machine.parameters()
-        describe_machine(config, axes, client.node, say)
+        describe_machine(config, axes, client.node, report)
         if axes:
             recorder.bags.note(parameter_notes(config.parameters(axes)))
         orchestrator = Orchestrator(graph_config(config, axes), client)
@@ -217,10 +219,10 @@ class Run:
         ended = asyncio.Event()
         if page is not None:
             await page.start()
-            say(f"operator's page: {page.url}  (Start is there; Ctrl-C here ends the run)")
+            report(f"operator's page: {page.url}  (Start is there; Ctrl-C here ends the run)")
         if page is None:
             if not machine.simulated:
-                say("ready; Ctrl-C ends the run")
+                report("ready; Ctrl-C ends the run")
                 interruption.instead_of_sigint(ended.set)
             self._following = MachineRun(machine, recorder.buffer, operated=False)
             await self._following.follow(view, ended.is_set, (supervisor.watch(),))
@@ -236,9 +238,9 @@ class Run:
             ended=ended,
         )
         try:
-            await self._conduct(session, view, say, deliver)
+            await self._conduct(session, view, report, deliver)
         except (GraphError, TimeoutError) as error:
-            say(f"the session cannot go on: {error}; the page stays, Ctrl-C here ends it")
+            report(f"the session cannot go on: {error}; the page stays, Ctrl-C here ends it")
             await machine.leave()
             await orchestrator.stop()
             for result in self.remains(str(error)):
@@ -248,10 +250,12 @@ class Run:
             raise
         return recorder
 
-    async def _conduct(self, session: _Session, view: View, say: Say, deliver: Deliver) -> None:
+    async def _conduct(
+        self, session: _Session, view: View, report: Report, deliver: Deliver
+    ) -> None:
         """Follow what an operator does with the machine until the session ends."""
         if isinstance(session.machine, ExternalMachine):
-            say("ready; Ctrl-C ends the session")
+            report("ready; Ctrl-C ends the session")
             next_run = NextRun(
                 session.client, lambda: session.machine.t, lambda: session.machine.standing
             )
@@ -267,7 +271,7 @@ class Run:
                 partial(self._next, session.machine, session.recorder),
                 view,
                 partial(self._take_external, session.machine, session.recorder),
-                partial(self._deliver_external, session.recorder, deliver, say),
+                partial(self._deliver_external, session.recorder, deliver, report),
                 session.page.keep(),
             )
             return
@@ -298,12 +302,12 @@ class Run:
         return replace(self._result(recorder, ended), buffer=recorder.buffer.before())
 
     async def _deliver_external(
-        self, recorder: Recorder, deliver: Deliver, say: Say, result: RunResult
+        self, recorder: Recorder, deliver: Deliver, report: Report, result: RunResult
     ) -> None:
         await asyncio.to_thread(deliver, result)
         self._delivered = True
         self._events, self._bags = len(self._log.events), len(recorder.bags.folders)
-        say("the run is over; Reset on the page begins the next, Ctrl-C here ends the session")
+        report("the run is over; Reset on the page begins the next, Ctrl-C here ends the session")
 
     def _replay(self, buffer: RunBuffer, name: str) -> dict[str, object]:
         """Return the parameters with which a restarted node takes up the run."""
@@ -316,5 +320,5 @@ class Run:
         return {}
 
 
-def _nobody(_: RunResult) -> None:
-    """Take a run that nobody wants."""
+def _drop(_: RunResult) -> None:
+    """Drop a run."""

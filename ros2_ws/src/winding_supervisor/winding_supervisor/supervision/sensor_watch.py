@@ -36,8 +36,8 @@ class SensorWatch:
 
     def look(
         self, now: float, sensors: Mapping[str, float], answers: Mapping[str, float]
-    ) -> str | None:
-        """Return what is wrong at wall time `now` [s], or None.
+    ) -> tuple[str, str] | None:
+        """Return which topic is wrong at wall time `now` [s], and how, to follow its name; or None.
 
         Args:
             now: Wall time [s].
@@ -57,8 +57,8 @@ class SensorWatch:
             self._since[topic] = (stamp, since)
             if now - since >= self.config.patience:
                 if early:
-                    return f"{topic} says {stamp:.3f} s while the machine is at {middle:.3f} s"
-                return f"{topic} is silent since {stamp:.3f} s of simulated time"
+                    return topic, f"is at {stamp:.3f} s while the machine is at {middle:.3f} s"
+                return topic, f"is silent since {stamp:.3f} s of simulated time"
         return self._stuck_answer(now, middle, answers)
 
     def forget(self) -> None:
@@ -66,12 +66,14 @@ class SensorWatch:
         self._since.clear()
         self._progress.clear()
 
-    def _stuck_answer(self, now: float, middle: float, answers: Mapping[str, float]) -> str | None:
+    def _stuck_answer(
+        self, now: float, middle: float, answers: Mapping[str, float]
+    ) -> tuple[str, str] | None:
         for topic, stamp in answers.items():
             last, since = self._progress.get(topic, (stamp, now))
             if stamp != last or stamp >= middle - self.config.lag:
                 last, since = stamp, now
             self._progress[topic] = (last, since)
             if now - since >= self.config.standstill:
-                return f"nothing new on {topic} since {stamp:.3f} s of simulated time"
+                return topic, f"has brought nothing new since {stamp:.3f} s of simulated time"
         return None

@@ -1,4 +1,4 @@
-"""Keeps the operator's page served beside a run; the machine does not wait for it."""
+"""Keeps the operator's page served beside a run, and after its failure."""
 
 from __future__ import annotations
 
@@ -10,20 +10,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from winding_core.operator_limits import COMPONENT, OperatorLimits
+from winding_core.run_phase import COMPONENT as RUN
+from winding_core.run_phase import RunPhase
+from winding_core.status import Level
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph import PAGE
 from winding_ros.graph_error import GraphError
 from winding_ros.heartbeat import Sign
-from winding_supervisor.backoff import Backoff
-from winding_supervisor.event_log import EventLog
-from winding_supervisor.lifecycle import exit_error
-from winding_supervisor.node_process import NodeProcess, node_process
+from winding_supervisor.processes.members import exit_error
+from winding_supervisor.processes.node_process import Backoff, NodeProcess, node_process
+from winding_supervisor.supervision.event_log import EventLog
 
 # First starts on a busy machine.
 _START_TIMEOUT = 120.0
 _POLL = 0.1
 # Twelve seconds without a sign of life: a busy machine is late, and nothing depends on the page.
 _STALLS = 4
+_REPORT_PERIOD = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +58,7 @@ class DashboardConfig:
 class DashboardProcess:
     """Starts the page's process, and starts it again when it ends or hangs.
 
-    Nobody stops the machine for it: the page is not the only stop, and a machine that stops
+    The machine is not stopped for it: the page is not the only stop, and a machine that stops
     whenever a web server does would lose runs for nothing.
 
     Args:
@@ -89,7 +92,7 @@ class DashboardProcess:
 
     @property
     def limits(self) -> OperatorLimits | None:
-        """What its operator called good when it last said so; None before it did."""
+        """The limits that its operator set last; None before the page has reported any."""
         status = self._client.status(f"{PAGE.name}: {COMPONENT}")
         return None if status is None else OperatorLimits.from_values(status.values)
 
@@ -113,8 +116,8 @@ class DashboardProcess:
         """Keep the page served for as long as that can be done.
 
         Raises:
-            GraphError: It failed for the fourth time within a minute; nobody could command the
-                machine by it.
+            GraphError: It failed for the fourth time within a minute; no operator could command
+                the machine by it.
         """
         while True:
             failure = await self._failure()
@@ -210,7 +213,7 @@ class DashboardProcess:
         if sign is Sign.ALIVE:
             self._misses, self._heard = 0, True
         elif not self._heard:
-            # What is missed is its predecessor's; a page says nothing before it is served.
+            # What is missed is its predecessor's; a page gives no sign of life before it is served.
             return
         elif sign is Sign.STALLED:
             self._misses += 1
@@ -221,3 +224,31 @@ class DashboardProcess:
 
     def _note(self, what: str, text: str) -> None:
         self._log.note(what, PAGE.name, text, t=self._clock())
+
+
+async def outlive(
+    failure: str, page: DashboardProcess, client: AsyncClient, ended: asyncio.Event
+) -> None:
+    """Keep the page of a failed session served, and its failure in the diagnostics.
+
+    Args:
+        failure: Why the session cannot go on.
+        page: That outlives it.
+        client: The orchestrator's node.
+        ended: Is set when the operator ends the session.
+
+    Raises:
+        GraphError: The page failed, too.
+    """
+    reporting = asyncio.create_task(_keep_reporting(failure, client))
+    try:
+        await page.keep_until(ended)
+    finally:
+        reporting.cancel()
+
+
+async def _keep_reporting(failure: str, client: AsyncClient) -> None:
+    sentence = f"the session cannot go on: {failure}"
+    while True:
+        client.tell(0.0, Level.ERROR, RUN, sentence, {"phase": RunPhase.FAILED.value})
+        await asyncio.sleep(_REPORT_PERIOD)

@@ -1,4 +1,4 @@
-"""A node that somebody else started, such as a container: known by what it says alone."""
+"""A node of the graph, with a process of its own or attached, and how it is brought up."""
 
 from __future__ import annotations
 
@@ -6,16 +6,19 @@ import asyncio
 from collections.abc import Mapping
 from dataclasses import fields
 
+from lifecycle_msgs.msg import State
+
 from winding_ros.deadline import deadline
 from winding_ros.graph import NodeSpec, parameters_of
 from winding_ros.graph_error import GraphError
-from winding_ros.lifecycle import LifecycleDriver
+from winding_ros.lifecycle import CONFIGURE, START_TIMEOUT, LifecycleDriver
+from winding_supervisor.processes.node_process import NodeProcess
 
 _RETURN_TIMEOUT = 30.0
 
 
 class AttachedNode:
-    """Answers as a NodeProcess does, without a process: nobody here can start or end it.
+    """A node that runs elsewhere, such as in a container: it is neither started nor ended here.
 
     Args:
         spec: Which node.
@@ -29,7 +32,7 @@ class AttachedNode:
         self.spec = spec
         self.started = False
         self.return_code: int | None = None
-        # Without its process to look at, silence is all there is to tell a hang by.
+        # Without its process to look at, silence is the only sign of a hang.
         self.stopped = True
         self._driver = driver
         self._parameters = dict(parameters)
@@ -62,7 +65,7 @@ class AttachedNode:
 
     async def refusal(self, patience: float) -> str:
         """Return where the reason is found: the output of a node elsewhere is not read here."""
-        return "refused; its own output says why"
+        return "refused; see its own output for the reason"
 
     def complaint(self) -> str:
         """Return nothing: the output is elsewhere."""
@@ -91,3 +94,33 @@ class AttachedNode:
         late = f"{self.spec.name} did not go back to unconfigured in {_RETURN_TIMEOUT:g} s"
         async with deadline(_RETURN_TIMEOUT, late):
             await self._driver.take_down(self.spec.name)
+
+
+Member = NodeProcess | AttachedNode
+
+
+async def configure(driver: LifecycleDriver, member: Member) -> None:
+    """Bring a node that has just started to inactive.
+
+    Raises:
+        GraphError: It refused, or is not what was started.
+        TimeoutError: It does not answer.
+    """
+    name = member.spec.name
+    state = await driver.state(name, START_TIMEOUT)
+    if isinstance(member, AttachedNode):
+        await member.take_parameters()
+    elif state.id != State.PRIMARY_STATE_UNCONFIGURED:
+        raise GraphError(
+            f"{name} is in state {state.id} before it was configured: another graph uses its name"
+        )
+    await driver.change(name, CONFIGURE)
+
+
+def exit_error(member: Member) -> GraphError:
+    """Return the error that names a node that ended by itself, with the last line of its output."""
+    cause = member.complaint()
+    return GraphError(
+        f"{member.spec.name} ended with exit code {member.return_code}"
+        + (f": {cause}" if cause else "")
+    )

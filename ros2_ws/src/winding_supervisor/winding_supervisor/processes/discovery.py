@@ -1,34 +1,37 @@
-"""Has every publisher of the graph found the subscribers that the graph promises?"""
+"""Endpoints of the graph: has every publisher its subscribers, has a topic a second publisher?"""
 
 from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph import NodeSpec, expected_subscribers
-from winding_ros.message_guard import UNKNOWN_NODE
+from winding_ros.heartbeat import heartbeat_topic
+from winding_ros.message_guard import UNKNOWN_NODE, Rivals
+from winding_ros.publishers import contestants
 from winding_ros.topic import Topic
 
 PATIENCE = 30.0
-# A stranger that cannot be reached is not waited for any longer.
-_STRANGER_PATIENCE = 5.0
+# An external subscriber that cannot be reached is not waited for any longer.
+_EXTERNAL_PATIENCE = 5.0
 _POLL = 0.02
 
 
 class Discovery:
-    """Compares what publishers say of their subscribers with what the graph promises.
+    """Compares the subscriber counts of publishers with what the graph promises.
 
     A publisher knows how many subscribers it has, not who they are. Those from outside the
     graph, such as an operator's page, are counted out: they must not stand for a node that is
     missing still.
 
     Args:
-        client: Knows what the nodes say, and who subscribes.
+        client: Knows the counts that nodes report, and who subscribes.
         recorded: Topics that the recorder listens to.
         graph: The nodes.
     """
@@ -42,30 +45,30 @@ class Discovery:
         self._nodes = frozenset(spec.name for spec in graph)
 
     async def complete(self) -> None:
-        """Wait until nobody is missing.
+        """Wait until no subscriber is missing.
 
         Raises:
             TimeoutError: Who is missing, as a sentence.
         """
         begin = time.monotonic()
-        while missing := self.missing(strangers=time.monotonic() - begin < _STRANGER_PATIENCE):
+        while missing := self.missing(external=time.monotonic() - begin < _EXTERNAL_PATIENCE):
             if time.monotonic() - begin > PATIENCE:
                 raise TimeoutError(
                     f"not every subscriber found its publisher in {PATIENCE:g} s: {missing[0]}"
                 )
             await asyncio.sleep(_POLL)
 
-    def missing(self, *, strangers: bool = True) -> list[str]:
+    def missing(self, *, external: bool = True) -> list[str]:
         """Return one sentence for each publisher that lacks subscribers.
 
         Args:
-            strangers: Whether those from outside the graph are counted out.
+            external: Whether those from outside the graph are counted out.
         """
         found = []
         for node, counts in self._expected.items():
             for topic, count in counts.items():
                 matched = self._client.matched(node, topic)
-                if matched < count or (strangers and matched < count + self._outsiders(topic)):
+                if matched < count or (external and matched < count + self._outsiders(topic)):
                     found.append(f"{node} {topic} has {matched} of {count} subscribers")
         return found
 
@@ -101,3 +104,28 @@ def _reaches(topic: Topic, subscriber: QoSProfile) -> bool:
     own comparison is of no use here.
     """
     return topic.latched or subscriber.durability != DurabilityPolicy.TRANSIENT_LOCAL
+
+
+class RivalWatch:
+    """Counts the publishers of every topic that may have one.
+
+    Args:
+        node: Knows the graph.
+        nodes: Names of the nodes that give signs of life.
+    """
+
+    def __init__(self, node: Node, nodes: Iterable[str]) -> None:
+        self._node = node
+        # A robot_state_publisher publishes the same as the orchestrator.
+        shared = (topics.EVERY_NODE, topics.ORCHESTRATOR)
+        own = [topic.name for topic in topics.TOPICS if topic.publisher not in shared]
+        signs = [heartbeat_topic(name) for name in (*nodes, topics.ORCHESTRATOR)]
+        self._rivals = {name: Rivals() for name in (*own, *signs)}
+
+    def look(self, now: float) -> tuple[str, str] | None:
+        """Return which topic is contested at monotonic time `now` [s], and by whom, or None."""
+        for name, before in self._rivals.items():
+            self._rivals[name] = after = before.look(name, contestants(self._node, name), now)
+            if after.sentence:
+                return name, after.sentence.removeprefix(f"{name} ")
+        return None
