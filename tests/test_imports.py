@@ -79,7 +79,7 @@ def command(*words: str) -> str:
     """Return code that runs the command and shows nothing."""
     return (
         "import contextlib, io, sys\n"
-        "from winding_cli.commands.app import app\n"
+        "from winding_cli.app import app\n"
         f"sys.argv = ['winding', *{words!r}]\n"
         "with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):\n"
         "    app()"

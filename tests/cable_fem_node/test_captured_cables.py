@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 from winding_verification.experiments import held_cable, held_cable_fit
 from winding_verification.experiments.held_cable import loss, predict
 from winding_verification.experiments.motion_capture import read_cable, read_run

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 from winding_verification.experiments.elastic_capstan import (
     lift_off,
     limiting_ratio,

@@ -13,7 +13,7 @@ import pytest
 from scipy.special import jn_zeros
 from typer.testing import CliRunner
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 from winding_verification.experiments import cosserat_experiments as experiments
 from winding_verification.experiments.comparison import compare, found_experiments
 from winding_verification.experiments.external_row import ExternalRow

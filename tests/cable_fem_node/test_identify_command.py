@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 
 # P1 to P4 of case 4 as a rod of 2.5 mm elements lays them with 2.6 MPa.
 TRUTH = "\n".join(

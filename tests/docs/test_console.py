@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from rich.table import Table
 
-from winding_cli.commands.console import result_console
+from winding_cli.terminal.console import result_console
 
 FOLDER = Path(__file__).parents[2] / "ros2_ws/src/winding_cli/winding_cli/commands"
 COMMANDS = sorted(FOLDER.glob("*.py"))

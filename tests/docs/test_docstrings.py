@@ -11,7 +11,7 @@ from typing import Any
 
 import typer
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 from winding_core.parameters import declarations
 from winding_ros import topics
 from winding_ros.graph import GRAPH, parameters_of

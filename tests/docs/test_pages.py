@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(

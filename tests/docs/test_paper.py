@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import typer
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "paper.md").read_text("utf-8")

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from correction_node.models.weights import weights_directory
-from winding_cli.commands.app import app
+from winding_cli.app import app
 from winding_ros.parameter_files import parameters_for
 from winding_supervisor.session.domain_lock import domain_lock
 

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 from winding_verification.commands import faults
 from winding_verification.faults import campaign
 from winding_verification.faults.outcome import Outcome

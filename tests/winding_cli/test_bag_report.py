@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import typer
 
-from winding_cli.commands.bag_report import write_recorded_report
-from winding_cli.commands.run_results import refuse_flawed
-from winding_cli.commands.wanted_lay import Held
-from winding_cli.output.results import run_record
+from winding_cli.commands.bag import write_recorded_report
+from winding_cli.run.delivery import refuse_flawed
+from winding_cli.run.record import run_record
+from winding_cli.run.wanted_lay import Held
 from winding_core.condition import Condition
 from winding_core.drive import DriveProfile
 from winding_core.error_verdict import PAPER_LIMIT_PCT

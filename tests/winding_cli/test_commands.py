@@ -4,7 +4,7 @@ from typing import Any
 
 import typer
 
-from winding_cli.commands.app import SAID, app
+from winding_cli.app import SAID, app
 
 
 def test_help_lists_every_command_with_the_first_paragraph_of_its_own_help() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 
 RUNNER = CliRunner()
 HELIX = ["--case", "4", "--pitch-mm", "18", "--turns", "3"]

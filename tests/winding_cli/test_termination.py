@@ -10,18 +10,18 @@ from typing import Any
 import pytest
 import typer
 
-from winding_cli.commands.output_path import (
+from winding_cli.terminal.output_path import (
     UNFINISHED,
     check_output_file,
     check_output_folder,
     staged,
 )
-from winding_cli.commands.termination import interruptible, uninterrupted
+from winding_cli.terminal.termination import interruptible, uninterrupted
 
 # The second signal comes while the first one's work is being closed.
 INTERRUPTED_TWICE = """
 import signal, subprocess, sys
-from winding_cli.commands.termination import interruptible
+from winding_cli.terminal.termination import interruptible
 
 child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
 try:

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_cli.commands.app import app
+from winding_cli.app import app
 from winding_core.cases import paper_case
 from winding_study.runs.cable_series import CableSampler
 

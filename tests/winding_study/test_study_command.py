@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from winding_cli.commands.app import app
-from winding_cli.commands.refusal import FAILED, REFUSED
-from winding_cli.commands.termination import INTERRUPTED
+from winding_cli.app import app
+from winding_cli.terminal.refusal import FAILED, REFUSED
+from winding_cli.terminal.termination import INTERRUPTED
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 

@@ -17,7 +17,7 @@ import psutil
 import pytest
 from typer.testing import CliRunner
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 from winding_cli.commands.predict import predict
 from winding_core.options import option_kinds
 from winding_study.runs.run_parameters import RunParameters

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from winding_cli.conformance.judgement import (
+from winding_cli.cell.driver_judgement import (
     Finding,
     Heard,
     judge_camera,

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from winding_cli.doctor.addresses import DISTRIBUTION, STAND_IN, installed, judge_addresses
 from winding_cli.doctor.finding import Level
+from winding_cli.doctor.installation import DISTRIBUTION, STAND_IN, installed, judge_addresses
 
 ROOT = Path(__file__).parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -49,7 +49,7 @@ def test_addresses_that_are_filled_in_are_well() -> None:
 
 
 def test_a_workspace_names_its_maintainer_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("winding_cli.doctor.addresses.DISTRIBUTION", "not-installed-at-all")
+    monkeypatch.setattr("winding_cli.doctor.installation.DISTRIBUTION", "not-installed-at-all")
     assert installed() is None
     assert judge_addresses(None).level is Level.OK
 

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+import select
+import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.console import result_console
-from winding_cli.commands.extras import need_extra
-from winding_cli.commands.output_path import check_output_folder, staged
-from winding_cli.commands.refusal import FAILED, refuse, refused
-from winding_cli.commands.ros_environment import joined
-from winding_cli.commands.space_key import space_key
-from winding_cli.commands.termination import end
+from winding_cli.terminal.console import Shown, record_table, result_console
+from winding_cli.terminal.output_path import check_output_folder, staged
+from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.refusal import FAILED, need_extra, refuse, refused
+from winding_cli.terminal.ros_environment import joined
+from winding_cli.terminal.termination import end
 from winding_core.error_verdict import ErrorLimit
 from winding_core.lay_tolerance import LayTolerance
 from winding_core.units import MEGABYTE, MILLISECOND
+
+if TYPE_CHECKING:
+    from winding_cli.run.wanted_lay import Held
+    from winding_study.runs.identity import Origin
+
+_KEY_PERIOD = 0.1
 
 bag = typer.Typer(
     help="Look into recordings, check, recover, play, replay and export them.",
@@ -33,9 +40,7 @@ Source = Annotated[Path, typer.Argument(help="rosbag2 folder, or one .mcap or .d
 
 @bag.command()
 def info(source: Source) -> None:
-    """Say what a recording holds, and what never reached the recorder."""
-    from rich.table import Table
-
+    """Show what a recording holds, and what never reached the recorder."""
     from winding_recorder.bags.contents import contents
     from winding_recorder.bags.failure import BagError
     from winding_recorder.bags.notes import COMPLETE, RECOVERED
@@ -54,23 +59,26 @@ def info(source: Source) -> None:
     wound = _wound(content.notes)
     if wound:
         console.print(f"wound: {wound}", highlight=False)
-    table = Table("topic", "type", box=None, padding=(0, 2))
-    for heading in ("messages", "Hz", "lost"):
-        table.add_column(heading, justify="right")
-    for topic in content.topics:
-        rate = (topic.messages - 1) / content.duration if content.duration > 0.0 else 0.0
-        table.add_row(
-            topic.name,
-            topic.type_name,
-            str(topic.messages),
-            f"{rate:.1f}" if topic.messages > 1 else "-",
-            "not counted" if topic.lost is None else str(topic.lost),
-        )
-    console.print(table)
+    duration = content.duration
+    columns = (
+        Shown("topic", lambda topic: topic.name),
+        Shown("type", lambda topic: topic.type_name),
+        Shown("messages", lambda topic: topic.messages),
+        Shown("Hz", lambda topic: _rate(topic.messages, duration), ".1f"),
+        Shown("lost", lambda topic: topic.lost, missing="not counted"),
+    )
+    console.print(record_table(columns, content.topics, words=2, box=None, padding=(0, 2)))
+
+
+def _rate(messages: int, duration: float) -> float | None:
+    """Return messages per second [1/s]; None of a single one."""
+    if messages <= 1:
+        return None
+    return (messages - 1) / duration if duration > 0.0 else 0.0
 
 
 def _wound(notes: Mapping[str, str]) -> str:
-    """Return what a recording says of the condition, as it would be typed."""
+    """Return the recorded condition, as it would be typed."""
     import json
 
     from winding_core.condition import Condition
@@ -186,7 +194,7 @@ def replay(
     ] = 1.0e-6,
     parameters: Annotated[
         Path | None,
-        typer.Option(help="ROS parameter file in place of what the recording says."),
+        typer.Option(help="ROS parameter file in place of the recorded parameters."),
     ] = None,
 ) -> None:
     """Feed recorded inputs to one node's work and compare its answers. Exit code 1 if they differ.
@@ -242,8 +250,7 @@ def report(
 
     Exit code 1 if a limit that is given is not known to be kept.
     """
-    from winding_cli.commands.bag_report import write_recorded_report
-    from winding_cli.commands.wanted_lay import held_against
+    from winding_cli.run.wanted_lay import held_against
     from winding_core.options import typed_values
     from winding_core.parameters import build
     from winding_recorder.bags.failure import BagError
@@ -312,3 +319,94 @@ def _player_node() -> Iterator[object]:
         thread.join()
         node.destroy_node()
         rclpy.try_shutdown(context=context)
+
+
+def write_recorded_report(
+    source: Path, out: Path, held: Held, error_limit_pct: float, *, errors_held: bool
+) -> None:
+    """Write index.html and run.json of a recording into a folder, and print the results.
+
+    Args:
+        source: The recording.
+        out: New folder.
+        held: What a lay that was driven is held against.
+        error_limit_pct: What the errors of the lengths are held against [%].
+        errors_held: Whether the command fails where they do not keep it.
+
+    Raises:
+        BagError: The recording cannot be read, or has no condition of what was wound.
+    """
+    from winding_cli.run.delivery import deliver, refuse_flawed, seed_of, show
+    from winding_core.condition import Condition
+    from winding_core.lay_wish import LayWish
+    from winding_recorder.bags.recorded_parameters import configuration_of
+    from winding_recorder.playback.recorded_buffer import recorded_run
+    from winding_ros import topics
+    from winding_supervisor.session.run_config import RunResult
+
+    run = recorded_run(source)
+    condition = configuration_of(Condition, run.parameters[topics.FEM], topics.FEM)
+    wish = _of(LayWish, run.parameters.get(topics.LAY_CONTROL, {}))
+    result = RunResult(
+        buffer=run.buffer,
+        wall_s=0.0,
+        ended=run.ended,
+        simulated=topics.RIG in run.parameters,
+        bags=(source,),
+    )
+    numbers = out / "run.json"
+    record, page = deliver(
+        condition,
+        result,
+        out,
+        numbers,
+        wish,
+        held.limit,
+        origin=_origin(run.origin),
+        seed=seed_of(run.parameters),
+        error_limit_pct=error_limit_pct,
+    )
+    show(record, page, numbers, (source,), None)
+    refuse_flawed(record, result, held=held.asked, errors_held=errors_held)
+
+
+def _origin(text: str) -> Origin | None:
+    """Return which run a recording is of; None where it does not name one."""
+    from winding_study.runs.identity import Origin
+
+    try:
+        return Origin.from_text(text) if text else None
+    except ValueError:
+        return None
+
+
+def _of(record: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    names = {item.name for item in fields(record)}
+    return {name: value for name, value in values.items() if name in names}
+
+
+@contextmanager
+def space_key(toggle: Callable[[], bool], stopped: threading.Event) -> Iterator[None]:
+    """Call `toggle` whenever the space key of the terminal is pressed."""
+    if not sys.stdin.isatty():
+        yield
+        return
+    import termios
+    import tty
+
+    def listen() -> None:
+        while not stopped.is_set():
+            ready, _, _ = select.select([sys.stdin], [], [], _KEY_PERIOD)
+            if ready and sys.stdin.read(1) == " ":
+                print("paused" if toggle() else "playing", file=sys.stderr, flush=True)
+
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin)
+    thread = threading.Thread(target=listen, name="keys", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        stopped.set()
+        thread.join()
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.commands.board_options import chosen_board
-from winding_cli.commands.output_path import check_output_file, staged
-from winding_cli.commands.refusal import refuse, refused
+from winding_cli.commands.board import chosen_board
+from winding_cli.terminal.output_path import check_output_file, staged
+from winding_cli.terminal.refusal import refuse, refused
 
 
 def calibrate(

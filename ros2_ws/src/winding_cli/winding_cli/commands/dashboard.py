@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.refusal import refuse, refused
-from winding_cli.commands.ros_environment import check_namespace, joined
+from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.refusal import refuse, refused
+from winding_cli.terminal.ros_environment import check_namespace, joined
 from winding_core.error_verdict import ErrorLimit
 from winding_core.lay_tolerance import LayTolerance
 
@@ -36,7 +36,7 @@ def dashboard(
     ] = None,
 ) -> None:
     """Serve the operator's page; Ctrl-C ends it."""
-    from winding_cli.commands.wanted_lay import held_against
+    from winding_cli.run.wanted_lay import held_against
     from winding_core.options import typed_values
     from winding_core.parameters import ParameterError, build
     from winding_ros.environment import ros_arguments

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winding_cli.commands.console import result_console
-from winding_cli.commands.output_path import check_output_file, write_json
-from winding_cli.commands.refusal import FAILED, refuse
-from winding_cli.commands.termination import interruptible
+from winding_cli.terminal.console import result_console
+from winding_cli.terminal.output_path import check_output_file, write_json
+from winding_cli.terminal.refusal import FAILED, refuse
+from winding_cli.terminal.termination import interruptible
 
 if TYPE_CHECKING:
     from rich.table import Table

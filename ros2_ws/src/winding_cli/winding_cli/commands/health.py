@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from winding_cli.commands.refusal import FAILED, refuse
-from winding_cli.commands.ros_environment import joined
+from winding_cli.terminal.refusal import FAILED, refuse
+from winding_cli.terminal.ros_environment import joined
 
 if TYPE_CHECKING:
     from winding_core.status import Status

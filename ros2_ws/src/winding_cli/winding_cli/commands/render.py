@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.output_path import check_output_folder, staged
-from winding_cli.commands.refusal import refuse, refused
+from winding_cli.terminal.output_path import check_output_folder, staged
+from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.refusal import refuse, refused
 from winding_core.marker_parameters import DOT, MarkerLook
 from winding_core.options import typed_values
 from winding_core.parameters import build

@@ -12,10 +12,10 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.commands.output_path import check_output_folder
-from winding_cli.commands.ros_environment import check_namespace, joined
+from winding_cli.cell.goals import GoalError, Goals
 from winding_cli.commands.run import run
-from winding_cli.serving.goals import GoalError, Goals
+from winding_cli.terminal.output_path import check_output_folder
+from winding_cli.terminal.ros_environment import check_namespace, joined
 from winding_core.condition import Condition
 from winding_core.options import options
 from winding_core.parameters import ParameterError, refuse_unknown
@@ -39,7 +39,7 @@ def serve(
         import rclpy
         from rclpy.context import Context
 
-        from winding_cli.serving.goal_node import GoalNode, spin
+        from winding_cli.cell.goal_node import GoalNode, spin
 
         command = [sys.executable, "-m", "winding_cli.cli", "run", "--namespace", namespace]
         goals = Goals([*command, "--domain", str(place.domain)], output, time.time_ns)

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
-from winding_cli.commands.console import progress_bar
-from winding_cli.commands.extras import need_extra
-from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
-from winding_cli.commands.refusal import FAILED, refuse, refused
-from winding_cli.commands.termination import end, interruptible
+from winding_cli.terminal.console import Shown, progress_bar, record_table, result_console
+from winding_cli.terminal.output_path import check_output_file, check_output_folder, staged
+from winding_cli.terminal.refusal import FAILED, need_extra, refuse, refused
+from winding_cli.terminal.termination import end, interruptible
 from winding_core.options import option_kinds
+from winding_core.units import MILLIMETRE
 from winding_study.runs.run_parameters import RunParameters
 
 if TYPE_CHECKING:
@@ -23,9 +25,12 @@ if TYPE_CHECKING:
     from winding_study.sweep.axes import Value
     from winding_study.sweep.engines import Engine
     from winding_study.sweep.spec import SweepSpec
+    from winding_study.sweep.table import Columns
 
 STORE = Path("runs") / "sweeps"
 ENGINES = ("joblib", "dask")
+# Rows of the table that is printed.
+LONGEST = 24
 _GO_ON = "the same command goes on from there"
 
 # An unfinished file this old has no living writer [s].
@@ -236,7 +241,6 @@ def _kept(plan: Plan, store: RunStore) -> str:
 def _deliver(
     plan: Plan, results: dict[str, Arrays], varied: tuple[str, ...], out: Path | None
 ) -> None:
-    from winding_cli.commands.sweep_summary import print_summary
     from winding_study.runs.solver_version import solver_version
     from winding_study.sweep.table import table_columns, write_table
 
@@ -251,3 +255,44 @@ def _deliver(
 
 def _say(sentence: str) -> None:
     typer.echo(f"winding: {sentence}", err=True)
+
+
+def print_summary(columns: Columns, varied: tuple[str, ...]) -> None:
+    """Print the first rows of a sweep's table and how many runs failed.
+
+    Args:
+        columns: The whole table.
+        varied: Inputs with more than one value; the others are not shown.
+    """
+    console = result_console()
+    rows = columns["run"].size
+    lengths = [name for name in columns if name.startswith("p") and name.endswith("_s_m")]
+
+    def of(name: str) -> Callable[[int], Any]:
+        return lambda row: columns[name][row]
+
+    def used(row: int) -> float:
+        per_turn = columns["cable_per_turn_m"][row]
+        return float(np.nanmean(per_turn)) if np.isfinite(per_turn).any() else np.nan
+
+    shown = (
+        Shown("run", of("run")),
+        *(Shown(name, lambda row, name=name: _text(columns[name][row])) for name in varied),
+        *(Shown(f"S{name.split('_')[0][1:]}, mm", of(name), ".2f", MILLIMETRE) for name in lengths),
+        Shown("stretch", of("stretch"), ".5f"),
+        Shown("cable a turn, mm", used, ".2f", MILLIMETRE),
+        Shown("balance, %", of("energy_balance_pct"), ".2g"),
+        Shown("status", lambda row: str(columns["status"][row])),
+    )
+    title = f"{rows} runs" + (f", the first {LONGEST}" if rows > LONGEST else "")
+    console.print(record_table(shown, range(min(rows, LONGEST)), title=title))
+    failed = int((columns["status"] != "ok").sum())
+    console.print(
+        f"{rows - failed} runs ok, {failed} failed; "
+        f"{np.nansum(columns['cpu_s']):.1f} CPU seconds of winding",
+        highlight=False,
+    )
+
+
+def _text(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -192,7 +192,7 @@ def judge_open_files(limit: int) -> Finding:
 
 
 def judge_receive_buffer(limit: int | None) -> Finding:
-    """Return whether sockets may be given a receive buffer [bytes]; None when nobody can tell."""
+    """Return whether sockets may be given a receive buffer [bytes]; None when it is unknown."""
     check = "net.core.rmem_max"
     if limit is None:
         return ok(check, "cannot tell")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rich.progress import MofNCompleteColumn
 from rich.table import Table
 
-from winding_cli.commands.console import progress_bar, result_console
+from winding_cli.terminal.console import progress_bar, result_console
 
 if TYPE_CHECKING:
     from winding_verification.closed_loop.study import ClosedLoopRow

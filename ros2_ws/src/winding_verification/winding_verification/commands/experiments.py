@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, TimeElapsedColumn
 from rich.table import Table
 
-from winding_cli.commands.console import progress_bar, result_console
-from winding_cli.commands.refusal import refuse
+from winding_cli.terminal.console import progress_bar, result_console
+from winding_cli.terminal.refusal import refuse
 
 if TYPE_CHECKING:
     from winding_verification.experiments.external_row import ExternalRow

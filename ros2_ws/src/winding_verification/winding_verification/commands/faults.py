@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 import typer
 
-from winding_cli.commands.console import result_console
-from winding_cli.commands.output_path import check_output_file, write_json
-from winding_cli.commands.refusal import FAILED, refuse, refused
-from winding_cli.commands.ros_environment import joined
+from winding_cli.terminal.console import result_console
+from winding_cli.terminal.output_path import check_output_file, write_json
+from winding_cli.terminal.refusal import FAILED, refuse, refused
+from winding_cli.terminal.ros_environment import joined
 
 
 def faults(

@@ -9,9 +9,9 @@ import typer
 from rich.progress import MofNCompleteColumn, TimeElapsedColumn
 from rich.table import Table
 
-from winding_cli.commands.console import progress_bar, result_console
-from winding_cli.commands.output_path import check_output_file, write_json
-from winding_cli.commands.refusal import FAILED, refuse
+from winding_cli.terminal.console import progress_bar, result_console
+from winding_cli.terminal.output_path import check_output_file, write_json
+from winding_cli.terminal.refusal import FAILED, refuse
 from winding_verification.commands.experiments import (
     announce_compilation,
     compare_external,
