@@ -6,7 +6,7 @@ import select
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,9 +15,9 @@ import typer
 
 from winding_cli.terminal.console import Shown, record_table, result_console
 from winding_cli.terminal.output_path import check_output_folder, staged
-from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.record_options import Domain, Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, need_extra, refuse, refused
-from winding_cli.terminal.ros_environment import joined
+from winding_cli.terminal.ros_environment import joined, plain_node
 from winding_cli.terminal.termination import end
 from winding_core.error_verdict import ErrorLimit
 from winding_core.lay_tolerance import LayTolerance
@@ -146,9 +146,7 @@ def play(
     force: Annotated[
         bool, typer.Option("--force", help="Publish although the topics have publishers.")
     ] = False,
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
+    domain: Domain = None,
 ) -> None:
     """Publish a recording again: the same bytes, the same rhythm, and /clock.
 
@@ -293,32 +291,21 @@ def _names(text: str) -> frozenset[str]:
 @contextmanager
 def _player_node() -> Iterator[object]:
     """Yield a node that a thread spins."""
-    import rclpy
-    from rclpy.context import Context
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-    from rclpy.node import Node
+    from rclpy.executors import ExternalShutdownException
 
-    context = Context()
-    rclpy.init(context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    node = Node("bag_player", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
+    with plain_node("bag_player") as (node, executor):
 
-    def spin() -> None:
+        def spin() -> None:
+            with suppress(ExternalShutdownException):
+                executor.spin()
+
+        thread = threading.Thread(target=spin, name="bag_player", daemon=True)
+        thread.start()
         try:
-            executor.spin()
-        except ExternalShutdownException:
-            return
-
-    thread = threading.Thread(target=spin, name="bag_player", daemon=True)
-    thread.start()
-    try:
-        yield node
-    finally:
-        executor.shutdown()
-        thread.join()
-        node.destroy_node()
-        rclpy.try_shutdown(context=context)
+            yield node
+        finally:
+            executor.shutdown()
+            thread.join()
 
 
 def write_recorded_report(
@@ -336,7 +323,8 @@ def write_recorded_report(
     Raises:
         BagError: The recording cannot be read, or has no condition of what was wound.
     """
-    from winding_cli.run.delivery import deliver, refuse_flawed, seed_of, show
+    from winding_cli.run.delivery import deliver, flaw, seed_of
+    from winding_cli.run.record import run_record
     from winding_core.condition import Condition
     from winding_core.lay_wish import LayWish
     from winding_recorder.bags.recorded_parameters import configuration_of
@@ -354,20 +342,19 @@ def write_recorded_report(
         simulated=topics.RIG in run.parameters,
         bags=(source,),
     )
-    numbers = out / "run.json"
-    record, page = deliver(
+    record = run_record(
         condition,
         result,
-        out,
-        numbers,
         wish,
         held.limit,
         origin=_origin(run.origin),
         seed=seed_of(run.parameters),
         error_limit_pct=error_limit_pct,
     )
-    show(record, page, numbers, (source,), None)
-    refuse_flawed(record, result, held=held.asked, errors_held=errors_held)
+    deliver(record, out, out / "run.json", bags=(source,))
+    sentence = flaw(record, result, held=held.asked, errors_held=errors_held)
+    if sentence:
+        refuse(sentence, FAILED)
 
 
 def _origin(text: str) -> Origin | None:

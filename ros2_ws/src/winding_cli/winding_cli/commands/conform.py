@@ -9,7 +9,7 @@ import typer
 
 from winding_cli.run.configuration import machine_axes
 from winding_cli.terminal.console import result_console
-from winding_cli.terminal.record_options import Typed, with_options
+from winding_cli.terminal.record_options import Domain, Typed, with_options
 from winding_cli.terminal.refusal import FAILED, refuse
 from winding_cli.terminal.ros_environment import joined
 from winding_core.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
@@ -25,9 +25,7 @@ def conform(
     axes: Typed,
     *,
     namespace: Annotated[str, typer.Option(help="Namespace of the driver.")] = "winding",
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
+    domain: Domain = None,
     seconds: Annotated[float, typer.Option(min=0.5, help="How long to listen.")] = 3.0,
     camera: Annotated[
         bool, typer.Option("--camera/--no-camera", help="Whether the driver brings a camera.")

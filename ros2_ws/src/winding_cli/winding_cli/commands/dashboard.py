@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.record_options import Domain, Namespace, Typed, spelled, with_options
 from winding_cli.terminal.refusal import refuse, refused
 from winding_cli.terminal.ros_environment import check_namespace, joined
 from winding_core.error_verdict import ErrorLimit
@@ -19,10 +19,8 @@ def dashboard(
     judged: Typed,
     errors: Typed,
     *,
-    namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
+    namespace: Namespace = "winding",
+    domain: Domain = None,
     host: Annotated[
         str, typer.Option(help="Address to serve on; others than loopback need a token.")
     ] = "127.0.0.1",

@@ -12,6 +12,7 @@ import typer
 
 from winding_cli.terminal.console import result_console
 from winding_cli.terminal.output_path import check_output_file, write_json
+from winding_cli.terminal.record_options import Domain
 from winding_cli.terminal.refusal import FAILED, refuse
 from winding_cli.terminal.termination import interruptible
 
@@ -27,9 +28,7 @@ NAMESPACE = "winding"
 
 def doctor(
     json: Annotated[Path | None, typer.Option(help="Also write the findings to this file.")] = None,
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
+    domain: Domain = None,
 ) -> None:
     """Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL."""
     from winding_cli.doctor.examination import examine

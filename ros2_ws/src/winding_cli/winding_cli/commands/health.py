@@ -9,23 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from winding_cli.terminal.record_options import Domain, Namespace
 from winding_cli.terminal.refusal import FAILED, refuse
-from winding_cli.terminal.ros_environment import joined
+from winding_cli.terminal.ros_environment import joined, plain_node
 
 if TYPE_CHECKING:
     from winding_core.status import Status
-
-_NODE = "health"
 
 
 def health(
     nodes: Annotated[
         list[str] | None, typer.Argument(help="Names of nodes; all of the graph by default.")
     ] = None,
-    namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
+    namespace: Namespace = "winding",
+    domain: Domain = None,
     patience_s: Annotated[float, typer.Option(help="How long to listen for silent nodes.")] = 10.0,
 ) -> None:
     """Listen to /diagnostics; exit 1 when a node is silent or in error."""
@@ -72,17 +69,9 @@ def listen(nodes: Collection[str], namespace: str, patience: float) -> list[Stat
         namespace: Of the graph, without slashes around it.
         patience: Wall time [s].
     """
-    import rclpy
-    from rclpy.context import Context
-    from rclpy.executors import SingleThreadedExecutor
-    from rclpy.node import Node
-
     from winding_ros import topics
     from winding_ros.diagnostic_messages import decode_diagnostics
-    from winding_ros.environment import ros_arguments
 
-    context = Context()
-    rclpy.init(context=context, args=[_NODE])
     heard: dict[str, Status] = {}
 
     def note(message: Any) -> None:
@@ -91,16 +80,9 @@ def listen(nodes: Collection[str], namespace: str, patience: float) -> list[Stat
             if encoded.hardware_id == f"/{namespace}":
                 heard[status.name] = status
 
-    node = Node(_NODE, context=context, cli_args=ros_arguments(namespace))
-    executor = SingleThreadedExecutor(context=context)
-    try:
+    with plain_node("health", namespace) as (node, executor):
         topics.DIAGNOSTICS.subscribe(node, note)
-        executor.add_node(node)
         end = time.monotonic() + patience
         while time.monotonic() < end and not set(nodes) <= set(heard):
             executor.spin_once(timeout_sec=0.1)
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown(context=context)
     return list(heard.values())

@@ -24,7 +24,14 @@ from winding_cli.run.configuration import (
 )
 from winding_cli.run.wanted_lay import controlled_nodes, lead_of, tolerance_of, wish_of
 from winding_cli.terminal.output_path import check_output_file, check_output_folder
-from winding_cli.terminal.record_options import PANEL_OF_RUN, Typed, spelled, with_options
+from winding_cli.terminal.record_options import (
+    PANEL_OF_RUN,
+    Domain,
+    Namespace,
+    Typed,
+    spelled,
+    with_options,
+)
 from winding_cli.terminal.refusal import refuse
 from winding_cli.terminal.ros_environment import check_namespace, refuse_open
 from winding_core.camera_clock import CameraClockParameters
@@ -121,10 +128,8 @@ def run(
         Path | None, typer.Option(help="ROS parameter file for the nodes.")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the simulated sensors.")] = None,
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
-    namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
+    domain: Domain = None,
+    namespace: Namespace = "winding",
     dashboard: Annotated[
         bool,
         typer.Option("--dashboard", help="Serve the operator's page and wait for its Start."),

@@ -15,6 +15,7 @@ import typer
 from winding_cli.cell.goals import GoalError, Goals
 from winding_cli.commands.run import run
 from winding_cli.terminal.output_path import check_output_folder
+from winding_cli.terminal.record_options import Domain, Namespace
 from winding_cli.terminal.ros_environment import check_namespace, joined
 from winding_core.condition import Condition
 from winding_core.options import options
@@ -27,10 +28,8 @@ _OWN = ("output", "namespace", "domain", "dashboard", "dashboard_port")
 def serve(
     *,
     output: Annotated[Path, typer.Option(help="Gets a folder for every goal.")] = Path("runs"),
-    namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
+    namespace: Namespace = "winding",
+    domain: Domain = None,
 ) -> None:
     """Serve run/send_goal, run/cancel_goal and run/get_result until Ctrl-C."""
     check_namespace(namespace)

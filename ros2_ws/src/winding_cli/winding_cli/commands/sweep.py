@@ -271,13 +271,16 @@ def print_summary(columns: Columns, varied: tuple[str, ...]) -> None:
     def of(name: str) -> Callable[[int], Any]:
         return lambda row: columns[name][row]
 
+    def worded(name: str) -> Callable[[int], str]:
+        return lambda row: _text(columns[name][row])
+
     def used(row: int) -> float:
         per_turn = columns["cable_per_turn_m"][row]
         return float(np.nanmean(per_turn)) if np.isfinite(per_turn).any() else np.nan
 
     shown = (
         Shown("run", of("run")),
-        *(Shown(name, lambda row, name=name: _text(columns[name][row])) for name in varied),
+        *(Shown(name, worded(name)) for name in varied),
         *(Shown(f"S{name.split('_')[0][1:]}, mm", of(name), ".2f", MILLIMETRE) for name in lengths),
         Shown("stretch", of("stretch"), ".5f"),
         Shown("cable a turn, mm", used, ".2f", MILLIMETRE),

@@ -122,6 +122,8 @@ class RunDelivery:
             refuse(self._flaws[-1], FAILED)
 
     def _deliver(self, condition: Condition, result: RunResult) -> None:
+        from winding_cli.run.record import run_record
+
         into = self._into
         self._count += 1
         parameters = self._config.parameters()
@@ -129,22 +131,23 @@ class RunDelivery:
             parameters[_RIG] |= result.wound
         limits = result.limits or into.limits
         folder = self._folder()
-        numbers = self._numbered(into.json) or folder / "run.json"
-        record, page = deliver(
+        record = run_record(
             condition,
             result,
-            self._numbered(into.report) or folder / "report",
-            numbers,
             into.wish,
             limits.lay_tolerance,
             origin=self._own_origin(),
             seed=seed_of(parameters),
             error_limit_pct=limits.error_limit_pct,
         )
-        trace = self._numbered(into.trace)
-        if trace is not None:
-            write_trace(record, result, trace)
-        show(record, page, numbers, result.bags, trace)
+        deliver(
+            record,
+            self._numbered(into.report) or folder / "report",
+            self._numbered(into.json) or folder / "run.json",
+            bags=result.bags,
+            trace=self._numbered(into.trace),
+            result=result,
+        )
         found = flaw(record, result, held=into.lay_held, errors_held=into.errors_held)
         if found:
             self._flaws.append(found)
@@ -184,52 +187,41 @@ def operated_condition(condition: Condition, result: RunResult) -> Condition | N
 
 
 def deliver(
-    condition: Condition,
-    result: RunResult,
+    record: RunRecord,
     report: Path,
     json: Path,
-    wish: Mapping[str, Value],
-    tolerance: float,
     *,
-    origin: Origin | None,
-    seed: int | None,
-    error_limit_pct: float,
-) -> tuple[RunRecord, Path]:
-    """Write the run's numbers and its report; return its record and the report's page.
+    bags: tuple[Path, ...],
+    trace: Path | None = None,
+    result: RunResult | None = None,
+) -> None:
+    """Write the numbers of a run, its report and its trace; print its results and where they are.
 
     Args:
-        condition: What was wound.
-        result: What the run left.
+        record: Of the run.
         report: Folder of the report.
         json: File of the numbers.
-        wish: Parameters of the wanted lay, if there was one.
-        tolerance: Of that lay, in every turn after the second [m].
-        origin: The process that made the run; None where a recording does not name it.
-        seed: Of the simulated sensors; None for a real machine.
-        error_limit_pct: Largest error of a corrected length that counts as good [%].
+        bags: That were recorded.
+        trace: File of the trace for a viewer of Chrome's traces; None for none.
+        result: What the run left, for its trace.
     """
-    from winding_cli.run.record import run_record
     from winding_study.reports.report import write_report
     from winding_study.runs.run_record import write_run_json
 
-    record = run_record(
-        condition,
-        result,
-        wish,
-        tolerance,
-        origin=origin,
-        seed=seed,
-        error_limit_pct=error_limit_pct,
-    )
     with staged(json) as place:
         write_run_json(record, place)
     with staged(report) as place:
         page = report / write_report(record, place).name
-    return record, page
+    files = [("report", page), ("numbers", json), *(("bag", bag) for bag in bags)]
+    if trace is not None and result is not None:
+        _write_trace(record, result, trace)
+        files.append(("trace", trace))
+    _show(record)
+    for name, path in files:
+        result_console().print(f"{name}: {path}", soft_wrap=True)
 
 
-def write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
-    """Write where the time of each corrected length went, for a viewer of Chrome's traces."""
+def _write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
     from winding_study.trace.chrome import write_chrome_trace
 
     assert record.trace is not None
@@ -238,10 +230,7 @@ def write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
         write_chrome_trace(record.trace, result.trace, place)
 
 
-def show(
-    record: RunRecord, page: Path, json: Path, bags: tuple[Path, ...], trace: Path | None
-) -> None:
-    """Print the results of a run and where its files are."""
+def _show(record: RunRecord) -> None:
     console = result_console()
     console.print(results_table(record))
     verdict = record.verdict
@@ -251,9 +240,6 @@ def show(
         console.print(f"lay: {record.lay.verdict.sentence}", highlight=False, soft_wrap=True)
     if record.trace is not None:
         console.print(*trace_tables(record.trace))
-    further = [("bag", bag) for bag in bags] + ([] if trace is None else [("trace", trace)])
-    for name, path in (("report", page), ("numbers", json), *further):
-        console.print(f"{name}: {path}", soft_wrap=True)
 
 
 def seed_of(parameters: Mapping[str, Mapping[str, object]]) -> int | None:
@@ -292,15 +278,6 @@ def flaw(record: RunRecord, result: RunResult, *, held: bool, errors_held: bool 
     if errors_held and not record.verdict.good:
         return record.verdict.sentence
     return ""
-
-
-def refuse_flawed(
-    record: RunRecord, result: RunResult, *, held: bool, errors_held: bool = False
-) -> None:
-    """End a command whose run has a flaw, as `flaw` finds it."""
-    sentence = flaw(record, result, held=held, errors_held=errors_held)
-    if sentence:
-        refuse(sentence, FAILED)
 
 
 def results_table(record: RunRecord) -> Table:

@@ -232,8 +232,8 @@ def _facts(buffer: RunBuffer) -> dict[str, str]:
     if "weights" in corrected:
         facts["trained weight"] = corrected["weights"]
         facts["its mean error over all cases"] = (
-            f"{corrected['in_sample_pct']} % in-sample, {corrected['leave_one_case_out_pct']} % with each "
-            "case left out"
+            f"{corrected['in_sample_pct']} % in-sample, "
+            f"{corrected['leave_one_case_out_pct']} % with each case left out"
         )
     solver = _last_status(buffer, topics.FEM)
     if "energy_balance_pct" in solver:

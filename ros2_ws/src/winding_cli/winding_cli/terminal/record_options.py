@@ -1,4 +1,4 @@
-"""Command-line options that a record of parameters declares."""
+"""Options of the command line: those of several commands, and those that records declare."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ import typer
 
 from winding_core.options import explained, option_kind, options
 from winding_core.parameters import Declaration
+
+Domain = Annotated[int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")]
+Namespace = Annotated[str, typer.Option(help="Namespace of the graph.")]
 
 _MACHINE = "External machine"
 _CAMERA = "Camera and markers"

@@ -1,4 +1,4 @@
-"""The DDS domain of a command that joins a graph, and a folder for what ROS writes meanwhile."""
+"""How a command joins a graph: domain, namespace, policies, a node of its own."""
 
 from __future__ import annotations
 
@@ -8,9 +8,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from winding_cli.terminal.refusal import refuse, refused
 from winding_cli.terminal.termination import interruptible
+
+if TYPE_CHECKING:
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
 
 _NAMESPACE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*")
 
@@ -59,3 +64,31 @@ def joined(domain: int | None) -> Iterator[Joined]:
     with interruptible(), tempfile.TemporaryDirectory(prefix="winding-") as folder:
         set_process_environment(chosen, Path(folder) / "log")
         yield Joined(domain=chosen, folder=Path(folder))
+
+
+@contextmanager
+def plain_node(name: str, namespace: str = "") -> Iterator[tuple[Node, SingleThreadedExecutor]]:
+    """Yield a node in a context of its own, and the executor that it is added to.
+
+    Args:
+        name: Of the node.
+        namespace: Without slashes around it.
+    """
+    import rclpy
+    from rclpy.context import Context
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+
+    from winding_ros.environment import ros_arguments
+
+    context = Context()
+    rclpy.init(context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
+    node = Node(name, context=context, cli_args=ros_arguments(namespace))
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    try:
+        yield node, executor
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)

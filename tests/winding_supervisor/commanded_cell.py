@@ -9,29 +9,23 @@ end: wound angles [rad] and z [m] of the lay, and the markers' angles.
 
 import json
 import math
-import signal
 import sys
-import threading
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rclpy
-from geometry_msgs.msg import WrenchStamped
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
-from sensor_msgs.msg import CameraInfo, Image, JointState
+from pictures import calibration_of
+from sensor_cell import SensorCell, run_cell
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from winding_core.cases import paper_case
-from winding_core.condition import Condition
-from winding_core.readings import ImageWindow
 from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Scene
-from winding_ros.camera_messages import CameraReading, encode_camera_info, encode_image
+from winding_ros.camera_messages import encode_camera_info, encode_image
 from winding_ros.stamps import encode_stamp
 
 CASE = 4
@@ -92,42 +86,23 @@ class Drum:
         return np.array([*self.markers[:count], *ahead])
 
 
-class CommandedCell(Node):
-    """Publishes what its sensors say and goes where it is commanded."""
+class CommandedCell(SensorCell):
+    """Goes where it is commanded."""
 
     def __init__(self, seed: int, truth: Path) -> None:
-        super().__init__("cell")
+        super().__init__(CASE, camera=True)
         rng = np.random.default_rng(seed)
-        self.what = Condition(case=CASE, duration=20.0).resolved()
         self.drum, self.truth = Drum(rng), truth
         self.lag = rng.uniform(0.01, 0.05)
         self.noise = rng
         self.begun = self.ended = math.inf
         self.target: tuple[float, float, float] | None = None
-        self.joints = self.create_publisher(JointState, "rig/joint_states", 100)
-        self.force = self.create_publisher(WrenchStamped, "rig/tension", 100)
-        self.images = self.create_publisher(Image, "camera/image_raw", 50)
-        self.infos = self.create_publisher(CameraInfo, "camera/camera_info", 50)
         self.create_subscription(JointState, "rig/joint_targets", self.take, 1)
-        for name, act in (
-            *(("start", self.start), ("stop", self.stop), ("quick_stop", self.stop)),
-            *(("emergency_stop", self.stop), ("reset", self.accept)),
-        ):
-            self.create_service(Trigger, f"rig/{name}", act)
         config = CameraConfig()
-        self.renderer = Renderer(config)
-        of = config.calibration()
-        x, y, width, height = of.roi
-        window = ImageWindow(x_offset=x, y_offset=y, width=width, height=height, binning=of.binning)
-        self.calibration = CameraReading(
-            width=of.width, height=of.height, matrix=of.k, distortion=of.d, window=window
-        )
+        self.renderer, self.calibration = Renderer(config), calibration_of(config)
         # The first picture compiles the renderer.
         self.picture(0.0, 0.0)
-        self.quit = threading.Event()
-        self.thread = threading.Thread(target=self.work)
-        self.thread.start()
-        self.get_logger().info("ready")
+        self.begin(self.work)
 
     def take(self, message: JointState) -> None:
         """Take where the slide has to be [mm], and its rate [mm/s]."""
@@ -142,16 +117,14 @@ class CommandedCell(Node):
         self.ended, response.success = min(self.ended, time.time()), True
         return response
 
-    def accept(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+    def reset(self, _: Any, response: Trigger.Response) -> Trigger.Response:
         response.success = True
         return response
 
     def work(self) -> None:
         """Turn, follow, measure and photograph on an absolute schedule."""
-        due, slide, sample = time.time(), SLIDE, 0
-        while not self.quit.is_set():
-            due += PERIOD
-            time.sleep(max(0.0, due - time.time()))
+        slide = SLIDE
+        for sample, due in enumerate(self.instants(PERIOD), start=1):
             t = max(0.0, min(due, self.ended) - self.begun)
             theta = float(self.what.drive.positions(t)[0])
             omega = float(self.what.drive.speeds(t)[0]) if self.begun <= due < self.ended else 0.0
@@ -167,10 +140,7 @@ class CommandedCell(Node):
             message.position = [slide, SPINDLE + theta]
             message.velocity = [(slide - before) / PERIOD, omega]
             self.joints.publish(message)
-            force = WrenchStamped(header=message.header)
-            force.wrench.force.x = self.what.case.weight
-            self.force.publish(force)
-            sample += 1
+            self.publish_force(message)
             if sample % FRAMES == 0:
                 self.infos.publish(encode_camera_info(due, self.calibration))
                 self.images.publish(encode_image(due, self.picture(theta, omega, eye)))
@@ -202,16 +172,7 @@ class CommandedCell(Node):
         self.truth.write_text(json.dumps(record), encoding="utf-8")
 
 
-def main() -> None:
-    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    node = CommandedCell(int(sys.argv[1]), Path(sys.argv[2]))
-    signal.signal(signal.SIGTERM, lambda *_: node.quit.set())
-    while not node.quit.is_set():
-        rclpy.spin_once(node, timeout_sec=0.02)
-    node.thread.join()
-    node.write()
-    rclpy.try_shutdown()
-
-
 if __name__ == "__main__":
-    main()
+    cell = run_cell(lambda: CommandedCell(int(sys.argv[1]), Path(sys.argv[2])))
+    assert isinstance(cell, CommandedCell)
+    cell.write()

@@ -1,14 +1,13 @@
 """A cell of the tests' own, with its own units, servo and lay law, is driven to the same limits."""
 
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from sensor_cell import running
 
 from lay_control_node.ros.parameters import LayControlParameters
 
@@ -23,14 +22,7 @@ def test_markers_of_another_cell_land_on_the_wanted_helix(
     seed: int, tmp_path: Path, command: Callable[..., Any]
 ) -> None:
     truth = tmp_path / "truth.json"
-    process = subprocess.Popen(
-        [sys.executable, str(CELL), str(seed), str(truth), "--ros-args", "-r", "__ns:=/cell"],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stderr is not None
-    try:
-        assert any("ready" in line for line in process.stderr)
+    with running(CELL, seed, truth, namespace="cell"):
         done = command(
             *("run", "--case", 4, "--machine", "external", "--namespace", "cell"),
             *("--cylinder-joint", "spindle", "--carriage-joint", "slide"),
@@ -38,11 +30,6 @@ def test_markers_of_another_cell_land_on_the_wanted_helix(
             *("--output", tmp_path / "run"),
             cwd=tmp_path,
         )
-        process.terminate()
-        assert process.wait(timeout=60) == 0
-    finally:
-        process.kill()
-        process.wait()
     assert done.returncode == 0, done.stdout + done.stderr
     lay = json.loads(truth.read_text(encoding="utf-8"))
     theta, z = np.array(lay["theta"]), np.array(lay["z"])
