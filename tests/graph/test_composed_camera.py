@@ -78,31 +78,3 @@ def test_a_camera_that_cannot_be_imported_is_refused_in_one_sentence(
         match="cannot be imported: ModuleNotFoundError: No module named 'a_library_that_is_missing",
     ):
         CameraSource.parsed(f"{place}:open_camera").load()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (("--compose", "my_camera:open"), "the simulated machine has a camera of its own"),
-        (("--compose", "camera", "--attach"), "compose its camera there"),
-        (("--compose", "camera", "--secure"), "--compose and --secure exclude each other"),
-        (("--frame-rate", 300), "--frame-rate must be 200 or 1000, got 300"),
-        (
-            ("--machine", "external", "--compose", "nowhere.py:open"),
-            "no camera at nowhere.py",
-        ),
-        (
-            ("--machine", "external", "--no-camera", "--compose", "json:load"),
-            "--compose and --no-camera exclude each other",
-        ),
-    ],
-)
-def test_a_composition_that_cannot_be_is_refused_before_the_start(
-    options: tuple[object, ...], sentence: str, tmp_path: Path, command: Callable[..., Any]
-) -> None:
-    done = command("run", "--case", 4, *options, cwd=tmp_path)
-    assert done.returncode == 2
-    (refusal,) = done.stderr.splitlines()
-    assert sentence in refusal
-    assert not (tmp_path / "runs").exists()

@@ -73,8 +73,20 @@ def test_markers_and_the_camera_clock_have_these_options() -> None:
             ("--machine", "external", "--no-camera", "--measure-lay", "--encoding", "rgb8"),
             "--encoding and --measure-lay need a camera",
         ),
+        (("--lay-tolerance-mm", 0.2), "--lay-tolerance-mm judges a wanted lay"),
+        (("--control", "drive", "--lay-tolerance-mm", 0), "--lay-tolerance-mm must be positive"),
+        (("--compose", "my_camera:open"), "the simulated machine has a camera of its own"),
+        (("--compose", "camera", "--attach"), "compose its camera there"),
+        (("--compose", "camera", "--secure"), "--compose and --secure exclude each other"),
+        (("--frame-rate", 300), "--frame-rate must be 200 or 1000, got 300"),
+        (("--machine", "external", "--compose", "nowhere.py:open"), "no camera at nowhere.py"),
+        (
+            ("--machine", "external", "--no-camera", "--compose", "json:load"),
+            "--compose and --no-camera exclude each other",
+        ),
     ],
 )
+@pytest.mark.slow
 def test_a_wrong_option_is_refused_before_anything_starts(
     words: tuple[object, ...], sentence: str, command: Callable[..., Any], tmp_path: Path
 ) -> None:

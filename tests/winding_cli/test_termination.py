@@ -134,12 +134,12 @@ def output_to(target: str) -> tuple[int, str]:
 
 
 @pytest.mark.slow
-def test_output_that_nobody_reads_ends_the_command_in_silence() -> None:
+def test_output_that_is_not_read_ends_the_command_in_silence() -> None:
     assert output_to("--interfaces | true") == (141, "")
 
 
 @pytest.mark.slow
-def test_output_that_is_full_is_said_in_one_sentence() -> None:
-    code, said = output_to("> /dev/full")
+def test_output_that_is_full_is_reported_in_one_sentence() -> None:
+    code, stderr = output_to("> /dev/full")
     assert code == 1
-    assert said == "winding: cannot write to standard output: No space left on device\n"
+    assert stderr == "winding: cannot write to standard output: No space left on device\n"

@@ -2,9 +2,9 @@
 
 `python commanded_cell.py SEED TRUTH.json --ros-args -r __ns:=/cell`. Its spindle counts radians
 from anywhere, its slide millimetres against the cable's z. The slide follows rig/joint_targets with
-a lag of its own. The cable lies by a law that is none of the project's: the span is as long as the
-seed says, sags by a share of the lead, and the eye wobbles with the drum. TRUTH is written at the
-end: wound angles [rad] and z [m] of the lay, and the markers' angles.
+a lag of its own. The cable lies by a law that is none of the project's: the length of the span
+follows from the seed; it sags by a share of the lead, and the eye wobbles with the drum. TRUTH is
+written at the end: wound angles [rad] and z [m] of the lay, and the markers' angles.
 """
 
 import json

@@ -34,7 +34,7 @@ def test_second_run_begins_where_the_machine_stands(
     assert not refused.success
     assert refused.message == "a run is under way; stop the machine first"
     session.reach(RunPhase.OVER)
-    # Nobody watches the nodes between two runs.
+    # Between two runs the nodes are not watched.
     session.kill("cable_fem_node")
     assert session.call("orchestrator/next_run").success
     session.reach(RunPhase.READY)
@@ -45,7 +45,7 @@ def test_second_run_begins_where_the_machine_stands(
     for number in (1, 2):
         record = session.record(number)
         assert record["ended"] is None
-        # The machine's speeds are what its encoder says: the specification's 0.05 %.
+        # The machine's speeds are those of its encoder: the specification's 0.05 %.
         assert record["markers"][0]["s_fem_m"] == pytest.approx(predicted_p1, rel=5.0e-4)
 
 
@@ -54,7 +54,7 @@ UNSTOPPABLE = '"rig/" + ("no_" * ("stop" in name)) + name, getattr(self, name)'
 
 
 @pytest.mark.parametrize("driver", [{SERVE: UNSTOPPABLE}], indirect=True)
-def test_a_machine_that_cannot_be_stopped_at_its_end_is_said(session: ConductedSession) -> None:
+def test_a_machine_that_cannot_be_stopped_at_its_end_is_reported(session: ConductedSession) -> None:
     session.reach(RunPhase.READY)
     assert session.call("rig/start").success
     session.reach(RunPhase.OVER, message="the stop could not be delivered: rig/stop has no server")
@@ -73,7 +73,7 @@ REFUSED_ONCE = """        first, self.asked = not hasattr(self, "asked"), True
 
 
 @pytest.mark.parametrize("driver", [{RESET: REFUSED_ONCE}], indirect=True)
-def test_a_reset_that_is_refused_is_said_and_asked_again(session: ConductedSession) -> None:
+def test_a_reset_that_is_refused_is_reported_and_asked_again(session: ConductedSession) -> None:
     session.reach(RunPhase.READY)
     assert session.call("orchestrator/next_run").success
     session.reach(RunPhase.OVER, message="no next run: rig/reset was refused: the door is open")

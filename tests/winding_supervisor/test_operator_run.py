@@ -98,7 +98,7 @@ def test_reset_begins_another_run_while_time_goes_on() -> None:
     stamps = machine.buffer.stamps(topics.JOINT_STATES)
     assert (len(stamps), stamps[0]) == (40, 300_000_000)
     assert len(machine.buffer.messages[topics.JOINT_STATES.name]) == 40
-    # Told once before, latched, and true still.
+    # Published once before, latched, and true still.
     assert machine.buffer.last(topics.FEM_PREDICTION) is not None
     assert not start.look(machine.buffer)
 

@@ -65,7 +65,7 @@ def test_domain_s_ports_stay_clear_of_those_that_the_system_hands_out() -> None:
 
 @pytest.fixture
 def taken_ports() -> Iterator[list[int]]:
-    """Ports of 28 of the 32 participants of a domain, bound by somebody else."""
+    """Ports of 28 of the 32 participants of a domain, bound by another program."""
     ports = network.participant_ports(FREE_DOMAIN)[:28]
     with ExitStack() as stack:
         for port in ports:
@@ -125,8 +125,8 @@ def test_loopback_that_is_down_is_a_failure() -> None:
 
 
 @pytest.mark.processes
-def test_two_processes_exchange_messages_and_see_a_stranger(ros: Any, tmp_path: Path) -> None:
-    stranger = ros.plain("stranger")
+def test_two_processes_exchange_messages_and_see_a_foreign(ros: Any, tmp_path: Path) -> None:
+    foreign = ros.plain("foreign")
     # A busy machine may be slower than the time that other nodes are given to show themselves.
     for _ in range(5):
         result = exchange(os.environ, DOMAIN, tmp_path)
@@ -140,7 +140,7 @@ def test_two_processes_exchange_messages_and_see_a_stranger(ros: Any, tmp_path: 
     seen = network.judge_others(result.others)
     assert seen.level is Level.WARN
     assert seen.advice
-    assert f"/{stranger.get_name()}" in seen.found
+    assert f"/{foreign.get_name()}" in seen.found
     assert network.judge_others([]).level is Level.OK
 
 

@@ -226,7 +226,7 @@ def _remarks(record: dict[str, Any]) -> Iterator[str]:
     )
     if record["untold"]:
         names = ", ".join(_READ[name] for name in record["untold"])
-        yield f"the markers do not determine, so that the prior remains: {names}"
+        yield f"the markers do not tell, so that the prior remains: {names}"
     if record["misfit"]:
         yield (
             "the markers contradict model and tracker: each was given a scatter of "
