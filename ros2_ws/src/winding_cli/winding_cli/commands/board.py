@@ -2,27 +2,53 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from winding_cli.terminal.output_path import check_output_file, staged
-from winding_cli.terminal.refusal import refuse, refused
-from winding_core.units import MILLIMETRE
+from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.refusal import refused
+from winding_core.options import typed_values
+from winding_core.parameters import build, parameter
+from winding_core.units import LENGTH, MILLIMETRE, PLAIN
+
+if TYPE_CHECKING:
+    from marker_tracker_node.camera.calibration import Board
 
 
+@dataclass(frozen=True, kw_only=True)
+class BoardOptions:
+    """The calibration board, as it is typed."""
+
+    columns: int = parameter(14, "squares across", PLAIN, 3, 100)
+    rows: int = parameter(8, "squares down", PLAIN, 3, 100)
+    square: float = parameter(8.0e-3, "side of a square", LENGTH, 1.0e-4, 1.0)
+    marker: float = parameter(
+        6.0e-3, "side of a ChArUco marker; 0 for a plain chessboard", LENGTH, 0.0, 1.0
+    )
+    dictionary: str = parameter("DICT_4X4_250", "dictionary of the markers", PLAIN)
+
+    @staticmethod
+    def board(typed: Typed) -> Board:
+        """Return the board that was typed.
+
+        Raises:
+            ValueError: There is none of that kind.
+        """
+        from marker_tracker_node.camera.calibration import Board
+
+        wanted = build(BoardOptions, typed_values(BoardOptions, typed, spelled), owner="the board")
+        return Board(**{**vars(wanted), "marker": wanted.marker or None})
+
+
+@with_options(BoardOptions)
 def board(
-    out: Annotated[Path, typer.Argument(help="Picture to write, such as board.png.")],
+    typed: Typed,
     *,
-    columns: Annotated[int, typer.Option(help="Squares across.")] = 14,
-    rows: Annotated[int, typer.Option(help="Squares down.")] = 8,
-    square_mm: Annotated[float, typer.Option(help="Side of a square.")] = 8.0,
-    marker_mm: Annotated[
-        float, typer.Option(help="Side of a ChArUco marker; 0 for a plain chessboard.")
-    ] = 6.0,
-    dictionary: Annotated[str, typer.Option(help="Of the markers.")] = "DICT_4X4_250",
+    out: Annotated[Path, typer.Argument(help="Picture to write, such as board.png.")],
     dpi: Annotated[float, typer.Option(min=50.0, max=2400.0, help="Dots per inch.")] = 600.0,
 ) -> None:
     """Draw the board that `winding calibrate` looks for; print it at its true size."""
@@ -30,45 +56,10 @@ def board(
 
     check_output_file(out)
     with refused(ValueError):
-        drawn = chosen_board(columns, rows, square_mm, marker_mm, dictionary)
+        drawn = BoardOptions.board(typed)
         with staged(out) as place:
             width, height = write_board(place, drawn, dpi)
     print(
         f"{out}: print at {dpi:g} dots per inch, {width / MILLIMETRE:.1f} x "
         f"{height / MILLIMETRE:.1f} mm, and measure a square before you trust it"
     )
-
-
-if TYPE_CHECKING:
-    from marker_tracker_node.camera.calibration import Board
-
-
-def chosen_board(
-    columns: int, rows: int, square_mm: float, marker_mm: float, dictionary: str
-) -> Board:
-    """Return the board; end the command where there is none of that kind.
-
-    Args:
-        columns: Squares across.
-        rows: Squares down.
-        square_mm: Side of a square [mm].
-        marker_mm: Side of a ChArUco marker [mm]; 0 for a plain chessboard.
-        dictionary: Of the markers.
-    """
-    from marker_tracker_node.camera.calibration import Board
-
-    for option, count in (("--columns", columns), ("--rows", rows)):
-        if count < 3:
-            refuse(f"{option} must be 3 or more, got {count}")
-    if not (math.isfinite(square_mm) and square_mm > 0.0):
-        refuse(f"--square-mm must be positive and finite, got {square_mm:g}")
-    if not 0.0 <= marker_mm < square_mm:
-        refuse(f"--marker-mm must lie in 0 to --square-mm, {square_mm:g}, got {marker_mm:g}")
-    with refused(ValueError):
-        return Board(
-            columns=columns,
-            rows=rows,
-            square=square_mm * MILLIMETRE,
-            marker=marker_mm * MILLIMETRE if marker_mm else None,
-            dictionary=dictionary,
-        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
 
 
@@ -30,10 +30,6 @@ class Finding:
     found: str
     advice: str = ""
 
-    def as_record(self) -> dict[str, str]:
-        """Return the finding for a JSON file."""
-        return asdict(self)
-
 
 def ok(check: str, found: str) -> Finding:
     """Return a finding that asks for nothing."""
@@ -48,3 +44,10 @@ def warn(check: str, found: str, advice: str) -> Finding:
 def fail(check: str, found: str, advice: str) -> Finding:
     """Return a finding that the graph does not run with."""
     return Finding(check=check, level=Level.FAIL, found=found, advice=advice)
+
+
+def judged(check: str, found: str, advice: str, *, fine: bool, fails: bool = False) -> Finding:
+    """Return a finding that is fine, or else a failure or a warning with advice."""
+    if fine:
+        return ok(check, found)
+    return fail(check, found, advice) if fails else warn(check, found, advice)

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from winding_cli.doctor.finding import Finding, fail, ok, warn
+from winding_cli.doctor.finding import Finding, fail, judged, ok, warn
 from winding_cli.doctor.installation import RMW
 from winding_core.units import MILLISECOND
 
@@ -284,9 +284,8 @@ def _round_trip(result: Exchange) -> Finding:
         f"{middle / MILLISECOND:.2f} ms in the middle, "
         f"{max(result.round_trips) / MILLISECOND:.2f} ms at most"
     )
-    if middle <= _SLOW:
-        return ok(check, found)
-    return warn(check, found, "end other programs; runs in real time need answers in 50 ms")
+    advice = "end other programs; runs in real time need answers in 50 ms"
+    return judged(check, found, advice, fine=middle <= _SLOW)
 
 
 def _spin_until(node: Node, reached: Callable[[], bool], end: float) -> bool:
