@@ -1,6 +1,7 @@
-"""`winding run --machine external --dashboard`: run after run, conducted by services alone."""
+"""`winding run --dashboard`, conducted by services alone: run after run, until it fails or ends."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,20 @@ pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
 EXTERNAL = ("--machine", "external", "--no-camera", "--duration-s", "5")
 
 
-@pytest.fixture
-def session(ros: Any, driver: Any, tmp_path: Path) -> Iterator[ConductedSession]:
-    made = ConductedSession(ros, driver.namespace, tmp_path / "runs", *EXTERNAL)
+@contextmanager
+def conducted(*words: Any) -> Iterator[ConductedSession]:
+    made = ConductedSession(*words)
     try:
         yield made
     finally:
         if made.process.poll() is None:
             made.end()
+
+
+@pytest.fixture
+def session(ros: Any, driver: Any, tmp_path: Path) -> Iterator[ConductedSession]:
+    with conducted(ros, driver.namespace, tmp_path / "runs", *EXTERNAL) as made:
+        yield made
 
 
 def test_second_run_begins_where_the_machine_stands(
@@ -47,6 +54,14 @@ def test_second_run_begins_where_the_machine_stands(
         assert record["ended"] is None
         # The machine's speeds are those of its encoder: the specification's 0.05 %.
         assert record["markers"][0]["s_fem_m"] == pytest.approx(predicted_p1, rel=5.0e-4)
+
+
+def test_a_start_as_soon_as_the_page_is_served_begins_the_run(session: ConductedSession) -> None:
+    session.until(session.served)
+    assert session.call("rig/start").success
+    session.reach(RunPhase.OVER)
+    assert session.end() == 0
+    assert session.record(1)["ended"] is None
 
 
 SERVE = 'f"rig/{name}", getattr(self, name)'
@@ -96,3 +111,20 @@ def test_a_session_that_cannot_go_on_refuses_the_next_run(session: ConductedSess
     session.until(lambda: "href=" in session.page()["parts"]["runs"])
     assert session.end() == 1
     assert "the cylinder turned backwards" in session.record(1)["ended"]
+
+
+def test_the_page_outlives_a_simulated_machine_that_died(ros: Any, tmp_path: Path) -> None:
+    with conducted(ros, "attended", tmp_path / "runs", "--duration-s", "60") as session:
+        session.until(session.served)
+        session.until(lambda: session.call("rig/start").success)
+        session.until(lambda: "WINDING" in session.page()["parts"]["band"])
+        session.until(lambda: float(session.page()["texts"]["clock"].split()[0]) > 1.0)
+        session.kill("winding_rig_node")
+        session.reach(RunPhase.FAILED, message="winding_rig ended with exit code -9")
+        session.until(lambda: "FAILED" in session.page()["parts"]["band"])
+        assert session.page()["off"]["start"]
+        session.until(lambda: "href=" in session.page()["parts"]["runs"])
+        record = session.record(1)
+        assert record["case"] == 4
+        assert "winding_rig ended" in record["ended"]
+        assert session.end() == 1

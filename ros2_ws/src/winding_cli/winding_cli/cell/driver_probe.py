@@ -99,17 +99,18 @@ class Probe:
     async def services(self) -> list[Finding]:
         """Return whether every service of the machine is there with its type."""
         offered: dict[str, list[str]] = dict(self._client.node.get_service_names_and_types())
-        return [
-            Finding(
-                promise=f"{service.name}: a {service.type_name} service",
-                kept=service.type_name
-                in offered.get(self._client.node.resolve_service_name(service.name), []),
-                measured=", ".join(
-                    offered.get(self._client.node.resolve_service_name(service.name), ["not there"])
-                ),
+        found = []
+        for service in RIG_SERVICES:
+            name = self._client.node.resolve_service_name(service.name)
+            kinds = offered.get(name, ["not there"])
+            found.append(
+                Finding(
+                    promise=f"{service.name}: a {service.type_name} service",
+                    kept=service.type_name in kinds,
+                    measured=", ".join(kinds),
+                )
             )
-            for service in RIG_SERVICES
-        ]
+        return found
 
     async def moves(self, running: tuple[float, float], stop_within: float) -> list[Finding]:
         """Start, stop and emergency-stop the machine; it must be free to move.
@@ -120,13 +121,12 @@ class Probe:
             stop_within: Longest time from the answered request to standstill [s].
         """
         stood = self._encoder.values[-1]
-        found = [await self._begins("rig/start", running)]
-        found.append(self._axes(stood, running))
-        found.append(await self._ends("rig/stop", running, stop_within))
-        found.append(await self._begins("rig/start", running))
-        found.append(await self._ends("rig/quick_stop", running, stop_within))
-        found.append(await self._begins("rig/start", running))
-        found.append(await self._ends("rig/emergency_stop", running, stop_within))
+        found: list[Finding] = []
+        for stop in ("rig/stop", "rig/quick_stop", "rig/emergency_stop"):
+            found.append(await self._begins("rig/start", running))
+            if len(found) == 1:
+                found.append(self._axes(stood, running))
+            found.append(await self._ends(stop, running, stop_within))
         refused = await self._ask("rig/start")
         found.append(
             Finding(
