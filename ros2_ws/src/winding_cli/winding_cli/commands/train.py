@@ -15,6 +15,29 @@ if TYPE_CHECKING:
     from correction_node.models.dataset import DataSet
 
 
+def _pct(heading: str, name: str, missing: str = "") -> Shown:
+    return Shown(heading, lambda scored: getattr(scored[1], name), ".2f", missing=missing)
+
+
+_MODEL = Shown("model", lambda scored: scored[0])
+_COMPARED = (
+    _MODEL,
+    Shown("kind", lambda scored: scored[1].kind),
+    _pct("in-sample", "in_sample_pct"),
+    _pct("+-", "in_sample_spread_pct"),
+    _pct("leave one case out", "leave_one_case_out_pct"),
+    _pct("+-", "leave_one_case_out_spread_pct"),
+    _pct("worst case", "worst_case_pct"),
+    _pct("bound 12/13", "bound_pct"),
+)
+_TRAINED = (
+    _MODEL,
+    _pct("in-sample", "in_sample_pct"),
+    _pct("leave one case out", "leave_one_case_out_pct"),
+    _pct("worst case left out", "worst_case_pct"),
+)
+
+
 def train(
     *,
     model: Annotated[
@@ -100,26 +123,3 @@ def _compare(data_set: DataSet, steps: int) -> None:
         "+- is largest minus smallest over three seeds"
     )
     result_console().print(record_table(_COMPARED, scores.items(), words=2, title=title))
-
-
-def _pct(heading: str, name: str, missing: str = "") -> Shown:
-    return Shown(heading, lambda scored: getattr(scored[1], name), ".2f", missing=missing)
-
-
-_MODEL = Shown("model", lambda scored: scored[0])
-_COMPARED = (
-    _MODEL,
-    Shown("kind", lambda scored: scored[1].kind),
-    _pct("in-sample", "in_sample_pct"),
-    _pct("+-", "in_sample_spread_pct"),
-    _pct("leave one case out", "leave_one_case_out_pct"),
-    _pct("+-", "leave_one_case_out_spread_pct"),
-    _pct("worst case", "worst_case_pct"),
-    _pct("bound 12/13", "bound_pct"),
-)
-_TRAINED = (
-    _MODEL,
-    _pct("in-sample", "in_sample_pct"),
-    _pct("leave one case out", "leave_one_case_out_pct"),
-    _pct("worst case left out", "worst_case_pct"),
-)

@@ -16,6 +16,19 @@ from typing import Any
 
 from winding_cli.doctor.finding import Finding, fail, ok, warn
 
+DISTRIBUTION = "cable-winding-twin"
+# A reserved domain (RFC 2606): the value stands in for one.
+STAND_IN = ".example"
+_CHECK = "addresses of the project"
+RMW = "rmw_fastrtps_cpp"
+_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+_PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+_UNWANTED = {
+    "ROS_LOCALHOST_ONLY": f"it is deprecated and overrides {_RANGE}",
+    "ROS_STATIC_PEERS": "nodes look for others on those machines too",
+    "ROS_DISCOVERY_SERVER": "nodes find each other only through it",
+}
+
 PYTHONS = ((3, 11), (3, 12), (3, 13))
 _PATIENCE = 180.0
 # Extra that a graph runs without -> commands that need it.
@@ -158,17 +171,6 @@ def _load_type_support(module: str) -> None:
         raise ImportError(f"{module} has no type support for this middleware")
 
 
-if __name__ == "__main__":
-    for wanted in sys.argv[1:]:
-        print(json.dumps({"module": wanted, **vars(_import(wanted))}), flush=True)
-
-
-DISTRIBUTION = "cable-winding-twin"
-# A reserved domain (RFC 2606): the value stands in for one.
-STAND_IN = ".example"
-_CHECK = "addresses of the project"
-
-
 def judge_addresses(facts: metadata.PackageMetadata | None) -> Finding:
     """Return whether the project's maintainer and its sites have been filled in.
 
@@ -197,16 +199,6 @@ def installed() -> metadata.PackageMetadata | None:
         return metadata.metadata(DISTRIBUTION)
     except metadata.PackageNotFoundError:
         return None
-
-
-RMW = "rmw_fastrtps_cpp"
-_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-_PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
-_UNWANTED = {
-    "ROS_LOCALHOST_ONLY": f"it is deprecated and overrides {_RANGE}",
-    "ROS_STATIC_PEERS": "nodes look for others on those machines too",
-    "ROS_DISCOVERY_SERVER": "nodes find each other only through it",
-}
 
 
 def judge_variables(
@@ -266,3 +258,8 @@ def _profiles(value: str | None, is_file: Callable[[str], bool]) -> Finding:
         f"{value} takes the place of the graph's own, with its transports and leases",
         f"unset {_PROFILES} unless you need it",
     )
+
+
+if __name__ == "__main__":
+    for wanted in sys.argv[1:]:
+        print(json.dumps({"module": wanted, **vars(_import(wanted))}), flush=True)

@@ -200,12 +200,6 @@ def _check_weights(config: RunConfig) -> None:
             refuse(error)
 
 
-if TYPE_CHECKING:
-    from winding_supervisor.machine.external_machine import ExternalMachineConfig
-
-SIMULATED, EXTERNAL = "simulated", "external"
-
-
 @dataclass(frozen=True, kw_only=True)
 class MachineOptions:
     """What is typed of an external machine beside its axes.

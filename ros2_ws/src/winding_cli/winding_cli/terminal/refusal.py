@@ -13,6 +13,8 @@ import typer
 
 REFUSED = 2
 FAILED = 1
+# Extra of the project -> modules that it brings.
+_MODULES = {"train": ("torch", "sklearn"), "tables": ("pyarrow",)}
 
 
 def refuse(sentence: object, code: int = REFUSED) -> NoReturn:
@@ -38,10 +40,6 @@ def refused(*errors: type[Exception], code: int = REFUSED) -> Iterator[None]:
         yield
     except errors as error:
         refuse(error, code)
-
-
-# Extra of the project -> modules that it brings.
-_MODULES = {"train": ("torch", "sklearn"), "tables": ("pyarrow",)}
 
 
 def need_extra(extra: str, what: str) -> None:

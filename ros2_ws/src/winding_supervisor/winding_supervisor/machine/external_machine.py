@@ -42,6 +42,11 @@ _STOP_TIMEOUT = 0.8
 _STOP_HASTE = 0.4
 # So long after the first motion its direction and speed are judged [s].
 _JUDGED = 3.0
+PATIENCE = 30.0
+# Standing readings are looked at for so long [s].
+_LOOK = 0.5
+# Positions of a machine that stands tremble by less than this within a look [rad, m].
+_TREMBLING = (0.01, 2.0e-4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -322,13 +327,6 @@ class ExternalMachine:
 def _done_well(asked: list[asyncio.Task[str]]) -> bool:
     """Return whether a service has done what it was asked."""
     return any(task.done() and not task.result() for task in asked)
-
-
-PATIENCE = 30.0
-# Standing readings are looked at for so long [s].
-_LOOK = 0.5
-# Positions of a machine that stands tremble by less than this within a look [rad, m].
-_TREMBLING = (0.01, 2.0e-4)
 
 
 async def standing_axes(

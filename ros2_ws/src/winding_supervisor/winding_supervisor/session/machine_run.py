@@ -15,6 +15,10 @@ from winding_supervisor.machine.machine import Machine
 
 # Frames may be lost at the very end of a run: nothing more comes after so long.
 _LAST_FRAMES = 1.0
+_POLL = 0.05
+_VIEW_PERIOD = 0.25
+
+View = Callable[[RunBuffer, float], None]
 
 
 class Completion:
@@ -49,12 +53,6 @@ class Completion:
     def _ends(self, topic: Topic, buffer: RunBuffer) -> bool:
         assert topic.rate is not None
         return buffer.last_stamp(topic) > self._end - 1.0 / topic.rate
-
-
-_POLL = 0.05
-_VIEW_PERIOD = 0.25
-
-View = Callable[[RunBuffer, float], None]
 
 
 class MachineRun:
