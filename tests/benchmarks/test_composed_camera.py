@@ -13,7 +13,7 @@ from winding_core.condition import Condition
 from winding_core.machine_axes import MachineAxes
 from winding_ros import topics
 from winding_ros.graph_error import GraphError
-from winding_supervisor.machine.external_machine import ExternalMachineConfig
+from winding_supervisor.machines.external_machine import ExternalMachineConfig
 from winding_supervisor.session.run import opened_run
 from winding_supervisor.session.run_config import RunConfig
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from winding_supervisor.supervision.event_log import read_events
+from winding_supervisor.watch.event_log import read_events
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes]
 

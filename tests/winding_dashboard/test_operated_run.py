@@ -13,7 +13,7 @@ from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
 from winding_recorder.bags.notes import PARAMETERS
 from winding_recorder.bags.reading import read_notes
-from winding_supervisor.supervision.event_log import read_events
+from winding_supervisor.watch.event_log import read_events
 
 pytestmark = [
     pytest.mark.campaign,

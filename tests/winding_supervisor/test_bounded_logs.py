@@ -10,7 +10,7 @@ import pytest
 
 from winding_ros.graph import GRAPH
 from winding_supervisor.processes.node_process import LOG_LIMIT, NodeProcess
-from winding_supervisor.supervision.event_log import FILE_LIMIT, EventLog, read_events
+from winding_supervisor.watch.event_log import FILE_LIMIT, EventLog, read_events
 
 CHUNK = 65_536
 LINES = """

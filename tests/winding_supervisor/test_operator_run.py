@@ -25,7 +25,7 @@ from winding_ros.rig_messages import encode_joint_state
 from winding_supervisor.processes.discovery import outsiders
 from winding_supervisor.session.dashboard_process import DashboardConfig, DashboardProcess
 from winding_supervisor.session.operator_run import RunStart
-from winding_supervisor.supervision.event_log import EventLog, read_events
+from winding_supervisor.watch.event_log import EventLog, read_events
 
 NAMESPACE = "attended"
 SPEED = 1.74

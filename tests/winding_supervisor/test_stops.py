@@ -8,7 +8,7 @@ import pytest
 
 from winding_core.drive import DriveProfile
 from winding_core.machine_axes import MachineAxes
-from winding_supervisor.machine.external_machine import ExternalMachine, ExternalMachineConfig
+from winding_supervisor.machines.external_machine import ExternalMachine, ExternalMachineConfig
 
 QUICK_STOP, STOP = "rig/quick_stop", "rig/stop"
 

@@ -11,9 +11,9 @@ from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.topic import Topic
 from winding_supervisor.processes.node_process import Backoff
-from winding_supervisor.supervision.event_log import EventLog, read_events
-from winding_supervisor.supervision.load_monitor import LoadMonitor
-from winding_supervisor.supervision.sensor_watch import SensorWatch
+from winding_supervisor.watch.event_log import EventLog, read_events
+from winding_supervisor.watch.load_monitor import LoadMonitor
+from winding_supervisor.watch.sensor_watch import SensorWatch
 
 SENSORS = ("/clock", "rig/joint_states", "rig/tension", "camera/camera_info")
 

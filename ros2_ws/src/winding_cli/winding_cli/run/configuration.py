@@ -23,7 +23,7 @@ from winding_core.units import MEGABYTE, MILLIMETRE
 
 if TYPE_CHECKING:
     from winding_recorder.bags.mcap_file import BagConfig
-    from winding_supervisor.machine.external_machine import ExternalMachineConfig
+    from winding_supervisor.machines.external_machine import ExternalMachineConfig
     from winding_supervisor.session.run_config import RunConfig
 
 SIMULATED, EXTERNAL = "simulated", "external"
@@ -251,7 +251,7 @@ def machine_of(
         if value is not None:
             refuse(f"--{name} is for the simulated machine")
     _check(options)
-    from winding_supervisor.machine.external_machine import ExternalMachineConfig
+    from winding_supervisor.machines.external_machine import ExternalMachineConfig
 
     return ExternalMachineConfig(
         axes=machine_axes(axes),

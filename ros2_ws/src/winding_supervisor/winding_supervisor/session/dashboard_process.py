@@ -19,7 +19,7 @@ from winding_ros.graph_error import GraphError
 from winding_ros.heartbeat import Sign
 from winding_supervisor.processes.members import exit_error
 from winding_supervisor.processes.node_process import Backoff, NodeProcess, node_process
-from winding_supervisor.supervision.event_log import EventLog
+from winding_supervisor.watch.event_log import EventLog
 
 # First starts on a busy machine.
 _START_TIMEOUT = 120.0

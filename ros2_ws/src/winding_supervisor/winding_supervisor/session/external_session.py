@@ -14,11 +14,11 @@ from winding_core.status import Level
 from winding_ros import services
 from winding_ros.async_client import AsyncClient
 from winding_ros.graph_error import GraphError
-from winding_supervisor.machine.external_machine import ExternalMachine
+from winding_supervisor.machines.external_machine import ExternalMachine
 from winding_supervisor.processes.orchestrator import Orchestrator
 from winding_supervisor.session.machine_run import MachineRun, View
 from winding_supervisor.session.run_config import RunResult
-from winding_supervisor.supervision.supervisor import Supervisor
+from winding_supervisor.watch.supervisor import Supervisor
 
 _REPORT_PERIOD, _POLL = 1.0, 0.05
 _TAKEN = "machine and nodes are made ready for the next run"

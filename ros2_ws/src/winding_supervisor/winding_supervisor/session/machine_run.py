@@ -11,7 +11,7 @@ from typing import Any
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
 from winding_ros.topic import Topic
-from winding_supervisor.machine.machine import Machine
+from winding_supervisor.machines.machine import Machine
 
 # Frames may be lost at the very end of a run: nothing more comes after so long.
 _LAST_FRAMES = 1.0

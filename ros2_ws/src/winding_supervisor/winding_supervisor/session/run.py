@@ -15,8 +15,8 @@ from winding_ros.async_client import AsyncClient
 from winding_ros.environment import set_process_environment
 from winding_ros.graph import Policy
 from winding_ros.graph_error import GraphError
-from winding_supervisor.machine.external_machine import ExternalMachine
-from winding_supervisor.machine.machine import Machine
+from winding_supervisor.machines.external_machine import ExternalMachine
+from winding_supervisor.machines.machine import Machine
 from winding_supervisor.processes.orchestrator import Orchestrator
 from winding_supervisor.session.dashboard_process import DashboardProcess, outlive
 from winding_supervisor.session.domain_lock import chosen_domain, domain_lock
@@ -38,8 +38,8 @@ from winding_supervisor.session.run_parts import (
     new_recorder,
     page_config,
 )
-from winding_supervisor.supervision.event_log import EventLog
-from winding_supervisor.supervision.supervisor import Supervisor, replay_parameters
+from winding_supervisor.watch.event_log import EventLog
+from winding_supervisor.watch.supervisor import Supervisor, replay_parameters
 
 Report = Callable[[str], None]
 Deliver = Callable[[RunResult], None]

@@ -28,9 +28,9 @@ from winding_ros.graph import (
     parameters_of,
 )
 from winding_ros.parameter_files import check_readable, declared_names, parameters_for
-from winding_supervisor.machine.external_machine import ExternalMachineConfig
+from winding_supervisor.machines.external_machine import ExternalMachineConfig
 from winding_supervisor.session.domain_lock import chosen_domain
-from winding_supervisor.supervision.event_log import Event
+from winding_supervisor.watch.event_log import Event
 
 # The machine stops when the orchestrator has given no sign of life for so long.
 _SUPERVISOR_TIMEOUT = 1.5

@@ -23,9 +23,9 @@ from winding_ros.graph import FEM, TRACKER, parameters_of
 from winding_ros.message_error import MessageError
 from winding_ros.topic import Topic
 from winding_ros.topics import ROBOT_DESCRIPTION
-from winding_supervisor.machine.external_machine import ExternalMachine
-from winding_supervisor.machine.machine import Machine
-from winding_supervisor.machine.simulated_machine import SimulatedMachine
+from winding_supervisor.machines.external_machine import ExternalMachine
+from winding_supervisor.machines.machine import Machine
+from winding_supervisor.machines.simulated_machine import SimulatedMachine
 from winding_supervisor.processes.orchestrator import GraphConfig
 from winding_supervisor.session.dashboard_process import DashboardConfig
 from winding_supervisor.session.operator_run import parameter_notes

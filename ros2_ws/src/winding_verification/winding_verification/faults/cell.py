@@ -24,11 +24,11 @@ from winding_ros.graph import GRAPH, pace_topics
 from winding_ros.graph_error import GraphError
 from winding_ros.message_error import MessageError
 from winding_ros.rig_messages import decode_joint_state
-from winding_supervisor.machine.simulated_machine import SimulatedMachine
+from winding_supervisor.machines.simulated_machine import SimulatedMachine
 from winding_supervisor.processes.node_process import Backoff
 from winding_supervisor.processes.orchestrator import GraphConfig, Orchestrator
-from winding_supervisor.supervision.event_log import EventLog
-from winding_supervisor.supervision.supervisor import Supervisor, replay_parameters
+from winding_supervisor.watch.event_log import EventLog
+from winding_supervisor.watch.supervisor import Supervisor, replay_parameters
 
 CASE = 4
 # A new run begins when the present one has gone on for so long [s].

@@ -8,7 +8,7 @@ import time
 from functools import partial
 
 from winding_ros.graph import GRAPH, Policy
-from winding_supervisor.supervision.event_log import Event
+from winding_supervisor.watch.event_log import Event
 from winding_verification.faults.cell import FaultCell
 from winding_verification.faults.outcome import (
     CRASH_WITHIN,

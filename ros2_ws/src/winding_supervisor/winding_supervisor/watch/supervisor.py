@@ -21,13 +21,13 @@ from winding_ros.async_client import NAME, AsyncClient
 from winding_ros.graph import Policy
 from winding_ros.graph_error import GraphError
 from winding_ros.heartbeat import Sign
-from winding_supervisor.machine.machine import Machine
+from winding_supervisor.machines.machine import Machine
 from winding_supervisor.processes.discovery import RivalWatch
 from winding_supervisor.processes.node_process import Backoff
 from winding_supervisor.processes.orchestrator import Orchestrator
-from winding_supervisor.supervision.event_log import EventLog
-from winding_supervisor.supervision.load_monitor import LoadMonitor
-from winding_supervisor.supervision.sensor_watch import SensorWatch
+from winding_supervisor.watch.event_log import EventLog
+from winding_supervisor.watch.load_monitor import LoadMonitor
+from winding_supervisor.watch.sensor_watch import SensorWatch
 
 _LOOK_PERIOD = 0.05
 _BEAT_PERIOD = 0.1
