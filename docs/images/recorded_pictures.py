@@ -26,8 +26,8 @@ from winding_core.markers import (
     is_wound,
     positions,
 )
+from winding_recorder.bags.contents import configuration_of, recorded_parameters
 from winding_recorder.bags.reading import decoded, messages_of, opened
-from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
 

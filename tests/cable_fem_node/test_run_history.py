@@ -9,7 +9,7 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
 from winding_core.planned_inputs import continued_inputs, planned_inputs
-from winding_core.run_history import RunHistory
+from winding_core.run_inputs import RunHistory
 
 DRIVE = DriveProfile()
 # Coarse, so that the tests are quick: both sides of a comparison wind the same rod.

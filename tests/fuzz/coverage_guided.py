@@ -25,7 +25,7 @@ with atheris.instrument_imports(include=["winding_recorder", "mcap", "rosbags"])
     from winding_core.markers import MarkerFlag
     from winding_recorder.bags.check import check
     from winding_recorder.bags.contents import contents
-    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.description import BagError
     from winding_recorder.bags.recover import recover
 
 ROWS, COLUMNS = 32, 48

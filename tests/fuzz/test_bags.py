@@ -16,12 +16,10 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from winding_core.readings import AxisReading
-from winding_recorder.bags.channel import jazzy_channel
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import METADATA, BagError, jazzy_channel
 from winding_recorder.bags.mcap_file import BagConfig
-from winding_recorder.bags.metadata import METADATA
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.bags.recover import recover
 from winding_recorder.bags.tables import export

@@ -16,7 +16,7 @@ from winding_core.parameters import ParameterError, build
 from winding_core.run_inputs import RunInputs, RunInputsError
 from winding_core.yaml_text import YamlTextError, load_yaml
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import BagError
 from winding_recorder.bags.tables import export
 from winding_rig_node.ros.parameters import RigParameters
 from winding_ros.camera_messages import decode_camera_info

@@ -18,10 +18,8 @@ from winding_core.error_verdict import PAPER_LIMIT_PCT
 from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlMode
 from winding_core.lay_records import LAY_DTYPE
 from winding_core.readings import AxisReading
-from winding_recorder.bags.channel import jazzy_channel
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import COMPLETE, PARAMETERS, YES, BagError, jazzy_channel
 from winding_recorder.bags.mcap_file import BagConfig
-from winding_recorder.bags.notes import COMPLETE, PARAMETERS, YES
 from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
 from winding_recorder.playback.recorded_buffer import recorded_run

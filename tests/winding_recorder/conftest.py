@@ -13,9 +13,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from winding_core.drive import DriveProfile
 from winding_core.readings import AxisReading
-from winding_recorder.bags.channel import Channel, jazzy_channel
+from winding_recorder.bags.description import COMPLETE, LOST, YES, Channel, jazzy_channel
 from winding_recorder.bags.mcap_file import BagConfig
-from winding_recorder.bags.notes import COMPLETE, LOST, YES
 from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
 from winding_ros import topics

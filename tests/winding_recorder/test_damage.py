@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import BagError
 from winding_recorder.bags.reading import opened
 from winding_recorder.bags.recover import recover
 from winding_recorder.bags.tables import export

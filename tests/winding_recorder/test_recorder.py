@@ -13,7 +13,7 @@ from winding_core.readings import AxisReading
 from winding_core.status import Level
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.notes import COMPLETE
+from winding_recorder.bags.description import COMPLETE
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.live.recorder import Recorder, RecorderError
 from winding_ros import topics

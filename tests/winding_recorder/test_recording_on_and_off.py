@@ -12,7 +12,7 @@ from winding_core.markers import wound_markers
 from winding_core.readings import AxisReading
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.notes import COMPLETE, YES
+from winding_recorder.bags.description import COMPLETE, YES
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.live.bag_series import free_folder
 from winding_recorder.live.recorder import Recorder

@@ -12,10 +12,8 @@ import pytest
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from winding_core.markers import MARKER_DTYPE
-from winding_recorder.bags.channel import jazzy_channel
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import PARAMETERS, BagError, jazzy_channel
 from winding_recorder.bags.mcap_file import BagConfig
-from winding_recorder.bags.notes import PARAMETERS
 from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
 from winding_recorder.playback.replay import replay

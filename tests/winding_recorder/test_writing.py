@@ -15,12 +15,10 @@ import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from winding_recorder.bags.channel import jazzy_channel
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import COMPLETE, BagError, jazzy_channel
 from winding_recorder.bags.mcap_file import CHUNK_BYTES, BagConfig
-from winding_recorder.bags.notes import COMPLETE
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.bags.recover import recover
 from winding_recorder.bags.writer import BagWriter

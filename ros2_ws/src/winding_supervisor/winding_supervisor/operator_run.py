@@ -14,7 +14,7 @@ from rclpy.serialization import deserialize_message
 
 from winding_core.operator_limits import OperatorLimits
 from winding_core.status import Status
-from winding_recorder.bags.notes import PARAMETERS
+from winding_recorder.bags.description import PARAMETERS
 from winding_recorder.live.recorder import BufferedMessage, Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.async_client import AsyncClient

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from winding_core.status import Level
-from winding_recorder.live.buffered_inputs import buffered_inputs
 from winding_recorder.live.recorder import RunBuffer
+from winding_recorder.live.run_buffer import buffered_inputs
 from winding_ros import topics
 from winding_ros.async_client import NAME, AsyncClient
 from winding_ros.graph import Policy

@@ -24,8 +24,7 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.drive import DriveProfile
 from winding_core.markers import Markers
 from winding_core.planned_inputs import planned_rest
-from winding_core.run_history import Inputs, RunHistory
-from winding_core.run_inputs import RunInputs
+from winding_core.run_inputs import Inputs, RunHistory, RunInputs
 
 # Beside a machine that winds, a call of the rod is dear. After a step within the standard error it
 # would move the estimate by less than a fifth of that, and the next marker brings it anyway.

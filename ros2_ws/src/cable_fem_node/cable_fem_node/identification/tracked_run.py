@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.run_history import Inputs
+from winding_core.run_inputs import Inputs
 
 # What the tracker reaches on the small cylinder, for readings that bring no deviation.
 DEFAULT_SIGMA_THETA = 3.0e-3

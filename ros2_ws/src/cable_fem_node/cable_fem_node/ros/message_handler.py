@@ -17,8 +17,7 @@ from winding_core.markers import CABLE_DTYPE, Markers
 from winding_core.motion_start import MotionStart
 from winding_core.reading_limits import ReadingLimits
 from winding_core.readings import AxisReading
-from winding_core.run_history import RunHistory
-from winding_core.run_inputs import RunInputs
+from winding_core.run_inputs import RunHistory, RunInputs
 from winding_core.tension_pairing import LoadedReading, TensionPairing
 from winding_ros import topics
 from winding_ros.cloud_messages import encode_cloud

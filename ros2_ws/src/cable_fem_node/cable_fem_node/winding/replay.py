@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from cable_fem_node.winding.winding_model import WindingModel
-from winding_core.run_history import Inputs
-from winding_core.run_inputs import RunInputs
+from winding_core.run_inputs import Inputs, RunInputs
 
 
 class AbandonedError(RuntimeError):

@@ -37,8 +37,7 @@ def info(source: Source) -> None:
     from rich.table import Table
 
     from winding_recorder.bags.contents import contents
-    from winding_recorder.bags.failure import BagError
-    from winding_recorder.bags.notes import COMPLETE, RECOVERED
+    from winding_recorder.bags.description import COMPLETE, RECOVERED, BagError
 
     with refused(BagError, code=FAILED):
         content = contents(source)
@@ -75,7 +74,7 @@ def _wound(notes: Mapping[str, str]) -> str:
 
     from winding_core.condition import Condition
     from winding_core.options import shown_values
-    from winding_recorder.bags.notes import PARAMETERS
+    from winding_recorder.bags.description import PARAMETERS
 
     stated: dict[str, Any] = {}
     try:
@@ -91,7 +90,7 @@ def _wound(notes: Mapping[str, str]) -> str:
 def check(source: Source) -> None:
     """Look for damage: every checksum, message, count and stamp. Exit code 1 if there is any."""
     from winding_recorder.bags.check import check as look
-    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.description import BagError
 
     with refused(BagError, code=FAILED):
         verdict = look(source)
@@ -110,7 +109,7 @@ def recover(
     target: Annotated[Path, typer.Argument(help="New folder; the source is only read.")],
 ) -> None:
     """Make a readable recording out of one that was cut off or damaged."""
-    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.description import BagError
     from winding_recorder.bags.recover import recover as salvage
 
     check_output_folder(target, new=True)
@@ -147,9 +146,8 @@ def play(
     The space key pauses and goes on; so do bag_player/toggle_paused (std_srvs/Trigger) and
     bag_player/set_paused (std_srvs/SetBool).
     """
-    from winding_recorder.bags.failure import BagError
-    from winding_recorder.bags.pacing import Pacing
-    from winding_recorder.playback.player import Player
+    from winding_recorder.bags.description import BagError
+    from winding_recorder.playback.player import Pacing, Player
 
     with refused(ValueError):
         pacing = Pacing(rate, paused=start_paused)
@@ -193,7 +191,7 @@ def replay(
 
     No ROS graph is needed. Two replays of one recording give the same bytes.
     """
-    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.description import BagError
     from winding_recorder.playback.replay import REPLAYABLE
     from winding_recorder.playback.replay import replay as feed
     from winding_ros.graph import DEFAULT_NAMESPACE
@@ -246,7 +244,7 @@ def report(
     from winding_cli.commands.wanted_lay import held_against
     from winding_core.options import typed_values
     from winding_core.parameters import build
-    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.description import BagError
 
     with refused(ValueError):
         held = held_against(judged)
@@ -269,7 +267,7 @@ def export(
 ) -> None:
     """Write a table for every topic; clouds give one row per point."""
     need_extra("tables", "winding bag export")
-    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.description import BagError
     from winding_recorder.bags.tables import export as write
 
     check_output_folder(out, "--output", new=True)

@@ -31,7 +31,7 @@ def write_recorded_report(
     """
     from winding_core.condition import Condition
     from winding_core.lay_wish import LayWish
-    from winding_recorder.bags.recorded_parameters import configuration_of
+    from winding_recorder.bags.contents import configuration_of
     from winding_recorder.playback.recorded_buffer import recorded_run
     from winding_ros import topics
     from winding_supervisor.run_result import RunResult

@@ -66,7 +66,7 @@ def identify(
 ) -> None:
     """Identify the cable's material from tracked markers by inverse winding, or from a test."""
     from cable_fem_node.identification import IdentificationError
-    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.description import BagError
     from winding_study.identification.tables import SourceError
 
     if (tensile is None) == (not sources):
@@ -135,8 +135,8 @@ def _run(source: Path, typed: Typed) -> TrackedRun:
 def _recorded_config(source: Path, typed: Typed) -> WindingConfig:
     """Return what was wound: what was typed of it, else what the solver's node was set to."""
     from cable_fem_node.ros.parameters import FemParameters
-    from winding_recorder.bags.failure import BagError
-    from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
+    from winding_recorder.bags.contents import configuration_of, recorded_parameters
+    from winding_recorder.bags.description import BagError
     from winding_ros.topics import FEM
 
     if "case" in typed or "cylinder_diameter_mm" in typed:

@@ -227,7 +227,7 @@ def run(
     lay = lay_of(lay, published=wound.is_published, composed=bool(camera_source), wish=wished)
     from winding_cli.commands.page_options import page_parameters
     from winding_cli.output.origin import origin_here
-    from winding_recorder.bags.notes import ORIGIN
+    from winding_recorder.bags.description import ORIGIN
     from winding_ros import topics
     from winding_supervisor.run_config import RunConfig
 

@@ -8,11 +8,9 @@ from pathlib import Path
 
 from rosbags.rosbag2.metadata import parse_qos
 
-from winding_recorder.bags.channel import Channel
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import COMPLETE, RECOVERED, BagError, Channel
 from winding_recorder.bags.mcap_file import NOTES_BEFORE, BagConfig
 from winding_recorder.bags.mcap_scan import Scan, ScannedChunk, scan, scan_by_index
-from winding_recorder.bags.notes import COMPLETE, RECOVERED
 from winding_recorder.bags.reading import read_notes, storage_files
 from winding_recorder.bags.writer import BagWriter
 

@@ -7,17 +7,34 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from winding_recorder.bags.channel import jazzy_channel
-from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.loss import LossCount
+from winding_recorder.bags.description import COMPLETE, LOST, YES, BagError, jazzy_channel
 from winding_recorder.bags.mcap_file import BagConfig
-from winding_recorder.bags.notes import COMPLETE, LOST, YES
 from winding_recorder.bags.writer import BagWriter
 from winding_ros import topics
 from winding_ros.polled import Taken
 from winding_ros.topic import Topic
 
 Answer = Callable[[bool, str], None]
+
+
+class LossCount:
+    """Follows one publisher's sequence numbers, which DDS counts from 1.
+
+    A number that is not above the last one is a new publisher's; what it sent before is not
+    known to be lost. What is lost after the last message that arrived cannot be seen.
+    """
+
+    def __init__(self) -> None:
+        self.received = 0
+        self.lost = 0
+        self._last: int | None = None
+
+    def take(self, sequence: int) -> None:
+        """Count a message that arrived, and those that should have arrived before it."""
+        self.received += 1
+        if self._last is not None and sequence > self._last:
+            self.lost += sequence - self._last - 1
+        self._last = sequence
 
 
 class RecorderError(BagError):

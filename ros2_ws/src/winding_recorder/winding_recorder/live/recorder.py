@@ -5,22 +5,25 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rclpy.node import Node
 from std_msgs.msg import Header
+from std_srvs.srv import SetBool
 
 from winding_core.status import Level, Status
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.live.bag_series import BagSeries, RecorderError, free_folder
-from winding_recorder.live.record_service import RecordRequest, RecordService
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.environment import ros_arguments
 from winding_ros.message_guard import StampError
 from winding_ros.polled import PolledTopic, Taken
+from winding_ros.services import RECORD
 from winding_ros.stamps import encode_stamp, serialised_stamp_ns
 from winding_ros.topic import Topic
 
@@ -35,6 +38,49 @@ _LOOK_PERIOD = 0.01
 _TELL_PERIOD_NS = 1_000_000_000
 # Messages of one topic come in order; a machine that is built anew begins at zero.
 _WENT_BACK_NS = 500_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordRequest:
+    """Somebody wants the recording on or off.
+
+    Attributes:
+        on: Which of the two.
+        answer: Takes whether it was done and a sentence; to be called once, from any thread.
+    """
+
+    on: bool
+    answer: Callable[[bool, str], None]
+
+
+class RecordService:
+    """Takes requests between messages, so that they are in order with what is recorded.
+
+    Args:
+        node: It must not be spun.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._service = node.create_service(RECORD.type, RECORD.name, _called)
+
+    def take(self) -> Iterator[RecordRequest]:
+        """Yield the requests that wait."""
+        while True:
+            with self._service.handle:
+                request, header = self._service.handle.service_take_request(SetBool.Request)
+            if header is None:
+                return
+            yield RecordRequest(on=bool(request.data), answer=self._answering(header))
+
+    def _answering(self, header: Any) -> Callable[[bool, str], None]:
+        def answer(success: bool, message: str) -> None:
+            self._service.send_response(SetBool.Response(success=success, message=message), header)
+
+        return answer
+
+
+def _called(_request: Any, _response: Any) -> Any:
+    raise RuntimeError("the node of the recorder's service is spun")
 
 
 class Recorder:

@@ -9,10 +9,9 @@ from typing import Any
 
 from winding_core.machine_axes import MachineAxes
 from winding_core.parameters import ParameterError
-from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.notes import COMPLETE, ORIGIN, PARAMETERS, YES
+from winding_recorder.bags.contents import configuration_of, recorded_parameters
+from winding_recorder.bags.description import COMPLETE, ORIGIN, PARAMETERS, YES, BagError
 from winding_recorder.bags.reading import messages_of, opened, read_notes
-from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.message_guard import StampError

@@ -13,7 +13,7 @@ from cable_fem_node.identification.steady import SteadyMarkers
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.markers import MARKER_DTYPE
 from winding_core.readings import AxisReading
-from winding_core.run_history import Inputs, RunHistory
+from winding_core.run_inputs import Inputs, RunHistory
 from winding_study.identification.tables import SourceError
 
 # Messages of one topic, each as rows by column name.
