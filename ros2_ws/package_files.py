@@ -85,8 +85,12 @@ PACKAGES = {
         tests=("winding_supervisor", "graph"),
         runs=(*NODES, "winding_dashboard"),
     ),
+    "winding_reports": Package(
+        description="Records and reports of runs, and where their time went.",
+        tests=("winding_reports",),
+    ),
     "winding_study": Package(
-        description="Offline questions: the twelve cases, sweeps, identification, reports.",
+        description="Offline questions: the twelve cases, sweeps, identification, plans.",
         tests=("winding_study",),
     ),
     "winding_dashboard": _node(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from winding_study.runs.run_parameters import RunParameters
+from winding_study.run_parameters import RunParameters
 
 
 def test_the_end_alone_is_the_last_record_of_the_whole_history() -> None:

@@ -24,13 +24,12 @@ from winding_core.run_inputs import RunInputs, RunInputsError
 from winding_core.yaml_text import YamlTextError, load_yaml
 from winding_rig_node.ros.parameters import RigParameters
 from winding_ros.parameter_files import parameters_for
-from winding_study.identification.tables import (
+from winding_study.identification.sources import (
     SourceError,
     read_readings,
     read_tensile_test,
 )
-from winding_study.sweep.axes import SpecError
-from winding_study.sweep.spec import parse_spec
+from winding_study.sweep.spec import SpecError, parse_spec
 
 pytestmark = pytest.mark.slow
 fuzzed = settings.get_profile("quick")

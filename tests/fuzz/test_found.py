@@ -23,9 +23,8 @@ from winding_ros.camera_messages import decode_camera_info
 from winding_ros.diagnostic_messages import decode_case_votes, encode_case_votes
 from winding_ros.message_error import MessageError
 from winding_ros.parameter_files import parameters_for
-from winding_study.identification.tables import SourceError, read_readings
-from winding_study.sweep.axes import SpecError
-from winding_study.sweep.spec import parse_spec
+from winding_study.identification.sources import SourceError, read_readings
+from winding_study.sweep.spec import SpecError, parse_spec
 
 
 def given(folder: Path, content: str | bytes) -> Path:

@@ -15,7 +15,7 @@ from winding_core.options import option_kinds, options
 from winding_core.parameters import declarations
 from winding_dashboard.page.condition_form import FIELDS, LAWS
 from winding_ros.graph import GRAPH, parameters_of
-from winding_study.runs.run_parameters import RunParameters
+from winding_study.run_parameters import RunParameters
 
 NAMES = {item.name for item in dataclasses.fields(Condition)}
 KEYS = set(options(Condition))

@@ -12,7 +12,7 @@ from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
 from winding_core.helix import curve_length
 from winding_core.published import published_markers
-from winding_study.runs.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
+from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -18,7 +18,7 @@ from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_cli.commands.app import app
 from winding_core.cases import paper_case
-from winding_study.runs.cable_series import CableSampler
+from winding_reports.records.cable_series import CableSampler
 
 DURATION = 3.0
 PICTURES = 4

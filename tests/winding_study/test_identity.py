@@ -6,9 +6,9 @@ from datetime import UTC, datetime, timedelta, timezone
 import pytest
 
 from winding_core.condition import Condition
-from winding_study.reports.report import render_report
-from winding_study.runs.identity import Identity, Origin, condition_quantities
-from winding_study.runs.run_record import run_json
+from winding_reports.records.identity import Identity, Origin, condition_quantities
+from winding_reports.records.run_record import run_json
+from winding_reports.run_report.report import render_report
 
 BEGAN = datetime(2026, 3, 1, 1, 30, tzinfo=timezone(timedelta(hours=2)))
 ORIGIN = Origin(

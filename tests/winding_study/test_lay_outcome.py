@@ -12,11 +12,16 @@ import pytest
 from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
 from winding_core.lay_records import LAY_DTYPE
+from winding_reports.records.lay_outcome import (
+    LaidLine,
+    LaidRun,
+    LayOutcome,
+    lay_outcome,
+    outcome_json,
+)
+from winding_reports.records.run_record import run_json
+from winding_reports.run_report.report import render_report
 from winding_rig_node.machine.hidden_rig import HiddenRig
-from winding_study.lay.lay_outcome import LaidLine, LaidRun, LayOutcome, lay_outcome
-from winding_study.lay.outcome_record import outcome_json
-from winding_study.reports.report import render_report
-from winding_study.runs.run_record import run_json
 from winding_verification.closed_loop.run import ClosedResult, ClosedRun, wind
 
 TURNS = 4.0

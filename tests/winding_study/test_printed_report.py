@@ -8,10 +8,9 @@ import pytest
 from printed_page import PrintedWord, missing_from_paper, outside_the_margins, printed_words
 
 from winding_core.condition import Condition
-from winding_study.reports.report import write_report
-from winding_study.runs.identity import Identity, condition_quantities
-from winding_study.runs.run_record import RunRecord
-from winding_study.runs.wound_cable import WoundCable
+from winding_reports.records.identity import Identity, condition_quantities
+from winding_reports.records.run_record import RunRecord, WoundCable
+from winding_reports.run_report.report import write_report
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 

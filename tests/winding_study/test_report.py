@@ -11,10 +11,10 @@ import pytest
 
 from winding_core.cases import Case, paper_case
 from winding_core.units import MILLIMETRE
-from winding_study.documents.picture import MOST_POINTS, broken, thinned
-from winding_study.reports.machine_pictures import _mean_over, tracking
-from winding_study.reports.report import render_report, write_report
-from winding_study.runs.run_record import MarkerRow, MarkerSeries, Signal
+from winding_reports.documents.picture import MOST_POINTS, broken, thinned
+from winding_reports.records.run_record import MarkerRow, MarkerSeries, Signal
+from winding_reports.run_report.machine_pictures import _mean_over, tracking
+from winding_reports.run_report.report import render_report, write_report
 
 
 class _Page(HTMLParser):

@@ -7,7 +7,7 @@ import pytest
 from accessibility import grave_findings, opened
 from chromium import chromium
 
-from winding_study.reports.report import write_report
+from winding_reports.run_report.report import write_report
 
 pytestmark = [pytest.mark.slow]
 

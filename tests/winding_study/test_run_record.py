@@ -7,7 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from winding_study.runs.run_record import MarkerRow, MarkerSeries, Signal, run_json, write_run_json
+from winding_reports.records.run_record import (
+    MarkerRow,
+    MarkerSeries,
+    Signal,
+    run_json,
+    write_run_json,
+)
 
 KEYS = {
     "identity",

@@ -18,9 +18,7 @@ from hypothesis import strategies as st
 
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import paper_case
-from winding_study.runs.run_store import RunStore, run_key
-from winding_study.runs.solver_version import solver_sources, solver_version
-from winding_study.runs.whole_file import write_whole
+from winding_study.run_store import RunStore, run_key, solver_sources, solver_version, write_whole
 
 # Prints the project's modules that the solver brings into a fresh process.
 LOADED = """

@@ -9,6 +9,7 @@ from correction_node.models.dataset import load_data_set, parse_lengths
 from winding_core.cases import paper_case
 from winding_core.drive import DriveProfile
 from winding_core.published import published_markers
+from winding_study.paper.case_result import CaseResult, from_arrays, to_arrays
 from winding_study.paper.comparison import compare, compare_paper
 from winding_study.paper.study import (
     CaseFailedError,
@@ -17,8 +18,7 @@ from winding_study.paper.study import (
     wind_case,
     wind_cases,
 )
-from winding_study.runs.case_result import CaseResult, from_arrays, to_arrays
-from winding_study.runs.run_store import RunStore
+from winding_study.run_store import RunStore
 
 
 def _perfect() -> list[CaseResult]:

@@ -28,12 +28,12 @@ from correction_node.training.comparison import (
 from correction_node.training.learners import RIG
 from winding_core.cases import paper_case
 from winding_core.published import Lay, published_markers
+from winding_study.paper.case_result import CaseResult
 from winding_study.paper.comparison import compare, compare_paper
 from winding_study.paper.study import StudyConfig, predicted_lengths
 from winding_study.paper.study_record import StudyRecord
+from winding_study.paper.study_report import render_study, write_study
 from winding_study.paper.study_tables import noise_table
-from winding_study.reports.study_report import render_study, write_study
-from winding_study.runs.case_result import CaseResult
 from winding_verification.correction.repeatability import NoiseAccuracy
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]

@@ -20,8 +20,8 @@ from typer.testing import CliRunner
 from winding_cli.commands.app import app
 from winding_cli.commands.predict import predict
 from winding_core.options import option_kinds
-from winding_study.runs.run_parameters import RunParameters
-from winding_study.runs.run_store import Arrays
+from winding_study.run_parameters import RunParameters
+from winding_study.run_store import Arrays
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 

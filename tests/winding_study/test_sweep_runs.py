@@ -18,13 +18,25 @@ from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cases import Case, paper_case
 from winding_core.drive import DriveProfile
-from winding_study.runs.run_store import Arrays, RunStore, run_key
-from winding_study.runs.solver_version import solver_version
+from winding_study.run_store import Arrays, RunStore, run_key, solver_version
 from winding_study.sweep.campaign import Shard, stored_results, wind_missing
-from winding_study.sweep.cluster import Certificates, DaskEngine, refuse_open_scheduler
-from winding_study.sweep.engines import Engine, EngineError, JoblibEngine, batches
-from winding_study.sweep.outcome import OK, SolverMismatchError, attempt, wind_batch
-from winding_study.sweep.table import table_columns, write_table
+from winding_study.sweep.engines import (
+    Certificates,
+    DaskEngine,
+    Engine,
+    EngineError,
+    JoblibEngine,
+    batches,
+    refuse_open_scheduler,
+)
+from winding_study.sweep.outcome import (
+    OK,
+    SolverMismatchError,
+    attempt,
+    table_columns,
+    wind_batch,
+    write_table,
+)
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 

@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 
 from winding_core.trace import TRACE_DTYPE, Channel, Station, TraceEvent
-from winding_study.reports.trace_pictures import trace_picture
-from winding_study.trace.chrome import write_chrome_trace
-from winding_study.trace.hops import LengthTrace, length_trace
-from winding_study.trace.summary import hop_costs
+from winding_reports.run_report.machine_pictures import trace_picture
+from winding_reports.trace import LengthTrace, hop_costs, length_trace, write_chrome_trace
 
 TAKEN, PUBLISHED, EXPOSED = TraceEvent.TAKEN, TraceEvent.PUBLISHED, TraceEvent.EXPOSED
 # Of each hop [s]; powers of two, so that instants are exact.

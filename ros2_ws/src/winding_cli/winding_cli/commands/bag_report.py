@@ -11,7 +11,7 @@ from winding_cli.commands.run_results import deliver, refuse_flawed, seed_of, sh
 
 if TYPE_CHECKING:
     from winding_cli.commands.wanted_lay import Held
-    from winding_study.runs.identity import Origin
+    from winding_reports.records.identity import Origin
 
 
 def write_recorded_report(
@@ -64,7 +64,7 @@ def write_recorded_report(
 
 def _origin(text: str) -> Origin | None:
     """Return which run a recording is of; None where it does not say so."""
-    from winding_study.runs.identity import Origin
+    from winding_reports.records.identity import Origin
 
     try:
         return Origin.from_text(text) if text else None

@@ -30,7 +30,7 @@ def cable_files(
     if csv_file is None and vtk_file is None:
         yield lambda _model: None
         return
-    from winding_study.runs.cable_series import CableFile, CableSampler, CableTable, VtkSeries
+    from winding_reports.records.cable_series import CableFile, CableSampler, CableTable, VtkSeries
 
     files: list[CableFile] = []
     with ExitStack() as stack:

@@ -14,7 +14,7 @@ from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, write_json
 from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE
-from winding_study.runs.run_parameters import RunParameters
+from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.identification import TrackedRun
@@ -67,7 +67,7 @@ def identify(
     """Identify the cable's material from tracked markers by inverse winding, or from a test."""
     from cable_fem_node.identification import IdentificationError
     from winding_recorder.bags.description import BagError
-    from winding_study.identification.tables import SourceError
+    from winding_study.identification.sources import SourceError
 
     if (tensile is None) == (not sources):
         refuse("give recordings or tables of markers, or --tensile with a stress-strain table")
@@ -92,7 +92,7 @@ def identify(
 
 
 def _runs(sources: list[Path], weights: list[float], typed: Typed) -> list[TrackedRun]:
-    from winding_study.identification.tables import SourceError
+    from winding_study.identification.sources import SourceError
 
     if weights and len(weights) != len(sources):
         raise SourceError(
@@ -114,8 +114,7 @@ def _run(source: Path, typed: Typed) -> TrackedRun:
     from cable_fem_node.identification import TrackedRun
     from winding_core.planned_inputs import planned_inputs
     from winding_recorder.bags.tables import topic_rows
-    from winding_study.identification.recorded import recorded_run
-    from winding_study.identification.tables import read_readings
+    from winding_study.identification.sources import read_readings, recorded_run
 
     if source.is_dir() or source.suffix in (".mcap", ".db3"):
         return recorded_run(
@@ -213,8 +212,8 @@ def _wound(run: TrackedRun, config: WindingConfig) -> Markers:
 
 
 def _tensile(path: Path, parameters: RunParameters) -> dict[str, Any]:
-    from winding_study.documents.data_table import known
-    from winding_study.identification.tables import read_tensile_test
+    from winding_reports.documents.data_table import known
+    from winding_study.identification.sources import read_tensile_test
     from winding_study.identification.tensile import fit_laws, judgement
 
     poisson = parameters.poisson

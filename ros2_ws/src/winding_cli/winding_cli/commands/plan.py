@@ -13,15 +13,15 @@ from winding_cli.commands.console import result_console
 from winding_cli.commands.output_path import check_output_file, staged, write_json
 from winding_cli.commands.refusal import FAILED, refuse
 from winding_core.units import MILLIMETRE
-from winding_study.lay.plan_parameters import PlanParameters
-from winding_study.runs.run_parameters import RunParameters
+from winding_study.plans.plan_parameters import PlanParameters
+from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from lay_control_node.control.expected_landing import ExpectedLanding
     from lay_control_node.planning.lay_plan import LayPlan
     from winding_core.condition import ResolvedCondition
     from winding_core.lay_program import LayProgram
-    from winding_study.lay.solver_check import SolverLay
+    from winding_study.plans.solver_check import SolverLay
 
 STARTS = ("first", "together")
 
@@ -103,7 +103,7 @@ def plan(
             together=start == "together",
         )
         if solver:
-            from winding_study.lay.solver_check import plan_with_solver
+            from winding_study.plans.solver_check import plan_with_solver
 
             planned, laid = plan_with_solver(lambda lag: plan_with(lag=lag), config)
         else:
@@ -136,7 +136,7 @@ def _check_options(
     turns: float | None,
 ) -> None:
     from lay_control_node.programs.points import MOST_TURNS
-    from winding_study.lay.plan_picture import PICTURE_KINDS
+    from winding_study.plans.plan_picture import PICTURE_KINDS
 
     if start not in STARTS:
         refuse(f"--start must be {' or '.join(STARTS)}, got {start!r}")
@@ -211,7 +211,7 @@ def _write(
         with staged(csv_file) as place:
             place.write_text(csv_text(planned, period), encoding="utf-8")
     if picture is not None:
-        from winding_study.lay.plan_picture import write_plan_picture
+        from winding_study.plans.plan_picture import write_plan_picture
 
         with staged(picture) as place:
             write_plan_picture(planned, laid, place, picture.suffix.lower())

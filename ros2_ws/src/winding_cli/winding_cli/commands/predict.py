@@ -18,7 +18,7 @@ from winding_cli.commands.output_path import check_output_file, write_json
 from winding_cli.commands.refusal import refuse
 from winding_cli.output.solver_checks import checks_table, cost_sentences
 from winding_core.units import MILLIMETRE
-from winding_study.runs.run_parameters import RunParameters
+from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.winding.discretisation import DiscretisationError

@@ -15,7 +15,7 @@ from winding_core.operator_limits import OperatorLimits
 from winding_core.parameters import Value
 
 if TYPE_CHECKING:
-    from winding_study.runs.identity import Origin
+    from winding_reports.records.identity import Origin
     from winding_supervisor.run_config import RunConfig
     from winding_supervisor.run_result import RunResult
 

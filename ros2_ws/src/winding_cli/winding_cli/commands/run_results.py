@@ -13,8 +13,8 @@ from winding_core.condition import Condition
 from winding_core.parameters import Value
 
 if TYPE_CHECKING:
-    from winding_study.runs.identity import Origin
-    from winding_study.runs.run_record import RunRecord
+    from winding_reports.records.identity import Origin
+    from winding_reports.records.run_record import RunRecord
     from winding_supervisor.run_result import RunResult
 
 
@@ -44,8 +44,8 @@ def deliver(
         error_limit_pct: Largest error of a corrected length that counts as good [%].
     """
     from winding_cli.output.results import run_record
-    from winding_study.reports.report import write_report
-    from winding_study.runs.run_record import write_run_json
+    from winding_reports.records.run_record import write_run_json
+    from winding_reports.run_report.report import write_report
 
     record = run_record(
         condition,
@@ -65,7 +65,7 @@ def deliver(
 
 def write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
     """Write where the time of each corrected length went, for a viewer of Chrome's traces."""
-    from winding_study.trace.chrome import write_chrome_trace
+    from winding_reports.trace import write_chrome_trace
 
     assert record.trace is not None
     assert result.trace is not None

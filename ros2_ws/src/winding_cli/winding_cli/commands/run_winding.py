@@ -48,7 +48,7 @@ def wind(
     try:
         with opened_run(config) as run:
             delivery.begin(run.config.directory)
-            import_early("winding_study.reports.report")
+            import_early("winding_reports.run_report.report")
             try:
                 results += filter(None, [_watched(run, config, condition, delivery)])
             except (GraphError, TimeoutError, OSError) as error:

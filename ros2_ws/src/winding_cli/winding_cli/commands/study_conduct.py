@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
+from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from winding_cli.commands.console import progress_bar
 from winding_cli.commands.refusal import FAILED, refuse, refused
@@ -14,9 +16,9 @@ from winding_cli.commands.termination import end, interruptible
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from winding_study.paper.case_result import CaseResult
     from winding_study.paper.study import StudyConfig
     from winding_study.paper.study_record import StudyRecord
-    from winding_study.runs.case_result import CaseResult
 
 # A file of the store that nobody finished for so long belongs to a killed process [s].
 ABANDONED = 600.0
@@ -59,7 +61,8 @@ def conduct(
                 comparison,
                 seeds=seeds,
                 steps=steps,
-                progress=lambda said: progress.update(task, description=said),
+                progress=lambda stage: progress.update(task, description=stage),
+                evidence=_evidence(),
             )
     except KeyboardInterrupt:
         end("interrupted while the models were trained; what is wound is kept")
@@ -71,7 +74,7 @@ def _wind(
 ) -> tuple[tuple[CaseResult, ...], int]:
     from cable_fem_node.dynamics.compile import is_compiled
     from winding_study.paper.study import CaseFailedError, wind_cases
-    from winding_study.runs.run_store import RunStore
+    from winding_study.run_store import RunStore
 
     store, there = RunStore(folder), 0
     keys = _keys(config, cases)
@@ -119,6 +122,15 @@ def _wind(
         refuse(f"{error}; the other cases are in {folder}", FAILED)
     except OSError as error:
         refuse(f"cannot write to {folder}: {error.strerror or error}; give another --store", FAILED)
+
+
+def _evidence() -> Callable[..., Any] | None:
+    """Return what makes the tables of evidence, or None where it is not installed."""
+    for point in entry_points(group="winding.evidence", name="correction"):
+        tables: Callable[..., Any] = point.load()
+        return tables
+    _say("winding_verification is not installed: no tables of evidence on the correction")
+    return None
 
 
 def _keys(config: StudyConfig, cases: tuple[int, ...]) -> list[str]:

@@ -12,9 +12,9 @@ from winding_cli.commands.output_path import staged, write_json
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from winding_study.documents.data_table import DataTable
+    from winding_reports.documents.data_table import DataTable
+    from winding_reports.records.identity import Identity
     from winding_study.paper.study_record import StudyRecord
-    from winding_study.runs.identity import Identity
 
 
 def show(record: StudyRecord) -> None:
@@ -57,7 +57,7 @@ def deliver(
     from correction_node.models.dataset import format_lengths
     from winding_cli.output.origin import origin_here
     from winding_study.paper.study import predicted_lengths
-    from winding_study.paper.study_identity import study_identity
+    from winding_study.paper.study_record import study_identity
 
     identity = study_identity(record, origin_here(), seeds)
     if json is not None:
@@ -106,7 +106,7 @@ def calibrate(law: str | None, json: Path | None) -> None:
 
 
 def _report(record: StudyRecord, folder: Path, stored: int, identity: Identity) -> None:
-    from winding_study.reports.study_report import write_study
+    from winding_study.paper.study_report import write_study
 
     _announce(folder / "index.html")
     with staged(folder) as place:

@@ -15,14 +15,13 @@ from winding_cli.commands.output_path import check_output_file, check_output_fol
 from winding_cli.commands.refusal import FAILED, refuse, refused
 from winding_cli.commands.termination import end, interruptible
 from winding_core.options import option_kinds
-from winding_study.runs.run_parameters import RunParameters
+from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.winding.prediction import PlannedRun
-    from winding_study.runs.run_store import Arrays, RunStore
-    from winding_study.sweep.axes import Value
+    from winding_study.run_store import Arrays, RunStore
     from winding_study.sweep.engines import Engine
-    from winding_study.sweep.spec import SweepSpec
+    from winding_study.sweep.spec import SweepSpec, Value
 
 STORE = Path("runs") / "sweeps"
 ENGINES = ("joblib", "dask")
@@ -80,9 +79,9 @@ def sweep(
     ] = False,
 ) -> None:
     """Wind every combination of parameters that a file describes and tabulate the results."""
-    from winding_study.runs.run_store import RunStore
+    from winding_study.run_store import RunStore
     from winding_study.sweep.campaign import Shard
-    from winding_study.sweep.table import SUFFIXES
+    from winding_study.sweep.outcome import SUFFIXES
 
     if out is not None and out.suffix not in SUFFIXES:
         refuse(f"--output must end in {' or '.join(SUFFIXES)}, got {out.name}")
@@ -110,8 +109,7 @@ def _engine(
     scheduler: str | None,
     tls: tuple[Path | None, Path | None, Path | None],
 ) -> Engine:
-    from winding_study.sweep.cluster import Certificates, DaskEngine
-    from winding_study.sweep.engines import JoblibEngine
+    from winding_study.sweep.engines import Certificates, DaskEngine, JoblibEngine
 
     if name not in ENGINES:
         raise ValueError(f"engine must be {' or '.join(ENGINES)}, got {name!r}")
@@ -133,10 +131,8 @@ def _engine(
 
 def _plan(path: Path, part: Any) -> tuple[tuple[str, ...], Plan]:
     """Check every run of a sweep and return this part of it."""
-    from winding_study.runs.run_store import run_key
-    from winding_study.runs.solver_version import solver_version
-    from winding_study.sweep.axes import SpecError
-    from winding_study.sweep.spec import parse_spec
+    from winding_study.run_store import run_key, solver_version
+    from winding_study.sweep.spec import SpecError, parse_spec
 
     try:
         spec = parse_spec(path.read_text(encoding="utf-8"), option_kinds(RunParameters))
@@ -237,8 +233,8 @@ def _deliver(
     plan: Plan, results: dict[str, Arrays], varied: tuple[str, ...], out: Path | None
 ) -> None:
     from winding_cli.commands.sweep_summary import print_summary
-    from winding_study.runs.solver_version import solver_version
-    from winding_study.sweep.table import table_columns, write_table
+    from winding_study.run_store import solver_version
+    from winding_study.sweep.outcome import table_columns, write_table
 
     columns = table_columns(plan.numbers, plan.keys, plan.inputs, results, solver=solver_version())
     print_summary(columns, varied)

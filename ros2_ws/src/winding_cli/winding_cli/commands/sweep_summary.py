@@ -11,7 +11,7 @@ from winding_cli.commands.console import result_console
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
-    from winding_study.sweep.table import Columns
+    from winding_study.sweep.outcome import Columns
 
 LONGEST = 24
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from lay_control_node.control.expected_landing import ExpectedLanding
     from lay_control_node.planning.lay_plan import LayPlan
-    from winding_study.lay.solver_check import SolverLay
+    from winding_study.plans.solver_check import SolverLay
 
 
 # What a marker is asked to keep under control [rad]: the first one lands before any is measured.

@@ -15,9 +15,9 @@ from winding_core.lay_records import LAY_DTYPE, LayRecords
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
 from winding_core.parameters import Value, build
 from winding_recorder.live.run_buffer import RunBuffer
+from winding_reports.records.lay_outcome import LaidLine, LaidRun, LayOutcome, lay_outcome
+from winding_reports.records.run_record import MarkerSeries
 from winding_ros import topics
-from winding_study.lay.lay_outcome import LaidLine, LaidRun, LayOutcome, lay_outcome
-from winding_study.runs.run_record import MarkerSeries
 
 # The cable is complete once it reaches P0 [rad].
 _BEGIN = 0.05

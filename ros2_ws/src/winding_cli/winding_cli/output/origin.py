@@ -8,7 +8,7 @@ import socket
 from datetime import UTC, datetime
 from importlib import metadata
 
-from winding_study.runs.identity import LIBRARIES, Origin
+from winding_reports.records.identity import LIBRARIES, Origin
 
 # Wheels of PyPI and packages of ROS call the same module differently; so do pip and colcon.
 _DISTRIBUTIONS = {"rclpy": ("ros-jazzy-rclpy", "rclpy")}

@@ -5,9 +5,8 @@ from __future__ import annotations
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from winding_study.runs.run_record import RunRecord
-from winding_study.trace.hops import LengthTrace
-from winding_study.trace.summary import hop_costs
+from winding_reports.records.run_record import RunRecord
+from winding_reports.trace import LengthTrace, hop_costs
 
 _ORIGINS = {"camera": "exposure of the newest frame", "prediction": "encoder sample"}
 

@@ -20,14 +20,14 @@ from winding_core.parameters import Value
 from winding_core.published import published_markers
 from winding_core.readings import AxisReading
 from winding_recorder.live.run_buffer import Reading, RunBuffer
+from winding_reports.records.identity import Identity, Origin, condition_quantities
+from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
+from winding_reports.trace import length_trace
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
 from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostics
 from winding_ros.rig_messages import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
-from winding_study.runs.identity import Identity, Origin, condition_quantities
-from winding_study.runs.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
-from winding_study.trace.hops import length_trace
 from winding_supervisor.run_result import RunResult
 
 # A marker in one of these states was not measured in the frame that says so.

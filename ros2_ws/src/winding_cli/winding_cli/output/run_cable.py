@@ -9,10 +9,10 @@ import numpy as np
 from winding_core.cases import Case
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
 from winding_recorder.live.run_buffer import RunBuffer
+from winding_reports.records.run_record import WoundCable
 from winding_ros import topics
 from winding_ros.cloud_messages import decode_cloud
-from winding_study.runs.case_result import MOST_NODES
-from winding_study.runs.wound_cable import WoundCable
+from winding_study.paper.case_result import MOST_NODES
 
 
 def last_cable(buffer: RunBuffer, case: Case) -> WoundCable | None:

@@ -14,7 +14,7 @@ from winding_core.published import (
     published_markers,
 )
 from winding_core.units import MILLIMETRE
-from winding_study.runs.case_result import CaseResult
+from winding_study.paper.case_result import CaseResult
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,8 @@ from winding_core.published import (
     published_weights,
 )
 from winding_core.units import MEGAPASCAL, MILLIMETRE
-from winding_study.documents.data_table import Column, DataTable, Value
-from winding_study.runs.case_result import CaseResult
+from winding_reports.documents.data_table import Column, DataTable, Value
+from winding_study.paper.case_result import CaseResult
 
 Row = Mapping[str, Value]
 # h by (case, marker).

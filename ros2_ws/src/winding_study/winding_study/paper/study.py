@@ -17,9 +17,8 @@ from winding_core.drive import PAPER_DURATION, DriveProfile
 from winding_core.fleet_angle import PAPER_FREE_LENGTH
 from winding_core.published import published_conditions
 from winding_core.tension import DeadWeight, TensionLaw
-from winding_study.runs.case_result import CaseResult, from_arrays, result_of, to_arrays
-from winding_study.runs.run_store import RunStore, run_key
-from winding_study.runs.solver_version import solver_version
+from winding_study.paper.case_result import CaseResult, from_arrays, result_of, to_arrays
+from winding_study.run_store import RunStore, run_key, solver_version
 
 PROCESSES = 2
 ROD_SEGMENT = 5.0e-3

@@ -18,12 +18,15 @@ from correction_node.training.comparison import (
 )
 from correction_node.training.learners import NETWORK, RIG, RIG_NETWORK
 from winding_core.published import published_markers, published_weights
-from winding_study.documents.data_table import DataTable, known
+from winding_core.tension import DeadWeight
+from winding_core.units import MILLIMETRE
+from winding_reports.documents.data_table import DataTable, known
+from winding_reports.records.identity import Identity, Origin, Quantity
+from winding_study.paper.case_result import CaseResult
 from winding_study.paper.comparison import Comparison, compare_paper
 from winding_study.paper.paper_tables import Factors, paper_tables
-from winding_study.paper.study import StudyConfig
+from winding_study.paper.study import ROD_SEGMENT, StudyConfig
 from winding_study.paper.study_tables import cells_table, factors_table, means_table, models_table
-from winding_study.runs.case_result import CaseResult
 
 PUBLISHED = "paper's simulation"
 # Models over the rig's span-tension law.
@@ -41,8 +44,8 @@ class StudyRecord:
         results: Our cases; nothing when the paper's simulation is the base.
         cells: What the models of h learned from, in the order of their h; empty without models.
         models: Scores by name; empty when not all twelve cases were wound.
-        noise: K-NN accuracy in percent against simulated noise in percent.
-        within: How P3 and P4 of a run follow from its measured P1 and P2.
+        noise: K-NN accuracy in percent against simulated noise in percent; None without evidence.
+        within: How P3 and P4 of a run follow from its measured P1 and P2; None without evidence.
     """
 
     config: StudyConfig | None
@@ -249,3 +252,71 @@ def _lowest(models: Mapping[str, ModelScore], kinds: Iterable[str]) -> str | Non
         if model.kind in wanted and math.isfinite(model.leave_one_case_out_pct)
     }
     return min(known, key=lambda name: known[name]) if known else None
+
+
+def study_identity(record: StudyRecord, origin: Origin, seeds: tuple[int, ...]) -> Identity:
+    """Return which study this was.
+
+    Args:
+        record: What was found.
+        origin: The process that made it.
+        seeds: Of the networks; none where no model was trained.
+    """
+    condition = {
+        "cases": Quantity(
+            value=", ".join(map(str, record.cases)), label="Cases", meaning="rows of Table 1"
+        ),
+        "base": Quantity(value=record.who, label="Base", meaning="what predicted the lengths"),
+    }
+    if record.config is not None:
+        condition |= _wound(record.config)
+    return Identity(origin=origin, seeds=seeds, condition=condition)
+
+
+def _wound(config: StudyConfig) -> dict[str, Quantity]:
+    drive = config.drive
+    return {
+        "element": Quantity(value=config.element, label="Element", meaning="finite element"),
+        "law": Quantity(value=config.law, label="Law", meaning="material law"),
+        "segment_mm": _element_length(config),
+        "mass_scaling": Quantity(
+            value=config.scaling, label="Mass scaling", meaning="factor on the density"
+        ),
+        "free_length_mm": Quantity(
+            value=config.free_length / MILLIMETRE,
+            unit="mm",
+            label="Free length",
+            meaning="tangent span between cylinder and guide",
+        ),
+        "tension": Quantity(
+            value="dead weight" if isinstance(config.tension_law, DeadWeight) else "rig",
+            label="Span tension",
+            meaning="what pulls the span",
+        ),
+        "omega_rad_s": Quantity(
+            value=drive.angular_speed,
+            unit="rad/s",
+            label="Cylinder speed",
+            meaning="cylinder speed after the ramp",
+        ),
+        "feed_mm_s": Quantity(
+            value=drive.feed_speed / MILLIMETRE,
+            unit="mm/s",
+            label="Carriage speed",
+            meaning="carriage speed after the ramp",
+        ),
+        "ramp_time_s": Quantity(
+            value=drive.ramp_time, unit="s", label="Ramp time", meaning="time of the speed ramp"
+        ),
+        "duration_s": Quantity(
+            value=config.duration, unit="s", label="Duration", meaning="simulated length of a run"
+        ),
+    }
+
+
+def _element_length(config: StudyConfig) -> Quantity:
+    label, meaning = "Element length", "reference length of an element"
+    if config.segment_length is None and config.element == "solid":
+        return Quantity(value="a sixth of the cylinder's diameter", label=label, meaning=meaning)
+    length = config.segment_length or ROD_SEGMENT
+    return Quantity(value=length / MILLIMETRE, unit="mm", label=label, meaning=meaning)

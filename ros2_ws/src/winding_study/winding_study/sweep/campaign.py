@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from cable_fem_node.winding.prediction import PlannedRun
-from winding_study.runs.run_store import Arrays, RunStore
+from winding_study.run_store import Arrays, RunStore
 from winding_study.sweep.engines import Engine
 
 
