@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from correction_node.models.dataset import LengthCell, load_data_set
-from correction_node.models.evaluation import cell_errors_pct
 from correction_node.training.comparison import (
     BASELINE,
     GAUSSIAN_PROCESS,
@@ -17,6 +16,7 @@ from correction_node.training.comparison import (
     ModelScore,
     compare_models,
 )
+from correction_node.training.evaluation import cell_errors_pct
 from correction_node.training.learners import MARKER_NETWORK, NETWORK, RIG, RIG_NETWORK
 from winding_core.published import published_markers, published_weights
 

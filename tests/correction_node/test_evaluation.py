@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from correction_node.models.dataset import case_numbers, lengths, load_data_set
-from correction_node.models.evaluation import (
+from correction_node.training.evaluation import (
+    BASELINES,
     cell_errors_pct,
+    constant_factor,
     hold_out,
+    ridge,
     score_fit,
     without_each_case,
 )
-from correction_node.training.baselines import BASELINES, constant_factor, ridge
 from winding_core.published import published_markers, published_weights
 
 CELLS = load_data_set("paper").cells

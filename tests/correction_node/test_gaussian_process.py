@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from correction_node.models.dataset import load_data_set
-from correction_node.models.gaussian_process import NOISE, learn_process
+from correction_node.training.comparison import NOISE, learn_process
 
 CELLS = load_data_set("rod").cells
 

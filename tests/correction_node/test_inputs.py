@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from correction_node.models.dataset import load_data_set
-from correction_node.models.inputs import (
+from correction_node.models.dataset import (
     INPUTS,
     condition_inputs,
     conditions_of,
     dimensionless_inputs,
+    load_data_set,
 )
 from winding_core.cases import paper_case, paper_cases
 

@@ -10,7 +10,7 @@ import pytest
 
 from correction_node.models.dataset import load_data_set
 from correction_node.models.weights import load_factor, save_factor
-from correction_node.training.baselines import BASELINES
+from correction_node.training.evaluation import BASELINES
 from correction_node.training.learners import LEARNERS, RIG, RIG_NETWORK
 from correction_node.training.protocol import learn, verdict
 from correction_node.training.training import TrainingConfig

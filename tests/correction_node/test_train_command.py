@@ -8,8 +8,8 @@ import typer
 from typer.testing import CliRunner
 
 from correction_node.models.weights import SHIPPED, load_factor, weights_directory
-from correction_node.training.baselines import BASELINES
 from correction_node.training.comparison import ONE_H_PER_CASE
+from correction_node.training.evaluation import BASELINES
 from correction_node.training.learners import LEARNERS
 from winding_cli.commands.train import train
 from winding_core.cases import paper_cases

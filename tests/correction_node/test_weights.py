@@ -6,11 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from correction_node.models.dataset import load_data_set
-from correction_node.models.evaluation import cell_errors_pct
-from correction_node.models.factor_models import NetworkModel
-from correction_node.models.inputs import conditions_of
-from correction_node.models.perceptron import Perceptron
+from correction_node.models.dataset import conditions_of, load_data_set
+from correction_node.models.factor_models import NetworkModel, Perceptron
 from correction_node.models.weights import (
     CARD_FILE,
     SHIPPED,
@@ -20,6 +17,7 @@ from correction_node.models.weights import (
     weights_directory,
 )
 from correction_node.ros.parameters import CorrectionParameters
+from correction_node.training.evaluation import cell_errors_pct
 from correction_node.training.learners import LEARNERS
 from correction_node.training.training import TrainingConfig
 from winding_core.cases import paper_case, paper_cases

@@ -95,7 +95,7 @@ def test_metadata_that_disagrees_is_found(made: Path, tmp_path: Path) -> None:
     information["topics_with_message_count"][0]["message_count"] += 1
     file.write_text(yaml.safe_dump(content))
     findings = check(folder).findings
-    assert "/winding/rig/joint_states: metadata.yaml says 601 messages, there are 600" in findings
+    assert "/winding/rig/joint_states: metadata.yaml states 601 messages, there are 600" in findings
 
 
 def test_a_gap_and_a_step_back_are_found(bags: Any, tmp_path: Path) -> None:

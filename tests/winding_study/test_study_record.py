@@ -17,7 +17,6 @@ from printed_page import missing_from_paper, outside_the_margins, printed_words
 
 from correction_node.live.neighbours import Noise
 from correction_node.models.dataset import join_experiment
-from correction_node.models.evaluation import cell_errors_pct
 from correction_node.training.comparison import (
     BASELINE,
     LEARNED,
@@ -25,6 +24,7 @@ from correction_node.training.comparison import (
     ORACLE,
     ModelScore,
 )
+from correction_node.training.evaluation import cell_errors_pct
 from correction_node.training.learners import RIG
 from winding_core.cases import paper_case
 from winding_core.published import Lay, published_markers

@@ -93,9 +93,12 @@ def start(*arguments: object) -> subprocess.Popen[str]:
 
 
 def test_every_option_of_predict_can_be_swept_and_no_other() -> None:
-    options = set(inspect.signature(predict).parameters) - {"json_file"}
+    # What is made of a run, and whether it is repeated, is not what is wound.
+    aside = {"json_file", "csv_file", "vtk_file", "pictures", "check", "richardson"}
+    options = set(inspect.signature(predict).parameters)
+    assert aside <= options
     kinds = option_kinds(RunParameters)
-    assert options == set(kinds)
+    assert options - aside == set(kinds)
     assert {"case", "tension_mpa", "rolling", "law", "duration_s"} <= options
     assert set(kinds.values()) == {bool, int, float, str}
 
@@ -148,10 +151,11 @@ def test_a_damaged_run_is_named_and_wound_again(tmp_path: Path, spec: Path) -> N
 
 
 def test_a_failed_run_is_a_row(tmp_path: Path, spec: Path) -> None:
-    # A ramp to 200 rad/s within a second shakes the span apart: the ledger does not close.
+    # A cylinder that turns back at 100 rad/s within 40 ms: the ledger is open by 3 %.
     spec.write_text(
-        "{combine: zip, parameters: {case: 4, duration_s: 1, marker_spacing_mm: 4,"
-        " omega_rad_s: [1.74, 200], feed_mm_s: [5, 500]}}"
+        "{combine: zip, parameters: {case: 4, duration_s: [1, 2.9], marker_spacing_mm: 4,"
+        " ramp_time_s: [1, 0.04], unwind_from_s: [0, 1.5], omega_rad_s: [1.74, 100],"
+        " feed_mm_s: [5, 400]}}"
     )
     out = tmp_path / "table.npz"
     code, said = sweep(spec, "--store", tmp_path / "store", "--output", out, "--processes", 1)
@@ -197,7 +201,7 @@ def test_shards_make_the_same_table_together(tmp_path: Path, spec: Path) -> None
         ("parameters: {case: 4, element: shell}", "run 1 of 1: element must be one of rod, solid"),
         ("parameters: {case: 4, duration_s: 0}", "run 1 of 1: duration_s must be positive"),
         ("parameters: {case: 4, mass_scaling: 0}", "mass_scaling must be positive"),
-        ("parameters: {case: 4, feed_mm_s: [5, 0.1]}", "run 2 of 2 (feed_mm_s 0.1): the guide"),
+        ("parameters: {case: 4, duration_s: 8, feed_mm_s: [5, 0.1]}", "(feed_mm_s 0.1): the guide"),
         ("parameters: {friction: 0.1}", "run 1 of 1: say what to wind: case 1 to 12"),
         ("parameters: {case: 4, tension_n: 1, tension_mpa: 1}", "give the tension once"),
         ("parameters: [case]", "must hold a mapping named parameters"),

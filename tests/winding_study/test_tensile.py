@@ -48,7 +48,7 @@ def test_small_strains_cannot_tell_laws_apart() -> None:
     strain = np.linspace(0.0, 0.02, 12)
     rng = np.random.default_rng(3)
     stress = np.maximum(2.6e6 * strain + NOISE * rng.standard_normal(12), 0.0)
-    assert "cannot be told from it" in judgement(
+    assert "cannot be distinguished from it" in judgement(
         fit_laws(TensileTest(strain=strain, stress=stress), POISSON)
     )
 

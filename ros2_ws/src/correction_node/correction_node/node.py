@@ -16,8 +16,8 @@ class CorrectionNode(ManagedNode[CorrectionParameters]):
     """Corrects predicted lengths, and names the case the run resembles.
 
     Before anything is measured a length is h times the prediction, h being the learned factor;
-    afterwards it follows from the markers measured before it. `/diagnostics` says which under
-    ``basis``.
+    afterwards it follows from the markers measured before it. `/diagnostics` reports which
+    under ``basis``.
 
     Subscribes to fem/markers and tracker/markers. Publishes correction/markers with each
     fem/markers, and correction/case whenever a further marker has been measured.

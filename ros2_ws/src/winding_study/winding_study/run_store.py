@@ -1,7 +1,7 @@
 """Results of runs on disk, each under a key of its inputs: what is there is not computed again.
 
 Any number of processes may share a store. A run is one npz file, written whole and renamed, so a
-killed process leaves at most an unfinished file that nobody reads.
+killed process leaves at most an unfinished file, which is never read.
 
 `joblib.Memory` keeps pickles, which run code when they are read, under hashes of pickles, which
 differ between versions of Python. A store may be a folder that several machines share: it holds

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from correction_node.models.dataset import Array
 
-# Two measured markers say how long the turns are and how they grow; one says only the first.
+# Two measured markers give the length of a turn and its growth; one gives only the length.
 FEWEST = 2
 _BUILD_UP_LENGTH = 0.1450459750961868
 _RELATIVE_BOUNDS = (0.051487241616152105, 0.04008179934542152)

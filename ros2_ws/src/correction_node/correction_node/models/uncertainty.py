@@ -8,8 +8,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from correction_node.models.dataset import Array, LengthCell, case_numbers, lengths
-from correction_node.models.inputs import turns
+from correction_node.models.dataset import Array, LengthCell, case_numbers, lengths, turns
 from winding_core.cases import Case, Material
 
 LEVEL = 0.9

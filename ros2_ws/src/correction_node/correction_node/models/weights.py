@@ -14,8 +14,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
+from correction_node.models.dataset import conditions_of
 from correction_node.models.factor_models import FactorModel, read_model
-from correction_node.models.inputs import conditions_of
 from correction_node.models.uncertainty import Bound, TrainingBox
 from winding_core.cases import Case
 

@@ -27,7 +27,7 @@ class CorrectionHandler:
         errors: Of the factor, from its card.
         digest: SHA-256 of the learned numbers, in hex.
         factor: The correction factor h for this condition.
-        run: What is measured of this run, and what it says of the rest.
+        run: The measured markers of this run, and what follows from them for the rest.
     """
 
     def __init__(self, wanted: CorrectionParameters) -> None:

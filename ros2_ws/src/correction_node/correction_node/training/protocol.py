@@ -11,12 +11,17 @@ from typing import Any
 import numpy as np
 
 from correction_node.models.dataset import Array, DataSet, LengthCell, case_numbers, lengths
-from correction_node.models.evaluation import Score, hold_out, score, score_fit, without_each_case
-from correction_node.models.factor_models import FactorModel
-from correction_node.models.rig import reference_law
+from correction_node.models.factor_models import FactorModel, reference_law
 from correction_node.models.uncertainty import TrainingBox, conformal_bound
 from correction_node.models.weights import TrainedFactor
-from correction_node.training.baselines import BASELINES
+from correction_node.training.evaluation import (
+    BASELINES,
+    Score,
+    hold_out,
+    score,
+    score_fit,
+    without_each_case,
+)
 from correction_node.training.learners import LEARNERS, NETWORK, Learner
 from correction_node.training.training import TrainingConfig
 
@@ -125,7 +130,7 @@ def learn(
 
 
 def verdict(name: str, scores: dict[str, Score]) -> str:
-    """Return one sentence that says what predicts a case it never saw best."""
+    """Return one sentence on which model predicts left-out cases best."""
     best = min(scores, key=lambda rival: scores[rival].leave_one_case_out_pct)
     own = scores[name].leave_one_case_out_pct
     if best == name:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from correction_node.models.dataset import DataSet
-    from correction_node.models.evaluation import Score
+    from correction_node.training.evaluation import Score
 
 
 def train(

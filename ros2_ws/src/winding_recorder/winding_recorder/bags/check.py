@@ -159,7 +159,7 @@ def _check_messages(path: Path, messages: Messages, decoder: Decoder, verdict: V
 def _check_metadata(folder: Path, verdict: Verdict) -> None:
     try:
         information = read_information(folder)
-        stated = {
+        declared = {
             item["topic_metadata"]["name"]: int(item["message_count"])
             for item in information["topics_with_message_count"]
         }
@@ -173,27 +173,28 @@ def _check_metadata(folder: Path, verdict: Verdict) -> None:
     except (KeyError, TypeError, ValueError) as error:
         verdict.findings.append(f"metadata.yaml cannot be understood: {reason(error)}")
         return
-    for name in sorted(stated.keys() | verdict.stamps.keys()):
+    for name in sorted(declared.keys() | verdict.stamps.keys()):
         counted = len(verdict.stamps.get(name, ()))
-        if stated.get(name, 0) != counted:
+        if declared.get(name, 0) != counted:
             verdict.findings.append(
-                f"{name}: metadata.yaml says {stated.get(name, 0)} messages, there are {counted}"
+                f"{name}: metadata.yaml states {declared.get(name, 0)} messages, "
+                f"there are {counted}"
             )
     if total != verdict.messages:
         verdict.findings.append(
-            f"metadata.yaml says {total} messages in all, there are {verdict.messages}"
+            f"metadata.yaml states {total} messages in all, there are {verdict.messages}"
         )
     for name in sorted(files.keys() | verdict.counts.keys()):
         if files.get(name, 0) != verdict.counts.get(name, 0):
             verdict.findings.append(
-                f"{name}: metadata.yaml says {files.get(name, 0)} messages, "
+                f"{name}: metadata.yaml states {files.get(name, 0)} messages, "
                 f"there are {verdict.counts.get(name, 0)}"
             )
     first = min((min(stamps) for stamps in verdict.stamps.values()), default=0)
     last = max((max(stamps) for stamps in verdict.stamps.values()), default=0)
     if verdict.messages and (begin, length) != (first, last - first):
         verdict.findings.append(
-            f"metadata.yaml says {length * 1e-9:.6f} s from {begin * 1e-9:.6f} s, it is "
+            f"metadata.yaml states {length * 1e-9:.6f} s from {begin * 1e-9:.6f} s, it is "
             f"{(last - first) * 1e-9:.6f} s from {first * 1e-9:.6f} s"
         )
 

@@ -25,7 +25,7 @@ class TopicContent:
         name: Full topic name.
         type_name: Its type.
         messages: How many there are.
-        lost: Messages that never reached the recorder; None where nobody counted.
+        lost: Messages that never reached the recorder; None where they were not counted.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Content:
 
 
 def contents(path: Path) -> Content:
-    """Return what a recording says of itself.
+    """Return what a recording states about itself.
 
     Raises:
         BagError: It cannot be read.
@@ -65,7 +65,7 @@ def contents(path: Path) -> Content:
         try:
             return _content(reader, files, notes)
         except (TypeError, ValueError, AttributeError, OverflowError) as error:
-            # Only now does the reader use what metadata.yaml says of times and counts.
+            # The reader uses times and counts of metadata.yaml only here.
             raise BagError(f"cannot read {path}: {reason(error)}") from error
 
 

@@ -158,7 +158,7 @@ class Extent:
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """What metadata.yaml says of a recording.
+    """Content of the metadata.yaml of a recording.
 
     Attributes:
         channels: Recorded topics.

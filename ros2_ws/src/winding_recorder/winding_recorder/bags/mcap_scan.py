@@ -123,7 +123,7 @@ def summary_damage(path: Path) -> str:
         if crc == 0:
             return ""
         if not 0 < start < size:
-            return f"the footer says that the summary is at byte {start} of {size}"
+            return f"the footer places the summary at byte {start} of {size}"
         file.seek(start)
         covered = file.read(size - _FOOTER_BYTES - start) + footer[: 9 + 16]
     return "" if zlib.crc32(covered) == crc else "the CRC of the summary is wrong"

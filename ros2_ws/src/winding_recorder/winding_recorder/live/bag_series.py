@@ -61,7 +61,7 @@ class BagSeries:
         recorded: Topics.
         full_names: Of each, by its name.
         config: How a bag is stored.
-        notes: What a bag says of the run, by name.
+        notes: Texts about the run that a bag keeps, by name.
 
     Attributes:
         folders: Of all bags.
@@ -93,7 +93,7 @@ class BagSeries:
         self._closings: list[threading.Thread] = []
 
     def note(self, notes: Mapping[str, str]) -> None:
-        """Say more of the run, in the present bag and in those to come."""
+        """Add texts about the run, to the present bag and to those to come."""
         self._notes.append((time.monotonic_ns(), {**self._notes[-1][1], **notes}))
 
     @property
@@ -102,7 +102,7 @@ class BagSeries:
         return self._writer
 
     def begin(self, folder: Path) -> None:
-        """Begin a bag, with what latched topics have told before it.
+        """Begin a bag, with the last messages of latched topics from before it.
 
         Raises:
             RecorderError: The folder exists, or nothing can be written there.
@@ -144,13 +144,13 @@ class BagSeries:
             self._writer.write(self._index[topic.name], stamp_ns, taken.data, taken.number)
 
     def forget(self, before_ns: int) -> None:
-        """Forget what latched topics told before a time of arrival, monotonic [ns]."""
+        """Forget messages of latched topics from before a time of arrival, monotonic [ns]."""
         self._latched = {
             name: item for name, item in self._latched.items() if item[2].received_ns > before_ns
         }
 
     def end(self, failure: str = "") -> None:
-        """Close the bag, if there is one; a failure says why before the run's end."""
+        """Close the bag, if there is one; a failure is the reason for an end before the run's."""
         writer, self._writer = self._writer, None
         if writer is not None:
             self._close(writer, self._last_notes(failure))

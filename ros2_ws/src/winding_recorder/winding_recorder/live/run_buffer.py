@@ -169,7 +169,7 @@ class RunBuffer:
     @property
     def thinned(self) -> bool:
         """Whether the run has become too long for all its messages."""
-        return any(reel.stride > 1 for reel in self.messages.values())
+        return any(history.stride > 1 for history in self.messages.values())
 
     def last(self, topic: Topic) -> BufferedMessage | None:
         """Return the newest message of a topic."""
@@ -258,7 +258,7 @@ def buffered_inputs(buffer: RunBuffer, since: float = 0.0) -> RunInputs:
     machine leaves by less than its encoder's step.
 
     Args:
-        buffer: What the graph has said.
+        buffer: Messages of the graph.
         since: Leaves out what came before this monotonic wall time [s].
     """
     readings = list(buffer.axis_readings(since))

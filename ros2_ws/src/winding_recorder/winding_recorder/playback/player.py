@@ -51,7 +51,7 @@ class Pacing:
         return self._paused
 
     def start(self, bag_time: float, now: float) -> None:
-        """Let bag time [s] be at `bag_time` when the clock says `now` [s]."""
+        """Let bag time [s] be at `bag_time` at time `now` [s] of the clock."""
         self._anchor = (bag_time, now)
 
     def bag_time(self, now: float) -> float:
@@ -84,7 +84,7 @@ class Player:
     Services: ~/set_paused (std_srvs/SetBool) and ~/toggle_paused (std_srvs/Trigger).
 
     Args:
-        node: Spun by somebody else.
+        node: Spun by the caller.
         bag: The recording.
         pacing: Rate and pause.
         wanted: Full topic names; empty for all.

@@ -25,13 +25,13 @@ _RECORDED = {topic.name.lstrip("/"): topic for topic in topics.TOPICS if topic n
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedRun:
-    """What a recording says of its run.
+    """A run as its recording has it.
 
     Attributes:
         buffer: Its messages but the pictures.
         parameters: Of every node that it states, by name.
         ended: Why the recording ended before the run; empty for a whole one.
-        origin: Which run it was, as JSON text; empty where it does not say so.
+        origin: Which run it was, as JSON text; empty where that was not recorded.
     """
 
     buffer: RunBuffer

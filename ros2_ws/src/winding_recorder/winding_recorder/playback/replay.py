@@ -32,7 +32,7 @@ Stream = Mapping[int, Sequence[bytes]]
 REPLAYABLE = {"tracker": TRACKER, "fem": FEM, "correction": CORRECTION}
 DEFAULT_TOLERANCE = 1.0e-6
 _NANO = 1_000_000_000
-# Encoder samples of the last second before a node speaks belong to what it says [ns].
+# Encoder samples of the last second before a node's first message belong to it [ns].
 _BEFORE = _NANO
 # Stamps since the epoch, carried as seconds [ns].
 _ROUNDING = 1000
@@ -167,7 +167,7 @@ def replay(
 
     Inputs go in by their stamps; those of one stamp in the order that the handler states. In
     the run, messages of different topics reached the node in the order of their arrival, which
-    nobody records.
+    is not recorded.
 
     Args:
         path: The recording.
@@ -201,7 +201,7 @@ def replay(
         first, last = _span(recorded)
         begun = handler.begin(decode_stamp(Time(sec=first // _NANO, nanosec=first % _NANO)))
         # What is wound ahead piece by piece, and was ended with the run, is not wound further.
-        run.answer(islice(begun, max(1, _said_at(recorded, first))))
+        run.answer(islice(begun, max(1, _count_at(recorded, first))))
         for topic, data in _inputs(reader, spec.inputs, links, first, last if open_ended else None):
             run.put(topic, data)
     if run.inputs == 0:
@@ -267,13 +267,13 @@ def _stream(reader: AnyReader, link: Any, decoder: Decoder) -> dict[int, list[by
 
 
 def _span(recorded: Mapping[str, Mapping[int, Any]]) -> tuple[int, int]:
-    """Return the stamps [ns] of the node's first word and of its last."""
-    said = [stream for stream in recorded.values() if stream]
-    return min(map(min, said), default=0), max(map(max, said), default=0)
+    """Return the stamps [ns] of the node's first message and of its last."""
+    streams = [stream for stream in recorded.values() if stream]
+    return min(map(min, streams), default=0), max(map(max, streams), default=0)
 
 
-def _said_at(recorded: Mapping[str, Mapping[int, Sequence[bytes]]], stamp: int) -> int:
-    """Return how many messages of a stamp [ns] that are told on change were recorded."""
+def _count_at(recorded: Mapping[str, Mapping[int, Sequence[bytes]]], stamp: int) -> int:
+    """Return how many messages of a stamp [ns] on topics without a rate were recorded."""
     on_change = {topic.name for topic in topics.TOPICS if topic.rate is None}
     return sum(len(stream.get(stamp, ())) for name, stream in recorded.items() if name in on_change)
 
@@ -285,20 +285,20 @@ def _inputs(
     first: int,
     last: int | None,
 ) -> Iterator[tuple[Topic, bytes]]:
-    """Yield the node's inputs in order; a real machine spoke long before the node was there.
+    """Yield the node's inputs in order; a real machine published long before the node was there.
 
     Args:
         reader: Of the recording.
         inputs: Topics, in the order in which the node takes those of one stamp.
         links: Of the recording, by topic.
-        first: Stamp of the node's first word [ns].
-        last: Stamp of its last word [ns], where inputs go on after it; None otherwise.
+        first: Stamp of the node's first message [ns].
+        last: Stamp of its last message [ns], where inputs go on after it; None otherwise.
     """
     # A tracker answers frames, and needs the encoder beyond the last of them.
     answered = topics.IMAGE.type_name if topics.IMAGE in inputs else None
     order = {links[topic.name].topic: k for k, topic in enumerate(inputs)}
 
-    def heard(kind: str, stamp: int) -> bool:
+    def relevant(kind: str, stamp: int) -> bool:
         if kind == topics.IMAGE.type_name and stamp < first - _ROUNDING:
             return False
         if last is not None and answered in (None, kind) and stamp > last + _ROUNDING:
@@ -308,7 +308,7 @@ def _inputs(
     messages = (
         (stamp, order[link.topic], data)
         for link, stamp, data in messages_of(reader, list(links.values()))
-        if heard(link.msgtype, stamp)
+        if relevant(link.msgtype, stamp)
     )
     for _, same in groupby(messages, key=itemgetter(0)):
         for _, k, data in sorted(same, key=itemgetter(1)):

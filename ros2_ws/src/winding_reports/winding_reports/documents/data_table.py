@@ -21,7 +21,7 @@ class Column:
     Attributes:
         name: With its unit; the same wherever the table is shown.
         digits: Decimals when it is shown.
-        mean: Whether the mean over the rows says something.
+        mean: Whether the mean over the rows is meaningful.
     """
 
     name: str

@@ -18,8 +18,8 @@ INK = "#1f2933"
 FAINT = "#9aa5b1"
 PALE = "#cbd2d9"
 GRID = "#e4e7eb"
-# The palette of Okabe and Ito, told apart with any kind of colour vision; shapes and hatches carry
-# the same meaning where a printer knows no colours.
+# The palette of Okabe and Ito, distinct with any kind of colour vision; shapes and hatches carry
+# the same meaning in print without colours.
 PREDICTED = "#0072b2"
 TRACKED = "#e69f00"
 CORRECTED = "#009e73"

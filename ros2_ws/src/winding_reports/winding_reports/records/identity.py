@@ -105,10 +105,10 @@ class Origin:
 
 @dataclass(frozen=True, kw_only=True)
 class Identity:
-    """A run or a study that can be told from every other and made again.
+    """What identifies a run or a study, and what it takes to repeat it.
 
     Attributes:
-        origin: The process that made it; None where a recording does not say.
+        origin: The process that made it; None where a recording does not state it.
         seeds: Of what was drawn: the simulated sensors of a run, the networks of a study.
         bags: Paths of the recordings.
         weights: Name or folder of the learned correction; empty without one.
@@ -139,11 +139,11 @@ class Identity:
         }
 
     def texts(self) -> dict[str, str]:
-        """Return what a report says beside the condition, by name."""
+        """Return what a report shows beside the condition, by name."""
         origin = self.origin
-        said = {}
+        shown = {}
         if origin is not None:
-            said = {
+            shown = {
                 "Run": origin.run_id,
                 "Date (UTC)": origin.date,
                 "Host": origin.host,
@@ -154,17 +154,17 @@ class Identity:
                 ),
             }
         if self.seeds:
-            said["Seed" if len(self.seeds) == 1 else "Seeds"] = ", ".join(map(str, self.seeds))
+            shown["Seed" if len(self.seeds) == 1 else "Seeds"] = ", ".join(map(str, self.seeds))
         if self.bags:
-            said["Recording"] = ", ".join(self.bags)
+            shown["Recording"] = ", ".join(self.bags)
         if self.weights:
             digest = f", sha256 {self.weights_sha256}" if self.weights_sha256 else ""
-            said["Correction"] = f"{self.weights}{digest}"
-        return said
+            shown["Correction"] = f"{self.weights}{digest}"
+        return shown
 
 
 def condition_texts(condition: Mapping[str, Quantity]) -> dict[str, str]:
-    """Return what a report says of a condition, by label."""
+    """Return what a report shows of a condition, by label."""
     return {item.label or name: item.text or "none" for name, item in condition.items()}
 
 

@@ -114,7 +114,7 @@ class LaidRun:
     """What a run left of its lay.
 
     Attributes:
-        control: Everything that the controller said, LAY_CONTROL_DTYPE, shape (n,), n > 0.
+        control: States that the controller published, LAY_CONTROL_DTYPE, shape (n,), n > 0.
         places: The last measured lay, LAY_DTYPE.
         predicted: The solver's cable at the end of the run.
         ahead: Markers that the solver predicted before the run.

@@ -1,4 +1,4 @@
-"""What a run of the graph leaves behind: time series, the markers' last word, counters."""
+"""What a run of the graph leaves behind: time series, markers at the end, counters."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ class RunRecord(AxisSpeeds):
         lay: What became of the wanted lay; None for a run without a controller of the lay.
         identity: Which run this was.
         error_limit_pct: Largest error of a corrected length that counts as good [%].
-        cable: The predicted cable at the end; None where the solver said nothing.
+        cable: The predicted cable at the end; None where the solver published none.
     """
 
     case: Case

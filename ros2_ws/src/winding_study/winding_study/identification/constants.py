@@ -20,7 +20,7 @@ from winding_core.material_law import MaterialLaw
 # C01 may be this share of C10 + C01 at most; beyond 1 the law softens in compression.
 _SHARES = (0.0, 0.95)
 _START_SHARE = 0.2
-# A share known less well than this says nothing: it could be any of those that are allowed.
+# A share known less well than this is not identified: any allowed one could be true.
 _SEPARABLE = 0.25
 
 
@@ -88,7 +88,7 @@ def identify_constants(
 
     Raises:
         IdentificationError: Another law, fewer than two runs, or no fit.
-        AbandonedError: `going` said no.
+        AbandonedError: `going` returned false.
     """
     if law not in ("neo_hookean", "mooney_rivlin"):
         raise IdentificationError(

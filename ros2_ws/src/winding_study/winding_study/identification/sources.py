@@ -130,7 +130,7 @@ def _number(
 def recorded_run(
     config: WindingConfig, *, tracked: Messages, joints: Messages, tension: Messages
 ) -> TrackedRun:
-    """Return what a recording says of markers, machine and load cell.
+    """Return markers, machine and load cell of a recording.
 
     Args:
         config: What was wound.

@@ -92,7 +92,7 @@ def fit_laws(test: TensileTest, poisson: float, laws: Sequence[str] = LAWS) -> t
 
     Args:
         test: Points.
-        poisson: nu, dimensionless; a test without lateral strain cannot tell it.
+        poisson: nu, dimensionless; a test without lateral strain does not give it.
         laws: Which.
     """
     fits = [_fitted(test, law, poisson) for law in laws]
@@ -107,7 +107,7 @@ def judgement(fits: Sequence[LawFit]) -> str:
     ties = [item.law for item in others if item.aicc - best.aicc < _TIE]
     if ties:
         return (
-            f"{best.law} fits best, but {', '.join(ties)} cannot be told from it: "
+            f"{best.law} fits best, but {', '.join(ties)} cannot be distinguished from it: "
             f"AICc differs by less than {_TIE:g}"
         )
     gap = min((item.aicc - best.aicc for item in others), default=math.inf)

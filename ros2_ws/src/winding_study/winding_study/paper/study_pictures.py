@@ -269,7 +269,7 @@ def models_picture(record: StudyRecord) -> Picture:
         figure,
         "Models of the weight h",
         "Every model learned from all cases (hatched) and predicting a case that it never saw "
-        "(full). Only the second says what happens with a new cable. Whiskers: largest minus "
+        "(full). Only the second holds for a new cable. Whiskers: largest minus "
         "smallest over the seeds. The floor is one h per case chosen with the answer known.",
     )
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from correction_node.models.dataset import Array, LengthCell
-from correction_node.models.evaluation import cell_errors_pct
 from correction_node.training.comparison import (
     BASELINE,
     LEARNED,
@@ -16,6 +15,7 @@ from correction_node.training.comparison import (
     RIG_PROCESS,
     ModelScore,
 )
+from correction_node.training.evaluation import cell_errors_pct
 from correction_node.training.learners import NETWORK, RIG, RIG_NETWORK
 from winding_core.published import published_markers, published_weights
 from winding_core.tension import DeadWeight
@@ -151,40 +151,44 @@ class StudyRecord:
         }
 
     def verdict(self) -> str:
-        """Return what the numbers say, in a few sentences."""
+        """Return what follows from the numbers, in a few sentences."""
         mean, paper = self.comparison.mean_error_pct, self.paper.mean_error_pct
         count = len(self.comparison.cells)
         if self.config is None:
-            said = [f"The paper's simulation is {mean:.2f} % off over {count} measured lengths."]
+            sentences = [
+                f"The paper's simulation is {mean:.2f} % off over {count} measured lengths."
+            ]
         else:
-            said = [
+            sentences = [
                 f"Without any correction {self.who} is {mean:.2f} % off over {count} measured "
                 f"lengths, the paper's simulation {paper:.2f} %."
             ]
         best, learned = self.best_model, self.best_learned
         if best is None or learned is None:
-            return " ".join([*said, "No model of h was compared; that needs all twelve cases."])
+            return " ".join(
+                [*sentences, "No model of h was compared; that needs all twelve cases."]
+            )
         score, rival = self.models[learned], _lowest(self.models, (BASELINE,))
-        said.append(
+        sentences.append(
             f"On cases left out the best learned model is '{learned}': "
             f"{score.leave_one_case_out_pct:.2f} % (in-sample {score.in_sample_pct:.2f} %)"
         )
         if rival is None:
-            said[-1] += "."
+            sentences[-1] += "."
         else:
             plain = self.models[rival].leave_one_case_out_pct
             word = "wins" if best == rival else "loses"
-            said[-1] += f"; the best plain baseline, '{rival}', {word} with {plain:.2f} %."
+            sentences[-1] += f"; the best plain baseline, '{rival}', {word} with {plain:.2f} %."
         if learned in PHYSICAL:
-            said.append(
+            sentences.append(
                 "The form of that model's physics was chosen with all of these cells in view, so "
                 "its error on cases left out is optimistic for another rig."
             )
         printed = self.paper_updated_pct()
-        said.append(
+        sentences.append(
             f"The paper's network has {printed:.2f} %, in-sample only, on its own simulation."
         )
-        return " ".join(said)
+        return " ".join(sentences)
 
     def paper_updated_pct(self) -> float:
         """Return the mean of the printed Table 8 over the cells of the base."""

@@ -60,7 +60,7 @@ def write_study(
 
 def render_study(record: StudyRecord, *, stored: int = 0, identity: Identity | None = None) -> str:
     """Return the report as one HTML text that loads nothing from anywhere."""
-    said = {} if identity is None else identity.texts() | condition_texts(identity.condition)
+    identified = {} if identity is None else identity.texts() | condition_texts(identity.condition)
     pictures = _pictures(record)
     models = models_picture(record) if record.models else None
     neighbours = None if record.noise is None else neighbours_picture(record.noise)
@@ -68,7 +68,7 @@ def render_study(record: StudyRecord, *, stored: int = 0, identity: Identity | N
     tables = record.paper_tables()
     learned = [] if models is None else [models.title, own["models"].title, own["weights"].title]
     contents = [
-        *(["This study"] if said else []),
+        *(["This study"] if identified else []),
         *(picture.title for picture in pictures["cells"]),
         *learned,
         *([own["within_run"].title] if "within_run" in own else []),
@@ -92,7 +92,7 @@ def render_study(record: StudyRecord, *, stored: int = 0, identity: Identity | N
         own=own,
         tables=tables,
         contents=contents,
-        identity=said,
+        identity=identified,
         facts_title=_FACTS,
         models=record.models,
         notes=_notes(record),
@@ -151,7 +151,7 @@ def _notes(record: StudyRecord) -> list[str]:
     ]
     if record.models:
         notes.append(
-            "In-sample errors only say how well a model repeats what it was shown. Twelve cases "
+            "In-sample errors only show how well a model repeats its training data. Twelve cases "
             "are few: the order of models that differ by some tenths of a percent may be chance, "
             "and the forms of the models were chosen by people who had seen these cells."
         )

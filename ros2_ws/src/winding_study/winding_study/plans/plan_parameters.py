@@ -1,4 +1,4 @@
-"""What a plan may ask of the machine: the simulated machine's limits where nothing else is said."""
+"""What a plan may ask of the machine: by default the limits of the simulated machine."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def write_plan_picture(plan: LayPlan, solver: SolverLay | None, path: Path, kind
 
     Args:
         plan: The plan.
-        solver: What the solver says of it, if it was asked.
+        solver: The plan as the solver winds it; None without.
         path: Of the picture.
         kind: One of PICTURE_KINDS.
 

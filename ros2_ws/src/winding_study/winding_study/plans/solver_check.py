@@ -1,4 +1,4 @@
-"""A plan wound by the rod: where the cable lies by the solver, beside the lag law's word."""
+"""A plan wound by the rod: where the cable lies by the solver, beside the lag law."""
 
 from __future__ import annotations
 

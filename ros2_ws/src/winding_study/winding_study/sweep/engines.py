@@ -29,7 +29,7 @@ PATIENCE = 3
 IDLE_TIME = 20.0
 # Time for a scheduler to answer and to have its first worker [s].
 CONNECT_TIME = 20.0
-# Where the status page of a scheduler of this machine listens: any free port, for nobody else.
+# Where the status page of a scheduler of this machine listens: any free port, on this machine only.
 LOOPBACK = "127.0.0.1:0"
 
 
@@ -210,7 +210,7 @@ class DaskEngine:
     @contextlib.contextmanager
     def _client(self) -> Iterator[Any]:
         dask = _library()
-        # What is lost is said in one sentence; the library's own way is a traceback.
+        # What is lost is reported in one sentence; the library would log a traceback.
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         with contextlib.ExitStack() as stack:
             if self.address is None:

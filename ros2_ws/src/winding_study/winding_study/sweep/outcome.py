@@ -109,7 +109,7 @@ def wind_batch(
     results = []
     for key, run in batch:
         if parent is not None and os.getppid() != parent:
-            # Killed without a word: this process and its queue are nobody's any more.
+            # The parent was killed: this process and its queue have no owner any more.
             os._exit(ORPHANED)
         found = store.load(key, _named_already) if store is not None else None
         if found is None:
@@ -121,7 +121,7 @@ def wind_batch(
 
 
 def _named_already(sentence: str) -> None:
-    """Say nothing: the process that asks looked the run up before and named the damage."""
+    """Report nothing: the process that asks looked the run up before and named the damage."""
 
 
 def table_columns(

@@ -23,7 +23,7 @@ GRID, ZIP = "grid", "zip"
 
 
 class SpecError(ValueError):
-    """A sweep's description cannot be used; the sentence says where and why."""
+    """A sweep's description cannot be used; the sentence names place and reason."""
 
 
 def axis_values(name: str, kind: type, given: object) -> list[Value]:
