@@ -1,4 +1,4 @@
-"""Who winds the runs of a sweep: what every engine promises, and the one for this machine."""
+"""Who winds the runs of a sweep: processes of this machine, or workers of a dask scheduler."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import itertools
 import logging
 import os
 from collections.abc import Iterator, Mapping
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 import joblib
-from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from cable_fem_node.winding.prediction import PlannedRun
 from winding_study.run_store import Arrays, RunStore, solver_version
@@ -104,7 +104,7 @@ class JoblibEngine:
                     for key, found in results:
                         del left[key]
                         yield key, found
-            except TerminatedWorkerError as error:
+            except BrokenProcessPool as error:
                 # One by one, so that a run that kills its process takes no other with it.
                 largest, idle = 1, idle + 1
                 if idle == PATIENCE:
@@ -171,6 +171,9 @@ def _is_loopback(host: str) -> bool:
 @dataclass(frozen=True, kw_only=True)
 class DaskEngine:
     """Workers of a dask scheduler; a killed worker's batch goes to another one.
+
+    The batches are dask's own and not those of joblib's backend for dask, which waits for ever for
+    a run that ended every worker (joblib 1.6): its future fails without a callback.
 
     Without an address a scheduler with workers is started on this machine, with TLS and
     certificates that live as long as it does. Those workers keep each run in the store at once.
