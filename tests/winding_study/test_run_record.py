@@ -3,6 +3,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -15,32 +16,7 @@ from winding_reports.records.run_record import (
     write_run_json,
 )
 
-KEYS = {
-    "identity",
-    "error_verdict",
-    "case",
-    "ended",
-    "markers",
-    "frames",
-    "frames_lost",
-    "joint_states",
-    "joint_states_lost",
-    "wall_s",
-    "sim_s",
-}
-MARKER_KEYS = {
-    "id",
-    "original_m",
-    "s_fem_m",
-    "s_tracked_m",
-    "h",
-    "h_held_out",
-    "s_corrected_m",
-    "s_published_m",
-    "error_fem_pct",
-    "error_corrected_pct",
-    "error_held_out_pct",
-}
+SCHEMA = json.loads((files("winding_reports") / "schemas" / "run.json").read_text("utf-8"))
 
 
 def _refuse_constant(name: str) -> None:
@@ -51,10 +27,11 @@ def test_the_file_holds_exactly_the_agreed_keys(synthetic, tmp_path) -> None:
     path = tmp_path / "new" / "run.json"
     write_run_json(synthetic(), path)
     read = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
-    assert set(read) == KEYS
+    assert set(read) == set(SCHEMA["required"])
     assert read["case"] == 4
     assert [marker["id"] for marker in read["markers"]] == [1, 2, 3, 4]
-    assert all(set(marker) == MARKER_KEYS for marker in read["markers"])
+    marker_keys = set(SCHEMA["properties"]["markers"]["items"]["required"])
+    assert all(set(marker) == marker_keys for marker in read["markers"])
     assert (read["frames"], read["joint_states_lost"], read["sim_s"]) == (4000, 0, 20.0)
 
 
