@@ -56,8 +56,8 @@ def runs(count: int, **more: object) -> dict[str, PlannedRun]:
 
 
 def jerked() -> PlannedRun:
-    """A cylinder that turns back at 100 rad/s within 40 ms: the ledger is open by 3 %."""
-    drive = TurningDrive(angular_speed=100.0, feed_speed=0.4, ramp_time=0.04, unwinds_from=1.5)
+    """A cylinder that turns back at 100 rad/s within 50 ms: the ledger is open by 3 %."""
+    drive = TurningDrive(angular_speed=100.0, feed_speed=0.4, ramp_time=0.05, unwinds_from=1.5)
     return run(drive=drive, duration=2.9)
 
 
