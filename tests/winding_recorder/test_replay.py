@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from made_bags import channel_of
 
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from winding_core.markers import MARKER_DTYPE
-from winding_recorder.bags.description import PARAMETERS, BagError, jazzy_channel
+from winding_recorder.bags.description import PARAMETERS, BagError
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
@@ -39,10 +40,7 @@ def inputs(reading_at: Any) -> Iterator[tuple[Topic, int, Any]]:
 
 def record(folder: Path, arrivals: list[tuple[Topic, Any]], *, harm: float = 0.0) -> Path:
     """Record what the solver's work answers to messages that arrive in some order."""
-    channels = [
-        jazzy_channel(f"/winding/{t.name}", t.type_name, depth=t.depth, latched=t.latched)
-        for t in RECORDED
-    ]
+    channels = [*map(channel_of, RECORDED)]
     notes = {f"{PARAMETERS}{topics.FEM}": json.dumps(PARAMETERS_OF_RUN)}
     writer = BagWriter(folder, channels, BagConfig(), notes)
     decoder = Decoder()
