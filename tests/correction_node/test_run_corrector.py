@@ -293,7 +293,7 @@ def test_outside_the_trained_conditions_bounds_within_the_run_are_doubled() -> N
     for case in (known, other):
         run = RunCorrector(CORRECTOR, LAW, case)
         fem = [0.112, 0.224, 0.336, 0.448]
-        # Measured where predicted: the law carries on, whatever the weight says.
+        # Measured where predicted: the law carries on, whatever the weight gives.
         frames(run, fem[:2])
         corrected = run.correct(LATER, records(fem))
         widths[case.weight] = (corrected["s_high"] - corrected["s_low"])[3]

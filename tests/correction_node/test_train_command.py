@@ -26,23 +26,12 @@ def test_training_writes_weights_and_says_how_good_they_are(command, tmp_path) -
     out = tmp_path / "mine"
     done = CliRunner().invoke(
         command,
-        [
-            "--model",
-            "network",
-            "--data",
-            "paper",
-            "--steps",
-            "2",
-            "--seed",
-            "5",
-            "--output",
-            str(out),
-        ],
+        f"--model network --data paper --steps 2 --seed 5 --output {out}".split(),
     )
     assert done.exit_code == 0, done.output
     assert load_factor(out).card["training"]["seed"] == 5
-    for said in ("leave one case out", "network", "ridge", "On cases left out"):
-        assert said in done.output
+    for text in ("leave one case out", "network", "ridge", "On cases left out"):
+        assert text in done.output
 
 
 @pytest.mark.slow

@@ -42,9 +42,11 @@ def test_missing_weights_say_how_to_make_them(tmp_path) -> None:
         load_factor(tmp_path)
 
 
-def _copy(directory) -> None:
-    for name in (WEIGHTS_FILE, CARD_FILE):
-        (directory / name).write_bytes((PAPER / name).read_bytes())
+def _copy(directory, **changes: object) -> None:
+    """Copy a shipped weight with changes to its card."""
+    (directory / WEIGHTS_FILE).write_bytes((PAPER / WEIGHTS_FILE).read_bytes())
+    card = json.loads((PAPER / CARD_FILE).read_text()) | changes
+    (directory / CARD_FILE).write_text(json.dumps(card))
 
 
 @pytest.mark.parametrize(
@@ -76,10 +78,7 @@ def test_one_flipped_bit_is_noticed(tmp_path, flip: int) -> None:
 
 
 def test_a_card_of_another_schema_is_refused(tmp_path) -> None:
-    _copy(tmp_path)
-    card = json.loads((tmp_path / CARD_FILE).read_text())
-    card["schema"] = "someone-elses/7"
-    (tmp_path / CARD_FILE).write_text(json.dumps(card))
+    _copy(tmp_path, schema="someone-elses/7")
     with pytest.raises(ValueError, match="someone-elses/7"):
         load_factor(tmp_path)
 
@@ -112,10 +111,7 @@ def test_a_weight_that_is_not_a_number_is_refused(tmp_path) -> None:
     ],
 )
 def test_a_form_that_is_not_known_is_refused(tmp_path, change, sentence: str) -> None:
-    _copy(tmp_path)
-    card = json.loads((tmp_path / CARD_FILE).read_text())
-    card["form"] |= change
-    (tmp_path / CARD_FILE).write_text(json.dumps(card))
+    _copy(tmp_path, form=load_factor(PAPER).model.form() | change)
     with pytest.raises(ValueError, match=sentence):
         load_factor(tmp_path)
 

@@ -54,7 +54,7 @@ def test_diagnostics(statuses: list[DiagnosticStatus]) -> None:
 @fuzzed
 @given(
     t=stamps,
-    said=st.lists(
+    reported=st.lists(
         st.builds(
             Status,
             name=words,
@@ -65,8 +65,8 @@ def test_diagnostics(statuses: list[DiagnosticStatus]) -> None:
         max_size=3,
     ),
 )
-def test_diagnostics_come_back(t: float, said: list[Status]) -> None:
-    assert decode_diagnostics(wired(encode_diagnostics(t, said))) == (t, tuple(said))
+def test_diagnostics_come_back(t: float, reported: list[Status]) -> None:
+    assert decode_diagnostics(wired(encode_diagnostics(t, reported))) == (t, tuple(reported))
 
 
 @fuzzed

@@ -41,7 +41,7 @@ guides = st.one_of(
 
 
 def require_valid(markers: Markers) -> None:
-    """Fail for records that say what the tracker must not say."""
+    """Fail for records that the tracker must not give."""
     if len(markers) == 0:
         return
     assert markers["id"].tolist() == list(range(CASE.marker_count + 1))
@@ -146,7 +146,7 @@ steps = st.lists(
         st.sampled_from(KINDS),
         st.integers(0, 9),
         st.floats(0.0, 1.0),
-        # How far the run has come, whether or not the encoder says so.
+        # How far the run has come, whatever the encoder reads.
         st.floats(0.0, 20.0),
         st.one_of(st.just("right"), angles),
         guides,
@@ -262,7 +262,7 @@ SMALL_CAMERA = CameraInfo(
 
 @fuzzed
 @given(
-    said=st.lists(
+    messages=st.lists(
         st.one_of(
             infos.map(lambda info: (topics.CAMERA_INFO, info)),
             images.map(lambda image: (topics.IMAGE, image)),
@@ -272,15 +272,15 @@ SMALL_CAMERA = CameraInfo(
     )
 )
 @example(
-    said=[
+    messages=[
         (topics.CAMERA_INFO, SMALL_CAMERA),
         *[(topics.IMAGE, ((32, 48), 1, "bgr8", 0))] * 60,
     ]
 )  # fmt: skip
-def test_any_messages(said: list[tuple[Topic, Any]]) -> None:
+def test_any_messages(messages: list[tuple[Topic, Any]]) -> None:
     handler = TrackerHandler(TrackerParameters(case=4))
     list(handler.begin(0.0))
-    for k, (topic, content) in enumerate(said):
+    for k, (topic, content) in enumerate(messages):
         t = 0.005 * k
         try:
             answers = list(handler.take(topic, sent(t, topic, content)))

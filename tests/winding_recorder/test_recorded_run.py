@@ -77,11 +77,11 @@ def test_the_tracker_s_frames_come_again(bag: Path) -> None:
 
 
 def test_the_report_of_a_bag_names_every_topic(bag: Path, command: Callable[..., Any]) -> None:
-    said = command("bag", "info", bag, cwd=bag.parent)
-    assert said.returncode == 0, said.stderr
-    assert "complete: yes" in said.stdout
+    shown = command("bag", "info", bag, cwd=bag.parent)
+    assert shown.returncode == 0, shown.stderr
+    assert "complete: yes" in shown.stdout
     for topic in topics.TOPICS:
-        assert (topic.name in said.stdout) is topic.recorded
+        assert (topic.name in shown.stdout) is topic.recorded
 
 
 def test_damage_ends_the_check_with_exit_code_one(

@@ -44,7 +44,7 @@ def laid(mode: ControlMode) -> ClosedResult:
 
 
 def left_by(result: ClosedResult, mode: ControlMode) -> LaidRun:
-    """Return what a run says of itself, its lay measured without an error."""
+    """Return the records of a run whose lay is measured without an error."""
     control = np.zeros(len(result.setpoints), LAY_CONTROL_DTYPE)
     for record, setpoint in zip(control, result.setpoints, strict=True):
         record["theta"], record["wanted_z"] = setpoint.theta, setpoint.wanted_z

@@ -1,4 +1,4 @@
-"""The cable lands where it is commanded, under rigs that the controller is not told."""
+"""The cable lands where it is commanded, under rigs that are hidden from the controller."""
 
 from __future__ import annotations
 
@@ -61,9 +61,9 @@ def test_a_summary_has_percentiles_of_every_marker(rows: list[ClosedLoopRow]) ->
 
 def test_the_verdict_is_that_of_the_worst_turn_under_control(rows: list[ClosedLoopRow]) -> None:
     worst = max(row.turn_rms[2:].max() for row in rows if row.mode == "closed")
-    said = verdict(rows, 0.5e-3)
-    assert said.startswith("good: ")
-    assert f" {1e3 * worst:.2f} mm (rms)" in said
+    sentence = verdict(rows, 0.5e-3)
+    assert sentence.startswith("good: ")
+    assert f" {1e3 * worst:.2f} mm (rms)" in sentence
     assert verdict(rows, 0.99 * worst).startswith("not good: ")
 
 

@@ -180,14 +180,14 @@ def test_a_damaged_file_is_said_and_wound_again(tmp_path) -> None:
     (first,) = wind_cases(config, lambda result: None, (3,), store=store)
     path = store.path(config.key(3))
     path.write_bytes(path.read_bytes()[:-100])
-    said: list[str] = []
+    sentences: list[str] = []
     wound: list[int] = []
     (again,) = wind_cases(
-        config, lambda result: wound.append(result.case), (3,), store=store, say=said.append
+        config, lambda result: wound.append(result.case), (3,), store=store, say=sentences.append
     )
     assert wound == [3]
-    assert len(said) == 1
-    assert "damaged" in said[0]
+    assert len(sentences) == 1
+    assert "damaged" in sentences[0]
     assert again.lays == first.lays
 
 

@@ -122,7 +122,7 @@ def test_one_short_case_gives_tables_that_a_pipe_does_not_cut(tmp_path) -> None:
     assert first["run_id"] != second["run_id"]
 
 
-def test_runs_too_short_to_compare_are_said_to_be_so(tmp_path) -> None:
+def test_runs_too_short_to_compare_are_refused(tmp_path) -> None:
     result = _study("--cases", "4", "--duration", "0.5", folder=tmp_path)
     assert result.exit_code != 0
     assert "no measured marker is wound" in result.stderr
@@ -154,10 +154,10 @@ def test_an_interrupted_study_says_what_is_kept(number: int, tmp_path) -> None:
     process = _start("--cases", "1", *SLOW, folder=tmp_path)
     _wait((tmp_path / "runs" / "study").is_dir, process)
     process.send_signal(number)
-    _, said = process.communicate(timeout=PATIENCE)
-    assert process.returncode == INTERRUPTED, said
-    assert "interrupted: 0 of 1 cases are in" in said.splitlines()[-1]
-    assert "Traceback" not in said
+    _, output = process.communicate(timeout=PATIENCE)
+    assert process.returncode == INTERRUPTED, output
+    assert "interrupted: 0 of 1 cases are in" in output.splitlines()[-1]
+    assert "Traceback" not in output
 
 
 @pytest.mark.slow
@@ -170,8 +170,8 @@ def test_a_killed_study_started_again_goes_on_and_says_so(tmp_path) -> None:
     process.communicate(timeout=PATIENCE)
     before = {path: path.stat().st_mtime_ns for path in store.glob("??/*.npz")}
     second = _start(*arguments, folder=tmp_path)
-    _, said = second.communicate(timeout=PATIENCE)
-    assert second.returncode == 0, said
-    assert f"{len(before)} of 12 cases are in {Path('runs') / 'study'} already" in said
+    _, output = second.communicate(timeout=PATIENCE)
+    assert second.returncode == 0, output
+    assert f"{len(before)} of 12 cases are in {Path('runs') / 'study'} already" in output
     assert len(list(store.glob("??/*.npz"))) == 12
     assert all(path.stat().st_mtime_ns == written for path, written in before.items())

@@ -47,7 +47,7 @@ def spec(tmp_path: Path) -> Path:
 
 
 def sweep(*arguments: object) -> tuple[int, str]:
-    """Run the command in this process and return its exit code and all that it said."""
+    """Run the command in this process and return its exit code and all that it printed."""
     result = CliRunner().invoke(app, ["sweep", *map(str, arguments)])
     assert result.exception is None or isinstance(result.exception, SystemExit)
     return result.exit_code, result.output
@@ -121,17 +121,17 @@ def test_nothing_is_left_open_in_a_row() -> None:
 
 def test_a_sweep_makes_a_table_and_does_it_once(tmp_path: Path, spec: Path) -> None:
     store, out = tmp_path / "store", tmp_path / "table.npz"
-    code, said = sweep(spec, "--store", store, "--output", out, "--processes", 1)
-    assert code == 0, said
-    assert "8 runs ok, 0 failed" in said
+    code, output = sweep(spec, "--store", store, "--output", out, "--processes", 1)
+    assert code == 0, output
+    assert "8 runs ok, 0 failed" in output
     first, files = read(out), finished(store)
     assert first["friction"] == pytest.approx(np.linspace(0.05, 0.3, 8))
     assert first["run"].tolist() == list(range(1, 9))
     assert first["p2_wound"].all()
-    code, said = sweep(spec, "--store", store, "--output", out, "--processes", 1)
-    assert code == 0, said
-    assert f"8 of them are in {store} already" in said
-    assert f"replaced {out}: 8 rows" in said
+    code, output = sweep(spec, "--store", store, "--output", out, "--processes", 1)
+    assert code == 0, output
+    assert f"8 of them are in {store} already" in output
+    assert f"replaced {out}: 8 rows" in output
     assert finished(store) == files
     assert same(read(out), first)
     assert (read(out)["cpu_s"] == first["cpu_s"]).all()
@@ -143,10 +143,10 @@ def test_a_damaged_run_is_named_and_wound_again(tmp_path: Path, spec: Path) -> N
     first = read(out)
     victim = sorted(finished(store))[3]
     victim.write_bytes(victim.read_bytes()[:100])
-    code, said = sweep(spec, "--store", store, "--output", out, "--processes", 1)
-    assert code == 0, said
-    assert f"{victim} is damaged and counts as missing" in said
-    assert f"7 of them are in {store} already" in said
+    code, output = sweep(spec, "--store", store, "--output", out, "--processes", 1)
+    assert code == 0, output
+    assert f"{victim} is damaged and counts as missing" in output
+    assert f"7 of them are in {store} already" in output
     assert same(read(out), first)
 
 
@@ -158,9 +158,9 @@ def test_a_failed_run_is_a_row(tmp_path: Path, spec: Path) -> None:
         " feed_mm_s: [5, 400]}}"
     )
     out = tmp_path / "table.npz"
-    code, said = sweep(spec, "--store", tmp_path / "store", "--output", out, "--processes", 1)
-    assert code == 0, said
-    assert "1 runs ok, 1 failed" in said
+    code, output = sweep(spec, "--store", tmp_path / "store", "--output", out, "--processes", 1)
+    assert code == 0, output
+    assert "1 runs ok, 1 failed" in output
     status = read(out)["status"]
     assert status[0] == "ok"
     assert status[1].startswith("energy balance open by")
@@ -174,20 +174,20 @@ def test_shards_make_the_same_table_together(tmp_path: Path, spec: Path) -> None
     store = tmp_path / "parts"
     seen: list[int] = []
     for k in (1, 2, 3):
-        code, said = sweep(spec, "--store", store, "--collect", "--output", out)
+        code, output = sweep(spec, "--store", store, "--collect", "--output", out)
         assert code == 1
-        assert f"runs are not in {store} yet" in said
+        assert f"runs are not in {store} yet" in output
         assert not out.exists()
         part = tmp_path / f"part{k}.npz"
-        code, said = sweep(
+        code, output = sweep(
             spec, "--store", store, "--shard", f"{k}/3", "--output", part, "--processes", 1
         )
-        assert code == 0, said
-        assert "already" not in said
+        assert code == 0, output
+        assert "already" not in output
         seen += read(part)["run"].tolist()
     assert sorted(seen) == list(range(1, 9))
-    code, said = sweep(spec, "--store", store, "--collect", "--output", out)
-    assert code == 0, said
+    code, output = sweep(spec, "--store", store, "--collect", "--output", out)
+    assert code == 0, output
     assert same(read(out), read(whole))
 
 
@@ -211,10 +211,10 @@ def test_a_bad_description_is_refused_before_anything_is_wound(
     tmp_path: Path, spec: Path, text: str, sentence: str
 ) -> None:
     spec.write_text(text, encoding="utf-8")
-    code, said = sweep(spec, "--store", tmp_path / "store")
+    code, output = sweep(spec, "--store", tmp_path / "store")
     assert code == 2
-    assert sentence in said
-    assert said.count("\n") == 1
+    assert sentence in output
+    assert output.count("\n") == 1
     assert not (tmp_path / "store").exists()
 
 
@@ -238,17 +238,17 @@ def test_a_bad_description_is_refused_before_anything_is_wound(
 def test_a_bad_option_is_refused_in_one_sentence(
     tmp_path: Path, spec: Path, arguments: list[str], sentence: str
 ) -> None:
-    code, said = sweep(spec, "--store", tmp_path / "store", *arguments)
+    code, output = sweep(spec, "--store", tmp_path / "store", *arguments)
     assert code == 2
-    assert sentence in said
-    assert said.count("\n") == 1
+    assert sentence in output
+    assert output.count("\n") == 1
     assert not (tmp_path / "store").exists()
 
 
 def test_a_description_that_is_not_there_is_named(tmp_path: Path) -> None:
-    code, said = sweep(tmp_path / "none.yaml")
+    code, output = sweep(tmp_path / "none.yaml")
     assert code == 2
-    assert "none.yaml: No such file or directory" in said
+    assert "none.yaml: No such file or directory" in output
 
 
 @pytest.mark.slow
@@ -262,10 +262,10 @@ def test_an_ended_sweep_goes_on_where_it_stopped(
     wait_for(lambda: len(finished(store)) >= 3, process)
     workers = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(how)
-    _, said = process.communicate(timeout=120.0)
+    _, output = process.communicate(timeout=120.0)
     if how == signal.SIGTERM:
         assert process.returncode == 130
-        assert f"of 60 runs are in {store}; the same command goes on from there" in said
+        assert f"of 60 runs are in {store}; the same command goes on from there" in output
     else:
         assert process.returncode == -signal.SIGKILL
     # Workers whose parent is gone end after the run in hand, or after their idle time.
@@ -274,9 +274,9 @@ def test_an_ended_sweep_goes_on_where_it_stopped(
     assert 3 <= len(kept) < 60
     assert not out.exists()
 
-    code, said = sweep(spec, "--store", store, "--output", out)
-    assert code == 0, said
-    assert f"{len(kept)} of them are in {store} already" in said
+    code, output = sweep(spec, "--store", store, "--output", out)
+    assert code == 0, output
+    assert f"{len(kept)} of them are in {store} already" in output
     after = finished(store)
     assert len(after) == 60
     assert kept.items() <= after.items()
@@ -327,8 +327,8 @@ def test_a_cluster_behind_tls_loses_nothing_with_a_worker(
     wait_for(lambda: len(finished(store)) >= 1, process)
     assert len(finished(store)) < 60
     os.kill(workers[0], signal.SIGKILL)
-    _, said = process.communicate(timeout=120.0)
-    assert process.returncode == 0, said
+    _, output = process.communicate(timeout=120.0)
+    assert process.returncode == 0, output
     assert len(finished(store)) == 60
     assert set(read(out)["status"]) == {"ok"}
     assert read(out)["run"].tolist() == list(range(1, 61))
