@@ -1,7 +1,6 @@
 """Made-up recordings: read, checked, recovered or refused by BagError; never a crash or a hang."""
 
 import shutil
-import sqlite3
 import struct
 import zlib
 from collections.abc import Callable
@@ -13,6 +12,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_bags import Bags, changed, storage_file
+from made_up import write_database
 
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
@@ -241,24 +241,11 @@ def test_a_database_that_holds_anything(
 ) -> None:
     file = tmp_path / "bag_0.db3"
     file.unlink(missing_ok=True)
-    connection = sqlite3.connect(file)
-    # Columns without types take anything.
-    connection.executescript(
-        "CREATE TABLE schema(schema_version, ros_distro);"
-        "CREATE TABLE metadata(id, metadata_version, metadata);"
-        "CREATE TABLE topics(id, name, type, serialization_format, offered_qos_profiles,"
-        " type_description_hash);"
-        "CREATE TABLE message_definitions(id, topic_type, encoding, encoded_message_definition,"
-        " type_description_hash);"
-        "CREATE TABLE messages(id, topic_id, timestamp, data);"
-        "INSERT INTO schema VALUES (4, 'jazzy');"
+    write_database(
+        file,
+        topics=[topic],
+        types=[kind],
+        messages=[(1, *message), (2, topic[0], 0, b"\x00\x01\x00\x00")],
+        dropped=dropped,
     )
-    connection.execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)", topic)
-    connection.execute("INSERT INTO message_definitions VALUES (?, ?, ?, ?, ?)", kind)
-    connection.execute("INSERT INTO messages VALUES (1, ?, ?, ?)", message)
-    connection.execute("INSERT INTO messages VALUES (2, ?, 0, ?)", (topic[0], b"\x00\x01\x00\x00"))
-    if dropped:
-        connection.execute(f"DROP TABLE {dropped}")
-    connection.commit()
-    connection.close()
     try_everything(file, tmp_path)

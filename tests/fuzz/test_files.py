@@ -219,11 +219,15 @@ def test_any_values_of_known_parameters(values: dict[str, Any]) -> None:
         refusal_of(made.resolved, ParameterError)
 
 
+FAR_APART = {"random": "uniform", "low": -1e308, "high": 1e308, "count": 1, "seed": 1}
+
+
 @fuzzed
 @given(content=st.dictionaries(st.sampled_from(["parameters", "combine", "x"]), documents))
 @example({"parameters": {"friction": {"random": [], "low": 1, "high": 2, "count": 1, "seed": 1}}})
 @example({"parameters": {"friction": 10**400}})
 @example({"parameters": {"friction": {"from": -1e308, "to": 1e308, "count": 3}}})
+@example({"parameters": {"friction": FAR_APART}})
 def test_any_sweep(content: dict[str, Any]) -> None:
     check_sweep(content)
 
@@ -308,6 +312,8 @@ HEADS = {
 @given(rows=st.lists(st.lists(cells, max_size=5), max_size=6))
 @example(rows=[["0", "0", "0"], ["nan", "0", "0"]])
 @example(rows=[["0", "nan", "0"]])
+@example(rows=[["0", "inf", "0"]])
+@example(rows=[['"' + "a" * 140_000]])
 def test_any_table(reader: str, rows: list[list[str]], tmp_path: Path) -> None:
     read, errors = READERS[reader]
     path = written(tmp_path, "\n".join([HEADS[reader], *map(",".join, rows)]))

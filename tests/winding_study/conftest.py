@@ -1,6 +1,6 @@
-"""Helpers for pages are those of the reports."""
+"""Pages are read as those of the reports are; modules beside the tests are found from here."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "winding_reports"))
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "winding_reports")]

@@ -1,16 +1,11 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from started import PATIENCE, start, wait_for
 from typer.testing import CliRunner
 
 from winding_cli.commands.app import app
@@ -19,35 +14,12 @@ from winding_cli.commands.termination import INTERRUPTED
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
-# Ten times what a loaded machine needs for imports and a first case.
-PATIENCE = 120.0
 # Long runs with tiny elements: nothing is finished while a test looks at it.
 SLOW = ("--element", "solid", "--segment-mm", "1", "--no-models", "--processes", "1")
 
 
 def _study(*arguments: str, folder: Path):
     return CliRunner().invoke(app, ["study", "--store", str(folder / "store"), *arguments])
-
-
-def _start(*arguments: str, folder: Path) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "winding_cli.cli", "study", *arguments]
-    return subprocess.Popen(
-        command,
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONUNBUFFERED": "1"},
-    )
-
-
-def _wait(condition: Callable[[], bool], process: subprocess.Popen[str]) -> None:
-    deadline = time.monotonic() + PATIENCE
-    pause = threading.Event()
-    while not condition():
-        assert process.poll() is None, process.communicate()[1]
-        assert time.monotonic() < deadline
-        pause.wait(0.02)
 
 
 @pytest.mark.parametrize(
@@ -151,8 +123,8 @@ def test_the_published_base_winds_nothing_and_keeps_its_weights(tmp_path) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_study_says_what_is_kept(number: int, tmp_path) -> None:
-    process = _start("--cases", "1", *SLOW, folder=tmp_path)
-    _wait((tmp_path / "runs" / "study").is_dir, process)
+    process = start("study", "--cases", "1", *SLOW, cwd=tmp_path)
+    wait_for((tmp_path / "runs" / "study").is_dir, process)
     process.send_signal(number)
     _, output = process.communicate(timeout=PATIENCE)
     assert process.returncode == INTERRUPTED, output
@@ -164,12 +136,12 @@ def test_an_interrupted_study_says_what_is_kept(number: int, tmp_path) -> None:
 def test_a_killed_study_started_again_goes_on_and_says_so(tmp_path) -> None:
     store = tmp_path / "runs" / "study"
     arguments = ("--duration", "8", "--no-models", "--processes", "1")
-    process = _start(*arguments, folder=tmp_path)
-    _wait(lambda: any(store.glob("??/*.npz")), process)
+    process = start("study", *arguments, cwd=tmp_path)
+    wait_for(lambda: any(store.glob("??/*.npz")), process)
     process.kill()
     process.communicate(timeout=PATIENCE)
     before = {path: path.stat().st_mtime_ns for path in store.glob("??/*.npz")}
-    second = _start(*arguments, folder=tmp_path)
+    second = start("study", *arguments, cwd=tmp_path)
     _, output = second.communicate(timeout=PATIENCE)
     assert second.returncode == 0, output
     assert f"{len(before)} of 12 cases are in {Path('runs') / 'study'} already" in output

@@ -5,16 +5,13 @@ from __future__ import annotations
 import inspect
 import os
 import signal
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
+from started import PATIENCE, start, wait_for
 from typer.testing import CliRunner
 
 from winding_cli.commands.app import app
@@ -24,8 +21,6 @@ from winding_study.run_parameters import RunParameters
 from winding_study.run_store import Arrays
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
-
-COMMAND = [sys.executable, "-m", "winding_cli.cli", "sweep"]
 
 # P1 to P3 come to lie within the second.
 SHORT = """
@@ -67,29 +62,9 @@ def same(one: Arrays, other: Arrays) -> bool:
     )
 
 
-def wait_for(true: Callable[[], bool], process: subprocess.Popen[str]) -> None:
-    """Wait on a predicate, and fail when the process ends before."""
-    tick = threading.Event()
-    until = time.monotonic() + 120.0
-    while not true():
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < until
-        tick.wait(0.02)
-
-
 def finished(store: Path) -> dict[Path, tuple[int, int]]:
     """Return each finished run's file with its inode and time of writing [ns]."""
     return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in store.glob("??/*.npz")}
-
-
-def start(*arguments: object) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [*COMMAND, *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
 
 
 def test_every_option_of_predict_can_be_swept_and_no_other() -> None:
@@ -258,18 +233,18 @@ def test_an_ended_sweep_goes_on_where_it_stopped(
 ) -> None:
     spec.write_text(LONG, encoding="utf-8")
     store, out = tmp_path / "store", tmp_path / "table.npz"
-    process = start(spec, "--store", store, "--output", out)
+    process = start("sweep", spec, "--store", store, "--output", out)
     wait_for(lambda: len(finished(store)) >= 3, process)
     workers = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(how)
-    _, output = process.communicate(timeout=120.0)
+    _, output = process.communicate(timeout=PATIENCE)
     if how == signal.SIGTERM:
         assert process.returncode == 130
         assert f"of 60 runs are in {store}; the same command goes on from there" in output
     else:
         assert process.returncode == -signal.SIGKILL
     # Workers whose parent is gone end after the run in hand, or after their idle time.
-    assert not psutil.wait_procs(workers, timeout=120.0)[1]
+    assert not psutil.wait_procs(workers, timeout=PATIENCE)[1]
     kept = finished(store)
     assert 3 <= len(kept) < 60
     assert not out.exists()
@@ -321,13 +296,13 @@ def test_a_cluster_behind_tls_loses_nothing_with_a_worker(
     spec.write_text(LONG, encoding="utf-8")
     store, out = tmp_path / "store", tmp_path / "table.npz"
     process = start(
-        spec, "--store", store, "--output", out, "--engine", "dask", "--scheduler", address,
-        *certificates,
+        "sweep", spec, "--store", store, "--output", out, "--engine", "dask",
+        "--scheduler", address, *certificates,
     )  # fmt: skip
     wait_for(lambda: len(finished(store)) >= 1, process)
     assert len(finished(store)) < 60
     os.kill(workers[0], signal.SIGKILL)
-    _, output = process.communicate(timeout=120.0)
+    _, output = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, output
     assert len(finished(store)) == 60
     assert set(read(out)["status"]) == {"ok"}
