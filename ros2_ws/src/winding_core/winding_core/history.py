@@ -8,10 +8,6 @@ from typing import TypeVar, overload
 Item = TypeVar("Item")
 
 
-def _later(earlier: Item, later: Item) -> Item:
-    return later
-
-
 class History(Sequence[Item]):
     """Keeps the newest items and an even sample of those before them.
 
@@ -25,7 +21,7 @@ class History(Sequence[Item]):
     """
 
     def __init__(
-        self, *, newest: int, older: int = 0, merge: Callable[[Item, Item], Item] = _later
+        self, *, newest: int, older: int = 0, merge: Callable[[Item, Item], Item] | None = None
     ) -> None:
         """Start empty.
 
@@ -33,7 +29,7 @@ class History(Sequence[Item]):
             newest: So many of the newest items are kept whole; up to twice as many are held.
             older: Most items of the sample before them.
             merge: Returns a later item with what it takes over from its neighbour before it,
-                which is dropped from the sample.
+                which is dropped from the sample; None takes over nothing.
         """
         if min(newest, older) < 0 or newest + older < 1:
             raise ValueError(f"a history needs room for items, got {newest} and {older}")
@@ -107,15 +103,27 @@ class History(Sequence[Item]):
         whole, most = self._room
         older, newest = self._parts
         count = len(newest) - whole
-        kept = list(older)
-        if most:
-            for number, item in enumerate(newest[:count], start=self.taken - len(newest)):
-                merged = item if self._dropped is None else self._merge(self._dropped, item)
-                if number % self.stride == 0:
-                    kept.append(merged)
-                self._dropped = merged if number % self.stride else None
+        kept = [*older, *self._sampled(newest[:count])] if most else []
         while len(kept) > most:
-            kept = [kept[0], *map(self._merge, kept[1::2], kept[2::2])]
+            kept = self._halved(kept)
             self.stride *= 2
         # One assignment: a reader sees the parts of before or those of after.
         self._parts = (kept, newest[count:])
+
+    def _sampled(self, leaving: list[Item]) -> list[Item]:
+        """Return those of the items that leave the newest whose number is a multiple of stride."""
+        first = self.taken - len(self._parts[1])
+        if self._merge is None:
+            return leaving[-first % self.stride :: self.stride]
+        kept = []
+        for number, item in enumerate(leaving, start=first):
+            merged = item if self._dropped is None else self._merge(self._dropped, item)
+            self._dropped = merged if number % self.stride else None
+            if self._dropped is None:
+                kept.append(merged)
+        return kept
+
+    def _halved(self, kept: list[Item]) -> list[Item]:
+        if self._merge is None:
+            return kept[::2]
+        return [kept[0], *map(self._merge, kept[1::2], kept[2::2])]
