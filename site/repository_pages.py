@@ -33,7 +33,7 @@ MODULES = {
     ),
     "marker_tracker_node": ("",),
     "winding_rig_node": ("camera", "machine.hidden_rig", "machine.driven_lay"),
-    "correction_node": ("models.weights", "models.perceptron"),
+    "correction_node": ("models.weights", "models.factor_models"),
     "lay_control_node": (
         "programs", "planning.planner", "planning.limits", "control.control_parameters",
         "control.lay_controller", "control.expected_landing",

@@ -16,7 +16,7 @@ MARKERS = 4
 NEIGHBOURS = 5
 REPETITIONS = 10
 # The ten repetitions of each experiment were not published, so they are simulated. Errors of
-# 0.6 % give the paper's accuracy of 91.3 %; `repeatability` has the accuracy at other noises.
+# 0.6 % give the paper's accuracy of 91.3 %; for other noises see the evidence's `repeatability`.
 REPEATABILITY = 0.006
 
 
