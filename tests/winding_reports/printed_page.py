@@ -7,10 +7,10 @@ import subprocess
 import xml.etree.ElementTree as ET
 from collections import Counter
 from dataclasses import dataclass
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from report_page import ReportPage
 
 # A4 with margins of 14 mm, in points.
 WIDTH, HEIGHT, MARGIN = 595.0, 842.0, 39.0
@@ -46,29 +46,6 @@ class PrintedWord:
             and self.top >= MARGIN - 1.0
             and self.bottom <= HEIGHT - MARGIN + 1.0
         )
-
-
-class TableCells(HTMLParser):
-    """Texts of the cells of all tables of a page."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.texts: list[str] = []
-        self._inside = False
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag in ("td", "th"):
-            self.texts.append("")
-            self._inside = True
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag in ("td", "th"):
-            self._inside = False
-
-    def handle_data(self, data: str) -> None:
-        if self._inside:
-            self.texts[-1] += data
 
 
 def printed_words(page: Path, folder: Path) -> list[PrintedWord]:
@@ -111,8 +88,9 @@ def printed_words(page: Path, folder: Path) -> list[PrintedWord]:
 
 def missing_from_paper(html: str, words: list[PrintedWord]) -> Counter[str]:
     """Return the words of table cells, with their counts, that no whole word on paper shows."""
-    wanted = Counter(word for cell in TableCells(html).texts for word in cell.split())
-    return wanted - Counter(word.text for word in words if word.inside)
+    return Counter(ReportPage(html).table_words) - Counter(
+        word.text for word in words if word.inside
+    )
 
 
 def outside_the_margins(words: list[PrintedWord]) -> list[str]:

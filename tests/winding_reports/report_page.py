@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 
 
 class ReportPage(HTMLParser):
-    """Tags, links, anchors, headings, sources of pictures and cells of tables, row by row."""
+    """Tags, links, anchors, headings, sources of pictures, cells and words of tables."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -20,7 +20,9 @@ class ReportPage(HTMLParser):
         self.headings: list[str] = []
         self.sources: list[str] = []
         self.cells: list[list[str]] = []
+        self.table_words: list[str] = []
         self._inside = ""
+        self._in_cell = False
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
@@ -32,12 +34,17 @@ class ReportPage(HTMLParser):
         if tag == "tr":
             self.cells.append([])
         self._inside = tag
+        self._in_cell = self._in_cell or tag in ("td", "th")
+
+    def handle_endtag(self, tag: str) -> None:
+        self._in_cell = self._in_cell and tag not in ("td", "th")
 
     def handle_data(self, data: str) -> None:
         if data.strip() and self._inside in ("h1", "h2"):
             self.headings.append(data.strip())
         if data.strip() and self._inside == "td":
             self.cells[-1].append(data.strip())
+        self.table_words += data.split() if self._in_cell else []
 
     def require_whole(self) -> None:
         """Fail for a page that loads anything, or whose contents miss a heading."""

@@ -254,6 +254,8 @@ def test_a_run_that_kills_every_process_ends_the_sweep_but_no_other_run(tmp_path
     assert len(stored_results(RunStore(tmp_path), list(given), quiet)) == 4
 
 
+# Eight workers start one after the other, on a busy computer for half a minute each.
+@pytest.mark.timeout(900)
 @pytest.mark.slow
 def test_a_run_that_kills_every_worker_of_a_cluster_ends_no_other_run(tmp_path: Path) -> None:
     given = deadly(4)
