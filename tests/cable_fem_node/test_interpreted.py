@@ -14,7 +14,7 @@ SCRIPT = """
 import json
 import numpy as np
 from winding_verification.rod.rod import Rod
-from winding_verification.rod.rod_section import RodSection
+from winding_verification.rod.rod import RodSection
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import block

@@ -12,10 +12,9 @@ from cable_fem_node.dynamics.surroundings import CylinderContact
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import block, round_bar
-from winding_verification.rod.rod import Rod
-from winding_verification.rod.rod_section import RodSection
+from winding_verification.rod.rod import Rod, RodSection
 from winding_verification.rod.statics import equilibrium, frequencies
-from winding_verification.solver.rod_statics import line
+from winding_verification.solver.rods import line
 
 SECTION = RodSection(diameter=4.0e-3, law="neo_hookean")
 

@@ -18,7 +18,7 @@ from winding_core.drive import DriveProfile
 from winding_core.fleet_angle import FleetAngleLaw
 from winding_core.markers import MarkerFlag, is_wound
 from winding_core.tension import RigTension
-from winding_verification.solver.machine import Machine
+from winding_verification.solver.winding_steppers import Machine
 
 DRIVE = DriveProfile()
 

@@ -12,10 +12,9 @@ import pytest
 
 from winding_ros.environment import set_process_environment
 from winding_supervisor.domain_lock import domain_lock
-from winding_verification.faults.campaign import NAMESPACE, row_names
+from winding_verification.faults.campaign import LONE_ROWS, NAMESPACE, ROWS, row_names
 from winding_verification.faults.cell import FaultCell
 from winding_verification.faults.outcome import Outcome
-from winding_verification.faults.table import LONE_ROWS, ROWS
 
 pytestmark = [
     pytest.mark.campaign,

@@ -13,14 +13,13 @@ import pytest
 from typer.testing import CliRunner
 
 from winding_cli.commands.app import app
-from winding_verification.experiments import held_cable, held_cable_fit
-from winding_verification.experiments.held_cable import loss, predict
+from winding_verification.experiments import held_cable
+from winding_verification.experiments import held_cable_comparison as held_cable_fit
+from winding_verification.experiments.held_cable import loss, predict, shape_of_its_own
 from winding_verification.experiments.motion_capture import read_cable, read_run
-from winding_verification.experiments.rest_shape import shape_of_its_own
 from winding_verification.experiments.scenario import ExternalFileError
-from winding_verification.rod.rod import Rod
-from winding_verification.rod.rod_section import RodSection
-from winding_verification.solver.rod_statics import line
+from winding_verification.rod.rod import Rod, RodSection
+from winding_verification.solver.rods import line
 
 
 @pytest.fixture(scope="module")

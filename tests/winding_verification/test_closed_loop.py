@@ -61,9 +61,9 @@ def test_a_summary_has_percentiles_of_every_marker(rows: list[ClosedLoopRow]) ->
 
 def test_the_verdict_is_that_of_the_worst_turn_under_control(rows: list[ClosedLoopRow]) -> None:
     worst = max(row.turn_rms[2:].max() for row in rows if row.mode == "closed")
-    said = verdict(rows, 0.5e-3)
-    assert said.startswith("good: ")
-    assert f" {1e3 * worst:.2f} mm (rms)" in said
+    sentence = verdict(rows, 0.5e-3)
+    assert sentence.startswith("good: ")
+    assert f" {1e3 * worst:.2f} mm (rms)" in sentence
     assert verdict(rows, 0.99 * worst).startswith("not good: ")
 
 
@@ -78,7 +78,7 @@ def test_a_brake_lands_markers_where_they_are_wanted() -> None:
         ClosedLoopConfig(cases=(9,), draws=1, truths=("driven",), first_seed=40, brake=True)
     )
     (closed,) = (row for row in rows if row.mode == "closed")
-    assert closed.marker_miss.shape == closed.said_miss.shape == (4,)
+    assert closed.marker_miss.shape == closed.expected_miss.shape == (4,)
     # What a cell is promised where the pull reaches: 2 % of a turn at P1, 1 % from P2 on.
     bars = 2.0 * np.pi * np.array([0.02, 0.01, 0.01, 0.01])
     assert (np.abs(closed.marker_miss) < bars).all()
@@ -93,7 +93,7 @@ def test_markers_land_at_their_angles_or_it_was_said_beforehand(truth: str) -> N
     (parts,) = miss_summary(studied(config)).values()
     for name, values in parts.items():
         # Two deviations hold 95 % of what is drawn.
-        assert not name.endswith("said") or values[0] >= 0.95
+        assert not name.endswith("expected") or values[0] >= 0.95
 
 
 @pytest.mark.campaign

@@ -5,30 +5,224 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.winding_config import WindingConfig
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.guide_law import WantedLay
 from lay_control_node.control.lay_controller import Setpoint
+from winding_core.cases import Case
 from winding_core.commands import CARRIAGE, AxisTarget, JointTargets, TensionCommand
 from winding_core.condition import ResolvedCondition
 from winding_core.lay_control_records import ControlMode
+from winding_core.lay_records import LAY_DTYPE, LayRecords
+from winding_core.markers import MARKER_DTYPE, Markers
 from winding_core.readings import AxisReading
+from winding_core.tension import RigTension
 from winding_rig_node.machine.commander import CommandLimits
+from winding_rig_node.machine.driven_lay import DrivenLay
 from winding_rig_node.machine.hidden_rig import HiddenRig
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import MachineConfig
-from winding_verification.closed_loop.camera import CameraErrors, SimulatedTracker
-from winding_verification.closed_loop.truths import DrivenTruth, RodTruth, Truth
 
 Array = NDArray[np.float64]
 
-SAMPLE = 1.0e-3
 # Samples between commands, frames and lays.
 _COMMANDS, _FRAMES, _LAYS = 20, 5, 100
 _FULL_TURN = 2.0 * math.pi
+# A place is seen from here behind the contact line on, and a marker for this long [rad].
+_SEEN_FROM = 0.15
+_MARKER_SEEN = (0.05, 1.2)
+_PLACE = math.radians(5.0)
+_PLACES = 864
+TRUTHS = ("driven", "rod")
+
+# Samples of the machine between two advances of the rod.
+_ROD_STRIDE = 10
+
+
+class Truth(Protocol):
+    """A cable under the motion of the machine."""
+
+    def advance(self, t: float, reading: AxisReading, pull: float) -> None:
+        """Go on to a time [s], the axes as they truly stand, under a pull at the guide [N]."""
+        ...
+
+    def z_at(self, theta: ArrayLike) -> Array:
+        """Return where the cable lies [m] at wound angles [rad], same shape."""
+        ...
+
+    def marker_theta(self) -> Array:
+        """Return wound angles of P1 to the last marker [rad]; nan for one that has not landed."""
+        ...
+
+
+class DrivenTruth:
+    """The lay of the simulated rig: it sticks where it lands.
+
+    Args:
+        case: What is wound.
+        hidden: What the rig does to it.
+    """
+
+    def __init__(self, case: Case, hidden: HiddenRig) -> None:
+        self._lay = DrivenLay(case, hidden)
+
+    def advance(self, t: float, reading: AxisReading, pull: float) -> None:
+        """Go on to a time [s], the axes as they truly stand, under a pull at the guide [N]."""
+        self._lay.advance(reading.cylinder_angle, reading.carriage_position, pull)
+
+    def z_at(self, theta: ArrayLike) -> Array:
+        """Return where the cable lies [m] at wound angles [rad], same shape."""
+        return self._lay.z_at(theta)
+
+    def marker_theta(self) -> Array:
+        """Return wound angles of P1 to the last marker [rad]; nan for one that has not landed."""
+        return self._lay.marker_theta[1:].copy()
+
+
+class RodTruth:
+    """The explicit rod with contact and friction, behind the same hidden rig.
+
+    Its law of the lag is its own: bending, inertia and slip are those of the finite elements.
+
+    Args:
+        case: What is wound.
+        hidden: What the rig does to it; its bending is the rod's own.
+        friction: Of cable on cylinder.
+    """
+
+    def __init__(self, case: Case, hidden: HiddenRig, friction: float) -> None:
+        self._hidden, self._radius = hidden, case.centreline_radius
+        self._rod = RodWinding(
+            WindingConfig(
+                case=case, friction=friction, law="neo_hookean", free_length=hidden.free_length
+            )
+        )
+        self._build_up = RigTension(
+            start_share=hidden.start_share, build_up_length=hidden.build_up_length
+        )
+        self._spacing = case.marker_spacing * np.arange(1, case.marker_count + 1)
+        self._diameter = case.cylinder_diameter
+        self._eye = 0.0
+        self._held = case.weight
+        self._samples = 0
+        self._path: tuple[Array, Array, Array] | None = None
+
+    def advance(self, t: float, reading: AxisReading, pull: float) -> None:
+        """Go on to a time [s], the axes as they truly stand, under a pull at the guide [N]."""
+        hidden = self._hidden
+        play = 0.5 * hidden.guide_play
+        carriage = reading.carriage_position
+        self._eye = min(max(self._eye, carriage - play), carriage + play)
+        band = hidden.brake_friction * pull
+        self._held = min(max(self._held, pull - band), pull + band)
+        self._samples += 1
+        if self._samples % _ROD_STRIDE:
+            return
+        final = hidden.load_share * self._held + hidden.drag
+        wound = self._radius * max(reading.cylinder_angle, 0.0)
+        moving = self._eye in (carriage - play, carriage + play)
+        self._rod.advance_to(
+            t,
+            AxisReading(
+                cylinder_angle=reading.cylinder_angle,
+                angular_speed=reading.angular_speed,
+                carriage_position=self._eye,
+                feed_speed=reading.feed_speed if moving else 0.0,
+            ),
+            self._build_up(final, self._diameter, wound),
+        )
+        self._path = None
+
+    def z_at(self, theta: ArrayLike) -> Array:
+        """Return where the cable lies [m] at wound angles [rad], same shape."""
+        _, wound, z = self._wound()
+        return np.asarray(np.interp(np.asarray(theta, dtype=float), wound, z, right=np.nan))
+
+    def marker_theta(self) -> Array:
+        """Return wound angles of P1 to the last marker [rad]; nan for one that has not landed."""
+        arc, wound, _ = self._wound()
+        return np.asarray(np.interp(self._spacing, arc, wound, right=np.nan))
+
+    def _wound(self) -> tuple[Array, Array, Array]:
+        if self._path is None:
+            self._path = self._rod.wound_path()
+        return self._path
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraErrors:
+    """Standard deviations of what the tracker measures (docs/vision.md).
+
+    Attributes:
+        frame_theta: Of a marker's angle in one frame [rad].
+        frame_z: Of its height in one frame [m].
+        marker_theta: What all frames of a marker have in common [rad].
+        marker_z: The same of its height [m].
+        lay_z: Of a place of the cable [m], anew for each place.
+        common_z: What all places of a run have in common [m].
+    """
+
+    frame_theta: float = 3.0e-3
+    frame_z: float = 1.2e-4
+    marker_theta: float = 1.0e-3
+    marker_z: float = 3.0e-5
+    lay_z: float = 3.0e-5
+    common_z: float = 3.0e-5
+
+
+class SimulatedTracker:
+    """Sees a lay with errors drawn at random, the same ones each time it looks at a place.
+
+    Args:
+        truth: The cable.
+        errors: How wrong it is.
+        rng: Of the errors.
+    """
+
+    def __init__(self, truth: Truth, errors: CameraErrors, rng: np.random.Generator) -> None:
+        self._truth, self._errors, self._rng = truth, errors, rng
+        self._common = errors.common_z * rng.standard_normal()
+        self._of_markers: dict[int, tuple[float, float]] = {}
+        self._of_places = errors.lay_z * rng.standard_normal(_PLACES)
+
+    def markers(self, theta: float) -> Markers:
+        """Return the records of one frame with the cylinder at a wound angle [rad]."""
+        errors, rng = self._errors, self._rng
+        near, far = _MARKER_SEEN
+        at = self._truth.marker_theta()
+        seen = [n for n in range(at.size) if near < theta - at[n] < far]
+        records = np.zeros(len(seen), dtype=MARKER_DTYPE)
+        for record, n in zip(records, seen, strict=True):
+            if n not in self._of_markers:
+                own = rng.standard_normal(2)
+                self._of_markers[n] = (errors.marker_theta * own[0], errors.marker_z * own[1])
+            angle, height = self._of_markers[n]
+            frame = rng.standard_normal(2)
+            record["id"] = n + 1
+            record["theta"] = at[n] + angle + errors.frame_theta * frame[0]
+            record["z"] = (
+                float(self._truth.z_at(at[n])) + self._common + height + errors.frame_z * frame[1]
+            )
+            record["sigma_theta"], record["sigma_z"] = errors.frame_theta, errors.frame_z
+        return records
+
+    def lay(self, theta: float) -> LayRecords:
+        """Return the places of the newest twelve turns with the cylinder at a wound angle [rad]."""
+        last = int((theta - _SEEN_FROM) / _PLACE)
+        numbers = np.arange(max(1, last - _PLACES + 1), last + 1)
+        records = np.zeros(numbers.size, dtype=LAY_DTYPE)
+        records["theta"] = numbers * _PLACE
+        own = self._of_places[numbers % _PLACES]
+        records["z"] = self._truth.z_at(records["theta"]) + self._common + own
+        records["sigma_z"] = self._errors.lay_z
+        seen: LayRecords = records[np.isfinite(records["z"])]
+        return seen
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,8 +38,9 @@ def closed_loop(
             bar.update(task, completed=done, total=runs)
 
         rows = closed_loop_study(config, processes=processes, progress=show)
-    said = verdict(rows, LayTolerance.lay_tolerance)
-    result_console().print(said, highlight=False, soft_wrap=True)
+    result_console().print(
+        verdict(rows, LayTolerance.lay_tolerance), highlight=False, soft_wrap=True
+    )
     result_console().print(_table(rows, draws))
     if brake:
         result_console().print(_misses(rows))
@@ -76,7 +77,7 @@ def _misses(rows: list[ClosedLoopRow]) -> Table:
 
     table = Table(
         title="how far markers miss their angles, in % of a turn: median, 95th percentile, worst; "
-        "and the share of runs within the bar or within what was said beforehand",
+        "and the share of runs within the bar or within two deviations as predicted beforehand",
         show_lines=True,
     )
     found = miss_summary(rows)

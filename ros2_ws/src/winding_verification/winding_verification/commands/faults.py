@@ -35,7 +35,7 @@ def faults(
         refuse(f"no row of the fault table contains {only!r}")
 
     async def work(_stack: AsyncExitStack, _interruption: Interruption) -> list[Any]:
-        outcomes: list[Any] = await campaign.try_rows(names, place.folder, _tell)
+        outcomes: list[Any] = await campaign.try_rows(names, place.folder, _report)
         return outcomes
 
     with (
@@ -51,6 +51,6 @@ def faults(
         raise typer.Exit(FAILED)
 
 
-def _tell(outcome: Any) -> None:
-    words = "ok    " if outcome.passed else "FAILED"
-    print(f"{words}  {outcome.fault}", file=sys.stderr, flush=True)
+def _report(outcome: Any) -> None:
+    word = "ok    " if outcome.passed else "FAILED"
+    print(f"{word}  {outcome.fault}", file=sys.stderr, flush=True)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,18 +16,18 @@ class ExternalRow:
         variant: Its parameters.
         quantity: As the experiment's own definition has it, SI.
         computed: With this project's rod.
-        bar: What its magnitude is held against; None for what is told only.
+        bar: What its magnitude is held against; None for what is only reported.
         at_least: Whether it must reach the bar, instead of staying below it.
-        published: Of others, by solver; None for what they could not tell.
+        published: Of others, by solver; None for what they could not compute.
     """
 
     experiment: str
     variant: str
     quantity: str
     computed: float
-    bar: float | None
-    at_least: bool
-    published: Mapping[str, float | None]
+    bar: float | None = None
+    at_least: bool = False
+    published: Mapping[str, float | None] = field(default_factory=dict)
 
     @property
     def passed(self) -> bool:
@@ -35,3 +36,9 @@ class ExternalRow:
             return True
         size = abs(self.computed)
         return size >= self.bar if self.at_least else size <= self.bar
+
+    def record(self) -> dict[str, Any]:
+        """Return the row for JSON."""
+        record = asdict(self)
+        kind = "least" if record.pop("at_least") else "most"
+        return record | {"bar_is": kind, "pass": self.passed}

@@ -63,7 +63,7 @@ def read_cable(folder: Path) -> CapturedCable:
     """Return the runs of a cable.
 
     Raises:
-        ExternalFileError: A split is missing, or a file is no run; says the file and why.
+        ExternalFileError: A split is missing, or a file is no run; names the file and the cause.
     """
     splits = {}
     for split in ("train", "eval"):

@@ -26,14 +26,14 @@ class Outcome:
     Attributes:
         fault: What was done.
         injected_at: Simulated time of it [s].
-        detected_by: Who noticed; empty where nothing has to be noticed.
+        detected_by: Part that noticed; empty where nothing has to be noticed.
         detected_after: Wall time from the fault to its detection [s].
         detect_within: Its limit on a computer that is not saturated [s].
         stood_after: Wall time from detection to standstill of both axes [s].
         outcome: What happened then.
         survived: Whether that is what had to happen, judged by states alone.
-        load: Processes that wanted each processor meanwhile, 1 or more.
-        idle: Share of the processors' time that nobody wanted meanwhile.
+        load: Runnable processes for each processor meanwhile, 1 or more.
+        idle: Share of the processors' time that was idle meanwhile.
     """
 
     fault: str
@@ -49,7 +49,7 @@ class Outcome:
 
     @property
     def saturated(self) -> bool:
-        """Whether the computer was so busy that its seconds say nothing of the graph."""
+        """Whether the computer was so busy that the graph's seconds were not its own."""
         return self.load > _LOAD or self.idle < _IDLE
 
     @property
@@ -88,11 +88,11 @@ class ProcessorWatch:
         self._before = psutil.cpu_times()
 
     def idle(self) -> float:
-        """Return the share of the processors' time since then that nobody wanted."""
+        """Return the idle share of the processors' time since then."""
         before, now = self._before, psutil.cpu_times()
         total = sum(now) - sum(before)
         return float((now.idle - before.idle) / total) if total > 0.0 else 1.0
 
     def load(self) -> float:
-        """Return how many processes want each processor, 1 at least, mean of the last minute."""
+        """Return the runnable processes for each processor, 1 at least, mean of the last minute."""
         return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,15 +13,66 @@ from cable_fem_node.dynamics.model import ExplicitModel
 from cable_fem_node.dynamics.points import FloatArray
 from cable_fem_node.rod.rod_arrays import axial_response
 from cable_fem_node.rod.rod_kernels import stored_energy, turning_angle_squared
-from winding_core.material_law import TABLE_HIGH, TABLE_LOW
-from winding_verification.rod.rod_frames import frames_along, perpendicular
-from winding_verification.rod.rod_section import RodSection
-from winding_verification.rod.rod_step_kernels import (
+from cable_fem_node.rod.rod_scratch import empty_work
+from winding_core.cases import Material
+from winding_core.material_law import TABLE_HIGH, TABLE_LOW, MaterialLaw
+from winding_verification.rod.rod_kernels import (
     RodEnds,
     RodMesh,
+    RodScratch,
     advance_rod,
     rod_forces,
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RodSection:
+    """Round section and material of a rod.
+
+    Attributes:
+        diameter: Undeformed [m].
+        law: Axial law; bending and torsion are linear in E and G.
+        young: E [Pa].
+        poisson: nu.
+        density: [kg/m^3]
+        bending_factor: Factor on EI, e.g. 1e-3 for a cable that shall only pull.
+    """
+
+    diameter: float
+    law: str = "linear"
+    young: float = Material.young
+    poisson: float = Material.poisson
+    density: float = Material.density
+    bending_factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("diameter", "young", "density"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+
+    @property
+    def uniaxial(self) -> MaterialLaw:
+        """The axial law."""
+        return MaterialLaw(
+            law=self.law,
+            young=self.young,
+            poisson=self.poisson,
+        )
+
+    @property
+    def area(self) -> float:
+        """[m^2]."""
+        return 0.25 * math.pi * self.diameter**2
+
+    @property
+    def bending(self) -> float:
+        """EI [N m^2], with the factor."""
+        return self.bending_factor * self.young * math.pi * self.diameter**4 / 64.0
+
+    @property
+    def torsion(self) -> float:
+        """GJ [N m^2]."""
+        return self.uniaxial.shear_modulus * math.pi * self.diameter**4 / 32.0
 
 
 class Rod(ExplicitModel):
@@ -344,3 +396,35 @@ def _side(end: str, nodes: int) -> tuple[int, int]:
     if end not in ("start", "end"):
         raise ValueError(f"end must be 'start' or 'end', got {end!r}")
     return (0, 0) if end == "start" else (1, nodes - 1)
+
+
+def perpendicular(tangent: FloatArray, hint: FloatArray) -> FloatArray:
+    """Return the unit vector across a unit tangent that lies closest to a hint, all (3,)."""
+    part = hint - (hint @ tangent) * tangent
+    return np.asarray(part / np.linalg.norm(part))
+
+
+def frames_along(walled: FloatArray) -> RodScratch:
+    """Return frames without a twist of their own, and scratch, for tangents (3, elements + 2)."""
+    count = walled.shape[1] - 2
+    director = np.zeros((3, count + 2))
+    axis = np.eye(3)[int(np.argmin(np.abs(walled[:, 0])))]
+    director[:, 0] = perpendicular(walled[:, 0], axis)
+    for i in range(1, count + 2):
+        a, b, v = walled[:, i - 1], walled[:, i], director[:, i - 1]
+        turn = np.cross(a, b)
+        moved = v * (a @ b) + np.cross(turn, v) + turn * (turn @ v) / (1.0 + a @ b)
+        director[:, i] = perpendicular(b, moved)
+    return RodScratch(
+        director=director,
+        carried=walled.copy(),
+        angle=np.zeros(count + 2),
+        spin=np.zeros(count + 2),
+        own_twist=np.zeros(count + 1),
+        curvature=np.zeros((3, count + 1)),
+        work=empty_work(count + 1),
+        walled=walled.copy(),
+        walled_inverse=np.zeros(count + 2),
+        walled_force=np.zeros((3, count + 2)),
+        torque=np.zeros(count + 2),
+    )

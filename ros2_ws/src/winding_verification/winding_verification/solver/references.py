@@ -19,8 +19,8 @@ Values = dict[str, float | list[float]]
 
 @cache
 def references() -> dict[str, dict[str, Any]]:
-    """Return the references by problem: title, source, quantities, what is given."""
-    text = files("cable_fem_node").joinpath("data", "verification.json").read_text("utf-8")
+    """Return the references by problem: title, source, what computes it, quantities, its data."""
+    text = files("winding_verification").joinpath("data", "verification.json").read_text("utf-8")
     data: dict[str, dict[str, Any]] = json.loads(text)
     return data
 

@@ -8,10 +8,9 @@ import numpy as np
 
 from cable_fem_node.dynamics.surroundings import CylinderContact
 from cable_fem_node.winding.resolved_model import chord_radius
-from winding_verification.rod.rod import Rod
-from winding_verification.rod.rod_section import RodSection
+from winding_verification.rod.rod import Rod, RodSection
 from winding_verification.solver.references import Values
-from winding_verification.solver.rod_statics import GRAVITY, line
+from winding_verification.solver.rods import GRAVITY, line
 
 LIMP = 1.0e-3
 

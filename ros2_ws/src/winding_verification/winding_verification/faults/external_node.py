@@ -1,4 +1,4 @@
-"""A foreign node for the fault table: python stranger.py rogue|mismatch|late NAMESPACE."""
+"""A node from outside the graph, as a process: external_node.py rogue|mismatch|late NAMESPACE."""
 
 from __future__ import annotations
 
@@ -19,25 +19,27 @@ _RUN_OF_SAMPLES = 100
 
 
 def main(role: str, namespace: str) -> None:
-    """Play a role until killed, or until it is played."""
+    """Play a role until killed, or until it is played; its first line of output is its report."""
     end_with_supervisor()
-    rclpy.init(args=["stranger", "--ros-args", "-r", f"__ns:=/{namespace}"])
+    rclpy.init(args=["external", "--ros-args", "-r", f"__ns:=/{namespace}"])
     node = Node(role)
     {"rogue": _rogue, "mismatch": _mismatch, "late": _late}[role](node)
 
 
-def _tell(text: object) -> None:
+def _report(text: object) -> None:
     print(text, flush=True)
 
 
 def _rogue(node: Node) -> None:
+    """Publish a second tension; report when the publisher was made, monotonic [s]."""
     publisher = topics.TENSION.advertise(node)
-    _tell(time.monotonic())
+    _report(time.monotonic())
     node.create_timer(0.01, lambda: publisher.publish(encode_tension(0.0, 1.0e6)))
     rclpy.spin(node)
 
 
 def _mismatch(node: Node) -> None:
+    """Subscribe with a quality of service that is not offered; report when, monotonic [s]."""
     wanted = QoSProfile(
         depth=1,
         reliability=ReliabilityPolicy.RELIABLE,
@@ -46,11 +48,12 @@ def _mismatch(node: Node) -> None:
     node.create_subscription(
         topics.JOINT_STATES.type, topics.JOINT_STATES.name, lambda _message: None, wanted
     )
-    _tell(time.monotonic())
+    _report(time.monotonic())
     rclpy.spin(node)
 
 
 def _late(node: Node) -> None:
+    """Read what is latched and what is live; report what came."""
     latched: list[Any] = []
     stamps: list[int] = []
     topics.FEM_PREDICTION.subscribe(node, latched.append)
@@ -61,7 +64,7 @@ def _late(node: Node) -> None:
         rclpy.spin_once(node, timeout_sec=0.1)
     first = stamps[0]
     whole = stamps[:_RUN_OF_SAMPLES] == list(range(first, first + _RUN_OF_SAMPLES))
-    _tell(
+    _report(
         f"got the prediction and {_RUN_OF_SAMPLES} encoder samples "
         + ("in a row" if whole else "with holes")
     )
