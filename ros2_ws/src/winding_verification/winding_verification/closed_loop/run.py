@@ -1,11 +1,14 @@
-"""One run of the closed loop: machine, true cable, tracker and controller in one process."""
+"""One run of the closed loop: machine, true cable, tracker and controller in one process.
+
+The true cable is the rig's own lay or the explicit rod; what the tracker measures of it has the
+errors that were measured of the real one.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,26 +42,9 @@ _SEEN_FROM = 0.15
 _MARKER_SEEN = (0.05, 1.2)
 _PLACE = math.radians(5.0)
 _PLACES = 864
-TRUTHS = ("driven", "rod")
 
 # Samples of the machine between two advances of the rod.
 _ROD_STRIDE = 10
-
-
-class Truth(Protocol):
-    """A cable under the motion of the machine."""
-
-    def advance(self, t: float, reading: AxisReading, pull: float) -> None:
-        """Go on to a time [s], the axes as they truly stand, under a pull at the guide [N]."""
-        ...
-
-    def z_at(self, theta: ArrayLike) -> Array:
-        """Return where the cable lies [m] at wound angles [rad], same shape."""
-        ...
-
-    def marker_theta(self) -> Array:
-        """Return wound angles of P1 to the last marker [rad]; nan for one that has not landed."""
-        ...
 
 
 class DrivenTruth:
@@ -185,7 +171,9 @@ class SimulatedTracker:
         rng: Of the errors.
     """
 
-    def __init__(self, truth: Truth, errors: CameraErrors, rng: np.random.Generator) -> None:
+    def __init__(
+        self, truth: DrivenTruth | RodTruth, errors: CameraErrors, rng: np.random.Generator
+    ) -> None:
         self._truth, self._errors, self._rng = truth, errors, rng
         self._common = errors.common_z * rng.standard_normal()
         self._of_markers: dict[int, tuple[float, float]] = {}
@@ -234,14 +222,12 @@ class ClosedRun:
         wanted: Lay that is wanted.
         markers: Wound angle at which a marker is wanted [rad], by marker.
         end: Wound angle at which the run ends [rad].
-        truth: One of TRUTHS.
+        truth: rod, or driven: which cable is the true one.
         hidden: The rig.
         control: How the lay is controlled.
         mode: DRIVE, or WATCH for the open loop.
-        sees_lay: Whether the tracker measures every turn, or markers alone.
         errors: Of the tracker.
         seed: Of the errors.
-        tracker_until: Time after which the tracker is dead [s].
     """
 
     what: ResolvedCondition
@@ -252,10 +238,8 @@ class ClosedRun:
     hidden: HiddenRig
     control: ControlParameters = field(default_factory=ControlParameters)
     mode: ControlMode = ControlMode.DRIVE
-    sees_lay: bool = True
     errors: CameraErrors = field(default_factory=CameraErrors)
     seed: int = 0
-    tracker_until: float = math.inf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -287,18 +271,15 @@ class ClosedResult:
         return np.array([math.sqrt(np.mean(self.error[turns == n] ** 2)) for n in whole])
 
 
-def truth_of(run: ClosedRun) -> Truth:
-    """Return the cable of a run."""
-    if run.truth == "rod":
-        return RodTruth(run.what.case, run.hidden, run.what.friction)
-    return DrivenTruth(run.what.case, run.hidden)
-
-
 def wind(run: ClosedRun) -> ClosedResult:
     """Wind a run until its end."""
     rng = np.random.default_rng((run.seed, 77))
     what, case = run.what, run.what.case
-    truth = truth_of(run)
+    truth = (
+        RodTruth(case, run.hidden, what.friction)
+        if run.truth == "rod"
+        else DrivenTruth(case, run.hidden)
+    )
     tracker = SimulatedTracker(truth, run.errors, rng)
     limits = CommandLimits()
     limits = replace(
@@ -331,10 +312,9 @@ def wind(run: ClosedRun) -> ClosedResult:
             ),
             machine.pull,
         )
-        seen = machine.time <= run.tracker_until
-        if seen and sample % _FRAMES == 0:
+        if sample % _FRAMES == 0:
             controller.take_markers(tracker.markers(reading.cylinder_angle))
-        if seen and run.sees_lay and sample % _LAYS == 0:
+        if sample % _LAYS == 0:
             controller.take_lay(tracker.lay(reading.cylinder_angle))
         if sample % _COMMANDS == 0:
             pull = machine.state.tension

@@ -43,8 +43,7 @@ class ClosedLoopConfig:
     Attributes:
         cases: Rows of Table 1.
         draws: Hidden rigs of each case.
-        truths: Of `TRUTHS`.
-        sees_lay: Whether every turn is measured, or markers alone.
+        truths: driven, rod or both: which cables are the true ones.
         first_seed: Of the hidden rigs.
         brake: Whether a brake lands markers at angles that are within its reach.
     """
@@ -52,7 +51,6 @@ class ClosedLoopConfig:
     cases: tuple[int, ...]
     draws: int
     truths: tuple[str, ...] = ("driven", "rod")
-    sees_lay: bool = True
     first_seed: int = 0
     brake: bool = False
 
@@ -68,7 +66,7 @@ class ClosedLoopRow:
     Attributes:
         case: Row of Table 1.
         seed: Of the hidden rig.
-        truth: Of `TRUTHS`.
+        truth: driven or rod.
         mode: closed or open.
         marker_error: z less the helix at P1 and on [m], shape (m,); nan for one not landed.
         turn_rms: Of each complete turn [m], shape (n,).
@@ -175,7 +173,6 @@ def _wound(case: int, seed: int, truth: str, mode: str, config: ClosedLoopConfig
         hidden=hidden,
         control=control,
         mode=MODES[mode],
-        sees_lay=config.sees_lay,
         seed=seed,
     )
     result = wind(run)

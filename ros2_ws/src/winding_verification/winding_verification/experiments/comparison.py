@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import partial
 from pathlib import Path
@@ -15,7 +14,6 @@ from winding_verification.experiments.external_row import ExternalRow
 from winding_verification.experiments.motion_capture import cable_folders, read_cable
 from winding_verification.experiments.scenario import (
     ExternalFileError,
-    NothingFoundError,
     Scenario,
     read_scenario,
 )
@@ -27,6 +25,9 @@ EXPERIMENTS: dict[str, Callable[[Scenario], cosserat.Metrics]] = {
     "pendulum": cosserat.pendulum,
     "twist": cosserat.twist,
 }
+NAMES = (*EXPERIMENTS, held.NAME, elastic_capstan.NAME)
+# Name of an experiment, and what computes it.
+Work = tuple[str, Callable[[], Iterable[ExternalRow]]]
 
 # Greatest magnitude. The references leave out: bending in the catenary, which lifts the sag of a
 # short span by 0.8 %; the size of the swing, 2e-5 of the period; stretch and shear elsewhere.
@@ -54,11 +55,8 @@ def found_experiments(
         wanted: Names of EXPERIMENTS.
 
     Raises:
-        NothingFoundError: The folder holds none.
-        ExternalFileError: There is no such folder, or a file is no experiment.
+        ExternalFileError: A file is no experiment.
     """
-    if not folder.is_dir():
-        raise ExternalFileError(f"there is no folder {folder}")
     chosen: dict[tuple[str, str], tuple[bool, Path]] = {}
     others = set()
     for file in sorted(folder.rglob("experiment.json")):
@@ -69,11 +67,6 @@ def found_experiments(
         before = chosen.get((name, values))
         if before is None or (before[0] and not of_the_solver):
             chosen[name, values] = (of_the_solver, file)
-    if not chosen:
-        raise NothingFoundError(
-            f"{folder} holds no experiment.json of {', '.join(wanted)}; it is to be a "
-            "results folder of cosseratbench, or one above it"
-        )
     return [file for _, (_, file) in sorted(chosen.items())], tuple(sorted(others))
 
 
@@ -98,8 +91,7 @@ def compare(file: Path) -> Iterator[ExternalRow]:
             bar=bar,
             at_least=at_least,
             published={
-                solver: _usable(metrics.get(quantity))
-                for solver, metrics in scenario.published.items()
+                solver: metrics.get(quantity) for solver, metrics in scenario.published.items()
             },
         )
 
@@ -122,10 +114,6 @@ def _lacks(scenario: Scenario) -> str:
     return " and ".join(what for what, given in needs[scenario.experiment] if not given)
 
 
-def _usable(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
 def _identity(file: Path) -> tuple[str, str, bool]:
     """Return an experiment's name, its parameters as text, whether it varies the solver alone."""
     try:
@@ -137,13 +125,6 @@ def _identity(file: Path) -> tuple[str, str, bool]:
         raise ExternalFileError(f"{file} is no experiment of cosseratbench: {error}") from error
 
 
-NAMES = (*EXPERIMENTS, held.NAME, elastic_capstan.NAME)
-
-
-# Name of an experiment, and what computes it.
-Work = tuple[str, Callable[[], Iterable[ExternalRow]]]
-
-
 def found_work(folder: Path, wanted: Collection[str] = NAMES) -> tuple[list[Work], tuple[str, ...]]:
     """Return what to compute, and the names of what is there and is not computed.
 
@@ -152,21 +133,20 @@ def found_work(folder: Path, wanted: Collection[str] = NAMES) -> tuple[list[Work
         wanted: Names of NAMES.
 
     Raises:
-        NothingFoundError: The folder holds nothing of that.
-        ExternalFileError: There is no such folder, or a file is no experiment.
+        ExternalFileError: The folder holds nothing of that, or a file is no experiment.
     """
-    if not folder.is_dir():
-        raise ExternalFileError(f"there is no folder {folder}")
     work: list[Work] = []
     lacking = []
     others: tuple[str, ...] = ()
     scenarios = [name for name in wanted if name in EXPERIMENTS]
     if scenarios:
-        try:
-            files, others = found_experiments(folder, scenarios)
-            work += [(file.parent.name, partial(compare, file)) for file in files]
-        except NothingFoundError as error:
-            lacking.append(str(error))
+        files, others = found_experiments(folder, scenarios)
+        work += [(file.parent.name, partial(compare, file)) for file in files]
+        if not files:
+            lacking.append(
+                f"{folder} holds no experiment.json of {', '.join(scenarios)}; it is to be a "
+                "results folder of cosseratbench, or one above it"
+            )
     if held.NAME in wanted:
         cables = cable_folders(folder)
         comparison = held.HeldCableComparison()
@@ -187,5 +167,5 @@ def found_work(folder: Path, wanted: Collection[str] = NAMES) -> tuple[list[Work
                 f"{', '.join(elastic_capstan.LIMITS)}"
             )
     if not work:
-        raise NothingFoundError("; ".join(lacking))
+        raise ExternalFileError("; ".join(lacking))
     return work, others

@@ -23,10 +23,6 @@ class ExternalFileError(ValueError):
     """A file does not say what such a file must say."""
 
 
-class NothingFoundError(ExternalFileError):
-    """A folder holds no file of the kinds that were asked for."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class ScenarioRod:
     """One rod, straight when unstressed.
@@ -156,7 +152,10 @@ def _rod(entry: Mapping[str, Any]) -> ScenarioRod:
         poisson=min(0.5 * young / shear - 1.0, _MOST_POISSON),
         density=_positive("density", material["density"]),
     )
-    start, end = (_one_of(ENDS, entry[name]) for name in ("start", "end"))
+    start, end = entry["start"], entry["end"]
+    for held in (start, end):
+        if held not in ENDS:
+            raise ValueError(f"an end must be one of {', '.join(ENDS)}, got {held!r}")
     load = np.zeros(3)
     for item in entry["loads"]:
         if item["at"] != "end":
@@ -215,7 +214,8 @@ def _published(folder: Path) -> dict[str, dict[str, float | None]]:
         result = json.loads(file.read_text(encoding="utf-8"))
         metrics = result.get("metrics") or {}
         found[str(result["solver"])] = {
-            name: None if value is None else float(value) for name, value in metrics.items()
+            name: None if value is None or not math.isfinite(value) else float(value)
+            for name, value in metrics.items()
         }
     return found
 
@@ -232,9 +232,3 @@ def _positive(name: str, entry: Any) -> float:
     if not (math.isfinite(value) and value > 0.0):
         raise ValueError(f"{name} must be positive and finite, got {entry}")
     return value
-
-
-def _one_of(names: tuple[str, ...], entry: Any) -> str:
-    if entry not in names:
-        raise ValueError(f"an end must be one of {', '.join(names)}, got {entry!r}")
-    return str(entry)

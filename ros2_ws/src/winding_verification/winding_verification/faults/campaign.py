@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import signal
 from collections.abc import Awaitable, Callable, Set
 from functools import partial
 from pathlib import Path
 
+import psutil  # type: ignore[import-untyped]
 from rich.console import Console
 from rich.table import Table
 
@@ -31,7 +33,7 @@ from winding_verification.faults.external_faults import (
     rogue_publisher,
     second_graph,
 )
-from winding_verification.faults.outcome import STAND_WITHIN, Outcome, ProcessorWatch
+from winding_verification.faults.outcome import STAND_WITHIN, Outcome
 
 NAMESPACE = "faults"
 _SIGNALS = {"kill -9": signal.SIGKILL, "SIGSTOP": signal.SIGSTOP}
@@ -68,9 +70,15 @@ def row_names() -> list[str]:
 
 async def watched(trial: Awaitable[Outcome]) -> Outcome:
     """Return a trial's outcome with how busy the computer was meanwhile."""
-    watch = ProcessorWatch()
+    before = psutil.cpu_times()
     outcome = await trial
-    return dataclasses.replace(outcome, load=watch.load(), idle=watch.idle())
+    now = psutil.cpu_times()
+    spent = sum(now) - sum(before)
+    return dataclasses.replace(
+        outcome,
+        load=max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1)),
+        idle=float((now.idle - before.idle) / spent) if spent > 0.0 else 1.0,
+    )
 
 
 async def try_rows(

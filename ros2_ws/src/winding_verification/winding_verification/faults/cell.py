@@ -11,8 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
@@ -181,7 +181,7 @@ class FaultCell:
 
     async def winding(self) -> float:
         """Make the machine wind at full speed, healthy and supervised; return `t` then [s]."""
-        over = self.supervision is None or self.supervision.done() or self._run_time > _LONG_ENOUGH
+        over = not self.goes_on() or self.t - self._began > _LONG_ENOUGH
         if over or self.rig.values.get("phase") != "winding":
             await self._again()
         await self.until(self.at_full_speed, "full speed")
@@ -211,15 +211,11 @@ class FaultCell:
 
     async def set_parameter(self, node: str, name: str, value: str | float) -> str:
         """Set a parameter of a node; return why it was refused, empty if it was not."""
-        declared = (
-            ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
-            if isinstance(value, str)
-            else ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
-        )
+        parameter = Parameter(name, value=value).to_parameter_msg()
         answer = await self.client.call(
             SetParameters,
             f"/{self.namespace}/{node}/set_parameters",
-            SetParameters.Request(parameters=[Parameter(name=name, value=declared)]),
+            SetParameters.Request(parameters=[parameter]),
             _PATIENCE,
         )
         return str(answer.results[0].reason)
@@ -279,10 +275,6 @@ class FaultCell:
             return 0.0
         return reading.angular_speed
 
-    @property
-    def _run_time(self) -> float:
-        return self.t - self._began
-
     def _all_answer(self) -> bool:
         return all(
             self.recorder.buffer.last_stamp(spec.answer) > self.t - 0.2
@@ -313,7 +305,10 @@ class FaultCell:
         if topics.RIG not in dead:
             await self.inject("")
             await self._command("rig/quick_stop")
-            await self.until(self._stands, "standstill before a reset")
+            await self.until(
+                lambda: self.rig.values.get("phase") not in ("winding", "stopping"),
+                "standstill before a reset",
+            )
             await self._reset()
         await self.orchestrator.begin_anew()
         await self.until(
@@ -344,9 +339,6 @@ class FaultCell:
                 await asyncio.sleep(_POLL)
             else:
                 return
-
-    def _stands(self) -> bool:
-        return self.rig.values.get("phase") not in ("winding", "stopping")
 
     def _topics_are_healthy(self) -> bool:
         return all(

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import asdict, dataclass
-
-import psutil  # type: ignore[import-untyped]
 
 CRASH_WITHIN = 0.3
 HANG_WITHIN = 1.2
@@ -79,20 +76,3 @@ class Outcome:
         if not math.isfinite(self.detect_within):
             record["detect_within"] = None
         return record | {"saturated": self.saturated, "passed": self.passed}
-
-
-class ProcessorWatch:
-    """Sees how busy the computer is from now on."""
-
-    def __init__(self) -> None:
-        self._before = psutil.cpu_times()
-
-    def idle(self) -> float:
-        """Return the idle share of the processors' time since then."""
-        before, now = self._before, psutil.cpu_times()
-        total = sum(now) - sum(before)
-        return float((now.idle - before.idle) / total) if total > 0.0 else 1.0
-
-    def load(self) -> float:
-        """Return the runnable processes for each processor, 1 at least, mean of the last minute."""
-        return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))

@@ -53,11 +53,7 @@ class RodSection:
     @property
     def uniaxial(self) -> MaterialLaw:
         """The axial law."""
-        return MaterialLaw(
-            law=self.law,
-            young=self.young,
-            poisson=self.poisson,
-        )
+        return MaterialLaw(law=self.law, young=self.young, poisson=self.poisson)
 
     @property
     def area(self) -> float:
@@ -158,11 +154,10 @@ class Rod(ExplicitModel):
         """
         side, node = _side(end, self.mass.size)
         self.fix(node)
+        self._ends.clamped[side] = 1.0
         own = self._ends.first if side == 0 else self._ends.last
         if direction is not None:
-            given = np.asarray(direction, dtype=float)
-            own[:] = given / np.linalg.norm(given)
-        self._ends.clamped[side] = 1.0
+            self.aim(end, direction)
         column = 0 if side == 0 else -1
         self._scratch.carried[:, column] = own
         self._scratch.director[:, column] = perpendicular(
@@ -315,8 +310,9 @@ class Rod(ExplicitModel):
         if not self.viscosity >= 0.0 or (self.viscosity > 0.0 and not mesh.framed):
             raise ValueError(f"viscosity must not be negative and needs twist: {self.viscosity} s")
         shortest = float(mesh.reference.min())
-        stretches = self.stretch()
-        tangent = max(self._law.tangent(1.0), *map(self._law.tangent, _extremes(stretches)))
+        stretch = self.stretch()
+        extremes = np.clip((stretch.min(), stretch.max()), TABLE_LOW + 1e-3, TABLE_HIGH - 1e-3)
+        tangent = max(self._law.tangent(1.0), *map(self._law.tangent, extremes.tolist()))
         lightest = float(self.mass[1:-1].min())
         touch = self._touch_constants() if self._contact is not None else None
         tension = max(float(np.abs(self.tension()).max()), 0.0)
@@ -335,13 +331,7 @@ class Rod(ExplicitModel):
             step = min(step, _damped_step(across, viscous, lightest))
         step = min(step, 2.0 * math.sqrt(float(self.mass.min()) / max(ends, 1.0e-30)))
         if touch is not None:
-            # The dashpot acts on the velocity half a step ago.
-            ratio = (
-                0.5
-                * touch.normal_damping
-                / math.sqrt(touch.normal_stiffness * float(self.mass.min()))
-            )
-            step *= math.sqrt(1.0 + ratio**2) - ratio
+            step *= _lateness(touch.normal_stiffness, touch.normal_damping, float(self.mass.min()))
         if mesh.framed:
             twisting = 8.0 * mesh.torsion / shortest
             bent = float((self._scratch.curvature[:2] ** 2).sum(axis=0).max())
@@ -383,13 +373,13 @@ class Rod(ExplicitModel):
 
 def _damped_step(stiffness: float, viscous: float, mass: float) -> float:
     """Return the critical step [s] of an oscillator whose dashpot acts half a step late."""
+    return 2.0 * math.sqrt(mass / stiffness) * _lateness(stiffness, viscous, mass)
+
+
+def _lateness(stiffness: float, viscous: float, mass: float) -> float:
+    """Return the factor on the critical step for a dashpot that acts half a step late."""
     ratio = 0.5 * viscous / math.sqrt(stiffness * mass)
-    return 2.0 * math.sqrt(mass / stiffness) * (math.sqrt(1.0 + ratio**2) - ratio)
-
-
-def _extremes(values: FloatArray) -> tuple[float, float]:
-    low, high = float(values.min()), float(values.max())
-    return max(low, TABLE_LOW + 1.0e-3), min(high, TABLE_HIGH - 1.0e-3)
+    return math.sqrt(1.0 + ratio**2) - ratio
 
 
 def _side(end: str, nodes: int) -> tuple[int, int]:

@@ -1,4 +1,11 @@
-"""Forces and explicit steps of the general rod model."""
+"""Forces and explicit steps of the general rod model.
+
+Bending and twist of rods with material frames follow discrete elastic rods (Bergou et al. 2008,
+2010): every element carries a reference frame that is parallel transported in time and a material
+angle theta against it; curvature and twist count against natural values. Isotropic section: one
+EI, one GJ. Curvature binormal at a node between tangents t, u: kb = 2 t x u / (1 + t.u), so a
+circle of chords l has |kb| = 2 tan(phi / 2).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rods at rest: elastica, roll-up, curved rods, buckling, hanging cables, small vibrations."""
+"""Rods at rest (elastica, curved, buckling, hanging), small vibrations, rods in motion."""
 
 from __future__ import annotations
 

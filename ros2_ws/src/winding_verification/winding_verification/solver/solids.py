@@ -365,13 +365,7 @@ def _guide_bottom(solid: Solid, mesh: BarMesh) -> None:
     """Hold the bottom along the axis; let it thin, but not move or turn in its plane."""
     bottom = mesh.sections[0]
     solid.fix(bottom, "z")
-    place = mesh.nodes[bottom]
-    on_x = np.abs(place[:, 1]) < 1.0e-9
-    on_y = np.abs(place[:, 0]) < 1.0e-9
-    solid.fix(bottom[on_x], "y")
-    solid.fix(bottom[on_y], "x")
-    if not (on_x.any() and on_y.any()):
-        # No node on an axis: hold the corners of one diagonal symmetrically.
-        corner = bottom[np.argsort(place.sum(axis=1))[[0, -1]]]
-        solid.fix(corner[:1], "xy")
-        solid.fix(corner[1:], "y")
+    # No node lies on an axis: hold the corners of one diagonal symmetrically.
+    corner = bottom[np.argsort(mesh.nodes[bottom].sum(axis=1))[[0, -1]]]
+    solid.fix(corner[:1], "xy")
+    solid.fix(corner[1:], "y")
