@@ -78,13 +78,15 @@ def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.slow
-def test_bad_input_is_refused_in_one_sentence_before_anything_starts(given: Path) -> None:
+@pytest.mark.parametrize(("arguments", "sentence"), REFUSED)
+def test_bad_input_is_refused_in_one_sentence_before_anything_starts(
+    given: Path, arguments: list[object], sentence: str
+) -> None:
     before = sorted(given.rglob("*"))
-    for arguments, sentence in REFUSED:
-        refused = CliRunner().invoke(app, ["run", *map(str, arguments)])
-        assert refused.exit_code == 2, refused.stderr
-        assert sentence in refused.stderr
-        assert refused.stderr.count("\n") == 1, refused.stderr
+    refused = CliRunner().invoke(app, ["run", *map(str, arguments)])
+    assert refused.exit_code == 2, refused.stderr
+    assert sentence in refused.stderr
+    assert refused.stderr.count("\n") == 1, refused.stderr
     assert sorted(given.rglob("*")) == before
 
 
