@@ -102,13 +102,10 @@ def test_hidden_moduli_of_the_twelve_cables(bench) -> None:
                     f"{100.0 * found.half_width_90 / found.young:.2f} %, calls {found.fit.calls}"
                 )
     print("not wound:", *left_out, sep="\n  ")
-    rows = [
-        bench.row("identify_worst_error_pct", max(errors["observable"]), "%", bar=3.0),
-        bench.row("identify_worst_error_weak_strain_pct", max(errors["weak"]), "%"),
-        bench.row("identify_inside_share", float(np.mean(inside)), "", bar=0.9, at_least=True),
-        bench.row("identify_cpu_s", float(np.mean(spent)), "CPU s"),
-    ]
-    assert all(row.met for row in rows), rows
+    bench.row("identify_worst_error_pct", max(errors["observable"]), "%", bar=3.0)
+    bench.row("identify_worst_error_weak_strain_pct", max(errors["weak"]), "%")
+    bench.row("identify_inside_share", float(np.mean(inside)), "", bar=0.9, at_least=True)
+    bench.row("identify_cpu_s", float(np.mean(spent)), "CPU s")
 
 
 @pytest.mark.timeout(3600)
@@ -150,6 +147,6 @@ def test_paper_runs_from_their_first_two_markers(bench) -> None:
             store.extend(errors[-1])
         print(f"case {case:2}: {np.round(errors[0], 2)} % -> {np.round(errors[1], 2)} %; {said}")
     bench.row("paper_p3_p4_error_tabulated_modulus_pct", float(np.mean(tabulated)), "%")
-    row = bench.row("paper_p3_p4_error_identified_modulus_pct", float(np.mean(updated)), "%")
+    bench.row("paper_p3_p4_error_identified_modulus_pct", float(np.mean(updated)), "%")
     # A modulus that predicts worse than the tabulated one would not be worth finding.
-    assert row.value < np.mean(tabulated)
+    assert np.mean(updated) < np.mean(tabulated)
