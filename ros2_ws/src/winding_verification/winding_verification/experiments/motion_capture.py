@@ -78,12 +78,12 @@ def read_cable(folder: Path) -> CapturedCable:
         raise ExternalFileError(
             f"the runs in {folder} have {sorted(counts)} markers, not one number"
         )
-    records = folder.parent.parent / "loss_record"
+    losses = folder.parent.parent / "loss_record" / f"eval_loss_{folder.name}.pkl"
     return CapturedCable(
         name=folder.name,
         train=splits["train"],
         held_out=splits["eval"],
-        published=_least_loss(records / f"eval_loss_{folder.name}.pkl"),
+        published=min(_array(losses, 1).tolist(), default=None) if losses.is_file() else None,
     )
 
 
@@ -103,13 +103,6 @@ def read_run(file: Path) -> FloatArray:
     if not np.linalg.norm(np.diff(run, axis=1), axis=2).all():
         raise ExternalFileError(f"{file} is no run of DEFORM: two neighbouring markers coincide")
     return np.ascontiguousarray(run)
-
-
-def _least_loss(file: Path) -> float | None:
-    if not file.is_file():
-        return None
-    losses = _array(file, 1)
-    return float(losses.min()) if losses.size else None
 
 
 def _array(file: Path, axes: int) -> FloatArray:

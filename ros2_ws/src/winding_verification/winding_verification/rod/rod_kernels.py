@@ -85,24 +85,18 @@ def rod_forces(
     energy = 0.0
     lost = 0.0
     stretch_elements(elements, position, mesh.reference, mesh.response, w)
-    for i in range(nodes):
-        w.cosine[i] = 0.0
-        w.slope[i] = 0.0
+    w.cosine[:nodes] = 0.0
+    w.slope[:nodes] = 0.0
     if mesh.framed:
         element_force(elements, ends.first, ends.last, w)
-        for c in range(3):
-            s.walled[c, 0] = ends.first[c]
-            s.walled[c, elements + 1] = ends.last[c]
-            for i in range(elements):
-                s.walled[c, i + 1] = w.tangent[c, i]
-            for i in range(elements + 2):
-                s.walled_force[c, i] = 0.0
-        for i in range(elements):
-            s.walled_inverse[i + 1] = w.inverse[i]
+        s.walled[:, 0] = ends.first
+        s.walled[:, 1 : elements + 1] = w.tangent[:, :elements]
+        s.walled[:, elements + 1] = ends.last
         s.walled_inverse[0] = 0.0
+        s.walled_inverse[1 : elements + 1] = w.inverse[:elements]
         s.walled_inverse[elements + 1] = 0.0
-        for i in range(elements + 2):
-            s.torque[i] = 0.0
+        s.walled_force[:] = 0.0
+        s.torque[:] = 0.0
         carry_frames(elements + 2, s.walled, s.carried, s.director)
         reference_twist(elements, s.walled, s.director, s.own_twist)
         energy, lost = frame_forces(
@@ -110,9 +104,7 @@ def rod_forces(
             s.walled, s.walled_inverse, s.director, s.angle, s.own_twist, mesh.voronoi,
             mesh.natural, mesh.bending, mesh.torsion, lag, s.walled_force, s.torque, s.curvature,
         )  # fmt: skip
-        for c in range(3):
-            for i in range(elements):
-                w.force[c, i] += s.walled_force[c, i + 1]
+        w.force[:, :elements] += s.walled_force[:, 1 : elements + 1]
     else:
         bend_nodes(elements, mesh.reference, mesh.bending, w)
         if ends.clamped[0] > 0.0:
@@ -132,11 +124,9 @@ def rod_forces(
         w.force[2, e] -= inv * (mx * ty - my * tx)
         if mesh.framed:
             s.torque[e + 1] += load_factor * (mx * tx + my * ty + mz * tz)
-    for c in range(3):
-        w.net[c, 0] = w.force[c, 0]
-        w.net[c, elements] = -w.force[c, elements - 1]
-        for i in range(1, elements):
-            w.net[c, i] = w.force[c, i] - w.force[c, i - 1]
+    w.net[:, 0] = w.force[:, 0]
+    w.net[:, 1:elements] = w.force[:, 1:elements] - w.force[:, : elements - 1]
+    w.net[:, elements] = -w.force[:, elements - 1]
     return energy, lost
 
 

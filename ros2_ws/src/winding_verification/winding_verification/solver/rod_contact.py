@@ -76,11 +76,7 @@ def capstan() -> Values:
 
 def atwood() -> Values:
     """C03: two weights over the fixed cylinder stick below exp(mu pi), slide above it."""
-    return {
-        "acceleration_1.2": _atwood(0.1, 0.12),
-        "acceleration_1.25": _atwood(0.1, 0.125),
-        "acceleration_1.6": _atwood(0.1, 0.16),
-    }
+    return {f"acceleration_{10.0 * heavy:g}": _atwood(0.1, heavy) for heavy in (0.12, 0.125, 0.16)}
 
 
 def stored_tension() -> Values:

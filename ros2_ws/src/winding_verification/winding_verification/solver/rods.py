@@ -29,13 +29,8 @@ def axial_frequencies() -> Values:
     rod.fix(range(51), "yz")
     rod.fix(0)
     f = frequencies(rod, 3)
-    section = rod.section
-    return {
-        "wave_speed": math.sqrt(section.young / section.density),
-        "f1": f[0],
-        "f2": f[1],
-        "f3": f[2],
-    }
+    speed = math.sqrt(rod.section.young / rod.section.density)
+    return {"wave_speed": speed, "f1": f[0], "f2": f[1], "f3": f[2]}
 
 
 def bending_frequencies() -> Values:

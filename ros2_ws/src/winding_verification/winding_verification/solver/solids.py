@@ -258,13 +258,8 @@ def modes() -> Values:
     mesh, solid = bar(60.0e-3, 50)
     solid.fix(mesh.sections[0])
     f = solid_frequencies(solid, 8)
-    return {
-        "bend1": f[0],
-        "bend2": f[2],
-        "torsion1": f[4],
-        "bend3": f[5],
-        "axial1": f[7],
-    }
+    names = {"bend1": 0, "bend2": 2, "torsion1": 4, "bend3": 5, "axial1": 7}
+    return {name: float(f[number]) for name, number in names.items()}
 
 
 def pure_bending() -> Values:
