@@ -6,15 +6,15 @@ import pytest
 
 from winding_verification.solver.suite import PROBLEMS, references, run_problem
 
-# More than two seconds of processor time.
-SLOW = {"B07", "B08", "B10", "B11", "B17", "D03", "D10", "D10r", "V06", "V11", "W04"}
+# More than a second of processor time.
+SLOW = {"B07", "B08", "B10", "B11", "B17", "D03", "D05", "D10", "D10r", "V06", "V11", "W04"}
 # More than five.
 CAMPAIGN = {"V12", "V13"}
 
 
 def marks(name: str) -> list[pytest.MarkDecorator]:
-    slow = [pytest.mark.slow] if name in SLOW else []
-    return [pytest.mark.campaign] if name in CAMPAIGN else slow
+    campaign = [pytest.mark.campaign] if name in CAMPAIGN else []
+    return [*campaign, pytest.mark.slow] if name in SLOW | CAMPAIGN else []
 
 
 def test_every_problem_has_its_references():
