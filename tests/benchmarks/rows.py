@@ -108,7 +108,7 @@ class Bench:
 
     def table(self) -> Table:
         """Return the rows as a table for a terminal."""
-        table = Table(title="Benchmark: processor time of one thread unless it says wall")
+        table = Table(title="Benchmark: processor time of one thread unless the unit has wall")
         for column in ("row", "value", "unit", "bar", "met", "CPU s", "load"):
             left = column in ("row", "unit", "met")
             table.add_column(column, justify="left" if left else "right", no_wrap=column == "row")

@@ -122,13 +122,13 @@ def test_paper_runs_from_their_first_two_markers(bench) -> None:
             sigma_z=np.full(2, 0.12e-3),
         )
         config = WindingConfig(case=paper_case(case))
-        updated_config, said = config, ""
+        updated_config, outcome = config, ""
         try:
             found = identified(case, first)
         except IdentificationError as error:
-            said = str(error)
+            outcome = str(error)
         else:
-            said = found.refusal() or (
+            outcome = found.refusal() or (
                 f"{found.young / 1e6:.3f} MPa, half width {found.half_width_90 / found.young:.1%}"
                 f", scatter {found.fit.scatter:.2%}"
             )
@@ -145,7 +145,7 @@ def test_paper_runs_from_their_first_two_markers(bench) -> None:
                 ]
             )
             store.extend(errors[-1])
-        print(f"case {case:2}: {np.round(errors[0], 2)} % -> {np.round(errors[1], 2)} %; {said}")
+        print(f"case {case:2}: {np.round(errors[0], 2)} % -> {np.round(errors[1], 2)} %; {outcome}")
     bench.row("paper_p3_p4_error_tabulated_modulus_pct", float(np.mean(tabulated)), "%")
     bench.row("paper_p3_p4_error_identified_modulus_pct", float(np.mean(updated)), "%")
     # A modulus that predicts worse than the tabulated one would not be worth finding.

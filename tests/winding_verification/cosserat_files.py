@@ -33,8 +33,8 @@ def write(
 ) -> Path:
     file = folder / name / ",".join(f"{k}={v:g}" for k, v in values.items()) / "experiment.json"
     file.parent.mkdir(parents=True)
-    told = {"rods": rods, "gravity": [0.0, 0.0, 0.0], "quasi_static": True, **scenario}
-    file.write_text(json.dumps({"name": name, "values": values, "scenario": told}))
+    content = {"rods": rods, "gravity": [0.0, 0.0, 0.0], "quasi_static": True, **scenario}
+    file.write_text(json.dumps({"name": name, "values": values, "scenario": content}))
     return file
 
 

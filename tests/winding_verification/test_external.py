@@ -41,14 +41,14 @@ def test_cable_hangs_in_the_elastic_catenary(tmp_path: Path, span: float) -> Non
 
 
 def test_elastic_catenary_stretches_more_than_an_inextensible_one(tmp_path: Path) -> None:
-    told = read_scenario(files.catenary(tmp_path)).rods[0]
-    stiff = replace(told, section=replace(told.section, young=1.0e15))
+    spec = read_scenario(files.catenary(tmp_path)).rods[0]
+    stiff = replace(spec, section=replace(spec.section, young=1.0e15))
     _, z = experiments.elastic_catenary(stiff, 9.81, 0.8)
     # Of length 1 over a span of 0.8: sinh(u) / u = 1.25, sag tanh(u / 2) / 2.
     u = 1.1828
     assert math.sinh(u) / u == pytest.approx(1.25, rel=1.0e-4)
     assert -z.min() == pytest.approx(0.5 * math.tanh(0.5 * u), rel=1.0e-4)
-    assert experiments.elastic_catenary(told, 9.81, 0.8)[1].min() < z.min()
+    assert experiments.elastic_catenary(spec, 9.81, 0.8)[1].min() < z.min()
 
 
 def test_hanging_rod_swings_as_theory_has_it(tmp_path: Path) -> None:
@@ -60,11 +60,11 @@ def test_hanging_rod_swings_as_theory_has_it(tmp_path: Path) -> None:
 
 
 def test_limp_rod_s_period_is_bernoulli_s(tmp_path: Path) -> None:
-    told = read_scenario(files.pendulum(tmp_path)).rods[0]
+    spec = read_scenario(files.pendulum(tmp_path)).rods[0]
     # No stretch and little bending: 4 pi / j_0,1 sqrt(L / g).
-    section = replace(told.section, young=1.0e15, bending_factor=1.0e-13)
+    section = replace(spec.section, young=1.0e15, bending_factor=1.0e-13)
     expected = 4.0 * math.pi / jn_zeros(0, 1)[0] * math.sqrt(1.0 / 9.81)
-    period = experiments.hanging_period(replace(told, section=section), 9.81)
+    period = experiments.hanging_period(replace(spec, section=section), 9.81)
     assert period == pytest.approx(expected, rel=1.0e-4)
 
 
@@ -83,15 +83,15 @@ def test_rope_holds_or_slides_as_the_heavy_capstan_equation_says(
 
 
 def test_critical_moment_of_an_untensioned_clamped_rod_is_greenhill_s(tmp_path: Path) -> None:
-    told = read_scenario(files.twist(tmp_path, 1.0e-6, 1.0, [1.0])).rods[0]
-    moment = experiments.critical_twist(told) * told.section.torsion / told.section.bending
+    spec = read_scenario(files.twist(tmp_path, 1.0e-6, 1.0, [1.0])).rods[0]
+    moment = experiments.critical_twist(spec) * spec.section.torsion / spec.section.bending
     # Timoshenko and Gere: M L / B = 2.861 pi.
     assert moment == pytest.approx(2.861 * math.pi, rel=2.0e-4)
 
 
 def test_critical_moment_of_a_long_rod_is_that_of_an_endless_one(tmp_path: Path) -> None:
-    told = read_scenario(files.twist(tmp_path, 4.0e4, 1.0, [1.0])).rods[0]
-    moment = experiments.critical_twist(told) * told.section.torsion / told.section.bending
+    spec = read_scenario(files.twist(tmp_path, 4.0e4, 1.0, [1.0])).rods[0]
+    moment = experiments.critical_twist(spec) * spec.section.torsion / spec.section.bending
     # M^2 = 4 B T, from above by the square of a few half waves over the length.
     assert 1.0 < moment / (2.0 * math.sqrt(4.0e4)) < 1.001
 
@@ -99,8 +99,8 @@ def test_critical_moment_of_a_long_rod_is_that_of_an_endless_one(tmp_path: Path)
 @pytest.mark.campaign
 @pytest.mark.parametrize("tension", [1.0, 10.0, 30.0])
 def test_rods_lose_their_stability_at_greenhill_s_twist(tmp_path: Path, tension: float) -> None:
-    told = read_scenario(files.twist(tmp_path / "one", tension, 1.0, [1.0])).rods[0]
-    critical = experiments.critical_twist(told)
+    spec = read_scenario(files.twist(tmp_path / "one", tension, 1.0, [1.0])).rods[0]
+    critical = experiments.critical_twist(spec)
     levels = [0.96, 0.98, 1.0, 1.02, 1.04, 1.06]
     (row,) = compare(files.twist(tmp_path / "all", tension, critical, levels))
     # The bar; measured are 0.26, 0.30 and 0.35 %.
@@ -109,13 +109,13 @@ def test_rods_lose_their_stability_at_greenhill_s_twist(tmp_path: Path, tension:
 
 
 def test_rod_that_is_turned_takes_the_moment_of_its_twist(tmp_path: Path) -> None:
-    told = read_scenario(files.twist(tmp_path, 10.0, 1.0, [1.0])).rods[0]
-    rod, _ = experiments._built(told, 20, framed=True)
+    spec = read_scenario(files.twist(tmp_path, 10.0, 1.0, [1.0])).rods[0]
+    rod, _ = experiments._built(spec, 20, framed=True)
     rod.spin_angles[:] = 0.5 * (np.arange(20) + 0.5) / 20.0
     rod.turn("end", 0.5)
     # Evenly twisted: half G J theta^2 / L.
-    twisting = 0.5 * told.section.torsion * 0.25
-    still = experiments._built(told, 20, framed=True)[0].internal_energy()
+    twisting = 0.5 * spec.section.torsion * 0.25
+    still = experiments._built(spec, 20, framed=True)[0].internal_energy()
     assert rod.internal_energy() - still == pytest.approx(twisting, rel=1.0e-3)
 
 
