@@ -1,4 +1,4 @@
-"""Installs the package for colcon; setup.cfg has its metadata."""
+"""Installs the package for colcon; setup.cfg says what."""
 
 from setuptools import setup
 
