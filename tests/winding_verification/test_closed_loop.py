@@ -28,7 +28,7 @@ from winding_verification.closed_loop.study import (
 
 DATA = Path(__file__).parent / "data"
 # Of the twelve, those that are on file.
-CASES = {1, 2, 3, 4}
+CASES = {1, 2, 3, 4, 5}
 SAMPLE = 4
 TRUTHS = ["driven", "rod"]
 
