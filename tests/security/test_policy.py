@@ -10,7 +10,7 @@ from winding_ros.graph import GRAPH, PAGE, controlled
 from winding_ros.security import SecurityError, check_security, sros2_policy
 from winding_ros.services import served_by
 
-SHIPPED = Path(__file__).parents[2] / "ros2_ws/src/winding_bringup/policy/sros2_policy.xml"
+SHIPPED = Path(__file__).parents[2] / "ros2_ws/src/winding_bringup/winding_bringup/policy/sros2_policy.xml"
 SECURE = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}
 
 
