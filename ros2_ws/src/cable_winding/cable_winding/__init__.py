@@ -67,11 +67,13 @@ except PackageNotFoundError:
     __version__ = version("cable_winding")
 
 
-def __getattr__(name: str) -> Any:
-    # An import costs what is used: no kernels, OpenCV or learning library before that.
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        # An import costs what is used: no kernels, OpenCV or learning library before that.
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(importlib.import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -20,7 +20,6 @@ from cable_fem_node.identification import (
 from cable_winding.prediction import Markers, run_parameters
 from winding_core.condition import Condition
 from winding_core.planned_inputs import planned_inputs
-from winding_recorder.bags.tables import topic_rows
 from winding_study.identification.recorded import recorded_run
 from winding_study.identification.tensile import LawFit, TensileTest, fit_laws
 
@@ -92,6 +91,8 @@ def _run(condition: Condition, source: Source) -> TrackedRun:
             inputs=planned_inputs(plan.drive, plan.duration),
             readings=_readings(source),
         )
+    from winding_recorder.bags.tables import topic_rows  # noqa: PLC0415
+
     path = Path(source)
     return recorded_run(
         plan.config,

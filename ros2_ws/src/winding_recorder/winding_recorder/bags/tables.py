@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow as pa  # type: ignore[import-untyped]
-import pyarrow.csv as pa_csv  # type: ignore[import-untyped]
-import pyarrow.parquet as pa_parquet  # type: ignore[import-untyped]
 
 from winding_recorder.bags.failure import BagError
 from winding_recorder.bags.reading import decoded, messages_of, opened, reason
+
+# Rows need no library of tables.
+if TYPE_CHECKING:
+    import pyarrow as pa  # type: ignore[import-untyped]
 
 FORMATS = ("csv", "parquet")
 _NANO = 1_000_000_000
@@ -183,6 +184,10 @@ def _batches(messages: Iterable[tuple[int, Any]]) -> Iterable[list[Row]]:
 
 def _write(target: Path, form: str, batches: Iterable[list[Row]]) -> bool:
     """Write rows; the first batch decides on the columns. Return whether there was any row."""
+    import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.csv as pa_csv  # type: ignore[import-untyped]  # noqa: PLC0415
+    import pyarrow.parquet as pa_parquet  # type: ignore[import-untyped]  # noqa: PLC0415
+
     writer: Any = None
     schema: pa.Schema | None = None
     try:
@@ -203,6 +208,8 @@ def _write(target: Path, form: str, batches: Iterable[list[Row]]) -> bool:
 
 
 def _fitted(table: pa.Table, schema: pa.Schema) -> pa.Table:
+    import pyarrow as pa  # noqa: PLC0415
+
     columns = [
         table.column(item.name).cast(item.type)
         if item.name in table.column_names
