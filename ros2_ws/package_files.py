@@ -169,6 +169,7 @@ def listed(text: str) -> str:
         text = f"{text[: found.start()]}{key} = {shown}{text[found.end() :]}"
     return text
 
+
 # Import name -> rosdep key, where rosdep knows the library on Ubuntu Noble.
 ROSDEP_KEYS = {
     "cryptography": "python3-cryptography",
@@ -224,7 +225,7 @@ $depends
   </export>
 </package>
 """)
-_SETUP = '''"""Installs the package for colcon; setup.cfg says what."""
+_SETUP = '''"""Installs the package for colcon, as setup.cfg declares it."""
 
 from setuptools import setup
 

@@ -29,17 +29,17 @@ class CodeBlocks(HTMLParser):
         self.feed(page.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
-        said = dict(attributes)
-        kind = re.match(r"language-(\w+) highlight", said.get("class") or "")
+        given = dict(attributes)
+        kind = re.match(r"language-(\w+) highlight", given.get("class") or "")
         if tag == "div" and kind:
             self._language, self._title = kind[1], ""
-        if tag == "span" and said.get("class") == "filename":
+        if tag == "span" and given.get("class") == "filename":
             self._inside = "title"
         if tag == "code" and self._language:
             self._inside = "code"
             self.blocks.append((self._language, self._title, ""))
         if tag == "img":
-            self.pictures.append(said.get("src") or "")
+            self.pictures.append(given.get("src") or "")
 
     def handle_endtag(self, tag: str) -> None:
         if tag == "code" and self._inside == "code":

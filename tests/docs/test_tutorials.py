@@ -63,5 +63,5 @@ def test_the_tutorial_works_when_pasted(page: Path, tmp_path: Path) -> None:
             except ProcessLookupError:
                 assert shell.poll() is not None
         output.seek(0)
-        said = output.read()
-    assert code == 0, said
+        printed = output.read()
+    assert code == 0, printed

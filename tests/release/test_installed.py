@@ -69,7 +69,7 @@ def test_learning_and_the_page_are_not_installed(installed: Path, run: Callable[
 
 
 def mypy(installed: Path, folder: Path, text: str) -> str:
-    """Return what mypy says of a program in the environment."""
+    """Return what mypy reports about a program in the environment."""
     (folder / "program.py").write_text(text, encoding="utf-8")
     ended = subprocess.run(
         [

@@ -74,8 +74,8 @@ def _frames(context: LaunchContext) -> list[Node]:
         get_package_prefix("robot_state_publisher")
     except PackageNotFoundError:
         return []
-    said = {name: LaunchConfiguration(name).perform(context) for name in ("case", "duration")}
-    what = Condition(case=int(said["case"]), duration=float(said["duration"])).resolved()
+    stated = {name: LaunchConfiguration(name).perform(context) for name in ("case", "duration")}
+    what = Condition(case=int(stated["case"]), duration=float(stated["duration"])).resolved()
     urdf = machine_urdf(what, MachineAxes(), CameraPlacement())
     return [
         Node(
