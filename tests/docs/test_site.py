@@ -1,9 +1,6 @@
 """What the site shows is what was tested: code blocks of the built pages against their sources."""
 
-import os
 import re
-import subprocess
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -53,23 +50,6 @@ class CodeBlocks(HTMLParser):
         if self._inside == "code":
             language, title, text = self.blocks[-1]
             self.blocks[-1] = (language, title, text + data)
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("site")
-    configuration = ROOT / "site" / "mkdocs.yml"
-    finished = subprocess.run(
-        # With --quiet no warning is counted, and --strict has nothing to fail on.
-        [sys.executable, "-m", "mkdocs", "build", "--strict",
-         "--config-file", str(configuration), "--site-dir", str(folder)],
-        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )  # fmt: skip
-    assert finished.returncode == 0, finished.stderr
-    return folder
 
 
 def pasted(page: Path) -> list[str]:
