@@ -66,6 +66,25 @@ def unknown_words(line: str) -> list[str]:
     return sorted({word.split("=")[0] for word in words if word.startswith("--")} - known)
 
 
+def imported(page: Path) -> set[str]:
+    """Return the packages of the project that a page's programs import."""
+    names = set(re.findall(r"^(?:import|from) (\w+)", page.read_text(encoding="utf-8"), re.M))
+    return {name for name in names if (ROOT / "ros2_ws" / "src" / name).is_dir()}
+
+
+# Tests of a node look into the node.
+GUIDES = [
+    *(page for page in (ROOT / "docs" / "tutorials").glob("*.md") if page.stem != "per-node-tests"),
+    *(ROOT / "examples" / "gallery").glob("*.py"),
+]
+
+
+def test_guides_and_gallery_use_the_public_package_alone() -> None:
+    used = {page.name: imported(page) for page in GUIDES}
+    assert {name: names for name, names in used.items() if names - {"cable_winding"}} == {}
+    assert sum(bool(names) for names in used.values()) >= 8
+
+
 def test_links_lead_somewhere() -> None:
     assert [link for page in PAGES for link in broken_links(page)] == []
 

@@ -1,6 +1,7 @@
 """The access policy says what the graph says, and a secure run refuses to run open."""
 
 import xml.etree.ElementTree as ET
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from winding_ros.graph import GRAPH, PAGE, controlled
 from winding_ros.security import SecurityError, check_security, sros2_policy
 from winding_ros.services import served_by
 
-SHIPPED = Path(__file__).parents[2] / "ros2_ws/src/winding_bringup/winding_bringup/policy/sros2_policy.xml"
+SHIPPED = files("winding_bringup") / "policy" / "sros2_policy.xml"
 SECURE = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}
 
 

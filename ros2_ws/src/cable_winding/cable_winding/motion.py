@@ -67,7 +67,7 @@ def plan(
         condition: What is wound, and how fast at most.
         program: File of the lay program (.yaml, .csv or .gcode); None for an even helix.
         pitch: Axial advance per turn of the helix [m]; None for the condition's drive.
-        turns: Turns of the helix; None for those of the condition's duration.
+        turns: Count of turns of the helix; None for those of the condition's duration.
         markers_every_turn: Whether marker k shall land after k turns.
         tolerance: Distance by which a corner may be rounded [m]; the cylinder slows down for it.
         period: Time between setpoints [s].

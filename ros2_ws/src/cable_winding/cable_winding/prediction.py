@@ -80,7 +80,8 @@ class Markers:
     @property
     def wound(self) -> NDArray[np.bool_]:
         """Mask of the markers that lie on the cylinder, shape (n,)."""
-        return (self.flags & records.MarkerFlag.NOT_WOUND) == 0
+        mask: NDArray[np.bool_] = (self.flags & records.MarkerFlag.NOT_WOUND) == 0
+        return mask
 
 
 @dataclass(frozen=True, kw_only=True)
