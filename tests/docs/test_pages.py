@@ -16,6 +16,7 @@ PAGES = sorted(
     for path in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"))
     if not path.name.startswith(".")
 )
+DECISIONS = ROOT / "docs" / "decisions"
 COMMAND = typer.main.get_command(app)
 
 
@@ -97,3 +98,17 @@ def test_commands_have_the_options_that_the_pages_use() -> None:
         for word in unknown_words(line)
     ]
     assert unknown == []
+
+
+def test_every_decision_is_listed_with_its_title_and_status() -> None:
+    listed = (DECISIONS / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d+) \| \[(.*)\]\((.*)\) \| (.*) \|$", listed, re.MULTILINE)
+    pages = []
+    for page in sorted(DECISIONS.glob("0*.md")):
+        text = page.read_text(encoding="utf-8")
+        title = re.match(r"# (\d+)\. (.*)", text)
+        status = re.search(r"^Status: (.*)", text, re.MULTILINE)
+        assert title, page.name
+        assert status, page.name
+        pages.append((title[1], title[2], page.name, status[1]))
+    assert rows == pages
