@@ -2,8 +2,7 @@
 
 import contextlib
 
-import rclpy
-from rclpy.executors import ExternalShutdownException
+import rclpy.executors
 from sensor_msgs.msg import PointCloud2
 
 import cable_winding as cw
@@ -19,5 +18,5 @@ def show(cloud: PointCloud2) -> None:
 rclpy.init()
 node = rclpy.create_node("listener", namespace="winding")
 node.create_subscription(PointCloud2, "correction/markers", show, 10)
-with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+with contextlib.suppress(KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
     rclpy.spin(node)
