@@ -17,6 +17,8 @@ from winding_recorder.bags.tables import topic_rows
 
 FloatArray = NDArray[np.float64]
 
+_COLUMNS = ("original_m", "s_fem_m", "s_tracked_m", "s_corrected_m", "s_published_m", "h")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
@@ -28,10 +30,9 @@ class Run:
         s_fem: Predicted [m], shape (n,).
         s_tracked: Measured by the camera [m], shape (n,).
         s_corrected: Prediction times the correction factor [m], shape (n,).
-        s_low: Lower end of the interval of `s_corrected` [m], shape (n,).
-        s_high: Upper end of it [m], shape (n,).
+        h: Correction factor, shape (n,).
         s_published: Measured in the paper's experiment [m], shape (n,).
-        record: The whole of run.json; its schema is printed by `winding bag --help`.
+        record: The whole of run.json, of the schema `run` of docs/schemas.md.
     """
 
     id: NDArray[np.int64]
@@ -39,8 +40,7 @@ class Run:
     s_fem: FloatArray
     s_tracked: FloatArray
     s_corrected: FloatArray
-    s_low: FloatArray
-    s_high: FloatArray
+    h: FloatArray
     s_published: FloatArray
     record: Mapping[str, Any]
 
@@ -60,13 +60,11 @@ def read_run(folder: str | PathLike[str]) -> Run:
     record = json.loads(path.read_text(encoding="utf-8"))
     try:
         rows = record["markers"]
-        lengths = {
-            name: np.array([row[f"{name}_m"] for row in rows], dtype=np.float64)
-            for name in (
-                "original", "s_fem", "s_tracked", "s_corrected", "s_low", "s_high", "s_published",
-            )
-        }  # fmt: skip
-        return Run(id=np.array([row["id"] for row in rows], dtype=int), record=record, **lengths)
+        columns = {
+            key.removesuffix("_m"): np.array([row[key] for row in rows], dtype=np.float64)
+            for key in _COLUMNS
+        }
+        return Run(id=np.array([row["id"] for row in rows], dtype=int), record=record, **columns)
     except (KeyError, TypeError) as error:
         raise ValueError(f"{path} is not the record of a run: {error!r}") from error
 
