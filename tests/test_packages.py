@@ -117,6 +117,12 @@ def test_data_files_of_the_packages_are_installed() -> None:
     assert forgotten == []
 
 
+def test_no_link_of_a_package_leads_nowhere() -> None:
+    links = [path for path in SOURCE.rglob("*") if path.is_symlink()]
+    assert links
+    assert [link for link in links if not link.exists()] == []
+
+
 def test_the_tools_of_ros_read_the_manifests_without_a_warning() -> None:
     warnings: list[str] = []
     for package in PACKAGES:
