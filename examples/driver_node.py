@@ -69,7 +69,7 @@ class Driver(Node):
 
 if __name__ == "__main__":
     # rclpy would end its context in the middle of a publication, and an exception out of a signal
-    # handler may be raised where nobody lets it through.
+    # handler may be raised where it is not let through.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

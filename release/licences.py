@@ -21,7 +21,7 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "licences.md"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-# Extras of users; tools that test, build and document reach nobody else.
+# Extras of users; tools that test, build and document are not distributed.
 EXTRAS = ("ros", "dashboard", "tables", "train", "opcua", "cluster")
 COPYLEFT = re.compile(r"\b[AL]?GPL|General Public|Mozilla|\bMPL|\bEPL|\bCDDL", re.IGNORECASE)
 # A licence text in place of its name is known by its first words.

@@ -1,22 +1,25 @@
-"""Write package.xml, setup.py, setup.cfg and the resource marker of every ROS package.
+"""Write package.xml, setup.py, setup.cfg and resource marker of every package, and their lists.
 
     python ros2_ws/package_files.py            write what is out of date
     python ros2_ws/package_files.py --check    name what is out of date, exit code 1
 
-What a package depends on is what its files import; nobody edits these files by hand.
+PACKAGES is the only list of the packages. The lists of `pyproject.toml` that name them (LISTS) are
+rewritten from it; what a package depends on is what its files import.
 """
 
 import ast
+import re
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "ros2_ws" / "src"
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PYPROJECT = ROOT / "pyproject.toml"
+PROJECT = tomllib.loads(PYPROJECT.read_text(encoding="utf-8"))["project"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,35 +28,34 @@ class Package:
 
     Attributes:
         description: One sentence for the manifest.
+        floor: Of the layers of import-linter, 0 lowest: a package imports those of lower floors.
         script: Console script, with the module whose `main` it calls.
         tests: Folders below tests/ that `colcon test` runs.
         runs: Packages that are started by name and not imported.
     """
 
     description: str
+    floor: int
     script: tuple[str, str] | None = None
     tests: tuple[str, ...] = ()
     runs: tuple[str, ...] = ()
 
 
 def _node(name: str, description: str) -> Package:
-    return Package(description=description, script=(name, f"{name}.__main__"), tests=(name,))
+    return Package(
+        description=description, floor=2, script=(name, f"{name}.__main__"), tests=(name,)
+    )
 
 
-NODES = (
-    "cable_fem_node",
-    "marker_tracker_node",
-    "winding_rig_node",
-    "correction_node",
-    "lay_control_node",
-)
 PACKAGES = {
     "winding_core": Package(
         description="The condition that is wound, geometry, material laws, tables, markers.",
+        floor=0,
         tests=("winding_core",),
     ),
     "winding_ros": Package(
         description="Topics, the graph as data, message codecs, managed node, async client.",
+        floor=1,
         tests=("winding_ros", "security"),
     ),
     "cable_fem_node": _node(
@@ -75,6 +77,7 @@ PACKAGES = {
     ),
     "winding_recorder": Package(
         description="Records, checks, recovers, plays and replays rosbag2 recordings.",
+        floor=2,
         tests=("winding_recorder",),
     ),
     "winding_plc_driver": _node(
@@ -82,31 +85,95 @@ PACKAGES = {
     ),
     "winding_supervisor": Package(
         description="Starts the graph's processes, drives their lifecycle, supervises a run.",
+        floor=4,
         tests=("winding_supervisor", "graph"),
-        runs=(*NODES, "winding_dashboard"),
+        runs=("winding_dashboard",),
+    ),
+    "winding_reports": Package(
+        description="Records of runs, their reports and traces.",
+        floor=3,
+        tests=("winding_reports",),
     ),
     "winding_study": Package(
-        description="Offline questions: the twelve cases, sweeps, identification, reports.",
+        description="Offline questions: the twelve cases, sweeps, identification, plans.",
+        floor=4,
         tests=("winding_study",),
     ),
-    "winding_dashboard": _node(
-        "winding_dashboard", "The operator's page: watches a winding graph and commands it."
+    "winding_dashboard": Package(
+        description="The operator's page: watches a winding graph and commands it.",
+        floor=4,
+        script=("winding_dashboard", "winding_dashboard.__main__"),
+        tests=("winding_dashboard",),
+    ),
+    "cable_winding": Package(
+        description="The public Python interface: predict, plan, track, identify, correct, read.",
+        floor=5,
+        tests=("cable_winding",),
     ),
     "winding_cli": Package(
         description="The command winding: run, predict, track, study, bag, doctor, conform.",
+        floor=5,
         script=("winding", "winding_cli.cli"),
         tests=("winding_cli",),
     ),
     "winding_verification": Package(
         description="Evidence: verification of the solver, experiments, studies, fault campaign.",
-        tests=("faults",),
+        floor=6,
+        tests=("winding_verification", "faults"),
     ),
     "winding_bringup": Package(
         description="Launch file, access policy and viewer layouts of the winding graph.",
+        floor=2,
         tests=("docs/test_viewers.py",),
-        runs=NODES,
     ),
 }
+# Started by name: by the supervisor, and by the launch file.
+NODES = tuple(name for name in PACKAGES if name.endswith("_node"))
+STARTS = {"winding_supervisor": NODES, "winding_bringup": NODES}
+# Folders of a package that a workspace also installs to share/PACKAGE.
+SHARED = ("launch", "policy", "viewers")
+PRODUCT = tuple(name for name in PACKAGES if name not in ("cable_winding", "winding_verification"))
+
+
+def _floors() -> Iterator[str]:
+    """Yield the packages of each floor, highest first; those of one floor import none of it."""
+    for floor in sorted({package.floor for package in PACKAGES.values()}, reverse=True):
+        yield " | ".join(name for name, package in PACKAGES.items() if package.floor == floor)
+
+
+# Lists of pyproject.toml: heading of the table, or name of the contract; key; value.
+LISTS: tuple[tuple[str, str, Iterable[str] | str], ...] = (
+    ("[tool.setuptools.packages.find]", "where", [f"ros2_ws/src/{name}" for name in PACKAGES]),
+    ("[tool.ruff.lint.isort]", "known-first-party", PACKAGES),
+    ("[tool.mypy]", "mypy_path", ":".join(f"ros2_ws/src/{name}" for name in PACKAGES)),
+    ("[tool.mypy]", "packages", PACKAGES),
+    ("[tool.importlinter]", "root_packages", PACKAGES),
+    ('name = "Packages import downwards only"', "layers", tuple(_floors())),
+    ('name = "No package imports the evidence or the public interface"', "source_modules", PRODUCT),
+    ('name = "Supervisor and page know the nodes by name only"', "forbidden_modules", NODES),
+    ('name = "No circle between the folders of a package"', "ancestors", PACKAGES),
+    ("[tool.coverage.run]", "source_pkgs", PACKAGES),
+)
+
+
+def listed(text: str) -> str:
+    """Return the text of pyproject.toml with every list of packages as PACKAGES has it.
+
+    Raises:
+        ValueError: The text has no such list.
+    """
+    for place, key, value in LISTS:
+        begin = text.find(f"\n{place}\n")
+        found = re.compile(rf"^{key} = (?:\[\n.*?^\]|[^\n]*)$", re.M | re.S).search(text, begin)
+        if begin < 0 or found is None:
+            raise ValueError(f"pyproject.toml has no {key} below {place}")
+        if isinstance(value, str):
+            shown = f'"{value}"'
+        else:
+            shown = "[\n" + "".join(f'    "{item}",\n' for item in value) + "]"
+        text = f"{text[: found.start()]}{key} = {shown}{text[found.end() :]}"
+    return text
+
 
 # Import name -> rosdep key, where rosdep knows the library on Ubuntu Noble.
 ROSDEP_KEYS = {
@@ -163,7 +230,7 @@ $depends
   </export>
 </package>
 """)
-_SETUP = '''"""Installs the package for colcon; setup.cfg says what."""
+_SETUP = '''"""Installs the package for colcon, as setup.cfg declares it."""
 
 from setuptools import setup
 
@@ -187,7 +254,7 @@ $requires
 test = pytest
 
 [options.package_data]
-* = py.typed, data/*, trained/*/*, profiles/*, schemas/*, templates/*
+* = py.typed, data/*, trained/*/*, profiles/*, schemas/*, templates/*, launch/*, policy/*, viewers/*
 
 [options.data_files]
 share/ament_index/resource_index/packages = resource/$name
@@ -210,13 +277,12 @@ timeout = 300
 def imported(name: str) -> set[str]:
     """Return the roots of what a package imports from outside itself and Python."""
     roots = set()
-    for folder in (SOURCE / name / name, SOURCE / name / "launch"):
-        for path in folder.rglob("*.py"):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.Import):
-                    roots |= {alias.name.split(".")[0] for alias in node.names}
-                elif isinstance(node, ast.ImportFrom):
-                    roots.add((node.module or "").split(".")[0])
+    for path in (SOURCE / name / name).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                roots |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                roots.add((node.module or "").split(".")[0])
     return roots - set(sys.stdlib_module_names) - {name, ""}
 
 
@@ -234,19 +300,16 @@ def files(name: str) -> Iterator[tuple[Path, str]]:
     needed = {ROSDEP_KEYS.get(root, root) for root in roots - PYPI_ONLY.keys()}
     depends = [f"  <depend>{key}</depend>" for key in sorted(needed)]
     depends += [
-        f"  <exec_depend>{other}</exec_depend>" for other in package.runs if other not in needed
+        f"  <exec_depend>{other}</exec_depend>"
+        for other in (*STARTS.get(name, ()), *package.runs)
+        if other not in needed
     ]
     requires = ["setuptools", *sorted(PYPI_ONLY[root] for root in roots & PYPI_ONLY.keys())]
     data = [
-        f"share/{name}/{folder.name} = {', '.join(items)}"
-        for folder in sorted((SOURCE / name).iterdir())
+        f"share/{name}/{folder.name} = "
+        + ", ".join(sorted(f"{name}/{folder.name}/{item.name}" for item in folder.glob("*.*")))
+        for folder in (SOURCE / name / name / shared for shared in SHARED)
         if folder.is_dir()
-        and folder.name in ("launch", "policy", "rviz", "viewers")
-        and (
-            items := sorted(
-                f"{folder.name}/{item.name}" for item in folder.iterdir() if item.is_file()
-            )
-        )
     ]
     scripts = ""
     if package.script is not None:
@@ -270,10 +333,11 @@ def files(name: str) -> Iterator[tuple[Path, str]]:
 
 def main() -> int:
     """Write or check every file; return the exit code."""
+    everything = [file for name in PACKAGES for file in files(name)]
+    everything.append((PYPROJECT, listed(PYPROJECT.read_text(encoding="utf-8"))))
     stale = [
         (path, text)
-        for name in PACKAGES
-        for path, text in files(name)
+        for path, text in everything
         if not path.is_file() or path.read_text(encoding="utf-8") != text
     ]
     for path, text in stale:

@@ -22,8 +22,9 @@ PAGES = {
     "SECURITY.md": "SECURITY.md",
     "QUALITY_DECLARATION.md": "QUALITY_DECLARATION.md",
 }
-# Modules that programs of others import, by package.
+# Modules with a page of reference, by package: the public one, and what its results are made of.
 MODULES = {
+    "cable_winding": ("prediction", "motion", "tracking", "material", "correction", "recording"),
     "winding_core": (
         "condition", "cases", "drive", "material_law", "prony", "tension", "markers",
         "lay_program", "lay_records", "readings", "run_inputs",
@@ -43,14 +44,31 @@ MODULES = {
 # A line that is nothing but a link to a program of examples/: the site shows the program itself.
 _PROGRAM = re.compile(r"^\[[^\]]+\]\((\.\./(?:\.\./)*(examples/\S+\.py))\)$", re.MULTILINE)
 _LINK = re.compile(r"(\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
-# Named as `extra_css` in mkdocs.yml.
-STYLE = "site.css"
+# The theme's search, as it begins.
+_SEARCH = '<div class="md-search" data-md-component="search" role="dialog"'
+# Named as `extra_css` and as a polyfill in mkdocs.yml.
+ASSETS = ("site.css", "iframe-worker.js")
+# Weight of a page's hits in the search, by the beginning of its path: tasks before records.
+BOOSTS = {
+    "tutorials/": 2.0,
+    "gallery": 2.0,
+    "commands": 2.0,
+    "troubleshooting": 1.5,
+    "measurements/": 0.1,
+    "decisions/": 0.1,
+    "reference/cable_winding": 0.5,
+    "reference/": 0.05,
+    "CHANGELOG": 0.05,
+    "licences": 0.05,
+    "QUALITY_DECLARATION": 0.05,
+}
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the repository's pages, the Python reference, and files that pages link to."""
-    style = Path(__file__).with_name(STYLE).read_text("utf-8")
-    files.append(File.generated(config, STYLE, content=style))
+    for asset in ASSETS:
+        content = Path(__file__).with_name(asset).read_text("utf-8")
+        files.append(File.generated(config, asset, content=content))
     linked: set[str] = set()
     for file in files.documentation_pages():
         linked |= _outside(file.src_uri, Path(config.docs_dir, file.src_uri).read_text("utf-8"))
@@ -72,8 +90,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Show linked programs, and turn links to the repository's files into links to the site's."""
+    """Show linked programs, turn links to files into those of the site, and weigh the page."""
     del config, files
+    boosts = (boost for start, boost in BOOSTS.items() if page.file.src_uri.startswith(start))
+    page.meta["search"] = {"boost": next(boosts, 1.0)}
     markdown, programs = _PROGRAM.subn(_program, markdown)
     if programs:
         # Lines of 100 characters need the room.
@@ -88,6 +108,12 @@ def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: 
         return f"{match[1]}{up}{PAGES.get(path, f'files/{path}')}{match[3]}"
 
     return _LINK.sub(turned, markdown)
+
+
+def on_post_page(output: str, *, page: Page, config: MkDocsConfig) -> str:
+    """Name the search for screen readers, which the theme does not."""
+    del page, config
+    return output.replace(_SEARCH, f'{_SEARCH} aria-label="Search"')
 
 
 def _dotted(package: str, module: str) -> str:

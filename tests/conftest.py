@@ -19,6 +19,9 @@ from domain_coordinator import domain_id
 
 import winding_ros
 
+# Two workers share two cores: a library that starts a thread for each would halve both.
+for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_threads, "1")
 # A test waits ten times as long as the thing usually takes, on two busy cores.
 PATIENCE = 60.0
 PROFILE = Path(winding_ros.__file__).parent / "profiles" / "loopback.xml"
@@ -157,7 +160,7 @@ class ComposedGraph:
 
         from winding_ros import graph
         from winding_ros.environment import ros_arguments
-        from winding_ros.managed_node import ManagedNode
+        from winding_ros.runtime.managed_node import ManagedNode
 
         self._ros = ros
         self.nodes: dict[str, Any] = {}

@@ -76,7 +76,7 @@ def test_the_installed_command_runs_from_its_own_files(workspace: Path) -> None:
 @pytest.mark.slow
 def test_the_launch_file_is_installed(workspace: Path) -> None:
     installed = workspace / "install/share/winding_bringup/launch/twin.launch.py"
-    source = WORKSPACE / "src/winding_bringup/launch/twin.launch.py"
+    source = WORKSPACE / "src/winding_bringup/winding_bringup/launch/twin.launch.py"
     assert installed.read_bytes() == source.read_bytes()
 
 

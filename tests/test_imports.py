@@ -49,7 +49,7 @@ def test_parameters_of_a_node_are_known_without_its_kernels(spec) -> None:
 
 
 def test_a_run_begins_without_what_its_report_needs() -> None:
-    code = "import winding_cli.commands.run, winding_supervisor.run"
+    code = "import winding_cli.commands.run, winding_supervisor.session.run"
     assert loaded(code, (*HEAVY, "numba", "cv2", "jinja2")) == []
 
 
@@ -79,7 +79,7 @@ def command(*words: str) -> str:
     """Return code that runs the command and shows nothing."""
     return (
         "import contextlib, io, sys\n"
-        "from winding_cli.commands.app import app\n"
+        "from winding_cli.app import app\n"
         f"sys.argv = ['winding', *{words!r}]\n"
         "with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):\n"
         "    app()"

@@ -50,14 +50,21 @@ def test_every_folder_is_a_package(generator: ModuleType) -> None:
     assert folders == set(PACKAGES) == set(generator.PACKAGES)
 
 
-def test_generated_files_are_up_to_date(generator: ModuleType) -> None:
-    stale = [
-        path
-        for package in PACKAGES
-        for path, text in generator.files(package)
-        if not path.is_file() or path.read_text(encoding="utf-8") != text
-    ]
-    assert stale == []
+def test_generated_files_are_up_to_date(
+    generator: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["package_files.py", "--check"])
+    assert generator.main() == 0, capsys.readouterr().out
+
+
+def test_a_list_of_packages_is_rewritten(generator: ModuleType) -> None:
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    # A name that stands in the lists alone.
+    stale = text.replace("lay_control_node", "forgotten_node")
+    assert stale.count("forgotten_node") >= len(generator.LISTS)
+    assert generator.listed(stale) == text
+    with pytest.raises(ValueError, match="no packages below"):
+        generator.listed(text.replace("\npackages = ", "\nfolders = "))
 
 
 def test_every_import_has_a_key_of_rosdep_or_pypi(generator: ModuleType) -> None:
@@ -91,14 +98,6 @@ def test_every_library_is_in_the_root_project(generator: ModuleType) -> None:
     assert missing == set()
 
 
-def test_every_package_of_python_is_installed_by_pip(generator: ModuleType) -> None:
-    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    where = generator.tomllib.loads(text)["tool"]["setuptools"]["packages"]["find"]["where"]
-    assert set(where) == {
-        f"ros2_ws/src/{package}" for package in PACKAGES if (SOURCE / package / package).is_dir()
-    }
-
-
 def test_data_files_of_the_packages_are_installed() -> None:
     forgotten = []
     for package in PACKAGES:
@@ -116,6 +115,12 @@ def test_data_files_of_the_packages_are_installed() -> None:
             and path not in installed
         ]
     assert forgotten == []
+
+
+def test_no_link_of_a_package_leads_nowhere() -> None:
+    links = [path for path in SOURCE.rglob("*") if path.is_symlink()]
+    assert links
+    assert [link for link in links if not link.exists()] == []
 
 
 def test_the_tools_of_ros_read_the_manifests_without_a_warning() -> None:

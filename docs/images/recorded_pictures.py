@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from marker_tracker_node.camera.bags import read_bag
-from winding_core.condition import Condition, ResolvedCondition
+from marker_tracker_node.camera.frame_sources import read_bag
+from winding_core.cable.condition import Condition, ResolvedCondition
 from winding_core.markers import (
     CABLE_DTYPE,
     CORRECTED_DTYPE,
@@ -26,10 +26,10 @@ from winding_core.markers import (
     is_wound,
     positions,
 )
+from winding_recorder.bags.contents import configuration_of, recorded_parameters
 from winding_recorder.bags.reading import decoded, messages_of, opened
-from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
+from winding_ros.messages.clouds import decode_cloud
 
 # Simulated time between two pictures [s]; how long one is shown, one with markers in the camera's
 # window, and the last one [ms].
@@ -69,14 +69,14 @@ def pictures(bag: Path) -> tuple[list[Image.Image], list[int]]:
         free_length=what.free_length,
         travel=float(what.drive.positions(instants[-1].t)[1]),
     )
-    told: dict[tuple[str, int], tuple[float, float]] = {}
+    newest: dict[tuple[str, int], tuple[float, float]] = {}
     drawn, shown = [], []
     for instant in instants:
         for name, topic, *_ in SERIES:
             for marker in _wound(instant.messages[topic.name]):
-                first = told.get((name, marker["id"]), (instant.t, 0.0))[0]
-                told[name, int(marker["id"])] = (first, float(marker["s"]))
-        drawn.append(_picture(instant, what, machine, camera, told, instants[-1].t))
+                first = newest.get((name, marker["id"]), (instant.t, 0.0))[0]
+                newest[name, int(marker["id"])] = (first, float(marker["s"]))
+        drawn.append(_picture(instant, what, machine, camera, newest, instants[-1].t))
         in_sight = len(_in_window(instant, camera)[0]) > 0
         shown.append(SEEN_MS if in_sight else PERIOD_MS)
     return drawn, [*shown[:-1], LAST_MS]
@@ -119,7 +119,7 @@ def _picture(
     what: ResolvedCondition,
     machine: Machine,
     camera: Any,
-    told: dict[tuple[str, int], tuple[float, float]],
+    newest: dict[tuple[str, int], tuple[float, float]],
     end: float,
 ) -> Image.Image:
     angle, guide = instant.messages[topics.JOINT_STATES.name].position[:2]
@@ -140,8 +140,8 @@ def _picture(
         figure.text(
             0.012, 0.633, "The cable as the solver lays it, the markers as the camera finds them"
         )
-        _lengths(_part(figure, 545, 214, 400, 208), instant, what, told, end)
-        _table(figure, what, told)
+        _lengths(_part(figure, 545, 214, 400, 208), instant, what, newest, end)
+        _table(figure, what, newest)
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         rgba = np.asarray(canvas.buffer_rgba())
@@ -188,8 +188,8 @@ def _camera_view(axes: Axes, instant: Instant, camera: Any) -> None:
             column, row - 18, f"P{number}", color="#5dff8f", weight="bold", ha="center",
             bbox={"facecolor": INK, "edgecolor": "none", "pad": 1.0},
         )  # fmt: skip
-    said = "camera, window of 640 x 96 at 200 frames/s; green: measured in this frame"
-    axes.text(634, 91, said, color="white", fontsize=8.0, ha="right")
+    caption = "camera, window of 640 x 96 at 200 frames/s; green: measured in this frame"
+    axes.text(634, 91, caption, color="white", fontsize=8.0, ha="right")
 
 
 def _limit(axes: Axes, machine: Machine) -> None:
@@ -202,7 +202,7 @@ def _lengths(
     axes: Axes,
     instant: Instant,
     what: ResolvedCondition,
-    told: dict[tuple[str, int], tuple[float, float]],
+    newest: dict[tuple[str, int], tuple[float, float]],
     end: float,
 ) -> None:
     case = what.case
@@ -211,7 +211,7 @@ def _lengths(
     axes.plot(times, 1e3 * laid * what.drive.positions(times)[0], color="#b4bac2", lw=1.5)
     for name, _, _, colour, width in SERIES:
         axes.plot([], [], color=colour, lw=width, label=name)
-        for (series, _), (first, length) in told.items():
+        for (series, _), (first, length) in newest.items():
             if series == name:
                 axes.plot([first, instant.t], [1e3 * length] * 2, color=colour, lw=width)
     last = what.case.marker_count * case.marker_spacing * case.expected_stretch
@@ -223,7 +223,7 @@ def _lengths(
 
 
 def _table(
-    figure: Figure, what: ResolvedCondition, told: dict[tuple[str, int], tuple[float, float]]
+    figure: Figure, what: ResolvedCondition, newest: dict[tuple[str, int], tuple[float, float]]
 ) -> None:
     columns = (0.62, 0.73, 0.84, 0.95)
     for (name, _, _, colour, _), at in zip(SERIES, columns[1:], strict=True):
@@ -233,6 +233,6 @@ def _table(
         height = 0.185 - 0.042 * n
         figure.text(columns[0] - 0.04, height, f"P{n}", weight="bold")
         for (name, _, _, colour, _), at in zip(SERIES, columns[1:], strict=True):
-            known = told.get((name, n))
+            known = newest.get((name, n))
             text = "-" if known is None else f"{1e3 * known[1]:.1f}"
             figure.text(at + 0.03, height, text, color=colour, ha="right")

@@ -1,22 +1,22 @@
-"""A ROS 2 node of your own, beside `winding run`: print the corrected lengths as they come."""
+"""A ROS 2 node of your own, beside `winding run`: print the corrected lengths as they arrive."""
 
 import contextlib
 
-import rclpy
-from rclpy.executors import ExternalShutdownException
+import rclpy.executors
 from sensor_msgs.msg import PointCloud2
 
-from winding_ros import topics
+import cable_winding as cw
 
 
-def show(message: PointCloud2) -> None:
-    t, markers = topics.CORRECTED_MARKERS.decode(message)
-    lengths = (f"P{m['id']} {1e3 * m['s']:.1f} mm" for m in markers if not m["flags"])
+def show(cloud: PointCloud2) -> None:
+    t = cloud.header.stamp.sec + 1e-9 * cloud.header.stamp.nanosec
+    rows = cw.Markers.from_message(cloud)
+    lengths = (f"P{n} {1e3 * s:.1f} mm" for n, s in zip(rows.id, rows.s, strict=True))
     print(f"{t:.2f} s:", *lengths, flush=True)
 
 
 rclpy.init()
 node = rclpy.create_node("listener", namespace="winding")
-topics.CORRECTED_MARKERS.subscribe(node, show)
-with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+node.create_subscription(PointCloud2, "correction/markers", show, 10)
+with contextlib.suppress(KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
     rclpy.spin(node)

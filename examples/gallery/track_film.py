@@ -1,19 +1,17 @@
-"""Track a folder of pictures or a video, and draw the markers into its last frame."""
+"""Track a folder of images or a video, and draw the markers into its last frame."""
 
 import sys
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from marker_tracker_node import FrameSource, Tracker, TrackerConfig, read_camera, read_motion
-from winding_core.condition import Condition
+import cable_winding as cw
 
-camera, motion = read_camera(Path("film/camera.yaml")), read_motion(Path("film/motion.csv"))
-tracker = Tracker(TrackerConfig.of(Condition(case=8).resolved()), camera)
-for t, frame in FrameSource(Path(sys.argv[1])):
-    markers = tracker.track(frame, t, *motion.at(t))
-for n, x, y, z, theta in markers[["id", "x", "y", "z", "theta"]]:
+files = {"camera": "film/camera.yaml", "motion": "film/motion.csv"}
+found = cw.track(sys.argv[1], cw.Condition(case=8), **files)
+markers = found.markers
+for n, (x, y, z), theta in zip(markers.id, markers.xyz, markers.theta, strict=True):
     print(f"P{n}: {theta:.4f} rad behind P0, at ({x:.4f}, {y:.4f}, {z:.4f}) m in winder_axis")
-plt.figure(figsize=(8.0, 1.6), layout="constrained").add_subplot().imshow(frame[..., ::-1])
-plt.plot(*camera.pixels(markers[markers["flags"] == 0], tracker.pose).T, "ro", mfc="none", ms=20)
+axes = plt.figure(figsize=(8.0, 1.6), layout="constrained").add_subplot()
+axes.imshow(found.frame[..., ::-1])
+axes.plot(*found.pixels[markers.flags == 0].T, "ro", mfc="none", ms=20)
 plt.savefig("track_film.png")

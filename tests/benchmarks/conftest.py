@@ -22,11 +22,21 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 @pytest.fixture(scope="session")
-def bench() -> Iterator[Bench]:
-    """Rows of this session: `bench.row(name, value, unit, bar=None)`."""
+def session_bench() -> Iterator[Bench]:
+    """Rows of this session, kept and printed at its end."""
     rows = Bench()
     yield rows
     keep(rows.rows.values())
     console = Console(width=None if sys.stdout.isatty() else 140)
     console.print()
     console.print(rows.table())
+
+
+@pytest.fixture
+def bench(session_bench: Bench) -> Iterator[Bench]:
+    """Rows of this test: `bench.row(name, value, unit, bar=None)`; its end judges all bars."""
+    rows = Bench()
+    yield rows
+    session_bench.rows |= rows.rows
+    missed = [f"\n{row}" for row in rows.rows.values() if not row.met]
+    assert not missed, "".join(missed)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
 RESULTS = Path(__file__).parents[2] / "bench.json"
@@ -106,7 +108,7 @@ class Bench:
 
     def table(self) -> Table:
         """Return the rows as a table for a terminal."""
-        table = Table(title="Benchmark: processor time of one thread unless it says wall")
+        table = Table(title="Benchmark: processor time of one thread unless the unit has wall")
         for column in ("row", "value", "unit", "bar", "met", "CPU s", "load"):
             left = column in ("row", "unit", "met")
             table.add_column(column, justify="left" if left else "right", no_wrap=column == "row")
@@ -122,6 +124,26 @@ class Bench:
                 "" if row.load is None else f"{row.load:.1f}",
             )
         return table
+
+
+def costs(count: int, action: Callable[[int], Any]) -> tuple[np.ndarray, list[Any]]:
+    """Call an action with 0, 1, ...; return the processor time of each call [s] and its results."""
+    spent, results = np.empty(count), []
+    for k in range(count):
+        started = time.thread_time()
+        results.append(action(k))
+        spent[k] = time.thread_time() - started
+    return spent, results
+
+
+def least(rounds: int, *measurements: Callable[[], Any]) -> list[Any]:
+    """Take measurements in turn for several rounds; return the least of each.
+
+    What other processes do can only make a round dearer, and the first one may compile. A
+    measurement that returns an array counts element by element.
+    """
+    taken = [[measure() for measure in measurements] for _ in range(rounds)]
+    return [np.min(column, axis=0) for column in zip(*taken, strict=True)]
 
 
 def keep(rows: Iterable[Row], path: Path = RESULTS) -> None:

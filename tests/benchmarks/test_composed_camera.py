@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from winding_core.condition import Condition
-from winding_core.machine_axes import MachineAxes
+from winding_core.cable.condition import Condition
+from winding_core.machine.axes import MachineAxes
 from winding_ros import topics
-from winding_ros.graph_error import GraphError
-from winding_supervisor.external_machine import ExternalMachineConfig
-from winding_supervisor.run import opened_run
-from winding_supervisor.run_config import RunConfig
+from winding_ros.graph import GraphError
+from winding_supervisor.machines.external_machine import ExternalMachineConfig
+from winding_supervisor.session.run import opened_run
+from winding_supervisor.session.run_config import RunConfig
 
 CELLS = Path(__file__).parents[1] / "winding_supervisor"
 DURATION, RATE = 10.0, 1000.0

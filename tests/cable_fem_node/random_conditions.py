@@ -11,8 +11,8 @@ import numpy as np
 from cable_fem_node.winding.expected_cost import expected_cost
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Case, Material
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import Case, Material
+from winding_core.machine.drive import DriveProfile
 
 # Element-steps from which a user would take the mass scaling that is proposed, and from which a
 # condition takes minutes even so and is left to `winding predict`: 20 and 400 million take about

@@ -1,13 +1,14 @@
-"""`winding identify`: what it reads, what it says, what it refuses."""
+"""`winding identify`: what it reads, reports and refuses."""
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 
 # P1 to P4 of case 4 as a rod of 2.5 mm elements lays them with 2.6 MPa.
 TRUTH = "\n".join(
@@ -26,6 +27,20 @@ def identify(*arguments: object) -> Result:
     return CliRunner().invoke(app, ["identify", *map(str, arguments)])
 
 
+def identified(tmp_path: Path, *arguments: object) -> tuple[dict[str, Any], str]:
+    """Return the JSON and the text in one line of a command that succeeds."""
+    out = tmp_path / "found.json"
+    result = identify(*arguments, "--json", out)
+    assert result.exit_code == 0, result.output
+    return json.loads(out.read_text()), " ".join(result.output.split())
+
+
+def assert_refused(result: Result, sentence: str) -> None:
+    assert result.exit_code == 2
+    assert sentence in " ".join(result.output.split())
+    assert "Traceback" not in result.output
+
+
 @pytest.fixture
 def markers(tmp_path: Path) -> Path:
     path = tmp_path / "markers.csv"
@@ -37,10 +52,7 @@ def markers(tmp_path: Path) -> Path:
 def test_markers_give_the_modulus_and_the_markers_that_are_to_come(
     markers: Path, tmp_path: Path
 ) -> None:
-    out = tmp_path / "found.json"
-    result = identify(markers, "--case", 4, "--use", 2, "--json", out)
-    assert result.exit_code == 0, result.output
-    found = json.loads(out.read_text())
+    found, text = identified(tmp_path, markers, "--case", 4, "--use", 2)
     # The estimator's elements are twice as long; the specification's 3 %.
     assert found["young_pa"] == pytest.approx(2.6e6, rel=0.03)
     assert abs(found["young_pa"] - 2.6e6) < found["half_width_90_pa"]
@@ -48,7 +60,7 @@ def test_markers_give_the_modulus_and_the_markers_that_are_to_come(
     assert [row["id"] for row in found["predicted"]] == [3, 4]
     # One standard error of the rod's angles is 0.05 %.
     assert all(row["error_pct"] < 0.1 for row in found["predicted"])
-    assert "nine times in ten within" in " ".join(result.output.split())
+    assert "nine times in ten within" in text
 
 
 @pytest.mark.slow
@@ -59,31 +71,26 @@ def test_two_runs_give_the_constants_of_a_nonlinear_law(tmp_path: Path) -> None:
         ("heavy", "1,12.03372,0.01239"),
     ):
         (tmp_path / f"{name}.csv").write_text(f"marker,theta_rad,z_m\n{rows}\n")
-    out = tmp_path / "found.json"
-    result = identify(
-        tmp_path / "light.csv", tmp_path / "heavy.csv",
+    found, text = identified(
+        tmp_path, tmp_path / "light.csv", tmp_path / "heavy.csv",
         "--case", 1, "--weight-n", 1.962, "--weight-n", 3.924,
-        "--law", "mooney_rivlin", "--duration-s", 12, "--json", out,
+        "--law", "mooney_rivlin", "--duration-s", 12,
     )  # fmt: skip
-    assert result.exit_code == 0, result.output
-    found = json.loads(out.read_text())
     total = 2.6e6 / (4.0 * 1.47)
     assert found["young_pa"] == pytest.approx(2.6e6, rel=0.03)
     assert abs(found["c10_pa"] - 0.8 * total) < 3.0 * found["c10_standard_error_pa"]
-    assert found["statement"] in " ".join(result.output.split())
+    assert found["statement"] in text
 
 
 def test_tensile_test_names_the_law_that_fits_best(tmp_path: Path) -> None:
     strain = np.linspace(0.0, 1.0, 30)
     noise = 0.002 * np.random.default_rng(1).standard_normal(30)
     stress = np.maximum(2.6 * np.log1p(strain) / (1.0 + strain) + noise, 0.0)
-    path, out = tmp_path / "tensile.csv", tmp_path / "laws.json"
+    path = tmp_path / "tensile.csv"
     rows = "".join(f"{100.0 * e},{s}\n" for e, s in zip(strain, stress, strict=True))
     path.write_text(f"strain_pct,stress_mpa\n{rows}")
-    result = identify("--tensile", path, "--json", out)
-    assert result.exit_code == 0, result.output
-    assert "hencky fits best" in result.output
-    found = json.loads(out.read_text())
+    found, text = identified(tmp_path, "--tensile", path)
+    assert "hencky fits best" in text
     assert len(found["laws"]) == 5
     assert found["laws"][0]["young"] == pytest.approx(2.6e6, rel=0.01)
 
@@ -95,20 +102,15 @@ def test_tensile_test_names_the_law_that_fits_best(tmp_path: Path) -> None:
         ("marker,theta_rad,z_m\n", "holds no row of numbers"),
         ("marker,theta_rad\n1,6.5\n", "needs a column z_m; it has marker, theta_rad"),
         ("marker,theta_rad,z_m\n1,six,0.1\n", "row 1 of"),
-        ("marker,theta_rad,z_m\n1,nan,0.1\n", "theta of P1 must be finite, got nan"),
         ("marker,theta_rad,z_m\n-1,6.5,0.1\n", "marker must be a whole number, got '-1'"),
         ("marker,theta_rad,z_m\n0,0,0\n", "holds no marker beside P0"),
         ("marker,theta_rad,z_m\n1,6.5,0.1\n2,6.4,0.1\n", "wound angles must ascend"),
-        ("marker,theta_rad,z_m\n1,6.5,0.1\n5,9.4,0.1\n", "has markers P1 to P4, got P5"),
     ],
 )
 def test_bad_table_of_markers_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
     path = tmp_path / "markers.csv"
     path.write_text(text)
-    result = identify(path, "--case", 4)
-    assert result.exit_code == 2
-    assert sentence in result.output
-    assert "Traceback" not in result.output
+    assert_refused(identify(path, "--case", 4), sentence)
 
 
 @pytest.mark.parametrize(
@@ -135,10 +137,7 @@ def test_bad_question_is_refused(
     folder = tmp_path / "empty"
     folder.mkdir()
     known = {"{markers}": markers, "{folder}": folder}
-    result = identify(*(known.get(str(item), item) for item in arguments))
-    assert result.exit_code == 2
-    assert sentence in " ".join(result.output.split())
-    assert "Traceback" not in result.output
+    assert_refused(identify(*(known.get(str(item), item) for item in arguments)), sentence)
 
 
 def test_markers_of_no_cable_are_not_explained_away(tmp_path: Path) -> None:
@@ -151,10 +150,7 @@ def test_markers_of_no_cable_are_not_explained_away(tmp_path: Path) -> None:
 
 @pytest.mark.processes
 def test_recorded_run_is_read_with_its_own_condition(recorded_run, tmp_path: Path) -> None:
-    out = tmp_path / "found.json"
-    result = identify(recorded_run.bag, "--json", out)
-    assert result.exit_code == 0, result.output
-    found = json.loads(out.read_text())
+    found, _ = identified(tmp_path, recorded_run.bag)
     # Case 4 lies where the paper measured it: P1 at 6.28 rad instead of 6.58 with 2.6 MPa.
     assert [row["id"] for row in found["residuals"]] == [1]
     assert found["residuals"][0]["theta"] == pytest.approx(6.28, abs=0.01)
@@ -164,10 +160,7 @@ def test_recorded_run_is_read_with_its_own_condition(recorded_run, tmp_path: Pat
 def test_rig_comes_with_covariance_and_what_markers_do_not_tell(
     markers: Path, tmp_path: Path
 ) -> None:
-    out = tmp_path / "rig.json"
-    result = identify(markers, "--case", 4, "--use", 2, "--rig", "--json", out)
-    assert result.exit_code == 0, result.output
-    found = json.loads(out.read_text())
+    found, text = identified(tmp_path, markers, "--case", 4, "--use", 2, "--rig")
     assert found["refused"] == ""
     assert np.shape(found["covariance"]) == (len(found["names"]),) * 2
     rig = found["rig"]
@@ -178,21 +171,18 @@ def test_rig_comes_with_covariance_and_what_markers_do_not_tell(
     assert [row["id"] for row in found["predicted"]] == [3, 4]
     for row in found["predicted"]:
         assert abs(row["s_measured_m"] - row["s_m"]) < row["half_width_90_m"]
-    assert "do not tell" in " ".join(result.output.split())
+    assert "do not tell" in text
 
 
 def test_known_tension_is_known(markers: Path, tmp_path: Path) -> None:
-    out = tmp_path / "rig.json"
-    result = identify(markers, "--case", 4, "--rig", "--known-tension", "--json", out)
-    assert result.exit_code == 0, result.output
-    found = json.loads(out.read_text())
+    found, _ = identified(tmp_path, markers, "--case", 4, "--rig", "--known-tension")
     assert found["rig"]["load_share"]["deviation"] == 0.0
     assert found["rig"]["young"]["low"] < 2.6e6 < found["rig"]["young"]["high"]
     assert found["untold"] == []
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "sentence"),
     [
         (("--scatter-mm", 1), "need --rig"),
         (("--rig", "--fixing-mm", -2), "fixing must not be negative, got -0.002"),
@@ -200,8 +190,6 @@ def test_known_tension_is_known(markers: Path, tmp_path: Path) -> None:
     ],
 )
 def test_rig_options_that_cannot_be_are_refused(
-    markers: Path, arguments: tuple[object, ...], said: str
+    markers: Path, arguments: tuple[object, ...], sentence: str
 ) -> None:
-    result = identify(markers, "--case", 4, *arguments)
-    assert result.exit_code == 2
-    assert said in result.output
+    assert_refused(identify(markers, "--case", 4, *arguments), sentence)

@@ -14,14 +14,14 @@ SCRIPT = """
 import json
 import numpy as np
 from winding_verification.rod.rod import Rod
-from winding_verification.rod.rod_section import RodSection
+from winding_verification.rod.rod import RodSection
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import block
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.readings import AxisReading
+from winding_core.cable.cases import paper_case
+from winding_core.machine.readings import AxisReading
 
 line = np.column_stack([np.linspace(0.0, 0.02, 5), np.zeros(5), np.zeros(5)])
 rod = Rod(line, RodSection(diameter=4e-3, law="neo_hookean"), twist=True)

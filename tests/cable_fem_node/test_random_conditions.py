@@ -7,7 +7,7 @@ import dataclasses
 import pytest
 from random_conditions import TOO_LONG, effort, planned
 
-from cable_fem_node.dynamics.failure import SolverError
+from cable_fem_node.dynamics.state import SolverError
 
 CONDITIONS = 200
 # The promise: elements of half the length change the wound stretch by less [%].

@@ -7,22 +7,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rods import CASE, DRIVE, follow, tracked
 
-from cable_fem_node.identification import IdentificationError, Readings, TrackedRun
+from cable_fem_node.identification import IdentificationError
 from cable_fem_node.rod.relaxation import decays, fade
-from cable_fem_node.rod.rod_arrays import relaxation
+from cable_fem_node.rod.rod_records import relaxation
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Material, paper_case
-from winding_core.drive import DriveProfile
-from winding_core.material_law import MaterialLaw
-from winding_core.planned_inputs import planned_inputs
-from winding_core.prony import PronySeries
-from winding_core.readings import AxisReading
+from winding_core.cable.cases import Material
+from winding_core.cable.material_law import MaterialLaw
+from winding_core.cable.prony import PronySeries
+from winding_core.machine.readings import AxisReading
 
-DRIVE = DriveProfile()
-CASE = paper_case(4)
 EA = CASE.material.young * CASE.section_area
 # One term: the share that fades, and its time at a held stretch [s].
 G, TAU = 0.3, 5.0
@@ -47,11 +44,8 @@ def standing(angle: float = 0.0, guide: float = 0.0) -> AxisReading:
     )
 
 
-def wound(model: RodWinding, until: float, period: float = 0.02) -> RodWinding:
-    while model.time < until - 1.0e-9:
-        t = model.time + period
-        model.advance_to(t, DRIVE.reading_at(t))
-    return model
+def wound(until: float, prony: str = SOLID, **more: Any) -> RodWinding:
+    return follow(RodWinding(config(prony, **more)), until)
 
 
 def held(
@@ -67,7 +61,7 @@ def held(
 @pytest.fixture(scope="module")
 def relaxed() -> RodWinding:
     """Wound for 10 s and held for 5 s."""
-    return held(wound(RodWinding(config()), 10.0), 15.0)
+    return held(wound(10.0), 15.0)
 
 
 @pytest.mark.parametrize("period", [0.02, 2.0])
@@ -110,7 +104,7 @@ def test_cable_that_is_held_wound_relaxes_as_a_standard_linear_solid(relaxed: Ro
 
 
 def test_relaxing_moves_nothing() -> None:
-    model = wound(RodWinding(config()), 8.0)
+    model = wound(8.0)
     _, theta, z = (values.copy() for values in model.wound_path())
     held(model, 12.0, stopped=8.0)
     _, later, z_later = model.wound_path()
@@ -121,7 +115,7 @@ def test_relaxing_moves_nothing() -> None:
 
 
 def test_cable_at_rest_relaxes_as_if_it_were_integrated(relaxed: RodWinding) -> None:
-    integrated = held(wound(RodWinding(config(rests=False)), 10.0), 15.0)
+    integrated = held(wound(10.0, rests=False), 15.0)
     assert relaxed.live_nodes < integrated.live_nodes
     # What docs/solver.md promises of resting turns: 0.1 % of the span tension.
     np.testing.assert_allclose(relaxed.tension(), integrated.tension(), atol=1e-3 * CASE.weight)
@@ -130,7 +124,7 @@ def test_cable_at_rest_relaxes_as_if_it_were_integrated(relaxed: RodWinding) -> 
 
 @pytest.mark.slow
 def test_cable_that_is_woken_has_relaxed_meanwhile() -> None:
-    models = [held(wound(RodWinding(config(rests=rests)), 10.0), 12.0) for rests in (True, False)]
+    models = [held(wound(10.0, rests=rests), 12.0) for rests in (True, False)]
     resting = models[0].nodes - models[0].live_nodes
     # Slip under a small tension goes through turns at rest.
     woken, integrated = (held(model, 13.0, 0.2 * CASE.weight) for model in models)
@@ -141,18 +135,17 @@ def test_cable_that_is_woken_has_relaxed_meanwhile() -> None:
 
 
 def test_asking_often_changes_nothing() -> None:
-    asked, left = wound(RodWinding(config()), 8.0), wound(RodWinding(config()), 8.0)
+    asked, left = wound(8.0), wound(8.0)
     for t in np.arange(8.02, 10.0, 0.02).tolist():
         for model in (asked, left):
-            model.advance_to(t, DRIVE.reading_at(t))
+            follow(model, t)
         _ = asked.energy, asked.tension(), asked.cable()
     np.testing.assert_allclose(asked.tension(), left.tension(), rtol=1.0e-9)
 
 
 @pytest.mark.parametrize("law", ["neo_hookean", "hencky_cauchy"])
 def test_energy_closes_for_laws_and_several_terms(law: str) -> None:
-    model = wound(RodWinding(config("0.1:0.2+0.15:2+0.1:300", law=law)), 8.0)
-    energy = model.energy
+    energy = wound(8.0, "0.1:0.2+0.15:2+0.1:300", law=law).energy
     # The bar of the specification; measured 0.01 %.
     assert energy.balance_pct < 0.1
     assert energy.relaxation > 10.0 * energy.damping > 0.0
@@ -193,9 +186,5 @@ def test_solid_refuses_a_series() -> None:
 
 
 def test_identification_refuses_a_series() -> None:
-    one = np.ones(1)
-    readings = Readings(
-        ids=np.array([1]), theta=6.0 * one, z=4e-3 * one, sigma_theta=one, sigma_z=one
-    )
     with pytest.raises(IdentificationError, match="leave out prony"):
-        TrackedRun(config=config(), inputs=planned_inputs(DRIVE, 6.0), readings=readings)
+        tracked(config())

@@ -9,19 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rods import CASE, CONFIG, DRIVE, follow
 
-from cable_fem_node.dynamics.points import empty_points
+from cable_fem_node.dynamics.state import empty_points
 from cable_fem_node.winding.resting_cable import RestingCable
 from cable_fem_node.winding.rod_nodes import RodNodes
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
 
-CONFIG = WindingConfig(case=paper_case(4))
-WEIGHT = CONFIG.case.weight
-DRIVE = DriveProfile()
+WEIGHT = CASE.weight
 SPEED = DRIVE.angular_speed
 # What docs/solver.md promises: 0.02 mm, 1e-4 rad, 0.1 % of the span tension, 10 um of length.
 # Measured are 1e-11 m and 1e-7 N; the rest is for rounding, which landing cable amplifies.
@@ -65,7 +61,7 @@ class Machine:
         )
 
     def agree(self) -> None:
-        """Assert that nobody can tell the two apart."""
+        """Assert that the two cannot be distinguished."""
         one, other = self.models
         (s, theta, z), (s2, theta2, z2) = one.wound_path(), other.wound_path()
         # A marker that lies on a node has landed or not: that must not depend on rounding.
@@ -153,8 +149,7 @@ def test_copy_winds_on_by_itself(long_run: Machine) -> None:
     other = copy.deepcopy(one)
     kept = long_run.resting.cable()
     for model in (one, other):
-        for i in range(1, 11):
-            model.advance_to(30.0 + 0.1 * i, DRIVE.reading_at(30.0 + 0.1 * i))
+        follow(model, 31.0, 0.1)
     np.testing.assert_array_equal(one.cable(), other.cable())
     np.testing.assert_array_equal(long_run.resting.cable(), kept)
 
@@ -174,31 +169,28 @@ def test_slip_that_goes_deeper_than_what_is_awake_wakes_what_rests() -> None:
     machine.agree()
 
 
-def test_tension_that_rises_at_a_stop_pulls_on_what_rests() -> None:
+@pytest.mark.parametrize(
+    "schedule",
+    [
+        # Each is (time [s], speed, share of the weight).
+        pytest.param(
+            [(10.0, SPEED, 0.25), (0.5, 0.0, 0.25), (0.5, 0.0, 1.0)], id="tension rises at a stop"
+        ),
+        pytest.param(
+            [(10.0, SPEED, 1.0), (2.0, 0.0, 1.0), (5.0, SPEED, 1.0)], id="on after a stop"
+        ),
+        pytest.param([(12.0, SPEED, 1.0), (9.0, -SPEED, 1.0), (6.0, SPEED, 1.0)], id="unwound"),
+    ],
+)
+def test_what_rests_follows_what_the_machine_does(
+    schedule: list[tuple[float, float, float]],
+) -> None:
     machine = Machine()
-    machine.wind(10.0, tension=0.25 * WEIGHT)
-    machine.wind(0.5, speed=0.0, tension=0.25 * WEIGHT)
-    machine.wind(0.5, speed=0.0)
-    machine.agree()
-
-
-def test_winding_goes_on_after_a_stop() -> None:
-    machine = Machine()
-    machine.wind(10.0)
-    machine.wind(2.0, speed=0.0)
-    machine.agree()
-    machine.wind(5.0)
-    machine.agree()
-
-
-def test_unwinding_wakes_what_rested_and_winds_again() -> None:
-    machine = Machine()
-    machine.wind(12.0)
-    machine.wind(9.0, speed=-SPEED)
-    machine.agree()
-    assert machine.resting.energy.balance_pct < 0.1
-    machine.wind(6.0)
-    machine.agree()
+    for number, (seconds, speed, share) in enumerate(schedule):
+        machine.wind(seconds, speed=speed, tension=share * WEIGHT)
+        if number:
+            machine.agree()
+        assert machine.resting.energy.balance_pct < 0.1
 
 
 def test_nothing_rests_once_everything_is_unwound() -> None:
@@ -229,14 +221,14 @@ def test_newest_cable_brings_all_that_moves() -> None:
     machine.wind(15.0)
     machine.wind(0.5, speed=0.0)
     before = machine.resting.cable()
-    told = machine.resting.newest_cable(0.5)
+    awake = machine.resting.newest_cable(0.5)
     # Slip that goes through all that is wound, as in the test above.
     machine.wind(0.3, speed=0.0, tension=0.1 * WEIGHT)
     after, newest = machine.resting.cable(), machine.resting.newest_cable(0.5)
-    assert newest.size > told.size + 20
-    unsaid = after.size - newest.size
+    assert newest.size > awake.size + 20
+    left_out = after.size - newest.size
     for name in ("x", "y", "z", "tension"):
-        np.testing.assert_array_equal(after[name][:unsaid], before[name][:unsaid])
+        np.testing.assert_array_equal(after[name][:left_out], before[name][:left_out])
 
 
 def test_node_at_rest_takes_a_hundred_bytes_at_most() -> None:

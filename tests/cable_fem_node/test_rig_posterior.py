@@ -1,30 +1,27 @@
-"""The joint posterior of a rig: what markers tell, what they do not, and how it says so.
+"""The joint posterior of a rig: what markers determine, what they do not, and how well.
 
 Truths here are laid by the estimator's own closed form, which takes milliseconds: these tests are
-about the inference. What the rod says of it is in tests/benchmarks/test_rig_accuracy.py.
+about the inference. Against the rod it stands in tests/benchmarks/test_rig_accuracy.py.
 """
 
 import dataclasses
 
 import numpy as np
 import pytest
+from rods import CASE, case_of, readings, tracked
 
 from cable_fem_node.identification import (
     KNOWN_TENSION,
     IdentificationError,
-    Readings,
+    RigPosterior,
     RigPrior,
     TrackedRun,
     identify_rig,
 )
 from cable_fem_node.identification.rig import Rigs
 from cable_fem_node.identification.rig_lay import RigLay
-from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
-from winding_core.planned_inputs import planned_inputs
+from winding_core.cable.cases import paper_case
 
-INPUTS = planned_inputs(DriveProfile(), 20.0)
 # docs/vision.md, on the 30 mm cylinder.
 SIGMA_THETA, SIGMA_Z = 3.0e-3, 0.12e-3
 STEADY = {
@@ -36,6 +33,14 @@ STEADY = {
     "build_up_length": 0.2,
 }
 BUILDING = STEADY | {"start_share": 0.4}
+# The stated tension reaches the cylinder whole.
+WHOLE = {"load_share": 1.0, "guide_drag": 0.0}
+
+
+def laid(run: TrackedRun, rig: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return theta and z of all markers of a run on a rig, by the closed form."""
+    theta, z = RigLay(run)(Rigs(**{name: np.array([value]) for name, value in rig.items()}))
+    return theta[0], z[0]
 
 
 def run_of(
@@ -47,50 +52,45 @@ def run_of(
     tension: float | None = None,
 ) -> TrackedRun:
     """Return the first markers of a rig; without a seed they are where they lie."""
-    inputs = INPUTS.copy()
-    if tension is not None:
-        inputs["tension"] = tension
     every = np.arange(1, 5)
-    anywhere = Readings(
-        ids=every,
-        theta=6.0 * every,
-        z=0.01 * every,
-        sigma_theta=np.full(4, SIGMA_THETA),
-        sigma_z=np.full(4, SIGMA_Z),
-    )
-    run = TrackedRun(config=WindingConfig(case=paper_case(case)), inputs=inputs, readings=anywhere)
-    theta, z = (
-        places[0]
-        for places in RigLay(run)(Rigs(**{name: np.array([v]) for name, v in rig.items()}))
-    )
+    sigmas = {"sigma_theta": np.full(4, SIGMA_THETA), "sigma_z": np.full(4, SIGMA_Z)}
+    run = tracked(case_of(case), 20.0, ids=every, theta=6.0 * every, z=0.01 * every, **sigmas)
+    if tension is not None:
+        run.inputs["tension"] = tension
+    theta, z = laid(run, rig)
     rng = np.random.default_rng(seed)
     share = 0.0 if seed is None else 1.0
-    readings = dataclasses.replace(
-        anywhere,
-        theta=theta + share * SIGMA_THETA * rng.standard_normal(4),
-        z=z + share * SIGMA_Z * rng.standard_normal(4),
-    )
-    return dataclasses.replace(run, readings=readings.first(markers))
+    theta = theta + share * SIGMA_THETA * rng.standard_normal(4)
+    z = z + share * SIGMA_Z * rng.standard_normal(4)
+    found = readings(ids=every, theta=theta, z=z, **sigmas)
+    return dataclasses.replace(run, readings=found.first(markers))
 
 
 def lengths(case: int, rig: dict[str, float]) -> np.ndarray:
-    readings = run_of(case, 4, rig).readings
-    return np.hypot(paper_case(case).centreline_radius * readings.theta, readings.z)
+    found = run_of(case, 4, rig).readings
+    return np.hypot(paper_case(case).centreline_radius * found.theta, found.z)
 
 
-def with_shift(run: TrackedRun, marker: int, shift: float) -> TrackedRun:
-    theta = run.readings.theta.copy()
-    theta[marker - 1] += shift
+def shifted(run: TrackedRun, shift: float | list[float]) -> TrackedRun:
+    """Return a run whose angles are off [rad]."""
+    theta = run.readings.theta + shift
     return dataclasses.replace(run, readings=dataclasses.replace(run.readings, theta=theta))
 
 
-def test_markers_tell_stretch_and_free_length_and_not_what_stretched() -> None:
-    posterior = identify_rig([run_of(4, 4, STEADY)])
+@pytest.fixture(scope="module")
+def steady() -> RigPosterior:
+    return identify_rig([run_of(4, 4, STEADY)])
+
+
+def test_markers_determine_stretch_and_free_length_and_not_what_stretched(
+    steady: RigPosterior,
+) -> None:
+    posterior = steady
     assert {"load_share", "guide_drag"} <= set(posterior.untold)
     beliefs = posterior.beliefs
-    assert beliefs["free_length"].told
+    assert beliefs["free_length"].observed
     assert beliefs["free_length"].low < 0.205 < beliefs["free_length"].high
-    weight = paper_case(4).weight
+    weight = CASE.weight
     effective = 2.2e6 * weight / (0.62 * weight + 0.2)
     assert beliefs["effective_young"].low < effective < beliefs["effective_young"].high
     # A thousandth of the angle is a hundredth of the strain of 0.1: the modulus hides, this not.
@@ -98,28 +98,27 @@ def test_markers_tell_stretch_and_free_length_and_not_what_stretched() -> None:
     assert beliefs["young"].half_width_90 > 0.1 * beliefs["young"].mean
 
 
-def test_modulus_hides_behind_the_load_share() -> None:
-    correlation = identify_rig([run_of(4, 4, STEADY)]).correlation
+def test_modulus_hides_behind_the_load_share(steady: RigPosterior) -> None:
+    correlation = steady.correlation
     # Among stretches that are known, a stiffer cable needs more load.
     assert correlation[0, 2] > 0.7
     assert np.allclose(np.diag(correlation), 1.0)
 
 
 def test_known_tension_makes_the_modulus_known() -> None:
-    rig = STEADY | {"load_share": 1.0, "guide_drag": 0.0}
-    posterior = identify_rig([run_of(4, 4, rig)], KNOWN_TENSION)
+    posterior = identify_rig([run_of(4, 4, STEADY | WHOLE)], KNOWN_TENSION)
     young = posterior.beliefs["young"]
     assert young.low < 2.2e6 < young.high
     assert young.half_width_90 < 0.01 * young.mean
     assert posterior.untold == ()
 
 
-def test_two_tensions_tell_drag_from_share() -> None:
+def test_two_tensions_separate_drag_from_share() -> None:
     light = run_of(4, 4, STEADY, tension=2.0)
     heavy = run_of(4, 4, STEADY, tension=6.0)
     alone, both = identify_rig([light]), identify_rig([light, heavy])
-    assert not alone.beliefs["guide_drag"].told
-    # (6 a + d) / (2 a + d) is known to about a percent: it says d / a.
+    assert not alone.beliefs["guide_drag"].observed
+    # (6 a + d) / (2 a + d) is known to about a percent, and with it d / a.
     ratio = both.rigs.guide_drag / both.rigs.load_share
     mean = float(both.weights @ ratio)
     spread = float(np.sqrt(both.weights @ (ratio - mean) ** 2))
@@ -128,12 +127,12 @@ def test_two_tensions_tell_drag_from_share() -> None:
     assert abs(mean - 0.2 / 0.62) < 3.0 * spread
 
 
-def test_a_tension_that_builds_up_is_seen() -> None:
-    assert identify_rig([run_of(4, 4, STEADY)]).steady > 0.8
+def test_a_tension_that_builds_up_is_seen(steady: RigPosterior) -> None:
+    assert steady.steady > 0.8
     building = identify_rig([run_of(4, 4, BUILDING)])
     assert building.steady < 0.01
     start = building.beliefs["start_share"]
-    assert start.told
+    assert start.observed
     assert start.low < 0.4 < start.high
 
 
@@ -182,8 +181,7 @@ def test_more_markers_never_lose_what_is_known() -> None:
 
 def test_contradicting_markers_widen_the_widths() -> None:
     run = run_of(4, 3, STEADY)
-    shifted = with_shift(run, 2, 0.1)
-    good, bad = identify_rig([run]), identify_rig([shifted])
+    good, bad = identify_rig([run]), identify_rig([shifted(run, [0.0, 0.1, 0.0])])
     assert not good.misfit
     assert bad.misfit
     # 0.1 rad are 1.7 mm on this cylinder; the scatter is of that order.
@@ -193,18 +191,16 @@ def test_contradicting_markers_widen_the_widths() -> None:
 
 
 def test_markers_of_no_rig_are_refused() -> None:
-    shifted = with_shift(run_of(4, 4, STEADY), 2, 3.0)
-    assert "limit 5%" in identify_rig([shifted]).refusal()
+    off = shifted(run_of(4, 4, STEADY), [0.0, 3.0, 0.0, 0.0])
+    assert "limit 5%" in identify_rig([off]).refusal()
 
 
 def test_stated_fixing_is_no_misfit() -> None:
-    run = run_of(4, 3, STEADY)
     # P0 was fixed 1.7 mm along the cable from where it should be: all angles are off by as much.
-    theta = run.readings.theta + 0.1
-    off = dataclasses.replace(run, readings=dataclasses.replace(run.readings, theta=theta))
+    off = shifted(run_of(4, 3, STEADY), 0.1)
     posterior = identify_rig([off], RigPrior(fixing=2.0e-3))
     assert not posterior.misfit
-    expected = lengths(4, STEADY)[-1] + 0.1 * paper_case(4).centreline_radius
+    expected = lengths(4, STEADY)[-1] + 0.1 * CASE.centreline_radius
     assert posterior.ahead[0][0].low < expected < posterior.ahead[0][0].high
 
 
@@ -217,23 +213,15 @@ def test_closed_form_lies_where_a_fine_rod_lies() -> None:
     # Case 4, 2.6 MPa under its dead weight, rod of 2.5 mm elements.
     theta = np.array([6.5751, 13.1261, 19.6546, 26.1676])
     z = np.array([4.54e-3, 15.31e-3, 29.53e-3, 45.68e-3])
-    run = run_of(4, 4, STEADY)
-    rig = {
-        "young": 2.6e6,
-        "free_length": 0.198,
-        "load_share": 1.0,
-        "guide_drag": 0.0,
-        "start_share": 1.0,
-        "build_up_length": 0.2,
-    }
-    found_theta, found_z = RigLay(run)(Rigs(**{name: np.array([v]) for name, v in rig.items()}))
+    rig = STEADY | WHOLE | {"young": 2.6e6, "free_length": 0.198}
+    found_theta, found_z = laid(run_of(4, 4, STEADY), rig)
     # Three of the stated deviations: 3e-4 of the angle, and 0.05 mm.
-    assert found_theta[0] == pytest.approx(theta, rel=9.0e-4)
-    assert found_z[0] == pytest.approx(z, abs=0.15e-3)
+    assert found_theta == pytest.approx(theta, rel=9.0e-4)
+    assert found_z == pytest.approx(z, abs=0.15e-3)
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "sentence"),
     [
         ({"scatter": -1.0}, "scatter must not be negative, got -1.0"),
         ({"load_share": (0.9, 0.5)}, "load_share must ascend"),
@@ -244,8 +232,8 @@ def test_closed_form_lies_where_a_fine_rod_lies() -> None:
         ({"fixing": float("nan")}, "fixing must be finite"),
     ],
 )
-def test_impossible_priors_are_refused(wrong: dict[str, object], said: str) -> None:
-    with pytest.raises(IdentificationError, match=said):
+def test_impossible_priors_are_refused(wrong: dict[str, object], sentence: str) -> None:
+    with pytest.raises(IdentificationError, match=sentence):
         RigPrior(**wrong)  # type: ignore[arg-type]
 
 

@@ -1,24 +1,30 @@
-"""A run that is wound ahead in pieces: what it finds, and what interrupts it."""
+"""A run that is wound ahead in pieces and beside a node's thread: results and interruptions."""
 
 from __future__ import annotations
 
 import itertools
+import subprocess
+import sys
 
 import numpy as np
 import pytest
+from rods import CONFIG
 
-from cable_fem_node.dynamics.failure import DivergenceError, ImpossibleResultError
-from cable_fem_node.ros.prediction_task import PredictionTask
+from cable_fem_node.dynamics.state import DivergenceError, ImpossibleResultError
+from cable_fem_node.ros.background import PredictionTask
 from cable_fem_node.winding.prediction import PlannedRun, predict
-from cable_fem_node.winding.replay import AbandonedError
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.run_ahead import RunAhead
-from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
+from cable_fem_node.winding.run_ahead import AbandonedError, RunAhead
 from winding_core.markers import Markers, is_wound
 
-CONFIG = WindingConfig(case=paper_case(4))
 DURATION = 8.0
+PROGRAM = """
+import os, threading
+os.setpriority(os.PRIO_PROCESS, 0, {niceness})
+from cable_fem_node.ros.background import BackgroundTask
+task = BackgroundTask(lambda wanted: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+print(task.result())
+"""
 RUN = PlannedRun(config=CONFIG, duration=DURATION)
 
 
@@ -35,10 +41,17 @@ def ahead(piece: float) -> RunAhead:
 @pytest.mark.parametrize("piece", [20.0, 8.0, 4.0, 3.0])
 def test_pieces_end_where_the_whole_run_does(whole: Markers, piece: float) -> None:
     run = ahead(piece)
-    told = list(run.wind_on())
+    found = list(run.wind_on())
     assert run.done
-    assert len(told) == len(run.found)
-    np.testing.assert_array_equal(told[-1], whole)
+    assert len(found) == len(run.found)
+    np.testing.assert_array_equal(found[-1], whole)
+
+
+def test_the_end_alone_is_the_last_record_of_the_whole_history(whole: Markers) -> None:
+    end = RUN.wind(whole=False)
+    assert end.history.shape == (1, whole.size)
+    np.testing.assert_array_equal(end.markers, whole)
+    assert end.duration == DURATION
 
 
 def test_what_a_piece_finds_of_a_landed_marker_stays(whole: Markers) -> None:
@@ -85,20 +98,20 @@ def test_every_piece_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_allclose(times, [2.0, 4.0, 6.0])
 
 
-def test_task_tells_every_piece_in_order(whole: Markers) -> None:
+def test_task_yields_every_piece_in_order(whole: Markers) -> None:
     run = ahead(2.0)
     task = PredictionTask(run, 1.5)
-    told: list[Markers] = []
-    # The run says that it is done before its last piece is found.
-    while not task.failure and (not told or is_wound(told[-1]).sum() < is_wound(whole).sum()):
-        told += task.news()
+    news: list[Markers] = []
+    # The run is done before its last piece is found.
+    while not task.failure and (not news or is_wound(news[-1]).sum() < is_wound(whole).sum()):
+        news += task.news()
     task.abandon()
-    assert [int(is_wound(markers).sum()) for markers in told] == [2, 3]
-    np.testing.assert_array_equal(told[-1], whole)
+    assert [int(is_wound(markers).sum()) for markers in news] == [2, 3]
+    np.testing.assert_array_equal(news[-1], whole)
     assert (task.begun, task.reached, task.failure) == (1.5, DURATION, "")
 
 
-def test_task_says_why_it_ended_before_the_run() -> None:
+def test_task_reports_why_it_ended_before_the_run() -> None:
     def diverge(_model: RodWinding) -> None:
         raise DivergenceError("the winding diverged")
 
@@ -108,3 +121,12 @@ def test_task_says_why_it_ended_before_the_run() -> None:
     while not task.failure:
         assert list(task.news()) == []
     assert task.failure == "ended at t = 0.02 s: the winding diverged"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a niceness per thread is Linux's")
+@pytest.mark.parametrize(("niceness", "expected"), [(10, 15), (17, 19)])
+def test_a_nice_process_has_nicer_tasks(niceness: int, expected: int) -> None:
+    # A process of an ordinary user may raise a niceness and never lower it.
+    program = [sys.executable, "-c", PROGRAM.format(niceness=niceness)]
+    done = subprocess.run(program, capture_output=True, text=True, check=True)
+    assert int(done.stdout) == expected

@@ -2,31 +2,27 @@
 
 import numpy as np
 import pytest
+from rods import CASE, DRIVE, follow
 
-from cable_fem_node.winding.replay import AbandonedError, replay
 from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.run_ahead import AbandonedError, replay
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
 from winding_core.planned_inputs import continued_inputs, planned_inputs
-from winding_core.run_history import RunHistory
+from winding_core.run_inputs import RunHistory
 
-DRIVE = DriveProfile()
 # Coarse, so that the tests are quick: both sides of a comparison wind the same rod.
-CONFIG = WindingConfig(case=paper_case(4), segment_length=0.009)
+CONFIG = WindingConfig(case=CASE, segment_length=0.009)
 
 
 def recorded(duration: float, **how: float) -> RunHistory:
     history = RunHistory(**how)  # type: ignore[arg-type]
     for sample in range(round(duration * 1000) + 1):
-        history.record(sample * 1e-3, DRIVE.reading_at(sample * 1e-3), CONFIG.case.weight)
+        history.record(sample * 1e-3, DRIVE.reading_at(sample * 1e-3), CASE.weight)
     return history
 
 
 def test_replay_lays_the_cable_where_every_sample_laid_it() -> None:
-    live = RodWinding(CONFIG)
-    for sample in range(1, 3001):
-        live.advance_to(sample * 1e-3, DRIVE.reading_at(sample * 1e-3), CONFIG.case.weight)
+    live = follow(RodWinding(CONFIG), 3.0, 1e-3, CASE.weight)
     again = RodWinding(CONFIG)
     replay(recorded(3.0).inputs, again)
     assert again.time == pytest.approx(3.0, abs=1e-9)
@@ -75,7 +71,7 @@ def test_missing_tension_leaves_the_model_to_its_own_law() -> None:
     history.record(1.0, DRIVE.reading_at(1.0), None)
     model = RodWinding(CONFIG)
     replay(history.inputs, model)
-    assert model.span_tension == CONFIG.case.weight
+    assert model.span_tension == CASE.weight
 
 
 def test_time_that_does_not_ascend_is_refused() -> None:

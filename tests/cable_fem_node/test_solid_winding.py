@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_fem_node.dynamics.failure import DivergenceError
+from cable_fem_node.dynamics.state import DivergenceError
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.solid_winding import SolidWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
@@ -42,8 +42,9 @@ def test_solid_lies_like_the_rod():
     assert solid.energy.balance_pct < 1.0
 
 
-def test_solid_starts_in_equilibrium_with_the_weight():
-    config = WindingConfig(case=paper_case(4), segment_length=10.0e-3)
+@pytest.mark.parametrize("own", [{}, {"law": "mooney_rivlin", "mooney_ratio": 5.0}])
+def test_solid_starts_in_equilibrium_with_the_weight(own):
+    config = WindingConfig(case=paper_case(4), segment_length=10.0e-3, **own)
     model = SolidWinding(config, 2.0)
     tension = model.cable()["tension"]
     # Uniaxial stretch of the law, straight cable: exact up to the section's polygon.

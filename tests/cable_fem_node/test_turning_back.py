@@ -8,25 +8,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rods import CONFIG, DRIVE
+from solver_bench import fed
 
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
-from cable_fem_node.winding.overlap import OverlapError, refuse_crossing
 from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.validity import OverlapError, refuse_crossing
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
-from winding_core.markers import MARKER_DTYPE
-from winding_core.readings import AxisReading
-from winding_core.turning_drive import TurningDrive
-from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.rig_messages import encode_joint_state
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile, TurningDrive
+from winding_core.machine.readings import AxisReading
 
-CONFIG = WindingConfig(case=paper_case(4))
 WIDTH = CONFIG.case.cable_diameter * CONFIG.resolved.lateral
-SPEED = DriveProfile().angular_speed
+SPEED = DRIVE.angular_speed
 Motion = Callable[[float], float]
 
 
@@ -180,19 +176,12 @@ def test_limp_cable_lies_where_the_guide_led_it_when_it_landed_last() -> None:
 def test_node_follows_joint_states_that_turn_back(feed: float) -> None:
     handler = FemHandler(FemParameters(case=4, duration=0.5, feed_speed=feed, follow_tension=False))
     list(handler.begin(0.0))
-    said = []
-    for k in range(1201):
-        t = 5.0e-3 * k
-        answers = handler.take(
-            topics.JOINT_STATES, encode_joint_state(t, reading(to_and_fro, wandering, t))
-        )
-        said += [
-            decode_cloud(answer.message, MARKER_DTYPE)[1]
-            for answer in answers
-            if answer.topic is topics.FEM_MARKERS
-        ]
+    rows = [
+        (t, reading(to_and_fro, wandering, t), None) for t in (5.0e-3 * np.arange(1201)).tolist()
+    ]
+    _, markers = fed(handler, rows)[-1]
     model = followed(CONFIG, to_and_fro, wandering, 6.0, 5.0e-3)
     ours = model.markers()
     # Messages carry doubles; the handler's first reading comes at the time at which it begins.
     for name in ("theta", "z", "s"):
-        np.testing.assert_allclose(said[-1][name], ours[name], atol=1.0e-9)
+        np.testing.assert_allclose(markers[name], ours[name], atol=1.0e-9)

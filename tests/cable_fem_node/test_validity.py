@@ -1,4 +1,4 @@
-"""Windings that the model cannot be right about are refused; what it takes is told beforehand."""
+"""Windings that the model cannot be right about are refused; the cost is estimated beforehand."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rods import CONFIG, case_of
 
-from cable_fem_node.dynamics.failure import EnergyBalanceError, ImpossibleResultError
+from cable_fem_node.dynamics.state import EnergyBalanceError, ImpossibleResultError
 from cable_fem_node.winding.expected_cost import expected_cost
 from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Case, Material, paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import Case, Material
+from winding_core.machine.drive import DriveProfile
 
 
 def config(
@@ -67,7 +68,7 @@ def test_the_limit_is_where_bending_takes_the_whole_tension(cylinder: float) -> 
 def test_elements_too_long_for_the_cylinder_are_refused_with_the_way_out(
     segment: float, number: int
 ) -> None:
-    what = WindingConfig(case=paper_case(number), segment_length=segment)
+    what = case_of(number, segment_length=segment)
     with pytest.raises(ValueError, match=r"over the wound radius .* more than 0\.6.*segment_len"):
         RodWinding(what)
     with pytest.raises(ValueError, match="over the wound radius"):
@@ -75,31 +76,29 @@ def test_elements_too_long_for_the_cylinder_are_refused_with_the_way_out(
 
 
 @pytest.mark.parametrize(
-    ("what", "duration"),
+    "what",
     [
-        (config(0.010, 0.002, 0.8), 5.0),
-        (config(0.200, 0.006, 50.0, law="neo_hookean"), 5.0),
-        (config(0.014, 0.004, 40.0, 70.0e6, law="neo_hookean"), 5.0),
-        (config(0.040, 0.001, 1.5, law="neo_hookean"), 5.0),
+        config(0.010, 0.002, 0.8),
+        config(0.200, 0.006, 50.0, law="neo_hookean"),
+        config(0.014, 0.004, 40.0, 70.0e6, law="neo_hookean"),
+        config(0.040, 0.001, 1.5, law="neo_hookean"),
     ],
 )
-def test_elements_of_the_chosen_length_are_short_enough(
-    what: WindingConfig, duration: float
-) -> None:
+def test_elements_of_the_chosen_length_are_short_enough(what: WindingConfig) -> None:
     drive = DriveProfile(feed_speed=1.1 * what.case.cable_diameter * 1.74 / (2.0 * math.pi))
     half = dataclasses.replace(what, segment_length=0.5 * what.resolved.segment)
-    coarse, fine = (predict(each, drive, duration).stretch for each in (what, half))
+    coarse, fine = (predict(each, drive, 5.0).stretch for each in (what, half))
     # The bar of the specification: 0.2 % of what half the length gives.
     assert coarse == pytest.approx(fine, rel=2.0e-3)
 
 
 @pytest.mark.parametrize("number", range(1, 13))
 def test_the_published_conditions_are_wound_with_elements_of_5_mm(number: int) -> None:
-    assert WindingConfig(case=paper_case(number)).resolved.segment == 5.0e-3
+    assert case_of(number).resolved.segment == 5.0e-3
 
 
 def test_a_given_length_is_taken() -> None:
-    assert WindingConfig(case=paper_case(4), segment_length=3e-3).resolved.segment == 3e-3
+    assert case_of(4, segment_length=3e-3).resolved.segment == 3e-3
 
 
 def test_cable_that_flies_instead_of_lying_is_refused() -> None:
@@ -110,24 +109,22 @@ def test_cable_that_flies_instead_of_lying_is_refused() -> None:
 def test_an_open_balance_names_its_suspects(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cable_fem_node.winding.prediction.BALANCE_LIMIT_PCT", 0.0)
     with pytest.raises(EnergyBalanceError, match=r"kinetic over internal energy.*mass scaling"):
-        predict(WindingConfig(case=paper_case(4)), duration=0.5)
+        predict(CONFIG, duration=0.5)
 
 
-def test_cable_that_does_not_follow_the_cylinder_is_no_result() -> None:
-    run = PlannedRun(config=WindingConfig(case=paper_case(4)), duration=6.0)
-    with pytest.raises(ImpossibleResultError, match="does not follow the cylinder"):
-        run.refuse_impossible(np.array([0.0, 1.0]), np.array([3.9]))
-
-
-def test_wound_cable_tighter_than_the_span_is_no_result() -> None:
-    run = PlannedRun(config=WindingConfig(case=paper_case(4)), duration=6.0)
-    with pytest.raises(ImpossibleResultError, match="tighter"):
-        run.refuse_impossible(np.array([0.0, 9.0]), np.array([4.2]))
+@pytest.mark.parametrize(
+    ("theta", "tension", "words"),
+    [(1.0, 3.9, "does not follow the cylinder"), (9.0, 4.2, "tighter")],
+)
+def test_cable_that_cannot_lie_so_is_no_result(theta: float, tension: float, words: str) -> None:
+    run = PlannedRun(config=CONFIG, duration=6.0)
+    with pytest.raises(ImpossibleResultError, match=words):
+        run.refuse_impossible(np.array([0.0, theta]), np.array([tension]))
 
 
 @pytest.mark.parametrize("number", [1, 5, 12])
 def test_expected_steps_and_elements_are_those_of_the_run(number: int) -> None:
-    run = PlannedRun(config=WindingConfig(case=paper_case(number)), duration=12.0)
+    run = PlannedRun(config=case_of(number), duration=12.0)
     cost = expected_cost(run, iter(np.arange(0.0, 100.0, 0.02)).__next__)
     # The announcement may be wrong by a factor of two; what it counts is better known.
     assert cost.steps * cost.elements == pytest.approx(run.wind().element_steps, rel=0.3)

@@ -1,4 +1,4 @@
-"""`winding run --attach` on nodes that somebody else started, as containers do."""
+"""`winding run --attach` on nodes of other processes, as with containers."""
 
 import json
 import subprocess
@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from winding_supervisor.event_log import read_events
+from winding_supervisor.watch.event_log import read_events
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes]
 
@@ -34,7 +34,7 @@ def test_two_runs_of_one_set_of_nodes(
         "health", "--namespace", containers.namespace, "--patience-s", 60, cwd=tmp_path
     )
     assert health.returncode == 0, health.stderr
-    # Nobody ended or started a node between the runs.
+    # No node was ended or started between the runs.
     assert all(process.poll() is None for process in containers.processes.values())
 
 
@@ -53,10 +53,10 @@ def test_a_node_that_its_keeper_starts_again_winds_on(containers: Any, tmp_path:
         if "simulated" in line:
             break
     containers.processes["correction"].kill()
-    _, said = run.communicate(timeout=240)
-    assert run.returncode == 0, said
-    told = [event.what for event in read_events(tmp_path / "run" / "events.jsonl")]
-    assert told == ["detected", "stopped", "standing", "restarting", "restarted", "resumed"]
+    _, printed = run.communicate(timeout=240)
+    assert run.returncode == 0, printed
+    events = [event.what for event in read_events(tmp_path / "run" / "events.jsonl")]
+    assert events == ["detected", "stopped", "standing", "restarting", "restarted", "resumed"]
 
 
 def test_a_refused_parameter_is_said_by_name(

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from correction_node.models.dataset import LengthCell, load_data_set
-from correction_node.models.evaluation import cell_errors_pct
 from correction_node.training.comparison import (
     BASELINE,
     GAUSSIAN_PROCESS,
     LEARNED,
+    NOISE,
     ONE_H_PER_CASE,
     ORACLE,
     RIG_PROCESS,
     ModelScore,
     compare_models,
+    learn_process,
 )
+from correction_node.training.evaluation import cell_errors_pct
 from correction_node.training.learners import MARKER_NETWORK, NETWORK, RIG, RIG_NETWORK
-from winding_core.published import published_markers, published_weights
+from winding_core.cable.cases import published_markers, published_weights
 
 # Every model is trained as long as the shipped ones.
 # One process computes what the tests of this file share.
@@ -29,7 +33,7 @@ ROD = load_data_set("rod")
 
 @pytest.fixture(scope="module")
 def scores() -> dict[str, ModelScore]:
-    return compare_models(ROD, progress=lambda said: None)
+    return compare_models(ROD, progress=lambda stage: None)
 
 
 def best(scores: dict[str, ModelScore], kind: str) -> float:
@@ -78,7 +82,7 @@ def test_only_models_that_start_at_random_spread(scores) -> None:
 
 
 def test_the_processes_own_interval_promises_too_much(scores) -> None:
-    # Ninety percent is what it says of itself; only the left-out cells can tell.
+    # Ninety percent is its own claim; only the left-out cells can tell.
     for name in (GAUSSIAN_PROCESS, RIG_PROCESS):
         coverage = scores[name].own_interval_coverage_pct
         assert coverage is not None
@@ -114,3 +118,37 @@ def test_table_8_comes_out_of_the_papers_weights_cell_by_cell() -> None:
     assert len(printed) == 45
     # Printed to 0.01; the weights were recovered from the same digits.
     np.testing.assert_allclose(cell_errors_pct(cells, h), printed, atol=0.02)
+
+
+CELLS = ROD.cells
+
+
+def _as_predicted(asked):
+    return np.ones(len(asked))
+
+
+@pytest.fixture(scope="module")
+def process():
+    return learn_process([cell for cell in CELLS if cell.case != 7], _as_predicted)
+
+
+def test_known_cells_are_met_within_the_noise(process) -> None:
+    known = [cell for cell in CELLS if cell.case != 7]
+    h = np.array([cell.s_exp / cell.s_fem for cell in known])
+    # Four standard deviations of the assumed noise.
+    np.testing.assert_allclose(np.log(process.h(known) / h), 0.0, atol=4 * NOISE)
+
+
+def test_a_case_far_from_all_others_has_the_wider_interval(process) -> None:
+    def width(case: int) -> float:
+        low, high = process.bounds([cell for cell in CELLS if cell.case == case], 0.9)
+        assert (low < high).all()
+        return float(np.mean(high - low))
+
+    assert width(7) > 2.0 * width(9)
+
+
+def test_a_base_that_is_right_is_left_alone() -> None:
+    cells = [dataclasses.replace(c, s_exp=1.1 * c.s_fem) for c in CELLS]
+    process = learn_process(cells, lambda asked: np.full(len(asked), 1.1))
+    np.testing.assert_allclose(process.h(cells), 1.1, rtol=1e-9)

@@ -3,17 +3,18 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pytest
 
 from correction_node.live.corrector import Corrector
 from correction_node.models.weights import load_factor, weights_directory
-from winding_core.cases import paper_case
-from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
+from winding_core.cable.cases import paper_case
+from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, Markers, wound_markers
 
 CORRECTOR = Corrector(load_factor(weights_directory("paper")))
 CASE = paper_case(7)
 
 
-def _markers():
+def _markers() -> Markers:
     return wound_markers(
         ids=[0, 1, 2, 3, 4],
         theta=[0.0, 7.05, 13.91, 18.94, 25.75],
@@ -76,46 +77,55 @@ def test_a_marker_that_is_not_wound_yet_is_left_out_without_complaint() -> None:
     assert CORRECTOR.refusals(markers, CASE) == ()
 
 
-def test_a_length_that_cannot_be_is_refused_by_name() -> None:
-    for length, why in [
-        (np.nan, "has no usable length, got nan m"),
-        (np.inf, "has no usable length, got inf m"),
-        (-0.1, "has no usable length, got -0.1 m"),
+def _with_length(length: float) -> Markers:
+    markers = _markers()
+    markers["s"][2] = length
+    return markers
+
+
+def _numbered(*ids: int) -> Markers:
+    markers = _markers()
+    markers["id"] = ids
+    return markers
+
+
+@pytest.mark.parametrize(
+    ("markers", "kept", "sentence"),
+    [
+        (_with_length(np.nan), [0, 1, 3, 4], "marker 2 has no usable length, got nan m"),
+        (_with_length(np.inf), [0, 1, 3, 4], "marker 2 has no usable length, got inf m"),
+        (_with_length(-0.1), [0, 1, 3, 4], "marker 2 has no usable length, got -0.1 m"),
         # P2 of case 7 is 400 mm of cable; a marker of 5 % less may be thinning.
-        (0.37, "is shorter than physics allows: 0.37 m of cable that measures 0.4 m"),
-        (1.7, "is longer than the material's tables reach: 1.7 m of cable that measures 0.4 m"),
-    ]:
-        markers = _markers()
-        markers["s"][2] = length
-        assert CORRECTOR.correct(markers, CASE)["id"].tolist() == [0, 1, 3, 4]
-        assert CORRECTOR.refusals(markers, CASE)[0].startswith(f"marker 2 {why}")
-
-
-def test_a_marker_out_of_order_is_refused() -> None:
-    markers = _markers()
-    markers["s"][2] = markers["s"][3] * 1.01
-    assert CORRECTOR.correct(markers, CASE)["id"].tolist() == [0, 1, 2, 4]
-    (sentence,) = CORRECTOR.refusals(markers, CASE)
-    assert sentence.startswith("marker 3 lies before marker 2: 0.5885 m against 0.5944 m")
-
-
-def test_a_marker_that_stands_twice_is_corrected_once() -> None:
-    markers = _markers()[[0, 1, 2, 2, 3]]
-    assert CORRECTOR.correct(markers, CASE)["id"].tolist() == [0, 1, 2, 3]
-    assert CORRECTOR.refusals(markers, CASE) == ("marker 2 stands twice",)
-
-
-def test_a_marker_that_the_cable_does_not_have_is_refused() -> None:
-    markers = _markers()
-    markers["id"][4] = 9
-    assert CORRECTOR.correct(markers, CASE)["id"].tolist() == [0, 1, 2, 3]
-    assert "marker 9 does not exist: this cable has 4" in CORRECTOR.refusals(markers, CASE)
-
-
-def test_a_missing_marker_is_reported() -> None:
-    markers = _markers()[[0, 1, 3, 4]]
-    (sentence,) = CORRECTOR.refusals(markers, CASE)
-    assert sentence == "marker 2 is missing, though a later one is wound"
+        (
+            _with_length(0.37),
+            [0, 1, 3, 4],
+            "marker 2 is shorter than physics allows: 0.37 m of cable that measures 0.4 m",
+        ),
+        (
+            _with_length(1.7),
+            [0, 1, 3, 4],
+            "marker 2 is longer than the material's tables reach: 1.7 m of cable that measures",
+        ),
+        (
+            _with_length(1.01 * _markers()["s"][3]),
+            [0, 1, 2, 4],
+            "marker 3 lies before marker 2: 0.5885 m against 0.5944 m",
+        ),
+        (_markers()[[0, 1, 2, 2, 3]], [0, 1, 2, 3], "marker 2 stands twice"),
+        (_numbered(0, 1, 2, 3, 9), [0, 1, 2, 3], "marker 9 does not exist: this cable has 4"),
+        (
+            _markers()[[0, 1, 3, 4]],
+            [0, 1, 3, 4],
+            "marker 2 is missing, though a later one is wound",
+        ),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_marker_that_cannot_be_is_refused_by_name(
+    markers: Markers, kept: list[int], sentence: str
+) -> None:
+    assert CORRECTOR.correct(markers, CASE)["id"].tolist() == kept
+    assert CORRECTOR.refusals(markers, CASE)[0].startswith(sentence)
 
 
 def test_the_order_of_records_does_not_matter() -> None:

@@ -10,13 +10,12 @@ from rclpy.parameter import Parameter
 from correction_node.live.measured_run import SETTLED_FRAMES as FRAMES
 from correction_node.models.dataset import load_data_set
 from correction_node.node import CorrectionNode
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case, published_markers
 from winding_core.markers import CORRECTED_DTYPE, MarkerFlag, wound_markers
-from winding_core.published import published_markers
 from winding_core.status import Level
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.diagnostic_messages import decode_case_votes
+from winding_ros.messages.clouds import decode_cloud, encode_cloud
+from winding_ros.messages.diagnostics import decode_case_votes
 
 
 def overrides(**values: object) -> list[Parameter]:

@@ -10,11 +10,11 @@ import pytest
 
 from correction_node.models.dataset import load_data_set
 from correction_node.models.weights import load_factor, save_factor
-from correction_node.training.baselines import BASELINES
+from correction_node.training.evaluation import BASELINES
 from correction_node.training.learners import LEARNERS, RIG, RIG_NETWORK
 from correction_node.training.protocol import learn, verdict
 from correction_node.training.training import TrainingConfig
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 
 pytestmark = pytest.mark.slow
 DATA = load_data_set("rod")
@@ -25,7 +25,7 @@ SHORT = TrainingConfig(steps=30)
 
 @pytest.fixture(scope="module", params=list(LEARNERS))
 def learned(request):
-    return request.param, learn(DATA, request.param, SHORT, lambda said: None, seed=3)
+    return request.param, learn(DATA, request.param, SHORT, lambda stage: None, seed=3)
 
 
 def test_model_and_baselines_are_scored_alike(learned) -> None:
@@ -47,8 +47,8 @@ def test_the_card_says_what_the_weights_come_from(learned) -> None:
 
 def test_the_card_of_a_form_found_on_these_cells_says_so(learned) -> None:
     name, result = learned
-    said = "with all 45 cells in view" in result.factor.card["selection"]
-    assert said == (name in (RIG, RIG_NETWORK))
+    optimistic = "with all 45 cells in view" in result.factor.card["selection"]
+    assert optimistic == (name in (RIG, RIG_NETWORK))
 
 
 @pytest.mark.slow
@@ -74,8 +74,8 @@ def test_the_verdict_names_who_is_best_on_cases_never_seen(learned) -> None:
     scores = dict(result.scores)
     scores[name] = dataclasses.replace(scores[name], leave_one_case_out_pct=9.0)
     scores["ridge"] = dataclasses.replace(scores["ridge"], leave_one_case_out_pct=1.0)
-    told = verdict(name, scores)
-    assert f"plain baseline 'ridge' beats the {name}: 1.00 % against 9.00 %" in told
+    sentence = verdict(name, scores)
+    assert f"plain baseline 'ridge' beats the {name}: 1.00 % against 9.00 %" in sentence
     scores[name] = dataclasses.replace(scores[name], leave_one_case_out_pct=0.5)
     assert f"the {name} is best" in verdict(name, scores)
 
@@ -83,18 +83,18 @@ def test_the_verdict_names_who_is_best_on_cases_never_seen(learned) -> None:
 def test_physics_is_not_fitted_to_a_solver_far_from_it() -> None:
     for name in [RIG, RIG_NETWORK]:
         with pytest.raises(ValueError, match=f"model {name} needs lengths of a solver within 1%"):
-            learn(load_data_set("paper"), name, SHORT, lambda said: None)
+            learn(load_data_set("paper"), name, SHORT, lambda stage: None)
 
 
 def test_a_model_that_does_not_exist_is_refused() -> None:
     with pytest.raises(ValueError, match=r"model must be one of network, .* got 'oracle'"):
-        learn(DATA, "oracle", SHORT, lambda said: None)
+        learn(DATA, "oracle", SHORT, lambda stage: None)
 
 
 @pytest.mark.slow
 def test_correcting_needs_no_torch() -> None:
     asked = (
-        "import sys; from winding_core.cases import paper_case; "
+        "import sys; from winding_core.cable.cases import paper_case; "
         "from correction_node.live.corrector import Corrector; "
         "from correction_node.models.weights import SHIPPED, load_factor, weights_directory; "
         "[Corrector(load_factor(weights_directory(n))).factor(paper_case(1)) for n in SHIPPED]; "

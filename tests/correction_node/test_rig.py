@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from correction_node.models.dataset import load_data_set
-from correction_node.models.rig import RIG_LAW, LayOns, case_of, fit_rig, reference_law
-from winding_core.cases import paper_case
-from winding_core.tension import DeadWeight, RigTension
+from correction_node.models.factor_models import RIG_LAW, LayOns, case_of, fit_rig, reference_law
+from winding_core.cable.cases import paper_case
+from winding_core.machine.tension import DeadWeight, RigTension
 
 CELLS = load_data_set("rod").cells
 HIDDEN = RigTension(

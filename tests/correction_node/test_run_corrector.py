@@ -11,7 +11,7 @@ from correction_node.live.run_corrector import ARRIVAL, RunCorrector
 from correction_node.live.within_run import published_within_run
 from correction_node.models.dataset import load_data_set
 from correction_node.models.weights import load_factor, weights_directory
-from winding_core.cases import Case, paper_case
+from winding_core.cable.cases import Case, paper_case
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 CORRECTOR = Corrector(load_factor(weights_directory("rod")))
@@ -293,7 +293,7 @@ def test_outside_the_trained_conditions_bounds_within_the_run_are_doubled() -> N
     for case in (known, other):
         run = RunCorrector(CORRECTOR, LAW, case)
         fem = [0.112, 0.224, 0.336, 0.448]
-        # Measured where predicted: the law carries on, whatever the weight says.
+        # Measured where predicted: the law carries on, whatever the weight gives.
         frames(run, fem[:2])
         corrected = run.correct(LATER, records(fem))
         widths[case.weight] = (corrected["s_high"] - corrected["s_low"])[3]

@@ -8,11 +8,11 @@ import typer
 from typer.testing import CliRunner
 
 from correction_node.models.weights import SHIPPED, load_factor, weights_directory
-from correction_node.training.baselines import BASELINES
 from correction_node.training.comparison import ONE_H_PER_CASE
+from correction_node.training.evaluation import BASELINES
 from correction_node.training.learners import LEARNERS
 from winding_cli.commands.train import train
-from winding_core.cases import paper_cases
+from winding_core.cable.cases import paper_cases
 
 
 @pytest.fixture
@@ -26,23 +26,12 @@ def test_training_writes_weights_and_says_how_good_they_are(command, tmp_path) -
     out = tmp_path / "mine"
     done = CliRunner().invoke(
         command,
-        [
-            "--model",
-            "network",
-            "--data",
-            "paper",
-            "--steps",
-            "2",
-            "--seed",
-            "5",
-            "--output",
-            str(out),
-        ],
+        f"--model network --data paper --steps 2 --seed 5 --output {out}".split(),
     )
     assert done.exit_code == 0, done.output
     assert load_factor(out).card["training"]["seed"] == 5
-    for said in ("leave one case out", "network", "ridge", "On cases left out"):
-        assert said in done.output
+    for text in ("leave one case out", "network", "ridge", "On cases left out"):
+        assert text in done.output
 
 
 @pytest.mark.slow

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from correction_node.models.dataset import lengths, load_data_set
-from correction_node.models.evaluation import cell_errors_pct
-from correction_node.models.inputs import condition_inputs
-from correction_node.models.perceptron import Perceptron
+from correction_node.models.dataset import condition_inputs, lengths, load_data_set
+from correction_node.models.factor_models import Perceptron
+from correction_node.training.evaluation import cell_errors_pct
 from correction_node.training.learners import learn_network
-from correction_node.training.network import FactorNetworks
-from correction_node.training.training import Problem, TrainingConfig, train
+from correction_node.training.training import FactorNetworks, Problem, TrainingConfig, train
 
 CELLS = load_data_set("paper").cells
 SHORT = TrainingConfig(steps=40)

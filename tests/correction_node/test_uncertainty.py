@@ -8,7 +8,7 @@ import pytest
 
 from correction_node.models.dataset import lengths, load_data_set
 from correction_node.models.uncertainty import TrainingBox, conformal_bound
-from winding_core.cases import Case, paper_case, paper_cases
+from winding_core.cable.cases import Case, paper_case, paper_cases
 
 CELLS = load_data_set("paper").cells
 BOX = TrainingBox.around(CELLS)

@@ -6,11 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from correction_node.models.dataset import load_data_set
-from correction_node.models.evaluation import cell_errors_pct
-from correction_node.models.factor_models import NetworkModel
-from correction_node.models.inputs import conditions_of
-from correction_node.models.perceptron import Perceptron
+from correction_node.models.dataset import conditions_of, load_data_set
+from correction_node.models.factor_models import NetworkModel, Perceptron
 from correction_node.models.weights import (
     CARD_FILE,
     SHIPPED,
@@ -20,9 +17,10 @@ from correction_node.models.weights import (
     weights_directory,
 )
 from correction_node.ros.parameters import CorrectionParameters
+from correction_node.training.evaluation import cell_errors_pct
 from correction_node.training.learners import LEARNERS
 from correction_node.training.training import TrainingConfig
-from winding_core.cases import paper_case, paper_cases
+from winding_core.cable.cases import paper_case, paper_cases
 
 PAPER = weights_directory("paper")
 
@@ -44,9 +42,11 @@ def test_missing_weights_say_how_to_make_them(tmp_path) -> None:
         load_factor(tmp_path)
 
 
-def _copy(directory) -> None:
-    for name in (WEIGHTS_FILE, CARD_FILE):
-        (directory / name).write_bytes((PAPER / name).read_bytes())
+def _copy(directory, **changes: object) -> None:
+    """Copy a shipped weight with changes to its card."""
+    (directory / WEIGHTS_FILE).write_bytes((PAPER / WEIGHTS_FILE).read_bytes())
+    card = json.loads((PAPER / CARD_FILE).read_text()) | changes
+    (directory / CARD_FILE).write_text(json.dumps(card))
 
 
 @pytest.mark.parametrize(
@@ -78,10 +78,7 @@ def test_one_flipped_bit_is_noticed(tmp_path, flip: int) -> None:
 
 
 def test_a_card_of_another_schema_is_refused(tmp_path) -> None:
-    _copy(tmp_path)
-    card = json.loads((tmp_path / CARD_FILE).read_text())
-    card["schema"] = "someone-elses/7"
-    (tmp_path / CARD_FILE).write_text(json.dumps(card))
+    _copy(tmp_path, schema="someone-elses/7")
     with pytest.raises(ValueError, match="someone-elses/7"):
         load_factor(tmp_path)
 
@@ -114,10 +111,7 @@ def test_a_weight_that_is_not_a_number_is_refused(tmp_path) -> None:
     ],
 )
 def test_a_form_that_is_not_known_is_refused(tmp_path, change, sentence: str) -> None:
-    _copy(tmp_path)
-    card = json.loads((tmp_path / CARD_FILE).read_text())
-    card["form"] |= change
-    (tmp_path / CARD_FILE).write_text(json.dumps(card))
+    _copy(tmp_path, form=load_factor(PAPER).model.form() | change)
     with pytest.raises(ValueError, match=sentence):
         load_factor(tmp_path)
 

@@ -29,7 +29,7 @@ def scored() -> WithinRunScore:
 
 
 def built_up(final: float, gain: float, length: float, spacing: float = SPACING) -> np.ndarray:
-    """Return S_1..S_4 of a run whose increments build up exactly as the law says."""
+    """Return S_1..S_4 of a run whose increments build up exactly by the law."""
     start = spacing * np.arange(4)
     return np.cumsum(spacing * (final - gain * np.exp(-start / length)))
 

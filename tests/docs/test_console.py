@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from rich.table import Table
 
-from winding_cli.commands.console import result_console
+from winding_cli.terminal.console import result_console
 
-FOLDER = Path(__file__).parents[2] / "ros2_ws/src/winding_cli/winding_cli/commands"
-COMMANDS = sorted(FOLDER.glob("*.py"))
+FOLDER = Path(__file__).parents[2] / "ros2_ws" / "src"
+COMMANDS = sorted([*FOLDER.glob("winding_cli/*/**/*.py"), *FOLDER.glob("*/*/commands/**/*.py")])
 WIDE = "a column of seventy characters " * 2 + "12345678"
 
 
@@ -36,6 +36,7 @@ def test_results_go_to_the_one_console() -> None:
         # Progress goes to the other stream.
         and "stderr" not in {word.arg for word in node.keywords}
     ]
+    assert len(COMMANDS) > 20
     assert made == []
 
 
@@ -55,7 +56,7 @@ def printed(tree: ast.Module) -> Iterator[str]:
     docstrings = {
         ast.get_docstring(node, clean=False)
         for node in ast.walk(tree)
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
     }
     for node in ast.walk(tree):
         if (

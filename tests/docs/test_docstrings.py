@@ -1,4 +1,4 @@
-"""What is public says what it takes, in which unit, what it holds, and how it refuses.
+"""What is public documents its arguments with units, its fields and its errors.
 
 That it has a docstring at all is ruff's to say.
 """
@@ -11,7 +11,7 @@ from typing import Any
 
 import typer
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 from winding_core.parameters import declarations
 from winding_ros import topics
 from winding_ros.graph import GRAPH, parameters_of
@@ -23,8 +23,8 @@ TREES = {path: ast.parse(text) for path, text in TEXTS.items()}
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 NUMBERS = re.compile(r"\bfloat\b|\w*Array\b|\bFloatOrArray\b|\bNDArray\b")
-# A unit or a shape, or a word that says that there is none, or where it is said.
-SAYS_UNIT = re.compile(
+# A unit or a shape, or a word that marks it as dimensionless, or refers to where it stands.
+UNIT = re.compile(
     r"\[[^\]]+\]|\([^)]*,[^)]*\)|\b(dimensionless|shape|shapes|share|factor|ratio|relative|"
     r"amplitude|probability|count|per|unit|bits|pixels?|colours?|grey|records|see)\b",
     re.IGNORECASE,
@@ -73,12 +73,12 @@ def raised(function: Function) -> set[str]:
 
 
 def sections(docstring: str) -> dict[str, str]:
-    """Return what a docstring says of each name of its Args section."""
+    """Return the text of each name of its Args section."""
     match = re.search(r"^Args:\n(.*?)(?=^\S|\Z)", docstring, re.MULTILINE | re.DOTALL)
     if match is None:
         return {}
-    said = re.findall(r"^    (\w[\w, *]*):(.*?)(?=^    \w|\Z)", match[1], re.MULTILINE | re.DOTALL)
-    return {name.strip(): words for names, words in said for name in names.split(",")}
+    found = re.findall(r"^    (\w[\w, *]*):(.*?)(?=^    \w|\Z)", match[1], re.MULTILINE | re.DOTALL)
+    return {name.strip(): words for names, words in found for name in names.split(",")}
 
 
 def numbers_of(function: Function) -> list[str]:
@@ -94,7 +94,7 @@ def numbers_of(function: Function) -> list[str]:
 
 
 def undocumented_fields(node: ast.ClassDef, lines: list[str]) -> list[str]:
-    """Return the public fields of a dataclass that nobody explains."""
+    """Return the public fields of a dataclass that are not explained."""
     docstring = ast.get_docstring(node) or ""
     missing = []
     for field, after in zip(node.body, [*node.body[1:], None], strict=True):
@@ -102,14 +102,14 @@ def undocumented_fields(node: ast.ClassDef, lines: list[str]) -> list[str]:
             continue
         name = field.target.id
         statement = ast.unparse(field)
-        told = (
+        explained = (
             name.startswith("_")
             or re.search(rf"\b{name}\b", docstring)
             or re.search(r"parameter\(|help=", statement)
             or any("#" in line for line in lines[field.lineno - 1 : field.end_lineno])
             or (isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant))
         )
-        if not told:
+        if not explained:
             missing.append(f"{node.name}.{name}")
     return missing
 
@@ -153,22 +153,22 @@ def test_every_number_has_a_unit_or_a_shape() -> None:
     missing = [
         f"{name}: {number}"
         for _, name, node in functions()
-        if (said := sections(ast.get_docstring(node) or ""))
+        if (found := sections(ast.get_docstring(node) or ""))
         for number in numbers_of(node)
-        if not SAYS_UNIT.search(said.get(number, ""))
+        if not UNIT.search(found.get(number, ""))
     ]
     assert missing == []
 
 
 def test_two_numbers_are_told_apart() -> None:
-    """A function of two numbers or more says a unit or a shape; commands have them in names."""
+    """A function of two numbers or more states a unit or a shape; commands have them in names."""
     missing = [
         name
         for path, name, node in functions()
         if path.parent.name != "commands"
         and not decorated(node, "overload")
         and len(numbers_of(node)) > 1
-        and not SAYS_UNIT.search(ast.get_docstring(node) or "")
+        and not UNIT.search(ast.get_docstring(node) or "")
     ]
     assert missing == []
 
@@ -200,7 +200,7 @@ def test_every_parameter_says_what_it_is_and_where_it_ends() -> None:
     assert [name for name, item in declared if not item.description] == []
     numbers = [(name, item) for name, item in declared if isinstance(item.default, float | list)]
     assert [name for name, item in numbers if item.low is None and item.high is None] == []
-    assert [name for name, item in numbers if not SAYS_UNIT.search(item.description)] == []
+    assert [name for name, item in numbers if not UNIT.search(item.description)] == []
 
 
 def test_every_topic_says_what_it_carries() -> None:

@@ -69,7 +69,7 @@ def test_the_forge_s_own_schema_accepts_it(schema: str, paths: list[Path]) -> No
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
 def test_a_workflow_may_do_no_more_than_it_needs(path: Path) -> None:
     read = workflow(path)
-    # What a job may write, it says itself.
+    # A job declares what it may write.
     assert read["permissions"] == {"contents": "read"}
     for job in read["jobs"].values():
         assert job["timeout-minutes"] <= 240
@@ -127,7 +127,7 @@ def test_a_machine_without_a_further_python_is_told_so_and_passes(tmp_path: Path
     alone = subprocess.run(words, env=variables, capture_output=True, text=True, check=False)
     assert (alone.returncode, alone.stdout) == (0, "")
     assert "no Python 3.12 was found" in alone.stderr
-    # One that says of itself that it is 3.12, and one that a shim does not lead to.
+    # One that reports 3.12, and one that a shim does not lead to.
     home = tmp_path / "versions" / "3.12.9" / "bin"
     home.mkdir(parents=True)
     for folder, name, code in ((called, "python3.12", 127), (home, "python", 0)):

@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
@@ -16,6 +16,7 @@ PAGES = sorted(
     for path in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"))
     if not path.name.startswith(".")
 )
+DECISIONS = ROOT / "docs" / "decisions"
 COMMAND = typer.main.get_command(app)
 
 
@@ -66,6 +67,25 @@ def unknown_words(line: str) -> list[str]:
     return sorted({word.split("=")[0] for word in words if word.startswith("--")} - known)
 
 
+def imported(page: Path) -> set[str]:
+    """Return the packages of the project that a page's programs import."""
+    names = set(re.findall(r"^(?:import|from) (\w+)", page.read_text(encoding="utf-8"), re.M))
+    return {name for name in names if (ROOT / "ros2_ws" / "src" / name).is_dir()}
+
+
+# Tests of a node look into the node.
+GUIDES = [
+    *(page for page in (ROOT / "docs" / "tutorials").glob("*.md") if page.stem != "per-node-tests"),
+    *(ROOT / "examples" / "gallery").glob("*.py"),
+]
+
+
+def test_guides_and_gallery_use_the_public_package_alone() -> None:
+    used = {page.name: imported(page) for page in GUIDES}
+    assert {name: names for name, names in used.items() if names - {"cable_winding"}} == {}
+    assert sum(bool(names) for names in used.values()) >= 8
+
+
 def test_links_lead_somewhere() -> None:
     assert [link for page in PAGES for link in broken_links(page)] == []
 
@@ -78,3 +98,17 @@ def test_commands_have_the_options_that_the_pages_use() -> None:
         for word in unknown_words(line)
     ]
     assert unknown == []
+
+
+def test_every_decision_is_listed_with_its_title_and_status() -> None:
+    listed = (DECISIONS / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d+) \| \[(.*)\]\((.*)\) \| (.*) \|$", listed, re.MULTILINE)
+    pages = []
+    for page in sorted(DECISIONS.glob("0*.md")):
+        text = page.read_text(encoding="utf-8")
+        title = re.match(r"# (\d+)\. (.*)", text)
+        status = re.search(r"^Status: (.*)", text, re.MULTILINE)
+        assert title, page.name
+        assert status, page.name
+        pages.append((title[1], title[2], page.name, status[1]))
+    assert rows == pages

@@ -12,21 +12,11 @@ from typing import Any
 import pytest
 import typer
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "paper.md").read_text("utf-8")
-PACKAGES = "|".join(
-    (
-        "winding_core",
-        "cable_fem_node",
-        "marker_tracker_node",
-        "winding_rig_node",
-        "correction_node",
-        "winding_study",
-    )
-)
-FUNCTION = rf"`((?:{PACKAGES})(?:\.\w+)+)`"
+FUNCTION = r"`((?:winding_\w+|\w+_node)(?:\.\w+)+)`"
 COMMAND = r"`((?:winding|python -m pytest) [^`]+)`"
 NAMES = sorted(set(re.findall(FUNCTION, PAGE)))
 COMMANDS = sorted(set(re.findall(COMMAND, PAGE)))

@@ -1,4 +1,4 @@
-"""What the site shows is what was tested: code blocks of the built pages against their sources."""
+"""The site shows what was tested; opened as files it can be read by everybody, and searched."""
 
 import os
 import re
@@ -8,6 +8,8 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from accessibility import grave_findings, opened
+from chromium import chromium
 
 pytestmark = pytest.mark.slow
 
@@ -15,6 +17,14 @@ ROOT = Path(__file__).parents[2]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 EXAMPLES = sorted((ROOT / "examples" / "gallery").glob("*.py"))
 LARGEST_PICTURE = 100_000
+# One of each kind: entry, table, tutorial with commands, decision, code and pictures.
+PAGES = (
+    "index.html",
+    "commands.html",
+    "tutorials/newcomer.html",
+    "decisions/0018-one-snapshot-at-a-time.html",
+    "gallery.html",
+)
 
 
 class CodeBlocks(HTMLParser):
@@ -29,17 +39,17 @@ class CodeBlocks(HTMLParser):
         self.feed(page.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
-        said = dict(attributes)
-        kind = re.match(r"language-(\w+) highlight", said.get("class") or "")
+        given = dict(attributes)
+        kind = re.match(r"language-(\w+) highlight", given.get("class") or "")
         if tag == "div" and kind:
             self._language, self._title = kind[1], ""
-        if tag == "span" and said.get("class") == "filename":
+        if tag == "span" and given.get("class") == "filename":
             self._inside = "title"
         if tag == "code" and self._language:
             self._inside = "code"
             self.blocks.append((self._language, self._title, ""))
         if tag == "img":
-            self.pictures.append(said.get("src") or "")
+            self.pictures.append(given.get("src") or "")
 
     def handle_endtag(self, tag: str) -> None:
         if tag == "code" and self._inside == "code":
@@ -105,3 +115,43 @@ def test_the_gallery_shows_what_its_programs_draw(site: Path) -> None:
     }
     assert {path.name for path in pictures} == drawn
     assert all((site / path).stat().st_size <= LARGEST_PICTURE for path in pictures)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_axe_finds_nothing_grave_on_the_site(site: Path, dark: bool) -> None:
+    found = {}
+    with chromium() as browser:
+        for name in PAGES:
+            page = opened(browser, (site / name).as_uri(), width=1280, dark=dark)
+            if findings := grave_findings(page):
+                found[name] = findings
+            page.context.close()
+    assert found == {}
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(
+    ("entry", "words", "wanted"),
+    [
+        ("index.html", "track a film", "gallery.html"),
+        ("tutorials/newcomer.html", "emergency stop", "dashboard.html"),
+        ("reference/winding_core.html", "own cable", "tutorials/your-own-cable.html"),
+    ],
+)
+def test_the_search_finds_the_task_first(site: Path, entry: str, words: str, wanted: str) -> None:
+    with chromium() as browser:
+        page = browser.new_page()
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto((site / entry).as_uri())
+        page.click("[data-md-component=search-query]")
+        page.keyboard.type(words)
+        page.wait_for_selector(f".md-search-result__item > a[href*='{wanted}']")
+        links = page.eval_on_selector_all(
+            ".md-search-result__item > a", "all => all.map(one => one.href)"
+        )
+    pages = list(dict.fromkeys(re.sub("[?#].*", "", link) for link in links))
+    assert (site / wanted).as_uri() in pages[:3], pages
+    assert not any(link.endswith(("CHANGELOG.html", "licences.html")) for link in pages[:3])
+    assert [url for url in asked if url.startswith("http")] == []

@@ -1,5 +1,6 @@
 """Every tutorial and the gallery run: their `sh` blocks, pasted in order into one shell."""
 
+import json
 import os
 import re
 import signal
@@ -63,5 +64,22 @@ def test_the_tutorial_works_when_pasted(page: Path, tmp_path: Path) -> None:
             except ProcessLookupError:
                 assert shell.poll() is not None
         output.seek(0)
-        said = output.read()
-    assert code == 0, said
+        printed = output.read()
+    assert code == 0, printed
+    if page.stem == "first-run":
+        shown_run_is_this_one(page, tmp_path / "runs" / "first" / "run.json")
+
+
+def shown_run_is_this_one(page: Path, record: Path) -> None:
+    """Compare the table of markers on the page with a run that was just wound."""
+    rows = re.findall(r"^ +P(\d) +(.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    markers = json.loads(record.read_text(encoding="utf-8"))["markers"]
+    assert [int(n) for n, _ in rows] == [marker["id"] for marker in markers]
+    for (n, cells), marker in zip(rows, markers, strict=True):
+        shown = [float(cell) for cell in cells.split()]
+        lengths = ("original_m", "s_fem_m", "s_tracked_m")
+        # The camera's noise and rounding to a hundredth of a millimetre.
+        assert shown[:3] == pytest.approx([1e3 * marker[key] for key in lengths], abs=0.03), n
+        assert shown[3] == pytest.approx(marker["h"], abs=2e-4), n
+        measured = [1e3 * marker[key] for key in ("s_corrected_m", "s_published_m")]
+        assert shown[4:6] == pytest.approx(measured, abs=0.05), n

@@ -2,15 +2,15 @@
 
 import json
 import re
-from pathlib import Path
+from importlib.resources import files
 
 import yaml
 
 from winding_ros import topics
 from winding_ros.graph import DEFAULT_NAMESPACE
-from winding_ros.rig_messages import BASE_FRAME
+from winding_ros.messages.rig import BASE_FRAME
 
-FOLDER = Path(__file__).parents[2] / "ros2_ws/src/winding_bringup/viewers"
+FOLDER = files("winding_bringup") / "viewers"
 NAMES = {
     topic.name if topic.name.startswith("/") else f"/{DEFAULT_NAMESPACE}/{topic.name}"
     for topic in topics.TOPICS

@@ -9,9 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 from correction_node.models.weights import weights_directory
-from winding_cli.commands.app import app
-from winding_ros.parameter_files import parameters_for
-from winding_supervisor.domain_lock import domain_lock
+from winding_cli.app import app
+from winding_ros.runtime.parameter_files import parameters_for
+from winding_supervisor.session.domain_lock import domain_lock
 
 OWN = {
     "--cylinder-diameter-mm": 30,
@@ -78,13 +78,15 @@ def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.slow
-def test_bad_input_is_refused_in_one_sentence_before_anything_starts(given: Path) -> None:
+@pytest.mark.parametrize(("arguments", "sentence"), REFUSED)
+def test_bad_input_is_refused_in_one_sentence_before_anything_starts(
+    given: Path, arguments: list[object], sentence: str
+) -> None:
     before = sorted(given.rglob("*"))
-    for arguments, sentence in REFUSED:
-        refused = CliRunner().invoke(app, ["run", *map(str, arguments)])
-        assert refused.exit_code == 2, refused.stderr
-        assert sentence in refused.stderr
-        assert refused.stderr.count("\n") == 1, refused.stderr
+    refused = CliRunner().invoke(app, ["run", *map(str, arguments)])
+    assert refused.exit_code == 2, refused.stderr
+    assert sentence in refused.stderr
+    assert refused.stderr.count("\n") == 1, refused.stderr
     assert sorted(given.rglob("*")) == before
 
 

@@ -11,17 +11,12 @@ from pathlib import Path
 import pytest
 
 from winding_ros.environment import set_process_environment
-from winding_supervisor.domain_lock import domain_lock
-from winding_verification.faults.campaign import NAMESPACE, row_names
+from winding_supervisor.session.domain_lock import domain_lock
+from winding_verification.faults.campaign import LONE_ROWS, NAMESPACE, ROWS, row_names
 from winding_verification.faults.cell import FaultCell
 from winding_verification.faults.outcome import Outcome
-from winding_verification.faults.table import LONE_ROWS, ROWS
 
-pytestmark = [
-    pytest.mark.campaign,
-    pytest.mark.processes,
-    pytest.mark.timeout(600),
-]
+pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(600)]
 
 # The command tries these too; here other tests stand for them.
 ONLY_IN_THE_COMMAND = {
@@ -35,73 +30,56 @@ ONLY_IN_THE_COMMAND = {
 }
 
 
-class Bench:
-    """The cell and the loop that runs it."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._loop = asyncio.new_event_loop()
-        self._running = self.cell = None
-
-    def enter(self) -> None:
-        async def enter() -> None:
-            self.cell = FaultCell(self.folder / "cell", NAMESPACE, unhurried=True)
-            self._running = self.cell.running()
-            await self._running.__aenter__()
-
-        self._loop.run_until_complete(enter())
-
-    def leave(self) -> None:
-        if self._running is not None:
-            self._loop.run_until_complete(self._running.__aexit__(None, None, None))
-        self._loop.close()
-
-    def outcome(self, trial: Awaitable[Outcome]) -> Outcome:
-        return self._loop.run_until_complete(asyncio.wait_for(trial, 240.0))
+@pytest.fixture(scope="module")
+def loop() -> Iterator[asyncio.AbstractEventLoop]:
+    loop = asyncio.new_event_loop()
+    yield loop
+    loop.close()
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def cell(
+    loop: asyncio.AbstractEventLoop, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[FaultCell]:
     folder = tmp_path_factory.mktemp("faults")
+    domain = int(os.environ["ROS_DOMAIN_ID"])
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("RCUTILS_CONSOLE_OUTPUT_FORMAT", "")
         patch.setenv("ROS_LOG_DIR", os.environ["ROS_LOG_DIR"])
-        set_process_environment(int(os.environ["ROS_DOMAIN_ID"]), folder / "log")
-        table = Bench(folder)
-        with domain_lock(int(os.environ["ROS_DOMAIN_ID"]), NAMESPACE):
+        set_process_environment(domain, folder / "log")
+        with domain_lock(domain, NAMESPACE):
+            cell = FaultCell(folder / "cell", NAMESPACE, unhurried=True)
+            running = cell.running()
             try:
-                table.enter()
-                yield table
+                yield loop.run_until_complete(running.__aenter__())
             finally:
-                table.leave()
+                loop.run_until_complete(running.__aexit__(None, None, None))
 
 
-def check(outcome: Outcome) -> None:
+def check(loop: asyncio.AbstractEventLoop, trial: Awaitable[Outcome]) -> None:
+    outcome = loop.run_until_complete(asyncio.wait_for(trial, 240.0))
     print(outcome)
     assert outcome.survived, outcome
 
 
-@pytest.mark.parametrize(
-    "row", [row for row in ROWS if row.name not in ONLY_IN_THE_COMMAND], ids=lambda row: row.name
-)
-def test_fault_is_survived(bench: Bench, row: object, tmp_path: Path) -> None:
-    check(bench.outcome(row.try_it(bench.cell, tmp_path)))
+@pytest.mark.parametrize("name", [name for name in ROWS if name not in ONLY_IN_THE_COMMAND])
+def test_fault_is_survived(loop: asyncio.AbstractEventLoop, cell: FaultCell, name: str) -> None:
+    check(loop, ROWS[name](cell))
 
 
-def test_no_process_shares_memory_whose_lock_a_killed_one_could_hold(bench: Bench) -> None:
-    nodes = bench.cell.orchestrator.pids()
+def test_no_process_shares_memory_whose_lock_a_killed_one_could_hold(cell: FaultCell) -> None:
+    nodes = cell.orchestrator.pids()
     assert nodes
     for pid in (os.getpid(), *nodes.values()):
         assert "/dev/shm/fastrtps" not in Path(f"/proc/{pid}/maps").read_text()
 
 
-@pytest.mark.parametrize(
-    "row",
-    [row for row in LONE_ROWS if row.name not in ONLY_IN_THE_COMMAND],
-    ids=lambda row: row.name,
-)
-def test_loss_of_the_orchestrator_is_survived(bench: Bench, row: object, tmp_path: Path) -> None:
-    check(bench.outcome(row.try_it(tmp_path / "run")))
+@pytest.mark.usefixtures("cell")
+@pytest.mark.parametrize("name", [name for name in LONE_ROWS if name not in ONLY_IN_THE_COMMAND])
+def test_loss_of_the_orchestrator_is_survived(
+    loop: asyncio.AbstractEventLoop, name: str, tmp_path: Path
+) -> None:
+    check(loop, LONE_ROWS[name](tmp_path / "run"))
 
 
 def test_every_excluded_row_is_one_of_the_table() -> None:

@@ -1,15 +1,14 @@
-"""`winding faults` finds its campaign, and judges seconds only where the computer had time."""
+"""`winding faults` has its rows, and judges seconds only where the computer had time."""
 
 import io
-from pathlib import Path
 
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from winding_cli.commands.app import app
-from winding_verification.commands import faults
+from winding_cli.app import app
 from winding_verification.faults import campaign
+from winding_verification.faults.cell_faults import SENSOR_FAULTS
 from winding_verification.faults.outcome import Outcome
 
 LATE = {"fault": "late", "outcome": "the run went on", "detected_after": 2.0, "detect_within": 1.0}
@@ -21,25 +20,16 @@ def printed(*outcomes: Outcome) -> str:
     return " ".join(console.file.getvalue().split())
 
 
-def test_without_the_tests_of_a_checkout_it_refuses(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(faults, "_CAMPAIGN", tmp_path)
-    result = CliRunner().invoke(app, ["faults"])
-    assert result.exit_code == 2
-    (sentence,) = result.stderr.splitlines()
-    assert str(tmp_path) in sentence
-
-
 def test_a_row_that_the_table_does_not_have_is_refused() -> None:
     result = CliRunner().invoke(app, ["faults", "--only", "earthquake"])
     assert result.exit_code == 2
     assert result.stderr == "winding: no row of the fault table contains 'earthquake'\n"
 
 
-def test_rows_come_from_the_table() -> None:
-    assert faults._campaign(faults._CAMPAIGN).row_names() == campaign.row_names()
+def test_rows_have_names_of_their_own() -> None:
     assert len(set(campaign.row_names())) == len(campaign.row_names()) > 20
+    assert all(fault.noticed and fault.within > 0.0 for fault in SENSOR_FAULTS)
+    assert len(SENSOR_FAULTS) == 14
 
 
 def test_seconds_are_judged_where_the_computer_had_time() -> None:

@@ -5,85 +5,145 @@ import random
 import signal
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import psutil
 import pytest
-from interrupted_run import STAGES, interrupt
 from rosbags.highlevel import AnyReader
 
-from winding_ros.process import SUPERVISED
+from winding_ros.graph import DEFAULT_NAMESPACE
+from winding_ros.runtime.process import SUPERVISED
+from winding_supervisor.session.domain_lock import DomainError, domain_lock
 
-pytestmark = [
-    pytest.mark.campaign,
-    pytest.mark.processes,
-    pytest.mark.timeout(900),
-]
+pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(900)]
 
 PATIENCE = 600.0
+# Between two signals [s].
+APART = 0.3
+# What can be seen of each stage, and how long after that the first signal comes at most [s]. While
+# the interpreter itself starts, no line of the command has run and nothing is open: the first
+# moment is the one from which the command takes signals.
+STAGES = {"starting": 1.5, "configuring": 3.0, "winding": 2.0, "reporting": 1.0}
+DOMAIN = int(os.environ["ROS_DOMAIN_ID"])
 
 
-class Winding:
-    """A `winding run` in the background, recorded."""
+class Run:
+    """A recorded `winding run` in the background, in a folder of its own, its output in a file."""
 
-    def __init__(self, folder: Path) -> None:
-        self.bag = folder / "bag"
-        self.log = folder / "run" / "log"
-        self._stderr = folder / "stderr"
-        with self._stderr.open("w") as stderr:
+    def __init__(self, folder: Path, *options: str) -> None:
+        self.folder, self.run, self.bag = folder, folder / "run", folder / "bag"
+        self._output = folder / "output"
+        self._children: set[psutil.Process] = set()
+        with self._output.open("w") as output:
             self.process = subprocess.Popen(
                 [
-                    sys.executable, "-m", "winding_cli.cli", "run", "--case", "4",
-                    "--output", folder / "run", "--bag", self.bag,
+                    *(sys.executable, "-m", "winding_cli.cli", "run", "--case", "4", *options),
+                    *("--output", str(self.run), "--bag", str(self.bag)),
                 ],
                 cwd=folder,
-                stdout=subprocess.DEVNULL,
-                stderr=stderr,
-            )  # fmt: skip
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                start_new_session=True,
+            )
 
-    def said(self) -> str:
-        return self._stderr.read_text(encoding="utf-8")
+    def printed(self) -> str:
+        return self._output.read_text(encoding="utf-8")
+
+    def reached(self, stage: str) -> bool:
+        """Return whether a stage has begun, as far as its files show it."""
+        if stage == "starting":
+            status = Path(f"/proc/{self.process.pid}/status").read_text()
+            taken = next(line for line in status.splitlines() if line.startswith("SigCgt:"))
+            return bool(int(taken.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
+        if stage == "configuring":
+            return len(list((self.run / "log").glob("*.log"))) == 4
+        return {"winding": " simulated, ", "reporting": "3.00 of 3.00 s simulated"}[
+            stage
+        ] in self.printed()
+
+    def wait_for(self, stage: str) -> None:
+        """Wait until a stage has begun, or the run is over."""
+        until(lambda: self.process.poll() is not None or self.reached(stage))
 
     def wait_until_it_winds(self) -> None:
         # The first progress line comes after a tenth of the run.
-        end = time.monotonic() + PATIENCE
-        while " simulated, " not in self.said():
-            assert self.process.poll() is None, self.said()
-            assert time.monotonic() < end, "the run does not begin"
-            time.sleep(0.05)
+        self.wait_for("winding")
+        assert self.process.poll() is None, self.printed()
+
+    def send(self, number: int, *, group: bool) -> None:
+        """Send a signal to the command, or to its process group as a terminal does."""
+        if self.process.poll() is None:
+            self._children |= set(psutil.Process(self.process.pid).children(recursive=True))
+            (os.killpg if group else os.kill)(self.process.pid, number)
+
+    def processes(self) -> list[psutil.Process]:
+        """Return what lives and is a child of this run, or has its folder in the command line."""
+        return [
+            process
+            for process in {*self._children, *psutil.process_iter()}
+            if process.pid != self.process.pid
+            and (process in self._children or any(str(self.folder) in w for w in words(process)))
+            and alive(process)
+        ]
 
     def node(self, package: str) -> int:
         """Return the process id of a node of this run."""
-        for entry in Path("/proc").iterdir():
-            if not entry.name.isdecimal():
-                continue
-            try:
-                words = (entry / "cmdline").read_bytes().decode().split("\0")
-            except (FileNotFoundError, ProcessLookupError):
-                continue
-            if package in words and any(str(self.log) in word for word in words):
-                return int(entry.name)
-        raise LookupError(f"no process of {package}")
+        (found,) = (process for process in self.processes() if package in words(process))
+        return found.pid
 
-    def nodes_left(self) -> int:
-        count = 0
-        for package in ("cable_fem_node", "marker_tracker_node", "winding_rig_node"):
-            try:
-                self.node(package)
-            except LookupError:
-                continue
-            count += 1
-        return count
+    def left_behind(self) -> list[str]:
+        """Return what is wrong with how it ended, one sentence each."""
+        code, printed = self.process.returncode, self.printed()
+        summary = self.run / "run.json"
+        found = []
+        if code != 130 and not (code == 0 and summary.exists()):
+            found.append(f"exit code {code}")
+        sentences = [line for line in printed.splitlines() if "interrupted" in line]
+        if len(sentences) > 1 or (code == 130 and not sentences):
+            found.append(f"{len(sentences)} sentences")
+        unwanted = ("Traceback", "Exception ignored", "Error:", "[ERROR]")
+        found += [f"prints {word}" for word in unwanted if word in printed]
+        if processes := self.processes():
+            found.append(f"processes left: {processes}")
+        try:
+            with domain_lock(DOMAIN, DEFAULT_NAMESPACE):
+                pass
+        except DomainError:
+            found.append("the domain is locked")
+        names = [path.name for path in self.folder.rglob("*")]
+        found += [f"file left: {name}" for name in names if name.endswith((".unfinished", ".tmp"))]
+        if ".reserve" in names:
+            found.append("the bag was not closed")
+        if summary.exists() and not summary.read_text().endswith("}\n"):
+            found.append("run.json is not whole")
+        return found
 
 
-@pytest.fixture
-def winding_run(tmp_path: Path) -> Iterator[Winding]:
-    run = Winding(tmp_path)
-    yield run
-    if run.process.poll() is None:
-        run.process.kill()
-    run.process.wait()
+def words(process: psutil.Process) -> list[str]:
+    """Return the command line of a process; nothing for one that has gone."""
+    try:
+        return process.cmdline()
+    except psutil.Error:
+        return []
+
+
+def alive(process: psutil.Process) -> bool:
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.Error:
+        return False
+
+
+def until(reached: Callable[[], bool]) -> None:
+    """Wait until a predicate is true."""
+    end = time.monotonic() + PATIENCE
+    while not reached():
+        assert time.monotonic() < end, "not reached"
+        time.sleep(0.005)
 
 
 def messages_in(bag: Path) -> int:
@@ -91,40 +151,64 @@ def messages_in(bag: Path) -> int:
         return sum(1 for _ in reader.messages())
 
 
-def test_dead_node_is_named_and_the_recording_kept(winding_run: Winding) -> None:
+@pytest.fixture
+def winding_run(tmp_path: Path) -> Iterator[Run]:
+    run = Run(tmp_path)
+    yield run
+    if run.process.poll() is None:
+        run.process.kill()
+    run.process.wait()
+
+
+def test_dead_node_is_named_and_the_recording_kept(winding_run: Run) -> None:
     winding_run.wait_until_it_winds()
     os.kill(winding_run.node("winding_rig_node"), signal.SIGKILL)
     assert winding_run.process.wait(PATIENCE) == 1
-    assert "winding: winding_rig ended with exit code -9" in winding_run.said()
-    assert "of simulated time" in winding_run.said()
-    assert winding_run.nodes_left() == 0
+    assert "winding: winding_rig ended with exit code -9" in winding_run.printed()
+    assert "of simulated time" in winding_run.printed()
+    assert winding_run.processes() == []
     # Two simulated seconds have at least two thousand encoder samples.
     assert messages_in(winding_run.bag) > 2000
 
 
-def test_interrupted_run_stops_its_nodes_and_keeps_the_recording(winding_run: Winding) -> None:
+def test_interrupted_run_stops_its_nodes_and_keeps_the_recording(winding_run: Run) -> None:
     winding_run.wait_until_it_winds()
     winding_run.process.send_signal(signal.SIGTERM)
     assert winding_run.process.wait(PATIENCE) == 130
-    assert "interrupted; the nodes are stopped" in winding_run.said()
-    assert winding_run.nodes_left() == 0
+    assert "interrupted; the nodes are stopped" in winding_run.printed()
+    assert winding_run.processes() == []
     assert messages_in(winding_run.bag) > 2000
 
 
 def interrupted_twice(times: int) -> list[str]:
-    """Return what runs left behind that were interrupted twice at moments of every stage."""
-    domain = int(os.environ["ROS_DOMAIN_ID"])
+    """Interrupt runs twice at random moments of every stage; return what they left behind."""
     draw = random.Random(1)
     ways = [(signal.SIGTERM, False), (signal.SIGINT, True), (signal.SIGINT, False)]
-    return [
-        f"{stage}, {number.name}: {fault}"
-        for stage, longest in STAGES.items()
-        for k in range(times)
-        for number, group in [ways[k % len(ways)]]
-        for fault in interrupt(
-            stage, number, group=group, delay=draw.uniform(0.0, longest), domain=domain
-        )
-    ]
+    found = []
+    for stage, longest in STAGES.items():
+        for k in range(times):
+            number, group = ways[k % len(ways)]
+            # Paths are printed, too: none of them contains the word that is counted.
+            with tempfile.TemporaryDirectory(prefix="winding-broken-off-") as folder:
+                run = Run(
+                    Path(folder), "--duration-s", "3", "--speed", "0", "--domain", f"{DOMAIN}"
+                )
+                run.wait_for(stage)
+                time.sleep(draw.uniform(0.0, longest))
+                run.send(number, group=group)
+                time.sleep(APART)
+                run.send(number, group=group)
+                try:
+                    run.process.wait(PATIENCE)
+                    wrong = run.left_behind()
+                except subprocess.TimeoutExpired:
+                    run.process.kill()
+                    run.process.wait()
+                    wrong = ["it hung"]
+                if wrong:
+                    print(run.printed(), flush=True)
+                found += [f"{stage}, {number.name}: {fault}" for fault in wrong]
+    return found
 
 
 def test_run_that_is_interrupted_twice_leaves_nothing_behind() -> None:

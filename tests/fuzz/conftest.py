@@ -9,8 +9,8 @@ from pathlib import Path
 
 from hypothesis import HealthCheck, settings
 
-# Test modules are imported by path, without packages: their neighbours are found from here.
-sys.path.insert(0, str(Path(__file__).parent))
+# Test modules are imported by path, without packages: what they share is found from here.
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "winding_recorder")]
 
 _TIMES = int(os.environ.get("FUZZ_TIMES", "1"))
 

@@ -1,7 +1,6 @@
 """Made-up recordings: read, checked, recovered or refused by BagError; never a crash or a hang."""
 
 import shutil
-import sqlite3
 import struct
 import zlib
 from collections.abc import Callable
@@ -12,74 +11,32 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import StoragePlugin, Writer
+from made_bags import Bags, changed, storage_file
+from made_up import write_database
 
-from winding_core.readings import AxisReading
-from winding_recorder.bags.channel import jazzy_channel
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.mcap_file import BagConfig
-from winding_recorder.bags.metadata import METADATA
+from winding_recorder.bags.description import METADATA, BagError
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.bags.recover import recover
 from winding_recorder.bags.tables import export
-from winding_recorder.bags.writer import BagWriter
-from winding_ros import topics
-from winding_ros.rig_messages import encode_joint_state, encode_tension
 
 fuzzed = settings.get_profile("files")
-RECORDED = (topics.JOINT_STATES, topics.TENSION)
 RANDOM_BYTES = [b"\x00", b"\xff", b"\x7f\xff\xff\xff", b"\xff" * 8, b"\x00" * 9]
 # A small file must not make a reader take much more than it holds.
 MOST_BYTES = 400_000_000
 
 
-def recorded(folder: Path, **config: Any) -> bytes:
-    """Return the storage file of a recording of 30 ms."""
-    channels = [
-        jazzy_channel(f"/winding/{t.name}", t.type_name, depth=t.depth, latched=t.latched)
-        for t in RECORDED
-    ]
-    writer = BagWriter(folder, channels, BagConfig(chunk_bytes=2000, **config))
-    for k in range(30):
-        reading = AxisReading(
-            cylinder_angle=0.1 * k, angular_speed=1.0, carriage_position=0.0, feed_speed=0.0
-        )
-        data = encode_joint_state(k * 1e-3, reading)
-        writer.write(0, k * 10**6, data, k + 1)
-        if k % 10 == 0:
-            writer.write(1, k * 10**6, encode_tension(k * 1e-3, 2.5), k + 1)
-    writer.close()
-    (file,) = folder.glob("*.mcap")
-    return file.read_bytes()
-
-
-def as_sqlite(source: Path, folder: Path) -> bytes:
-    """Return the storage file of a copy in SQLite."""
-    with (
-        AnyReader([source]) as reader,
-        Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer,
-    ):
-        links = {
-            link.id: writer.add_connection(link.topic, link.msgtype, typestore=reader.typestore)
-            for link in reader.connections
-        }
-        for link, stamp, data in reader.messages():
-            writer.write(links[link.id], stamp, data)
-    (file,) = folder.glob("*.db3")
-    return file.read_bytes()
-
-
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """Storage files by kind."""
-    place = tmp_path_factory.mktemp("whole")
+    place, bags = tmp_path_factory.mktemp("whole"), Bags()
+    plain = bags.whole(place / "plain", 30, chunk_bytes=2000)
+    packed = bags.whole(place / "packed", 30, chunk_bytes=2000, compression="zstd")
     return {
-        "plain.mcap": recorded(place / "plain"),
-        "packed.mcap": recorded(place / "packed", compression="zstd"),
-        "base.db3": as_sqlite(place / "plain", place / "base"),
+        "plain.mcap": storage_file(plain).read_bytes(),
+        "packed.mcap": storage_file(packed).read_bytes(),
+        "base.db3": storage_file(bags.as_sqlite(plain, place / "base")).read_bytes(),
     }
 
 
@@ -94,26 +51,26 @@ def bounded() -> Any:
     resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-def try_everything(path: Path, scratch: Path) -> None:
-    """Do with a recording what a person can do with it."""
-    actions: tuple[Callable[[], Any], ...] = (
-        lambda: check(path),
-        lambda: contents(path),
-        lambda: read_notes(path if path.is_dir() else path.parent),
-        lambda: recover(path, scratch / "out"),
-        lambda: export(path, scratch / "tables", "csv"),
-    )
-    for action in actions:
-        said = "nothing"
+def try_everything(path: Path, scratch: Path) -> set[str]:
+    """Do with a recording what a person can do with it; return what was refused."""
+    actions: dict[str, Callable[[], Any]] = {
+        "check": lambda: check(path),
+        "contents": lambda: contents(path),
+        "notes": lambda: read_notes(path if path.is_dir() else path.parent),
+        "recover": lambda: recover(path, scratch / "out"),
+        "export": lambda: export(path, scratch / "tables", "csv"),
+    }
+    refused = {}
+    for name, action in actions.items():
         try:
             action()
         except BagError as error:
-            said = str(error)
+            refused[name] = str(error)
         finally:
             for left in ("out", "tables"):
                 shutil.rmtree(scratch / left, ignore_errors=True)
-        assert said
-        assert "\n" not in said
+    assert all(sentence and "\n" not in sentence for sentence in refused.values())
+    return set(refused)
 
 
 KINDS = ["plain.mcap", "packed.mcap", "base.db3"]
@@ -137,12 +94,8 @@ def test_changed_and_cut_storage(
     changes: list[tuple[float, bytes]],
     length: float,
 ) -> None:
-    content = bytearray(whole[kind][: round(len(whole[kind]) * length)])
-    for place, other in changes:
-        start = int(place * len(content))
-        content[start : start + len(other)] = other
     file = tmp_path / f"bag_0{Path(kind).suffix}"
-    file.write_bytes(content)
+    file.write_bytes(changed(whole[kind], changes, length))
     try_everything(file, tmp_path)
 
 
@@ -157,7 +110,8 @@ def test_changed_and_cut_storage(
 def test_garbage(tmp_path: Path, suffix: str, garbage: bytes, start: bytes, end: bytes) -> None:
     file = tmp_path / f"bag_0{suffix}"
     file.write_bytes(start + garbage + end)
-    try_everything(file, tmp_path)
+    assert {"contents", "recover"} <= try_everything(file, tmp_path)
+    assert check(file).findings
 
 
 def record(opcode: int, body: bytes, length: int | None = None) -> bytes:
@@ -234,9 +188,9 @@ def test_changed_metadata(
     folder = tmp_path / "bag"
     if not folder.exists():
         source = folder if kind.endswith("mcap") else tmp_path / "source"
-        recorded(source)
+        Bags().whole(source, 30, chunk_bytes=2000)
         if source != folder:
-            as_sqlite(source, folder)
+            Bags.as_sqlite(source, folder)
         shutil.copyfile(folder / METADATA, tmp_path / "metadata")
     content = yaml.safe_load((tmp_path / "metadata").read_text("utf-8"))
     place = content["rosbag2_bagfile_information"]
@@ -262,7 +216,8 @@ def test_any_metadata(whole: dict[str, bytes], tmp_path: Path, text: str) -> Non
     folder.mkdir(exist_ok=True)
     (folder / "bag_0.mcap").write_bytes(whole["plain.mcap"])
     (folder / METADATA).write_text(text, "utf-8")
-    try_everything(folder, tmp_path)
+    assert "contents" in try_everything(folder, tmp_path)
+    assert check(folder).findings
 
 
 rows = st.one_of(st.none(), st.integers(-(2**63), 2**63 - 1), st.text(max_size=20), st.binary())
@@ -286,24 +241,11 @@ def test_a_database_that_holds_anything(
 ) -> None:
     file = tmp_path / "bag_0.db3"
     file.unlink(missing_ok=True)
-    connection = sqlite3.connect(file)
-    # Columns without types take anything.
-    connection.executescript(
-        "CREATE TABLE schema(schema_version, ros_distro);"
-        "CREATE TABLE metadata(id, metadata_version, metadata);"
-        "CREATE TABLE topics(id, name, type, serialization_format, offered_qos_profiles,"
-        " type_description_hash);"
-        "CREATE TABLE message_definitions(id, topic_type, encoding, encoded_message_definition,"
-        " type_description_hash);"
-        "CREATE TABLE messages(id, topic_id, timestamp, data);"
-        "INSERT INTO schema VALUES (4, 'jazzy');"
+    write_database(
+        file,
+        topics=[topic],
+        types=[kind],
+        messages=[(1, *message), (2, topic[0], 0, b"\x00\x01\x00\x00")],
+        dropped=dropped,
     )
-    connection.execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)", topic)
-    connection.execute("INSERT INTO message_definitions VALUES (?, ?, ?, ?, ?)", kind)
-    connection.execute("INSERT INTO messages VALUES (1, ?, ?, ?)", message)
-    connection.execute("INSERT INTO messages VALUES (2, ?, 0, ?)", (topic[0], b"\x00\x01\x00\x00"))
-    if dropped:
-        connection.execute(f"DROP TABLE {dropped}")
-    connection.commit()
-    connection.close()
     try_everything(file, tmp_path)

@@ -12,23 +12,23 @@ from made_up import fuzzed, taken
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointField
 
-from winding_core.machine_axes import MachineAxes
+from winding_core.machine.axes import MachineAxes
 from winding_core.markers import MARKER_DTYPE
 from winding_ros import topics
-from winding_ros.camera_messages import (
+from winding_ros.messages.camera import (
     decode_image,
 )
-from winding_ros.cloud_messages import (
+from winding_ros.messages.cdr import serialised
+from winding_ros.messages.clouds import (
     decode_cloud,
 )
-from winding_ros.material_messages import NAME
-from winding_ros.rig_messages import (
+from winding_ros.messages.diagnostics import NAME
+from winding_ros.messages.rig import (
     JointStateReader,
     decode_tension,
 )
-from winding_ros.serialised import deserialised
+from winding_ros.messages.serialised import deserialised
 from winding_ros.topic import Topic
-from winding_ros.wire.cdr import serialised
 
 pytestmark = pytest.mark.slow
 

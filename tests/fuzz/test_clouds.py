@@ -10,8 +10,12 @@ from sensor_msgs.msg import PointCloud2, PointField
 from visualization_msgs.msg import Marker
 
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.line_messages import decode_line_width, encode_line_strip
+from winding_ros.messages.clouds import (
+    decode_cloud,
+    decode_line_width,
+    encode_cloud,
+    encode_line_strip,
+)
 
 pytestmark = pytest.mark.slow
 

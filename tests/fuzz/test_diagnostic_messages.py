@@ -6,15 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up import any_float, fuzzed, stamps, taken, wired, words
 
-from winding_core.material_report import MaterialReport
+from winding_core.cable.material_report import MaterialReport
 from winding_core.status import Level, Status
-from winding_ros.diagnostic_messages import (
+from winding_ros.messages.diagnostics import (
+    NAME,
     decode_case_votes,
     decode_diagnostics,
+    decode_material,
     encode_case_votes,
     encode_diagnostics,
+    encode_material,
 )
-from winding_ros.material_messages import NAME, decode_material, encode_material
 
 pytestmark = pytest.mark.slow
 
@@ -54,7 +56,7 @@ def test_diagnostics(statuses: list[DiagnosticStatus]) -> None:
 @fuzzed
 @given(
     t=stamps,
-    said=st.lists(
+    reported=st.lists(
         st.builds(
             Status,
             name=words,
@@ -65,8 +67,8 @@ def test_diagnostics(statuses: list[DiagnosticStatus]) -> None:
         max_size=3,
     ),
 )
-def test_diagnostics_come_back(t: float, said: list[Status]) -> None:
-    assert decode_diagnostics(wired(encode_diagnostics(t, said))) == (t, tuple(said))
+def test_diagnostics_come_back(t: float, reported: list[Status]) -> None:
+    assert decode_diagnostics(wired(encode_diagnostics(t, reported))) == (t, tuple(reported))
 
 
 @fuzzed

@@ -14,7 +14,7 @@ import yaml
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.identification.tracked_run import IdentificationError
 from correction_node.models.dataset import parse_lengths
 from marker_tracker_node.camera.calibration import CalibrationError, read_camera
 from marker_tracker_node.camera.frame_sources import FrameSource
@@ -23,14 +23,13 @@ from winding_core.parameters import ParameterError, build
 from winding_core.run_inputs import RunInputs, RunInputsError
 from winding_core.yaml_text import YamlTextError, load_yaml
 from winding_rig_node.ros.parameters import RigParameters
-from winding_ros.parameter_files import parameters_for
-from winding_study.identification.tables import (
+from winding_ros.runtime.parameter_files import parameters_for
+from winding_study.identification.sources import (
     SourceError,
     read_readings,
     read_tensile_test,
 )
-from winding_study.sweep.axes import SpecError
-from winding_study.sweep.spec import parse_spec
+from winding_study.sweep.spec import SpecError, parse_spec
 
 pytestmark = pytest.mark.slow
 fuzzed = settings.get_profile("quick")
@@ -111,7 +110,7 @@ texts = st.one_of(
 )
 
 
-def said(action: Callable[[], Any], *errors: type[Exception]) -> str:
+def refusal_of(action: Callable[[], Any], *errors: type[Exception]) -> str:
     """Return why something was refused, or nothing."""
     try:
         action()
@@ -146,7 +145,7 @@ READERS: dict[str, tuple[Callable[[Path], Any], tuple[type[Exception], ...]]] = 
         (ValueError,),
     ),
 }
-# These are given as text by a command that says so itself when a file is no UTF-8.
+# These are given as text by a command that refuses a file that is no UTF-8 itself.
 READS_TEXT = {"sweep", "lengths"}
 by_reader = pytest.mark.parametrize("reader", READERS)
 
@@ -155,7 +154,7 @@ by_reader = pytest.mark.parametrize("reader", READERS)
 def test_nasty_texts_are_refused_in_a_sentence(reader: str, tmp_path: Path) -> None:
     read, errors = READERS[reader]
     for text in NASTY:
-        said(lambda text=text: read(written(tmp_path, text)), *errors)
+        refusal_of(lambda text=text: read(written(tmp_path, text)), *errors)
 
 
 @pytest.mark.parametrize("reader", ["parameters", "sweep", "camera"])
@@ -165,7 +164,7 @@ def test_tags_that_name_code_run_nothing(reader: str, tmp_path: Path) -> None:
     for code in RUNS_CODE:
         for around in ("{}", "x: {}", "parameters: {{friction: {}}}", "/**: {}"):
             text = around.format(code.format(mark=mark))
-            sentence = said(lambda text=text: read(written(tmp_path, text)), *errors)
+            sentence = refusal_of(lambda text=text: read(written(tmp_path, text)), *errors)
             assert "could not determine a constructor" in sentence, text
             assert not mark.exists(), text
 
@@ -175,7 +174,7 @@ def test_tags_that_name_code_run_nothing(reader: str, tmp_path: Path) -> None:
 @given(text=texts)
 def test_any_text(reader: str, text: str, tmp_path: Path) -> None:
     read, errors = READERS[reader]
-    said(lambda: read(written(tmp_path, text)), *errors)
+    refusal_of(lambda: read(written(tmp_path, text)), *errors)
 
 
 @by_reader
@@ -184,14 +183,14 @@ def test_any_text(reader: str, text: str, tmp_path: Path) -> None:
 def test_any_bytes(reader: str, content: bytes, tmp_path: Path) -> None:
     read, errors = READERS[reader]
     more = (UnicodeDecodeError,) if reader in READS_TEXT else ()
-    said(lambda: read(written(tmp_path, content)), *errors, *more)
+    refusal_of(lambda: read(written(tmp_path, content)), *errors, *more)
 
 
 @fuzzed
 @given(document=documents)
 def test_any_document_comes_back_as_it_was(document: Any) -> None:
     text = yaml.safe_dump(document, allow_unicode=True)
-    refused = said(lambda: load_yaml(text), YamlTextError)
+    refused = refusal_of(lambda: load_yaml(text), YamlTextError)
     if not refused:
         assert repr(load_yaml(text)) == repr(yaml.safe_load(text))
     elif "alias" not in refused:
@@ -201,7 +200,7 @@ def test_any_document_comes_back_as_it_was(document: Any) -> None:
 
 
 def test_a_long_text_is_not_read() -> None:
-    assert "more than" in said(lambda: load_yaml("x" * 1_000_001), YamlTextError)
+    assert "more than" in refusal_of(lambda: load_yaml("x" * 1_000_001), YamlTextError)
 
 
 @fuzzed
@@ -213,11 +212,14 @@ def test_a_long_text_is_not_read() -> None:
     )
 )
 def test_any_values_of_known_parameters(values: dict[str, Any]) -> None:
-    sentence = said(lambda: build(RigParameters, values, owner="winding_rig"), ParameterError)
+    sentence = refusal_of(lambda: build(RigParameters, values, owner="winding_rig"), ParameterError)
     if not sentence:
         made = build(RigParameters, values, owner="winding_rig")
         assert made.speed >= 0.0
-        said(made.resolved, ParameterError)
+        refusal_of(made.resolved, ParameterError)
+
+
+FAR_APART = {"random": "uniform", "low": -1e308, "high": 1e308, "count": 1, "seed": 1}
 
 
 @fuzzed
@@ -225,6 +227,7 @@ def test_any_values_of_known_parameters(values: dict[str, Any]) -> None:
 @example({"parameters": {"friction": {"random": [], "low": 1, "high": 2, "count": 1, "seed": 1}}})
 @example({"parameters": {"friction": 10**400}})
 @example({"parameters": {"friction": {"from": -1e308, "to": 1e308, "count": 3}}})
+@example({"parameters": {"friction": FAR_APART}})
 def test_any_sweep(content: dict[str, Any]) -> None:
     check_sweep(content)
 
@@ -257,7 +260,7 @@ def test_any_axes(axes: dict[str, Any], combine: Any) -> None:
 
 def check_sweep(content: Any) -> None:
     text = yaml.safe_dump(content)
-    if said(lambda: parse_spec(text, KINDS), SpecError):
+    if refusal_of(lambda: parse_spec(text, KINDS), SpecError):
         return
     for row in parse_spec(text, KINDS):
         for name, value in row.items():
@@ -284,7 +287,7 @@ def test_any_camera(changed: dict[str, Any], tmp_path: Path) -> None:
         else:
             content[outer] = value
     path = written(tmp_path, yaml.safe_dump(content))
-    if not said(lambda: read_camera(path), CalibrationError):
+    if not refusal_of(lambda: read_camera(path), CalibrationError):
         camera = read_camera(path)
         assert np.isfinite(camera.k).all()
         assert np.isfinite(camera.d).all()
@@ -309,10 +312,12 @@ HEADS = {
 @given(rows=st.lists(st.lists(cells, max_size=5), max_size=6))
 @example(rows=[["0", "0", "0"], ["nan", "0", "0"]])
 @example(rows=[["0", "nan", "0"]])
+@example(rows=[["0", "inf", "0"]])
+@example(rows=[['"' + "a" * 140_000]])
 def test_any_table(reader: str, rows: list[list[str]], tmp_path: Path) -> None:
     read, errors = READERS[reader]
     path = written(tmp_path, "\n".join([HEADS[reader], *map(",".join, rows)]))
-    if said(lambda: read(path), *errors):
+    if refusal_of(lambda: read(path), *errors):
         return
     found = read(path)
     numbers = found.values() if isinstance(found, dict) else vars(found).values()
@@ -325,7 +330,7 @@ def test_any_table(reader: str, rows: list[list[str]], tmp_path: Path) -> None:
 )
 def test_any_list_of_frames(rows: list[list[str]], head: str, tmp_path: Path) -> None:
     (tmp_path / "frames.csv").write_text("\n".join([head, *map(",".join, rows)]), "utf-8")
-    said(lambda: list(FrameSource(tmp_path)), RecordingError)
+    refusal_of(lambda: list(FrameSource(tmp_path)), RecordingError)
 
 
 @fuzzed
@@ -343,4 +348,4 @@ def test_any_replayed_inputs(
     header = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {tuple(shape)}, }}\n".encode()
     start = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header if headed else b""
     path = written(tmp_path, start + content)
-    said(lambda: RunInputs.read(path), RunInputsError)
+    refusal_of(lambda: RunInputs.read(path), RunInputsError)

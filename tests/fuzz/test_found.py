@@ -1,31 +1,30 @@
 """What made-up inputs have found, each once and plainly."""
 
 import math
-import sqlite3
 from pathlib import Path
 from typing import Any
 
 import pytest
+from made_up import write_database
 from sensor_msgs.msg import CameraInfo
 
 from correction_node.models.dataset import parse_lengths
 from marker_tracker_node.camera.calibration import CalibrationError, read_camera
 from marker_tracker_node.camera.frame_sources import FrameSource
-from marker_tracker_node.camera.recordings import RecordingError, read_motion
+from marker_tracker_node.camera.recordings import RecordingError
 from winding_core.parameters import ParameterError, build
 from winding_core.run_inputs import RunInputs, RunInputsError
 from winding_core.yaml_text import YamlTextError, load_yaml
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import BagError
 from winding_recorder.bags.tables import export
 from winding_rig_node.ros.parameters import RigParameters
-from winding_ros.camera_messages import decode_camera_info
-from winding_ros.diagnostic_messages import decode_case_votes, encode_case_votes
-from winding_ros.message_error import MessageError
-from winding_ros.parameter_files import parameters_for
-from winding_study.identification.tables import SourceError, read_readings
-from winding_study.sweep.axes import SpecError
-from winding_study.sweep.spec import parse_spec
+from winding_ros.messages.camera import decode_camera_info
+from winding_ros.messages.diagnostics import decode_case_votes, encode_case_votes
+from winding_ros.messages.serialised import MessageError
+from winding_ros.runtime.parameter_files import parameters_for
+from winding_study.identification.sources import SourceError, read_readings
+from winding_study.sweep.spec import SpecError, parse_spec
 
 
 def given(folder: Path, content: str | bytes) -> Path:
@@ -88,32 +87,6 @@ def test_a_long_value_was_repeated_as_a_whole() -> None:
     assert len(str(refused.value)) < 300
 
 
-@pytest.mark.parametrize(
-    "axis",
-    [
-        f"{10**400}",
-        "{random: [], low: 1, high: 2, count: 1, seed: 1}",
-        "{random: uniform, low: -1.0e+308, high: 1.0e+308, count: 1, seed: 1}",
-        "{from: -1.0e+308, to: 1.0e+308, count: 3}",
-    ],
-)
-def test_a_sweep_gave_no_number_or_another_error(axis: str) -> None:
-    with pytest.raises(SpecError, match="friction"):
-        parse_spec(f"parameters: {{friction: {axis}}}", {"friction": float})
-
-
-def test_a_camera_of_infinite_width_overflowed(tmp_path: Path) -> None:
-    text = "{image_width: .inf, image_height: 1}"
-    with pytest.raises(CalibrationError, match="is not a camera file"):
-        read_camera(given(tmp_path, text))
-
-
-@pytest.mark.parametrize("row", ["nan,0,0", "0,inf,0", '"' + "a" * 140_000])
-def test_a_motion_was_not_finite_or_no_csv(tmp_path: Path, row: str) -> None:
-    with pytest.raises(RecordingError):
-        read_motion(given(tmp_path, f"t,cylinder_angle,guide_z\n{row}"))
-
-
 @pytest.mark.parametrize("text", ["x\n1", "file,t\na.png", "file,t\na.png,nan", "file,t\na.png,x"])
 def test_a_list_of_frames_was_believed(tmp_path: Path, text: str) -> None:
     (tmp_path / "frames.csv").write_text(text, encoding="utf-8")
@@ -147,22 +120,11 @@ def test_a_damaged_file_of_inputs_raised_what_it_liked(tmp_path: Path, content: 
 @pytest.mark.parametrize("name", [None, 7, "/a\x00b"])
 def test_a_database_named_a_topic_by_anything(tmp_path: Path, name: Any) -> None:
     file = tmp_path / "bag_0.db3"
-    connection = sqlite3.connect(file)
-    connection.executescript(
-        "CREATE TABLE schema(schema_version, ros_distro);"
-        "CREATE TABLE topics(id, name, type, serialization_format, offered_qos_profiles,"
-        " type_description_hash);"
-        "CREATE TABLE message_definitions(id, topic_type, encoding, encoded_message_definition,"
-        " type_description_hash);"
-        "CREATE TABLE messages(id, topic_id, timestamp, data);"
-        "INSERT INTO schema VALUES (4, 'jazzy');"
-        "INSERT INTO messages VALUES (1, 1, -5, 99999999999);"
+    write_database(
+        file,
+        topics=[(1, name, "std_msgs/msg/Header", "cdr", "", "")],
+        messages=[(1, 1, -5, 99999999999)],
     )
-    connection.execute(
-        "INSERT INTO topics VALUES (1, ?, 'std_msgs/msg/Header', 'cdr', '', '')", (name,)
-    )
-    connection.commit()
-    connection.close()
     with pytest.raises(BagError):
         contents(file)
     with pytest.raises(BagError):

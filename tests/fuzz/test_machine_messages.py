@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 from made_up import any_float, fuzzed, number, stamps, taken, wired
 from sensor_msgs.msg import JointState
 
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
 from winding_ros.message_guard import StampError
-from winding_ros.rig_messages import (
+from winding_ros.messages.rig import (
     decode_joint_state,
     decode_tension,
     encode_joint_state,
     encode_tension,
 )
-from winding_ros.stamps import decode_stamp, encode_stamp, serialised_stamp_ns
+from winding_ros.messages.stamps import decode_stamp, encode_stamp, serialised_stamp_ns
 
 pytestmark = pytest.mark.slow
 

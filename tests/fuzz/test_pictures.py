@@ -8,9 +8,9 @@ from made_up import any_float, fuzzed, number, small, stamps, taken, uint32, wir
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from winding_core.image_formats import ENCODINGS
-from winding_core.readings import ImageWindow
-from winding_ros.camera_messages import (
+from marker_tracker_node.camera.image_formats import ENCODINGS
+from winding_core.machine.readings import ImageWindow
+from winding_ros.messages.camera import (
     CameraReading,
     decode_camera_info,
     decode_image,

@@ -13,19 +13,19 @@ from sensor_msgs.msg import CameraInfo, Image, RegionOfInterest
 from marker_tracker_node import CameraPose, PinholeCamera, Tracker, TrackerConfig
 from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE, MarkerFlag, Markers
-from winding_core.readings import AxisReading
 from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene
-from winding_rig_node.machine.lay import published_lay
+from winding_rig_node.lay.known_lay import published_lay
 from winding_ros import topics
-from winding_ros.camera_messages import encode_image
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.messages.camera import encode_image
+from winding_ros.messages.cdr import serialised
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import encode_joint_state
+from winding_ros.messages.serialised import MessageError
 from winding_ros.topic import Topic
-from winding_ros.wire.cdr import serialised
 
 fuzzed = settings.get_profile("files")
 FREE_LENGTH = 0.198
@@ -41,7 +41,7 @@ guides = st.one_of(
 
 
 def require_valid(markers: Markers) -> None:
-    """Fail for records that say what the tracker must not say."""
+    """Fail for records that the tracker must not give."""
     if len(markers) == 0:
         return
     assert markers["id"].tolist() == list(range(CASE.marker_count + 1))
@@ -146,7 +146,7 @@ steps = st.lists(
         st.sampled_from(KINDS),
         st.integers(0, 9),
         st.floats(0.0, 1.0),
-        # How far the run has come, whether or not the encoder says so.
+        # How far the run has come, whatever the encoder reads.
         st.floats(0.0, 20.0),
         st.one_of(st.just("right"), angles),
         guides,
@@ -262,7 +262,7 @@ SMALL_CAMERA = CameraInfo(
 
 @fuzzed
 @given(
-    said=st.lists(
+    messages=st.lists(
         st.one_of(
             infos.map(lambda info: (topics.CAMERA_INFO, info)),
             images.map(lambda image: (topics.IMAGE, image)),
@@ -272,15 +272,15 @@ SMALL_CAMERA = CameraInfo(
     )
 )
 @example(
-    said=[
+    messages=[
         (topics.CAMERA_INFO, SMALL_CAMERA),
         *[(topics.IMAGE, ((32, 48), 1, "bgr8", 0))] * 60,
     ]
 )  # fmt: skip
-def test_any_messages(said: list[tuple[Topic, Any]]) -> None:
+def test_any_messages(messages: list[tuple[Topic, Any]]) -> None:
     handler = TrackerHandler(TrackerParameters(case=4))
     list(handler.begin(0.0))
-    for k, (topic, content) in enumerate(said):
+    for k, (topic, content) in enumerate(messages):
         t = 0.005 * k
         try:
             answers = list(handler.take(topic, sent(t, topic, content)))

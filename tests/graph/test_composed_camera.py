@@ -1,31 +1,16 @@
 """`winding run --compose`: frames are tracked in the process of the camera that takes them."""
 
 import json
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from winding_core.cable.cases import published_markers
 from winding_core.camera_source import CameraSource, CameraSourceError
-from winding_core.published import published_markers
 from winding_recorder.bags.contents import contents
 from winding_ros.graph import CAMERA_TOPICS, GRAPH, RIG, SIMULATED_CAMERA, TRACKER, composed
-
-CELLS = Path(__file__).parents[1] / "winding_supervisor"
-NAMESPACE = "film"
-
-
-def messages(bag: Path) -> dict[str, int]:
-    return {topic.name: topic.messages for topic in contents(bag).topics}
-
-
-def lengths(run: Path, count: int) -> list[float]:
-    markers = json.loads((run / "run.json").read_text(encoding="utf-8"))["markers"]
-    return [marker["s_tracked_m"] for marker in markers[:count]]
 
 
 @pytest.mark.processes
@@ -39,57 +24,18 @@ def test_every_frame_of_the_simulated_camera_is_tracked(
         cwd=tmp_path,
     )
     assert done.returncode == 0, done.stderr
-    recorded = messages(tmp_path / "bag")
+    recorded = {topic.name: topic.messages for topic in contents(tmp_path / "bag").topics}
     assert recorded["/winding/tracker/markers"] == 5 * rate + 1
     assert recorded["/winding/camera/camera_info"] == 5 * rate + 1
     # One in 40 ms, for recorder and operator.
     for shown in ("/winding/camera/image_raw", "/winding/camera/image_raw/compressed"):
         assert recorded[shown] == 5 * 25 + 1
-    (first,) = lengths(tmp_path / "run", 1)
+    numbers = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
+    first = numbers["markers"][0]["s_tracked_m"]
     measured = published_markers(4)[0].experiment
     assert measured is not None
     # The tracker's own bound for a marker that has just been seen.
     assert first == pytest.approx(measured.s, rel=1e-3)
-
-
-@pytest.mark.campaign
-@pytest.mark.processes
-def test_a_camera_of_ones_own_hands_its_frames_over(
-    tmp_path: Path, command: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    camera, film = CELLS / "film_camera.py", tmp_path / "film.npy"
-    subprocess.run([sys.executable, str(camera), str(film), "8", "200"], check=True)
-    monkeypatch.setenv("WINDING_FILM", str(film))
-    cell = subprocess.Popen(
-        [
-            *(sys.executable, str(CELLS / "camera_cell.py")),
-            json.dumps({"frame_rate": 0.0, "joint_rate": 100.0}),
-            *("--ros-args", "-r", f"__ns:=/{NAMESPACE}"),
-        ],
-        stderr=subprocess.PIPE,
-        env=dict(os.environ),
-        text=True,
-    )
-    assert cell.stderr is not None
-    try:
-        assert any("ready" in line for line in cell.stderr)
-        done = command(
-            *("run", "--case", 4, "--machine", "external", "--namespace", NAMESPACE),
-            *("--duration-s", 7, "--output", "run", "--bag", "bag"),
-            *("--compose", f"{camera}:open_camera"),
-            cwd=tmp_path,
-        )
-    finally:
-        cell.kill()
-        cell.wait()
-    assert done.returncode == 0, done.stdout + done.stderr
-    recorded = messages(tmp_path / "bag")
-    frames = recorded[f"/{NAMESPACE}/camera/camera_info"]
-    assert recorded[f"/{NAMESPACE}/tracker/markers"] == frames > 700
-    measured = published_markers(4)[0].experiment
-    assert measured is not None
-    # The cells' own bar (test_camera_cell.py).
-    assert lengths(tmp_path / "run", 1) == [pytest.approx(measured.s, rel=2e-3)]
 
 
 def test_a_composed_graph_has_one_publisher_of_each_camera_topic() -> None:
@@ -112,51 +58,23 @@ def test_a_composed_graph_has_one_publisher_of_each_camera_topic() -> None:
         (".relative:open", ".relative cannot be imported: ImportError"),
     ],
 )
-def test_what_is_no_camera_is_said_in_one_sentence(source: str, sentence: str) -> None:
+def test_what_is_no_camera_is_refused_in_one_sentence(source: str, sentence: str) -> None:
     with pytest.raises(CameraSourceError, match=sentence):
         CameraSource.parsed(source).load()
 
 
 @pytest.mark.parametrize("place", ["broken.py", "broken.camera"])
-def test_a_camera_that_cannot_be_imported_is_said_in_one_sentence(
+def test_a_camera_that_cannot_be_imported_is_refused_in_one_sentence(
     place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     package = tmp_path / "broken"
     package.mkdir()
     for file in (tmp_path / "broken.py", package / "__init__.py"):
-        file.write_text("import a_library_that_nobody_has\n", encoding="utf-8")
+        file.write_text("import a_library_that_is_missing\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(
         CameraSourceError,
-        match="cannot be imported: ModuleNotFoundError: No module named 'a_library_that_nobody",
+        match="cannot be imported: ModuleNotFoundError: No module named 'a_library_that_is_missing",
     ):
         CameraSource.parsed(f"{place}:open_camera").load()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (("--compose", "my_camera:open"), "the simulated machine has a camera of its own"),
-        (("--compose", "camera", "--attach"), "compose its camera there"),
-        (("--compose", "camera", "--secure"), "--compose and --secure exclude each other"),
-        (("--frame-rate", 300), "--frame-rate must be 200 or 1000, got 300"),
-        (
-            ("--machine", "external", "--compose", "nowhere.py:open"),
-            "no camera at nowhere.py",
-        ),
-        (
-            ("--machine", "external", "--no-camera", "--compose", "json:load"),
-            "--compose and --no-camera exclude each other",
-        ),
-    ],
-)
-def test_a_composition_that_cannot_be_is_refused_before_the_start(
-    options: tuple[object, ...], sentence: str, tmp_path: Path, command: Callable[..., Any]
-) -> None:
-    done = command("run", "--case", 4, *options, cwd=tmp_path)
-    assert done.returncode == 2
-    (said,) = done.stderr.splitlines()
-    assert sentence in said
-    assert not (tmp_path / "runs").exists()

@@ -1,4 +1,4 @@
-"""What a run says of itself on /diagnostics, as its bag keeps it: who, how fast, how late."""
+"""The diagnostics of a run, as its bag keeps them: nodes, rates, latencies."""
 
 import re
 from collections import defaultdict
@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 from rclpy.duration import Duration
 
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
 from winding_core.status import Status
 from winding_recorder.bags.contents import contents
 from winding_recorder.bags.reading import decoded, messages_of, opened
 from winding_recorder.live.recorder import Recorder
 from winding_ros import topics
-from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.graph import GRAPH
-from winding_ros.rig_messages import encode_joint_state, encode_tension
+from winding_ros.messages.diagnostics import encode_diagnostics
+from winding_ros.messages.rig import encode_joint_state, encode_tension
 
 pytestmark = pytest.mark.processes
 
@@ -27,7 +27,7 @@ MAX_LEAD = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
+class Reported:
     """One status of one message, at its stamp [s]."""
 
     t: float
@@ -37,7 +37,7 @@ class Told:
 
 
 @pytest.fixture(scope="module")
-def told(recorded_run: Any) -> dict[str, list[Told]]:
+def reported(recorded_run: Any) -> dict[str, list[Reported]]:
     assert recorded_run.finished.returncode == 0, recorded_run.finished.stderr
     found = defaultdict(list)
     with opened(recorded_run.bag) as reader:
@@ -47,7 +47,7 @@ def told(recorded_run: Any) -> dict[str, list[Told]]:
             t = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
             for status in message.status:
                 found[status.name].append(
-                    Told(
+                    Reported(
                         t=t,
                         level=int(status.level),
                         hardware=status.hardware_id,
@@ -57,36 +57,36 @@ def told(recorded_run: Any) -> dict[str, list[Told]]:
     return dict(found)
 
 
-def numbers(entries: list[Told], key: str) -> list[float]:
-    """Return every value of a key, in the order they were told."""
+def numbers(entries: list[Reported], key: str) -> list[float]:
+    """Return every value of a key, in order."""
     return [float(entry.values[key]) for entry in entries if key in entry.values]
 
 
-def test_every_node_tells_of_its_work_and_of_its_topics(told: dict[str, list[Told]]) -> None:
+def test_every_node_reports_its_work_and_of_its_topics(reported: dict[str, list[Reported]]) -> None:
     expected = {*NODES, *(f"{name}: topics" for name in NODES)}
-    assert expected | {"recorder", "orchestrator: vitals"} <= set(told)
+    assert expected | {"recorder", "orchestrator: vitals"} <= set(reported)
 
 
-def test_names_and_hardware_are_those_of_rep_107(told: dict[str, list[Told]]) -> None:
-    for name, entries in told.items():
+def test_names_and_hardware_are_those_of_rep_107(reported: dict[str, list[Reported]]) -> None:
+    for name, entries in reported.items():
         assert re.fullmatch(r"[a-z_]+(: [a-z ]+)?", name)
         assert {entry.hardware for entry in entries} == {"/winding"}
         assert {entry.level for entry in entries} <= {0, 1, 2}
 
 
-def test_a_run_without_faults_has_no_error(told: dict[str, list[Told]]) -> None:
-    assert not [name for name, entries in told.items() for entry in entries if entry.level > 1]
+def test_a_run_without_faults_has_no_error(reported: dict[str, list[Reported]]) -> None:
+    assert not [name for name, entries in reported.items() for entry in entries if entry.level > 1]
 
 
-def test_stamps_are_simulated_time(told: dict[str, list[Told]], recorded_run: Any) -> None:
-    for name, entries in told.items():
+def test_stamps_are_simulated_time(reported: dict[str, list[Reported]], recorded_run: Any) -> None:
+    for name, entries in reported.items():
         assert all(0.0 <= entry.t <= recorded_run.duration + 1e-6 for entry in entries), name
     whole = contents(recorded_run.bag)
     assert whole.duration == pytest.approx(recorded_run.duration, abs=0.01)
 
 
-def test_rates_are_in_the_ratio_of_the_contract(told: dict[str, list[Told]]) -> None:
-    vitals = told["orchestrator: vitals"]
+def test_rates_are_in_the_ratio_of_the_contract(reported: dict[str, list[Reported]]) -> None:
+    vitals = reported["orchestrator: vitals"]
     measured = {
         topic.name: sum(numbers(vitals, f"rate {topic.name} [1/s]"))
         for topic in (topics.JOINT_STATES, topics.TENSION, topics.CAMERA_INFO, topics.FEM_MARKERS)
@@ -100,8 +100,8 @@ def test_rates_are_in_the_ratio_of_the_contract(told: dict[str, list[Told]]) -> 
         assert ratio == pytest.approx(1000.0 / topic.rate, rel=0.5), topic.name
 
 
-def test_latency_is_told_with_its_tail(told: dict[str, list[Told]]) -> None:
-    vitals = told["orchestrator: vitals"]
+def test_latency_is_reported_with_its_tail(reported: dict[str, list[Reported]]) -> None:
+    vitals = reported["orchestrator: vitals"]
     median = numbers(vitals, "frame to corrected length p50 [ms]")
     tail = numbers(vitals, "frame to corrected length p99 [ms]")
     assert median
@@ -109,17 +109,17 @@ def test_latency_is_told_with_its_tail(told: dict[str, list[Told]]) -> None:
     assert max(tail) < 60_000.0
 
 
-def test_drops_are_counted_and_there_are_none(told: dict[str, list[Told]]) -> None:
-    assert set(numbers(told["orchestrator: vitals"], "lost frames")) == {0.0}
-    assert set(numbers(told["recorder"], "lost")) == {0.0}
+def test_drops_are_counted_and_there_are_none(reported: dict[str, list[Reported]]) -> None:
+    assert set(numbers(reported["orchestrator: vitals"], "lost frames")) == {0.0}
+    assert set(numbers(reported["recorder"], "lost")) == {0.0}
 
 
 @pytest.mark.parametrize("spec", GRAPH, ids=lambda spec: spec.name)
-def test_each_reader_tells_the_queue_of_each_of_its_topics(
-    told: dict[str, list[Told]], spec: Any
+def test_each_reader_reports_the_queue_of_each_of_its_topics(
+    reported: dict[str, list[Reported]], spec: Any
 ) -> None:
-    entries = told[f"{spec.name}: topics"]
-    # Nobody commands the axes here, and no lay is controlled.
+    entries = reported[f"{spec.name}: topics"]
+    # The axes are not commanded here, and no lay is controlled.
     absent = (topics.COMMANDER, topics.LAY_CONTROL)
     heard = [topic for topic in spec.subscribes if topic.publisher not in absent]
     assert {topic.name for topic in heard} <= {
@@ -131,31 +131,33 @@ def test_each_reader_tells_the_queue_of_each_of_its_topics(
         assert 1.0 <= max(queue) < topic.depth, topic.name
 
 
-def test_recorder_and_machine_tell_what_waits_for_them(told: dict[str, list[Told]]) -> None:
-    assert min(numbers(told["recorder"], "waiting")) >= 0.0
+def test_recorder_and_machine_report_what_waits_for_them(
+    reported: dict[str, list[Reported]],
+) -> None:
+    assert min(numbers(reported["recorder"], "waiting")) >= 0.0
     paced = [spec.answer.name for spec in GRAPH if spec.answer is not None]
     assert paced
     for name in (*paced, topics.RECORDER_PROGRESS.name):
-        lead = numbers(told["winding_rig"], f"lead over {name} [s]")
+        lead = numbers(reported["winding_rig"], f"lead over {name} [s]")
         assert lead
         # One control step may be under way when time is held.
         assert 0.0 <= max(lead) <= MAX_LEAD + 0.01, name
 
 
 @pytest.mark.parametrize("process", [*NODES, "orchestrator"])
-def test_load_and_memory_of_each_process_are_told(
-    told: dict[str, list[Told]], process: str
+def test_load_and_memory_of_each_process_are_reported(
+    reported: dict[str, list[Reported]], process: str
 ) -> None:
-    vitals = told["orchestrator: vitals"]
+    vitals = reported["orchestrator: vitals"]
     assert max(numbers(vitals, f"cpu {process} [%]")) > 0.0
     assert min(numbers(vitals, f"memory {process} [MiB]")) > 30.0
 
 
-def test_a_stranger_s_clock_does_not_make_the_recording_longer(ros: Any, tmp_path: Path) -> None:
-    """Anybody in the domain may publish diagnostics, stamped with the time of day."""
-    host, machine, stranger = ros.plain("host"), ros.plain("machine"), ros.plain("stranger")
+def test_a_foreign_clock_does_not_make_the_recording_longer(ros: Any, tmp_path: Path) -> None:
+    """Any node in the domain may publish diagnostics, stamped with the time of day."""
+    host, machine, foreign = ros.plain("host"), ros.plain("machine"), ros.plain("foreign")
     samples = topics.JOINT_STATES.advertise(machine)
-    states = topics.DIAGNOSTICS.advertise(stranger)
+    states = topics.DIAGNOSTICS.advertise(foreign)
     recorder = Recorder(host, tmp_path / "bag", recorded=[topics.JOINT_STATES, topics.DIAGNOSTICS])
     still = AxisReading(
         cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0
@@ -163,11 +165,11 @@ def test_a_stranger_s_clock_does_not_make_the_recording_longer(ros: Any, tmp_pat
     ros.spin_until(
         lambda: samples.get_subscription_count() == 1 and states.get_subscription_count() == 1
     )
-    states.publish(encode_diagnostics(1.8e9, [Status(name="stranger")]))
+    states.publish(encode_diagnostics(1.8e9, [Status(name="foreign")]))
     for sample in range(1, 4):
         samples.publish(encode_joint_state(float(sample), still))
     ros.spin_until(lambda: recorder.buffer.last_stamp(topics.JOINT_STATES) == 3.0)
-    states.publish(encode_diagnostics(1.8e9 + 1.0, [Status(name="stranger")]))
+    states.publish(encode_diagnostics(1.8e9 + 1.0, [Status(name="foreign")]))
     ros.spin_until(lambda: recorder.buffer.last_stamp(topics.DIAGNOSTICS) == 1.8e9 + 1.0)
     recorder.close()
     whole = contents(tmp_path / "bag")

@@ -17,11 +17,11 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from lay_control_node.ros.parameters import LayControlParameters
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE
+from winding_core.lay.records import LAY_CONTROL_DTYPE
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.rig_messages import JointStateReader
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import JointStateReader
 from winding_ros.topic import Topic
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(1200)]
@@ -46,6 +46,12 @@ class Controlled:
         lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
         return [json.loads(line) for line in lines]
 
+    def missed(self, advance: float) -> np.ndarray:
+        """Return how far each landed marker lies off an even helix of an advance [m/rad], in m."""
+        markers = self.truth["markers"]
+        places = zip(markers["theta"], markers["z"], strict=True)
+        return np.array([abs(z - advance * theta) for theta, z in places if theta])
+
     def messages(self, topic: Topic) -> list[bytes]:
         """Return the CDR bytes of a recorded topic, in order."""
         with AnyReader([self.folder / "bag"]) as reader:
@@ -69,22 +75,30 @@ def arguments(folder: Path, control: str, *further: object, case: int = 4) -> li
     ]
 
 
+@pytest.fixture(scope="session")
+def wound(command: Callable[..., Any]) -> Callable[..., Controlled]:
+    """Wind a controlled run as fast as all follow."""
+
+    def wind(folder: Path, control: str, *further: object, case: int = 4) -> Controlled:
+        words = arguments(folder, control, "--speed", 0, *further, case=case)
+        finished = command(*words, cwd=folder, patience=PATIENCE)
+        assert finished.returncode == 0, finished.stderr
+        return Controlled(folder=folder)
+
+    return wind
+
+
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory, command: Callable[..., Any]) -> Controlled:
+def driven(
+    tmp_path_factory: pytest.TempPathFactory, wound: Callable[..., Controlled]
+) -> Controlled:
     """Return a run that the controller drives until P2 has landed."""
-    folder = tmp_path_factory.mktemp("driven")
-    finished = command(
-        *arguments(folder, "drive", "--speed", 0, "--duration-s", 9), cwd=folder, patience=PATIENCE
-    )
-    assert finished.returncode == 0, finished.stderr
-    return Controlled(folder=folder)
+    return wound(tmp_path_factory.mktemp("driven"), "drive", "--duration-s", 9)
 
 
 def test_markers_land_on_the_wanted_helix(driven: Controlled) -> None:
-    markers = driven.truth["markers"]
-    landed = [(theta, z) for theta, z in zip(markers["theta"], markers["z"], strict=True) if theta]
-    assert len(landed) >= 2
-    errors = [abs(z - ADVANCE * theta) for theta, z in landed]
+    errors = driven.missed(ADVANCE)
+    assert errors.size >= 2
     # P1 lies in the first turn, in which the guide still gets ahead: 1.0 mm; from then on 0.5 mm.
     assert errors[0] <= 1.0e-3
     assert max(errors[1:]) <= 0.5e-3
@@ -93,19 +107,10 @@ def test_markers_land_on_the_wanted_helix(driven: Controlled) -> None:
 @pytest.mark.parametrize("seed", [11, 12, 13])
 @pytest.mark.parametrize("case", [1, 4, 9, 12])
 def test_hidden_rigs_of_four_cases_are_driven_to_the_helix(
-    case: int, seed: int, tmp_path: Path, command: Callable[..., Any]
+    case: int, seed: int, tmp_path: Path, wound: Callable[..., Controlled]
 ) -> None:
-    finished = command(
-        *arguments(tmp_path, "drive", "--speed", 0, "--seed", seed, case=case),
-        cwd=tmp_path,
-        patience=PATIENCE,
-    )
-    assert finished.returncode == 0, finished.stderr
-    run = Controlled(folder=tmp_path)
-    markers = run.truth["markers"]
-    landed = [(theta, z) for theta, z in zip(markers["theta"], markers["z"], strict=True) if theta]
-    advance = LayControlParameters(case=case).resolved().drive.advance_per_radian
-    errors = np.abs([z - advance * theta for theta, z in landed])
+    run = wound(tmp_path, "drive", "--seed", seed, case=case)
+    errors = run.missed(LayControlParameters(case=case).resolved().drive.advance_per_radian)
     # The bars of the offline study: P1 and P2 1.0 mm, those behind 0.5 mm.
     bars = np.array([1.0e-3, 1.0e-3, *[0.5e-3] * (errors.size - 2)])
     assert errors.size >= 3
@@ -114,7 +119,7 @@ def test_hidden_rigs_of_four_cases_are_driven_to_the_helix(
     assert record["frames_lost"] == record["joint_states_lost"] == 0
 
 
-def test_controller_says_where_the_cable_lands(driven: Controlled) -> None:
+def test_controller_predicts_where_the_cable_lands(driven: Controlled) -> None:
     records = np.concatenate(
         [
             decode_cloud(data, LAY_CONTROL_DTYPE)[1]
@@ -127,14 +132,8 @@ def test_controller_says_where_the_cable_lands(driven: Controlled) -> None:
     assert abs(last["z"] - truth) < 4.0 * last["sigma_z"] + 1.0e-4
 
 
-def test_watching_commands_nothing(tmp_path: Path, command: Callable[..., Any]) -> None:
-    finished = command(
-        *arguments(tmp_path, "watch", "--speed", 0, "--duration-s", 2),
-        cwd=tmp_path,
-        patience=PATIENCE,
-    )
-    assert finished.returncode == 0, finished.stderr
-    watched = Controlled(folder=tmp_path)
+def test_watching_commands_nothing(tmp_path: Path, wound: Callable[..., Controlled]) -> None:
+    watched = wound(tmp_path, "watch", "--duration-s", 2)
     assert watched.messages(topics.LAY_CONTROL_STATE)
     assert watched.messages(topics.JOINT_TARGETS) == []
     assert watched.messages(topics.TENSION_COMMAND) == []
@@ -159,8 +158,8 @@ def survived(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Controlled]:
     """Return a driven run in which the tracker, the solver and the controller were killed."""
     folder = tmp_path_factory.mktemp("survived")
     run = Controlled(folder=folder)
-    said = folder / "stderr"
-    with said.open("w") as stderr:
+    errors = folder / "stderr"
+    with errors.open("w") as stderr:
         process = subprocess.Popen(
             [sys.executable, "-m", "winding_cli.cli", *arguments(folder, "drive")],
             cwd=folder,
@@ -172,14 +171,12 @@ def survived(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Controlled]:
         return sum(event["what"] == "resumed" for event in run.events()) >= count
 
     try:
-        until(lambda: " simulated, " in said.read_text(encoding="utf-8"), process)
-        os.kill(pid_of("marker_tracker_node", process), signal.SIGKILL)
-        until(lambda: resumed(1), process)
-        os.kill(pid_of("cable_fem_node", process), signal.SIGKILL)
-        until(lambda: resumed(2), process)
-        os.kill(pid_of("lay_control_node", process), signal.SIGKILL)
-        until(lambda: resumed(3), process)
-        assert process.wait(PATIENCE) == 0, said.read_text(encoding="utf-8")
+        until(lambda: " simulated, " in errors.read_text(encoding="utf-8"), process)
+        killed = ("marker_tracker_node", "cable_fem_node", "lay_control_node")
+        for count, package in enumerate(killed, start=1):
+            os.kill(pid_of(package, process), signal.SIGKILL)
+            until(lambda count=count: resumed(count), process)
+        assert process.wait(PATIENCE) == 0, errors.read_text(encoding="utf-8")
         yield run
     finally:
         if process.poll() is None:

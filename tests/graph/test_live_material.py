@@ -1,20 +1,20 @@
-"""A composed run over a cable that no node is told: P1 and P2 tell where P3 and P4 will lie."""
+"""A composed run over a cable unknown to the nodes: P1 and P2 show where P3 and P4 will lie."""
 
 from typing import Any
 
 import numpy as np
 import pytest
+from composed_graph import composed_run
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
 from cable_fem_node.identification.steady import SteadyMarkers
+from winding_core.cable.material_report import MaterialReport
 from winding_core.markers import MARKER_DTYPE, Markers, is_wound
-from winding_core.material_report import MaterialReport
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.graph import expected_subscribers, pace_topics
-from winding_ros.material_messages import decode_material
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.diagnostics import decode_material
 from winding_ros.topic import Topic
 
 # One process computes what the tests of this file share.
@@ -35,25 +35,24 @@ CONDITION: dict[str, Any] = {
 
 @pytest.fixture(scope="module")
 def buffer(request: pytest.FixtureRequest) -> RunBuffer:
-    ros = request.getfixturevalue("module_ros")
-    listener = ros.plain("recorder_host")
+    ros, compose = (request.getfixturevalue(name) for name in ("module_ros", "compose"))
     recorded = [topics.JOINT_STATES, topics.TRACKED_MARKERS, topics.FEM_MARKERS,
                 topics.CORRECTED_MARKERS, topics.FEM_PREDICTION, topics.FEM_MATERIAL]  # fmt: skip
+    own = {
+        "cable_fem": {"take_up_material": True},
+        "winding_rig": {"lay": "fem", "seed": 5},
+    }
+    with composed_run(compose, ros, CONDITION, recorded, **own) as (listener, recorder):
+        wind_on(ros, listener, recorder)
+    return recorder.buffer
+
+
+def wind_on(ros: Any, listener: Any, recorder: Recorder) -> None:
+    """Let four markers land, each identified before the next one can."""
     seen = SteadyMarkers()
     topics.TRACKED_MARKERS.subscribe(
         listener, lambda message: seen.add(decode_cloud(message, MARKER_DTYPE)[1])
     )
-    recorder = Recorder(listener, None, recorded=recorded)
-    names = ("cable_fem", "marker_tracker", "correction")
-    parameters: dict[str, dict[str, Any]] = {name: dict(CONDITION) for name in names}
-    parameters["cable_fem"]["take_up_material"] = True
-    parameters["winding_rig"] = {
-        **CONDITION,
-        "lay": "fem",
-        "seed": 5,
-        "speed": 0.0,
-        "pace_topics": ",".join(topic.name for topic in pace_topics()),
-    }
 
     def stored() -> list[MaterialReport]:
         found = [report for _, report in material(recorder.buffer)]
@@ -62,36 +61,19 @@ def buffer(request: pytest.FixtureRequest) -> RunBuffer:
     def call(service: str) -> None:
         assert ros.call(listener, Trigger, service, Trigger.Request()).success
 
-    graph = None
-    try:
-        graph = request.getfixturevalue("compose")(ros, parameters, direct_frames=True)
-        expected = expected_subscribers(frozenset(topic.name for topic in recorded))
-        ros.spin_until(
-            lambda: all(
-                graph.nodes[node].matched(topic) >= count
-                for node, counts in expected.items()
-                for topic, count in counts.items()
-                if topic != topics.IMAGE.name
-            )
-        )
-        # The machine waits for the identification, which has no deadline: however busy the
-        # computer is, P3 is still to come, and so is the model that has taken up P4.
-        for last in (2, 4):
-            call("rig/start")
-            ros.spin_until(lambda last=last: last in seen.steady(), patience=120.0)
-            call("rig/stop")
-            used = tuple(range(1, last + 1))
-            ros.spin_until(
-                lambda used=used: used in [report.markers for report in stored()], patience=120.0
-            )
-        told = recorder.buffer.last_stamp(topics.FEM_MATERIAL)
+    # The machine waits for the identification, which has no deadline: however busy the computer
+    # is, P3 is still to come, and so is the model that has taken up P4.
+    for last in (2, 4):
         call("rig/start")
-        ros.spin_until(lambda: recorder.buffer.last_stamp(topics.FEM_MARKERS) > told + 0.1)
-    finally:
-        if graph is not None:
-            graph.close()
-        recorder.close()
-    return recorder.buffer
+        ros.spin_until(lambda last=last: last in seen.steady(), patience=120.0)
+        call("rig/stop")
+        used = tuple(range(1, last + 1))
+        ros.spin_until(
+            lambda used=used: used in [report.markers for report in stored()], patience=120.0
+        )
+    reported = recorder.buffer.last_stamp(topics.FEM_MATERIAL)
+    call("rig/start")
+    ros.spin_until(lambda: recorder.buffer.last_stamp(topics.FEM_MARKERS) > reported + 0.1)
 
 
 def clouds(buffer: RunBuffer, topic: Topic) -> list[tuple[float, Markers]]:

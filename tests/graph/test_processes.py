@@ -5,7 +5,17 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.drive import DriveProfile
+from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
+from winding_recorder.bags.reading import messages_of, opened
+from winding_ros import topics
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import JointStateReader
+from winding_ros.topic import Topic
 
 pytestmark = pytest.mark.processes
 
@@ -39,15 +49,51 @@ def test_numbers_have_the_promised_keys(numbers: dict[str, Any]) -> None:
     }  # fmt: skip
 
 
-def test_wound_marker_is_tracked_to_one_percent(numbers: dict[str, Any]) -> None:
-    first = numbers["markers"][0]
+def clouds(recorded_run: Any, topic: Topic, dtype: np.dtype) -> list[tuple[float, np.ndarray]]:
+    """Return stamps [s] and records of a recorded cloud, in order."""
+    with opened(recorded_run.bag) as reader:
+        links = [link for link in reader.connections if link.topic.endswith(f"/{topic.name}")]
+        return [decode_cloud(bytes(data), dtype) for _, _, data in messages_of(reader, links)]
+
+
+def test_wound_marker_is_tracked_to_one_percent_and_no_other_is_invented(
+    recorded_run: Any, numbers: dict[str, Any]
+) -> None:
+    first, *later = numbers["markers"]
     assert first["s_tracked_m"] == pytest.approx(first["s_published_m"], rel=0.01)
+    assert [(marker["s_fem_m"], marker["s_tracked_m"]) for marker in later] == [(None, None)] * 3
+    tracked = clouds(recorded_run, topics.TRACKED_MARKERS, MARKER_DTYPE)
+    assert len(tracked) == numbers["frames"]
+    assert not any(is_wound(markers[markers["id"] >= 2]).any() for _, markers in tracked)
 
 
-def test_unwound_markers_are_null_not_invented(numbers: dict[str, Any]) -> None:
-    for marker in numbers["markers"][1:]:
-        assert marker["s_fem_m"] is None
-        assert marker["s_tracked_m"] is None
+def test_correction_is_the_weight_times_the_prediction(recorded_run: Any) -> None:
+    fem = dict(clouds(recorded_run, topics.FEM_MARKERS, MARKER_DTYPE))
+    corrected = clouds(recorded_run, topics.CORRECTED_MARKERS, CORRECTED_DTYPE)
+    assert len(corrected) == len(fem) > 0
+    for t, markers in corrected:
+        np.testing.assert_array_equal(markers["s_fem"], fem[t][is_wound(fem[t])]["s"])
+        np.testing.assert_allclose(markers["s"], markers["h"] * markers["s_fem"], rtol=1e-12)
+        assert (markers["s_low"] <= markers["s"]).all()
+        assert (markers["s"] <= markers["s_high"]).all()
+
+
+def test_whole_run_is_predicted_at_activation(recorded_run: Any) -> None:
+    ((t, markers),) = clouds(recorded_run, topics.FEM_PREDICTION, MARKER_DTYPE)
+    assert t == 0.0
+    # In 5 s the cylinder turns 7.83 rad: P1 is wound, the others are not.
+    np.testing.assert_array_equal(is_wound(markers), [True, True, False, False, False])
+
+
+def test_machine_follows_the_drive_profile(recorded_run: Any) -> None:
+    with opened(recorded_run.bag) as reader:
+        links = [link for link in reader.connections if link.topic.endswith("rig/joint_states")]
+        *_, (_, _, data) = messages_of(reader, links)
+    t, reading = JointStateReader(MachineAxes())(bytes(data))
+    angle, guide = DriveProfile().positions(t)
+    # The bound that the machine's own test measures.
+    assert reading.cylinder_angle == pytest.approx(angle, abs=0.01)
+    assert reading.carriage_position == pytest.approx(guide, abs=1e-4)
 
 
 def test_report_is_one_offline_page(recorded_run: Any) -> None:

@@ -55,9 +55,9 @@ def test_two_slow_nodes_are_blamed_on_their_own_hops(
         cwd=tmp_path,
     )
     assert done.returncode == 0, done.stderr
-    said = json.loads((tmp_path / "run" / "run.json").read_text())["trace"]
-    assert said["lengths"] == 51
-    camera = {(cost["station"], cost["hop"]): cost for cost in said["camera"]}
+    trace = json.loads((tmp_path / "run" / "run.json").read_text())["trace"]
+    assert trace["lengths"] == 51
+    camera = {(cost["station"], cost["hop"]): cost for cost in trace["camera"]}
     whole = camera.pop((None, "whole"))
     # Each hop begins where the one before it ends, so that only rounding is left.
     assert sum(cost["share"] for cost in camera.values()) == pytest.approx(whole["share"], rel=1e-9)

@@ -1,12 +1,10 @@
-"""The guide's law: wherever the cable lies, it comes back to the wanted line."""
-
-from __future__ import annotations
+"""The guide: wherever the cable lies it comes back to the wanted line, within every bound."""
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lay_control_node.control.guide_law import GuideLaw, WantedPoint
+from lay_control_node.control.guide_law import AxisBounds, BoundedMotion, GuideLaw, WantedPoint
 from lay_control_node.control.lay_filter import LayEstimate
 
 Array = NDArray[np.float64]
@@ -16,12 +14,7 @@ PITCH = 2.87e-3
 
 
 def wound(
-    angle: float,
-    law: GuideLaw,
-    *,
-    believed: float = LENGTH,
-    start: float = 0.0,
-    bend: float = BEND,
+    angle: float, law: GuideLaw, *, believed: float = LENGTH, start: float = 0.0, bend: float = BEND
 ) -> Array:
     """Wind an angle [rad] of an even helix from an error [m] on, the span pointing along it.
 
@@ -51,7 +44,7 @@ def wound(
 
 
 @pytest.mark.parametrize("bend", [2.0e-3, 1.0e-2, 2.0e-2])
-def test_an_error_dies_out_whatever_the_cable_is_bent_over(bend: float) -> None:
+def test_an_error_dies_out_whatever_the_cable_is_bent_over(bend):
     gain, near = 1.0, bend / RADIUS
     rows = wound(6.0, GuideLaw(radius=RADIUS, gain=gain), start=-2.0e-3, bend=bend)
     # E = v - h obeys E'' + 4 k E' + 4 k^2 E = 0 with E' = 0 first, and the error of z follows by
@@ -66,7 +59,7 @@ def test_an_error_dies_out_whatever_the_cable_is_bent_over(bend: float) -> None:
 
 
 @pytest.mark.parametrize("ratio", [0.7, 1.4])
-def test_a_wrong_free_length_leaves_a_steady_error(ratio: float) -> None:
+def test_a_wrong_free_length_leaves_a_steady_error(ratio):
     """On the helix w' = w'/q + 4 k t1 (w' + k e - w'/q), q the ratio of believed to true t1."""
     rows = wound(30.0, GuideLaw(radius=RADIUS, gain=1.0), believed=ratio * LENGTH)
     q = (ratio * LENGTH - BEND) / (LENGTH - BEND)
@@ -76,7 +69,7 @@ def test_a_wrong_free_length_leaves_a_steady_error(ratio: float) -> None:
 
 
 @pytest.mark.parametrize("missing", [1.0e-3, 2.0e-2, 0.2])
-def test_laid_cable_is_never_curved_beyond_what_friction_holds(missing: float) -> None:
+def test_laid_cable_is_never_curved_beyond_what_friction_holds(missing):
     turning = 0.1 * RADIUS
     rows = wound(40.0, GuideLaw(radius=RADIUS, turning=turning), start=-missing)
     curvature = np.diff(rows[:, 2]) / np.diff(rows[:, 0])
@@ -86,12 +79,12 @@ def test_laid_cable_is_never_curved_beyond_what_friction_holds(missing: float) -
 
 
 @pytest.mark.parametrize("missing", [1.0e-3, 2.0e-2, 0.2])
-def test_a_large_error_is_made_up_without_overshoot(missing: float) -> None:
+def test_a_large_error_is_made_up_without_overshoot(missing):
     rows = wound(40.0, GuideLaw(radius=RADIUS, turning=0.1 * RADIUS), start=-missing)
     assert rows[:, 1].min() > -0.02 * missing
 
 
-def test_a_guide_goes_on_as_it_stands_whatever_the_estimate_says() -> None:
+def test_a_guide_goes_on_as_it_stands_whatever_the_estimate_says():
     """A cable that is believed elsewhere changes the rate, never the place."""
     law = GuideLaw(radius=RADIUS, turning=0.1 * RADIUS)
     lay = LayEstimate(
@@ -108,7 +101,71 @@ def test_a_guide_goes_on_as_it_stands_whatever_the_estimate_says() -> None:
     assert law.command(wanted, lay, 0.02, 1.0e-6).position == pytest.approx(0.02, abs=1.0e-7)
 
 
-def test_the_guide_of_a_lay_that_is_right_leads_by_the_lag() -> None:
+def test_the_guide_of_a_lay_that_is_right_leads_by_the_lag():
     rows = wound(5.0, GuideLaw(radius=RADIUS, turning=0.1 * RADIUS))
     assert rows[:, 1] == pytest.approx(0.0, abs=1.0e-9)
     assert rows[:, 3] == pytest.approx(PITCH, rel=1.0e-6)
+
+
+BOUNDS = AxisBounds(low=-0.1, high=0.4, speed=0.08, acceleration=0.5)
+PERIOD = 0.02
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_random_wants_stay_inside_the_bounds(seed):
+    rng = np.random.default_rng(seed)
+    motion = BoundedMotion(BOUNDS, rng.uniform(-0.1, 0.4), rng.uniform(-0.02, 0.02))
+    for _ in range(300):
+        before = motion.speed
+        if rng.random() < 0.3:
+            motion.go(rng.normal(0.0, 0.2), PERIOD)
+        else:
+            motion.follow(rng.uniform(-1.0, 1.0), rng.normal(0.0, 0.2), PERIOD)
+        assert BOUNDS.low <= motion.position <= BOUNDS.high
+        assert abs(motion.speed) <= BOUNDS.speed * (1.0 + 1.0e-12)
+        assert abs(motion.speed - before) <= BOUNDS.acceleration * PERIOD * (1.0 + 1.0e-9)
+
+
+def test_what_can_be_followed_is_followed_exactly():
+    motion = BoundedMotion(BOUNDS, 0.0, 0.01)
+    for k in range(1, 200):
+        motion.follow(0.01 * k * PERIOD, 0.01, PERIOD)
+        assert motion.position == pytest.approx(0.01 * k * PERIOD, abs=1.0e-12)
+        assert not motion.limited
+
+
+def test_a_step_is_made_up_without_overshoot():
+    motion = BoundedMotion(BOUNDS, 0.0, 0.0)
+    positions = []
+    for _ in range(100):
+        motion.follow(0.03, 0.0, PERIOD)
+        positions.append(motion.position)
+    assert positions[-1] == pytest.approx(0.03, abs=1.0e-6)
+    # A control step of braking late at the largest speed.
+    assert max(positions) <= 0.03 + 0.5 * BOUNDS.acceleration * PERIOD**2
+
+
+def test_setpoint_waits_for_an_axis_that_stands():
+    motion = BoundedMotion(BOUNDS, 0.0, 0.05)
+    for _ in range(200):
+        motion.wait_for(0.0, 0.02)
+        motion.follow(0.3, 0.05, PERIOD)
+        # It brakes where the reach ends, and a control step late.
+        braked = BOUNDS.speed**2 / (2.0 * 0.8 * BOUNDS.acceleration)
+        assert motion.position <= 0.02 + braked + BOUNDS.speed * PERIOD
+    assert motion.limited
+    assert motion.position == pytest.approx(0.02, abs=1.0e-3)
+    # As soon as the axis moves, so does the setpoint, without a step.
+    before = motion.position
+    motion.wait_for(0.01, 0.02)
+    motion.follow(0.3, 0.05, PERIOD)
+    assert 0.0 < motion.position - before <= BOUNDS.acceleration * PERIOD**2
+
+
+def test_it_stops_before_the_end_of_the_travel():
+    motion = BoundedMotion(BOUNDS, 0.39, 0.08)
+    for _ in range(50):
+        motion.go(0.08, PERIOD)
+    assert motion.position <= BOUNDS.high
+    # It creeps up to the end: below a hundredth of the largest speed.
+    assert motion.speed < 0.01 * BOUNDS.speed

@@ -10,15 +10,14 @@ import pytest
 
 from lay_control_node.ros.message_handler import LayControlHandler
 from lay_control_node.ros.parameters import LayControlParameters
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
-from winding_core.lay_records import LAY_DTYPE
-from winding_core.machine_axes import MachineAxes
+from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlBasis, ControlMode
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
-from winding_core.readings import AxisReading
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import encode_joint_state, encode_tension
+from winding_ros.messages.clouds import decode_cloud, encode_cloud
+from winding_ros.messages.rig import encode_joint_state, encode_tension
+from winding_ros.messages.serialised import MessageError
 
 PERIOD = 1.0e-3
 COMMANDS_PERIOD = 0.02
@@ -71,7 +70,11 @@ def on(topic: Any, answers: Iterable[Any]) -> list[Any]:
     return [answer.message for answer in answers if answer.topic is topic]
 
 
-def said(answers: Iterable[Any]) -> np.ndarray:
+def commanded(answers: Iterable[Any]) -> list[Any]:
+    return on(topics.JOINT_TARGETS, answers)
+
+
+def states(answers: Iterable[Any]) -> np.ndarray:
     """Return the records of lay_control/state."""
     clouds = [
         decode_cloud(message, LAY_CONTROL_DTYPE)[1]
@@ -80,42 +83,42 @@ def said(answers: Iterable[Any]) -> np.ndarray:
     return np.concatenate(clouds)
 
 
-def test_targets_are_in_the_joints_own_unit_sign_and_offset() -> None:
+def test_targets_are_in_the_joints_own_unit_sign_and_offset():
     plain = wind(begun(), 0.0, 1.0)
     other = wind(begun(**AXES), 0.0, 1.0, **AXES)
-    targets = on(topics.JOINT_TARGETS, other)
-    assert len(targets) == len(on(topics.JOINT_TARGETS, plain)) == round(1.0 / COMMANDS_PERIOD)
-    for mine, his in zip(on(topics.JOINT_TARGETS, plain), targets, strict=True):
+    targets = commanded(other)
+    assert len(targets) == len(commanded(plain)) == round(1.0 / COMMANDS_PERIOD)
+    for mine, his in zip(commanded(plain), targets, strict=True):
         # Rounding of 1234.5 mm in double precision, and of what was computed with it.
         assert his.position[0] == pytest.approx(1234.5 - 1.0e3 * mine.position[0], abs=1.0e-7)
         assert his.velocity[0] == pytest.approx(-1.0e3 * mine.velocity[0], abs=1.0e-6)
     assert targets[-1].position[0] < 1234.5
 
 
-def test_a_command_at_time_zero_has_a_stamp() -> None:
-    (first,) = on(topics.JOINT_TARGETS, wind(begun(), 0.0, PERIOD))
+def test_a_command_at_time_zero_has_a_stamp():
+    (first,) = commanded(wind(begun(), 0.0, PERIOD))
     assert (first.header.stamp.sec, first.header.stamp.nanosec) == (0, 1)
 
 
-def test_target_names_the_machines_own_joint_and_no_other() -> None:
+def test_target_names_the_machines_own_joint_and_no_other():
     handler = begun(carriage_joint="carriage_joint", cylinder_joint="cylinder_joint")
-    names = {tuple(target.name) for target in on(topics.JOINT_TARGETS, wind(handler, 0.0, 0.1))}
+    names = {tuple(target.name) for target in commanded(wind(handler, 0.0, 0.1))}
     assert names == {("carriage_joint",)}
 
 
-def test_state_is_said_at_its_rate_whatever_the_encoders_rate() -> None:
+def test_state_is_said_at_its_rate_whatever_the_encoders_rate():
     answers = wind(begun(), 0.0, 1.0)
     assert len(on(topics.LAY_CONTROL_STATE, answers)) == round(1.0 / COMMANDS_PERIOD)
 
 
 @pytest.mark.parametrize("mode", ["off", "watch"])
-def test_nothing_is_commanded_by_a_controller_that_does_not_drive(mode: str) -> None:
+def test_nothing_is_commanded_by_a_controller_that_does_not_drive(mode):
     answers = wind(begun(control=mode, brake=True, markers_every_turn=True), 0.0, 1.0)
     assert {answer.topic for answer in answers} == {topics.LAY_CONTROL_STATE}
-    assert set(said(answers)["mode"]) == {int(ControlMode[mode.upper()])}
+    assert set(states(answers)["mode"]) == {int(ControlMode[mode.upper()])}
 
 
-def test_pull_is_commanded_of_a_machine_with_a_brake_alone() -> None:
+def test_pull_is_commanded_of_a_machine_with_a_brake_alone():
     with_brake = wind(begun(brake=True, markers_every_turn=True), 0.0, 1.0)
     assert on(topics.TENSION_COMMAND, with_brake)
     assert not on(topics.TENSION_COMMAND, wind(begun(), 0.0, 1.0))
@@ -123,36 +126,30 @@ def test_pull_is_commanded_of_a_machine_with_a_brake_alone() -> None:
 
 def stood_still(handler: LayControlHandler, start: float, end: float) -> list[Any]:
     """Give a handler joint states of a machine that stopped at an instant [s], till another."""
-    stopped = DRIVE.reading_at(start)
-    standing = AxisReading(
-        cylinder_angle=stopped.cylinder_angle,
-        angular_speed=0.0,
-        carriage_position=stopped.carriage_position,
-        feed_speed=0.0,
-    )
+    standing = replace(DRIVE.reading_at(start), angular_speed=0.0, feed_speed=0.0)
     answers: list[Any] = []
     for t in instants(start, end):
         answers += handler.take(topics.JOINT_STATES, encode_joint_state(t, standing))
     return answers
 
 
-def test_machine_that_stands_after_a_stop_is_not_commanded() -> None:
+def test_machine_that_stands_after_a_stop_is_not_commanded():
     handler = begun()
     wind(handler, 0.0, 2.0)
     stood_still(handler, 2.0, 2.3)
     later = stood_still(handler, 2.3, 3.0)
-    assert on(topics.JOINT_TARGETS, later) == []
+    assert commanded(later) == []
     assert len(on(topics.LAY_CONTROL_STATE, later)) == round(0.7 / COMMANDS_PERIOD)
 
 
-def test_controller_that_starts_beside_a_standing_machine_soon_leaves_it_alone() -> None:
+def test_controller_that_starts_beside_a_standing_machine_soon_leaves_it_alone():
     handler = begun()
     stood_still(handler, 2.0, 2.3)
-    assert on(topics.JOINT_TARGETS, stood_still(handler, 2.3, 3.0)) == []
+    assert commanded(stood_still(handler, 2.3, 3.0)) == []
 
 
-def test_restart_in_mid_run_takes_the_guide_over_where_it_is() -> None:
-    targets = on(topics.JOINT_TARGETS, wind(begun(), 5.0, 6.0))
+def test_restart_in_mid_run_takes_the_guide_over_where_it_is():
+    targets = commanded(wind(begun(), 5.0, 6.0))
     guide = [target.position[0] for target in targets]
     first = DRIVE.reading_at(5.0)
     # Within the first period a carriage moves no further than at its largest speed.
@@ -163,7 +160,7 @@ def test_restart_in_mid_run_takes_the_guide_over_where_it_is() -> None:
     assert np.abs(np.diff(guide, 2)).max() <= acceleration * COMMANDS_PERIOD**2 * (1.0 + 1.0e-6)
 
 
-def test_restart_beside_a_guide_that_is_where_it_should_be_leaves_it_there() -> None:
+def test_restart_beside_a_guide_that_is_where_it_should_be_leaves_it_there():
     handler = begun()
     what = LayControlParameters().resolved()
     pitch = DRIVE.pitch / (2.0 * math.pi)
@@ -173,24 +170,24 @@ def test_restart_beside_a_guide_that_is_where_it_should_be_leaves_it_there() -> 
         reading = DRIVE.reading_at(t)
         ahead = replace(reading, carriage_position=pitch * reading.cylinder_angle + lead)
         answers += handler.take(topics.JOINT_STATES, encode_joint_state(t, ahead))
-    targets = on(topics.JOINT_TARGETS, answers)
+    targets = commanded(answers)
     # The last command is of 5.98 s. The end of the span grows 4 % less bent as the tension builds
     # up; the lay moves by 0.02 mm with it, and the law moves the guide by 11 times that.
     there = pitch * DRIVE.reading_at(5.98).cylinder_angle + lead
     assert targets[-1].position[0] == pytest.approx(there, abs=4.0e-4)
 
 
-def test_restart_in_mid_run_owns_that_it_knows_little_of_the_lay() -> None:
-    state = said(wind(begun(), 5.0, 5.1))
+def test_restart_in_mid_run_owns_that_it_knows_little_of_the_lay():
+    state = states(wind(begun(), 5.0, 5.1))
     assert state["sigma_z"][0] > 0.01
     assert state["theta"][0] == pytest.approx(DRIVE.reading_at(5.0).cylinder_angle)
 
 
-def test_modes_are_switched_without_a_step_of_the_guide() -> None:
+def test_modes_are_switched_without_a_step_of_the_guide():
     handler = begun(control="watch")
     wind(handler, 0.0, 3.0)
     handler.switch(ControlMode.DRIVE)
-    targets = on(topics.JOINT_TARGETS, wind(handler, 3.0, 3.5))
+    targets = commanded(wind(handler, 3.0, 3.5))
     guide = np.array([target.position[0] for target in targets])
     assert guide.size == round(0.5 / COMMANDS_PERIOD)
     limits = LayControlParameters()
@@ -202,12 +199,12 @@ def test_modes_are_switched_without_a_step_of_the_guide() -> None:
 
 
 @pytest.mark.parametrize("mode", [ControlMode.OFF, ControlMode.WATCH])
-def test_a_carriage_that_was_driven_goes_on_by_the_drive_programme(mode: ControlMode) -> None:
+def test_a_carriage_that_was_driven_goes_on_by_the_drive_programme(mode):
     handler = begun()
-    before = on(topics.JOINT_TARGETS, wind(handler, 0.0, 3.0))[-1]
+    before = commanded(wind(handler, 0.0, 3.0))[-1]
     handler.switch(mode)
     answers = wind(handler, 3.0, 5.0)
-    targets = on(topics.JOINT_TARGETS, answers)
+    targets = commanded(answers)
     guide = np.array([before.position[0], *(target.position[0] for target in targets)])
     speed = np.array([before.velocity[0], *(target.velocity[0] for target in targets)])
     limits = LayControlParameters()
@@ -216,49 +213,44 @@ def test_a_carriage_that_was_driven_goes_on_by_the_drive_programme(mode: Control
     assert np.abs(np.diff(speed)).max() <= most
     assert np.abs(np.diff(guide)).max() <= limits.guide_speed_limit * COMMANDS_PERIOD
     assert speed[-1] == pytest.approx(DRIVE.reading_at(4.9).feed_speed, rel=0.01)
-    assert set(said(answers)["basis"]) == {ControlBasis.RAMP}
+    assert set(states(answers)["basis"]) == {ControlBasis.RAMP}
     # Within the 0.2 s after which a machine counts as standing there are some.
-    assert not on(topics.JOINT_TARGETS, stood_still(handler, 5.0, 6.0)[-30:])
+    assert not commanded(stood_still(handler, 5.0, 6.0)[-30:])
 
 
-def test_mode_that_was_switched_stays_in_the_next_run() -> None:
+def test_mode_that_was_switched_stays_in_the_next_run():
     handler = begun(control="watch")
     handler.switch(ControlMode.DRIVE)
     list(handler.begin(0.0))
-    assert on(topics.JOINT_TARGETS, wind(handler, 0.0, 0.1))
+    assert commanded(wind(handler, 0.0, 0.1))
 
 
-def test_silent_solver_leaves_the_drive_programme() -> None:
-    state = said(wind(begun(solver_patience=0.5), 0.0, 1.5, solver=False))
+def test_silent_solver_leaves_the_drive_programme():
+    state = states(wind(begun(solver_patience=0.5), 0.0, 1.5, solver=False))
     assert state["basis"][0] != ControlBasis.RAMP
     assert state["basis"][-1] == ControlBasis.RAMP
     programme = DRIVE.reading_at(1.4).feed_speed
-    # The setpoint goes at the feed speed of the drive programme, as the encoder says its speed.
+    # The setpoint goes at the feed speed of the drive programme, by the encoder.
     assert state["guide_speed"][-1] == pytest.approx(programme, rel=0.01)
 
 
-def test_measured_lay_makes_the_estimate_surer() -> None:
+def test_measured_lay_makes_the_estimate_surer():
     handler = begun()
-    before = said(wind(handler, 0.0, 4.0))[-1]
+    before = states(wind(handler, 0.0, 4.0))[-1]
     angle = DRIVE.reading_at(4.0).cylinder_angle
     places = np.zeros(20, dtype=LAY_DTYPE)
     places["theta"] = np.linspace(0.2, angle - 0.5, 20)
     places["z"] = before["z"] * places["theta"] / angle
     places["sigma_z"] = 1.0e-4
     assert list(handler.take(topics.TRACKED_LAY, encode_cloud(4.0, places))) == []
-    after = said(wind(handler, 4.0, 4.1))[-1]
+    after = states(wind(handler, 4.0, 4.1))[-1]
     assert after["sigma_free_length"] < before["sigma_free_length"]
     assert after["basis"] == ControlBasis.MEASURED
 
 
 def bad_messages() -> list[Any]:
     reading = DRIVE.reading_at(1.0)
-    nowhere = AxisReading(
-        cylinder_angle=math.nan,
-        angular_speed=reading.angular_speed,
-        carriage_position=reading.carriage_position,
-        feed_speed=reading.feed_speed,
-    )
+    nowhere = replace(reading, cylinder_angle=math.nan)
     good = encode_joint_state(1.0, reading)
     wrong = encode_cloud(1.0, np.zeros(1, dtype=[("x", "<f4"), ("y", "<f4")]))
     return [
@@ -274,18 +266,18 @@ def bad_messages() -> list[Any]:
 
 
 @pytest.mark.parametrize(("topic", "data"), bad_messages())
-def test_message_that_cannot_be_used_changes_nothing(topic: Any, data: bytes) -> None:
+def test_message_that_cannot_be_used_changes_nothing(topic, data):
     hurt, unhurt = begun(), begun()
     for handler in (hurt, unhurt):
         wind(handler, 0.0, 1.0)
     with pytest.raises(MessageError):
         list(hurt.take(topic, data))
-    after, expected = (said(wind(handler, 1.001, 1.2)) for handler in (hurt, unhurt))
+    after, expected = (states(wind(handler, 1.001, 1.2)) for handler in (hurt, unhurt))
     assert after.tobytes() == expected.tobytes()
 
 
 @pytest.mark.parametrize("field", ["theta", "z", "sigma_z"])
-def test_place_that_is_not_a_number_moves_nothing(field: str) -> None:
+def test_place_that_is_not_a_number_moves_nothing(field):
     handler = begun()
     wind(handler, 0.0, 4.0)
     places = np.zeros(3, dtype=LAY_DTYPE)
@@ -297,6 +289,6 @@ def test_place_that_is_not_a_number_moves_nothing(field: str) -> None:
     markers[field] = math.nan
     for k in range(40):
         list(handler.take(topics.TRACKED_MARKERS, encode_cloud(4.0 + 0.005 * k, markers)))
-    state = said(wind(handler, 4.0, 4.2))
+    state = states(wind(handler, 4.0, 4.2))
     for name in ("z", "guide", "guide_speed", "free_length", "load_share"):
         assert np.isfinite(state[name]).all(), name

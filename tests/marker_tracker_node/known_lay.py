@@ -4,14 +4,13 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from marker_film import FREE_LENGTH, TURN, pinhole
 
-from marker_tracker_node import CameraPose, LayConfig, LayReading, LayTracker, PinholeCamera
+from marker_tracker_node import CameraPose, LayConfig, LayReading, LayTracker
 from marker_tracker_node.lay.report import defects_of, lay_records
-from marker_tracker_node.lay.turn_map import TurnMap
+from marker_tracker_node.lay.turn_map import BEFORE, PLACE_ANGLE, TurnMap
 from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene
 
-TURN = 2.0 * math.pi
-FREE_LENGTH = 0.198
 SMALL = CameraConfig()
 STEP = TURN / 720
 
@@ -106,7 +105,7 @@ class KnownLay:
         """Return the defects that the tracker's own limits find in the true z."""
         known = TurnMap()
         for place in range(int((self.theta[-1] + math.pi) / TURN * 72)):
-            theta = known.theta_of(place)
+            theta = (place - BEFORE + 0.5) * PLACE_ANGLE
             if theta > self.theta[0]:
                 known.add(
                     theta,
@@ -118,14 +117,3 @@ class KnownLay:
                     steep=0.0,
                 )
         return list(defects_of(lay_records(self.config(SMALL), known, 0.0)))
-
-
-def pinhole(camera):
-    info = camera.calibration()
-    return PinholeCamera.from_info(
-        width=info.width, height=info.height, k=info.k, d=info.d, roi=info.roi, binning=info.binning
-    )
-
-
-def rms(values):
-    return float(np.sqrt(np.mean(np.square(values))))

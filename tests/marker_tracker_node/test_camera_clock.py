@@ -2,21 +2,16 @@
 
 import numpy as np
 import pytest
+from marker_film import DRIVE, UNSEEN, axes, encoder
 
-from marker_tracker_node.tracking.camera_clock import ClockSettings
+from marker_tracker_node.tracking.checks.camera_clock import ClockSettings
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
-from winding_core.drive import DriveProfile
-from winding_core.markers import MarkerFlag
-from winding_core.readings import AxisReading
 
 pytestmark = pytest.mark.slow
 
-UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
-DRIVE = DriveProfile()
 EPOCH, REST, FPS, STOP = 1.8e9, 0.3, 50.0, 9.0
 # Of a length, as the specification asks.
 SHARE = 0.002
-COUNT = 2.0 * np.pi / 8192
 
 
 def motion(t):
@@ -27,9 +22,7 @@ def motion(t):
 def pictures(paper_film):
     """A film of P0 to P4 of case 9, from standing, as (film, frames)."""
     film = paper_film(9)
-    return film, [
-        film.renderer.render(film.scene(*motion(k / FPS)), film.rng) for k in range(int(STOP * FPS))
-    ]
+    return film, [film.frame_at(*motion(k / FPS)) for k in range(int(STOP * FPS))]
 
 
 class Cell:
@@ -44,7 +37,7 @@ class Cell:
         self.live.start(film.tracker())
         self.ramp_end = None
         # Published lengths as (share by which they are wrong, whether a warning stood).
-        self.told = []
+        self.published = []
         self.valid = 0
 
         def at(t):
@@ -69,13 +62,7 @@ class Cell:
         for arrival, _, t, frame in sorted(arriving, key=lambda event: event[:3]):
             if frame is None:
                 angle, guide = motion(at(t))
-                reading = AxisReading(
-                    cylinder_angle=round(angle / COUNT) * COUNT,
-                    angular_speed=np.nan,
-                    carriage_position=guide,
-                    feed_speed=np.nan,
-                )
-                self.live.add_reading(EPOCH + t, reading)
+                self.live.add_reading(EPOCH + t, axes(encoder(angle), guide))
             else:
                 self.live.add_frame(EPOCH + t + offset, frame)
             self.look()
@@ -90,7 +77,7 @@ class Cell:
                 seen[0] = False
                 self.valid += int(seen.sum())
                 wrong = np.abs(markers["s"][seen] / self.film.s[seen] - 1.0)
-                self.told += [(share, self.live.clock.warning) for share in wrong]
+                self.published += [(share, self.live.clock.warning) for share in wrong]
 
     @property
     def lengths(self):
@@ -103,21 +90,21 @@ def plain(pictures):
 
 
 @pytest.mark.parametrize("offset", [-0.2, -0.05, -0.005, 0.005, 0.05, 0.2])
-def test_offset_is_found_said_and_corrected(pictures, plain, offset):
+def test_offset_is_found_reported_and_corrected(pictures, plain, offset):
     raw = Cell(pictures, offset=offset)
     assert raw.ramp_end.offset == pytest.approx(offset, abs=2.0e-3)  # required
-    assert all(warning for share, warning in raw.told if share > SHARE)
+    assert all(warning for share, warning in raw.published if share > SHARE)
     corrected = Cell(pictures, offset=offset, correct=True)
     assert corrected.valid > 0.95 * plain.valid
-    assert max(share for share, _ in corrected.told) < SHARE
+    assert max(share for share, _ in corrected.published) < SHARE
     np.testing.assert_allclose(corrected.lengths, plain.lengths, rtol=SHARE)
     assert corrected.live.clock.warning == ""
 
 
 def test_no_offset_no_warning(plain):
     assert plain.ramp_end.offset == pytest.approx(0.0, abs=2.0e-3)
-    assert not any(warning for _, warning in plain.told)
-    assert max(share for share, _ in plain.told) < SHARE
+    assert not any(warning for _, warning in plain.published)
+    assert max(share for share, _ in plain.published) < SHARE
 
 
 @pytest.mark.parametrize("offset", [0.2, 3600.0])
@@ -133,12 +120,12 @@ def test_a_pause_loses_no_marker_and_turns_none_over(pictures, plain, pause, fil
     cell = Cell(pictures, pause=pause, filmed=filmed, rate=100.0)
     np.testing.assert_allclose(cell.lengths, plain.lengths, rtol=SHARE)
     assert cell.live.tracker.report().known == plain.live.tracker.report().known
-    assert max(share for share, _ in cell.told) < SHARE
+    assert max(share for share, _ in cell.published) < SHARE
 
 
 @pytest.mark.parametrize("rate", [40.0, 100.0, 2000.0])
 def test_rates_losses_and_jitter_change_no_length(pictures, plain, rate):
     cell = Cell(pictures, rate=rate, loss=0.05, jitter=0.02)
     np.testing.assert_allclose(cell.lengths, plain.lengths, rtol=SHARE)
-    assert max(share for share, _ in cell.told) < SHARE
+    assert max(share for share, _ in cell.published) < SHARE
     assert cell.valid > 0.95 * plain.valid

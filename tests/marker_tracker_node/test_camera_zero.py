@@ -63,17 +63,15 @@ def test_a_wrong_zero_of_the_encoder_is_no_tilt_once_p0_has_passed(paper_film, n
 @pytest.mark.parametrize("number", [4, 9])
 def test_a_recording_without_rest_takes_the_turn_from_a_pass(paper_film, number):
     film = paper_film(number, camera=CameraConfig(tilt=TILT).full_frame(3))
-    tracker = film.tracker()
-    for t, frame, angle, guide in film.frames(RATE, start=2.2, stop=5.6):
-        tracker.track(frame, t, angle, guide)
+    tracker, *_ = film.followed(RATE, start=2.2, stop=5.6)
     assert off(tracker, film) < PASS_ERROR
 
 
-def test_a_turn_beyond_any_calibration_is_said_and_not_applied(paper_film):
+def test_a_turn_beyond_any_calibration_is_reported_and_not_applied(paper_film):
     film = paper_film(4, camera=CameraConfig(tilt=(13.5e-3, 0.0, 0.0)))
     tracker = at_rest(film, 6, {})
     assert tracker.pose == tracker.config.pose
-    (said,) = tracker.report().remarks
-    assert "limit 12.5 mrad, which is not applied" in said
-    size = float(said.split("turned by ")[1].split()[0]) * MILLIRADIAN
+    (remark,) = tracker.report().remarks
+    assert "limit 12.5 mrad, which is not applied" in remark
+    size = float(remark.split("turned by ")[1].split()[0]) * MILLIRADIAN
     assert size == pytest.approx(13.5e-3, abs=1.0e-3)

@@ -60,9 +60,7 @@ def node(ros: Any, device: Device) -> ComposedTrackerNode:
     return tracker
 
 
-def test_the_camera_is_open_while_the_node_is_active(
-    node: ComposedTrackerNode, device: Device
-) -> None:
+def test_the_camera_is_open_while_the_node_is_active(node, device):
     for _ in range(2):
         assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
         assert device.opened == 1
@@ -70,9 +68,7 @@ def test_the_camera_is_open_while_the_node_is_active(
         assert device.opened == 0
 
 
-def test_a_camera_that_does_not_open_is_refused_and_may_open_later(
-    node: ComposedTrackerNode, device: Device
-) -> None:
+def test_a_camera_that_does_not_open_is_refused_and_may_open_later(node, device):
     device.opens = False
     assert node.trigger_activate() is TransitionCallbackReturn.FAILURE
     (own, *_) = node._statuses()
@@ -82,9 +78,7 @@ def test_a_camera_that_does_not_open_is_refused_and_may_open_later(
     assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
 
 
-def test_a_camera_that_does_not_close_leaves_the_node_as_others_do(
-    node: ComposedTrackerNode, device: Device
-) -> None:
+def test_a_camera_that_does_not_close_leaves_the_node_as_others_do(node, device):
     device.closes = False
     assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
     assert node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
@@ -92,7 +86,7 @@ def test_a_camera_that_does_not_close_leaves_the_node_as_others_do(
 
 
 def stamps(ros: Any, node: ComposedTrackerNode) -> list[int]:
-    """Return a list that fills with the stamps of the frames the graph is told of [ns]."""
+    """Return a list that fills with the stamps of the frames the graph receives [ns]."""
     found: list[int] = []
     listener = ros.plain("listener")
     topics.CAMERA_INFO.subscribe(listener, lambda info: found.append(info.header.stamp.nanosec))
@@ -100,9 +94,7 @@ def stamps(ros: Any, node: ComposedTrackerNode) -> list[int]:
     return found
 
 
-def test_a_frame_whose_time_runs_backwards_is_refused_and_counted(
-    ros: Any, node: ComposedTrackerNode, device: Device
-) -> None:
+def test_a_frame_whose_time_runs_backwards_is_refused_and_counted(ros, node, device):
     heard = stamps(ros, node)
     assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
     device.port.calibrate(calibration())
@@ -110,8 +102,8 @@ def test_a_frame_whose_time_runs_backwards_is_refused_and_counted(
         device.port.take(1e-3 * milliseconds, FRAME)
     ros.spin_until(lambda: len(heard) == 2)
     assert heard == [10_000_000, 15_000_000]
-    said = " ".join(f"{s.message} {s.values}" for s in node._statuses())
-    assert "time went back from 0.010 to 0.005 s" in said
+    statuses = " ".join(f"{s.message} {s.values}" for s in node._statuses())
+    assert "time went back from 0.010 to 0.005 s" in statuses
 
 
 @pytest.mark.parametrize(
@@ -122,9 +114,7 @@ def test_a_frame_whose_time_runs_backwards_is_refused_and_counted(
         (float("nan"), FRAME, "the time of a frame must be finite, got nan s"),
     ],
 )
-def test_what_is_no_frame_is_refused_where_it_is_handed_over(
-    node: ComposedTrackerNode, device: Device, t: float, frame: Any, sentence: str
-) -> None:
+def test_what_is_no_frame_is_refused_where_it_is_handed_over(node, device, t, frame, sentence):
     assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
     with pytest.raises(RuntimeError, match="before any calibration"):
         device.port.take(0.0, FRAME)
@@ -133,9 +123,7 @@ def test_what_is_no_frame_is_refused_where_it_is_handed_over(
         device.port.take(t, frame)
 
 
-def test_a_frame_that_comes_after_the_end_is_left_alone(
-    ros: Any, node: ComposedTrackerNode, device: Device
-) -> None:
+def test_a_frame_that_comes_after_the_end_is_left_alone(ros, node, device):
     heard = stamps(ros, node)
     assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
     late = device.port

@@ -1,4 +1,4 @@
-"""Told numbers that are wrong are named by the pictures of the run; innocent runs raise nothing."""
+"""Wrong numbers of the configuration are named by the pictures; consistent runs raise nothing."""
 
 from __future__ import annotations
 
@@ -10,19 +10,16 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from marker_film import DRIVE, encoder, pinhole
 
-from marker_tracker_node import PinholeCamera, Tracker
-from marker_tracker_node.tracking.contradiction import Contradiction
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from marker_tracker_node import Tracker
+from marker_tracker_node.tracking.checks.contradiction import Contradiction
+from winding_core.cable.cases import paper_case
 from winding_rig_node.camera import CameraConfig, Light, SensorNoise
 
 pytestmark = pytest.mark.slow
 
 FPS = 40.0
-DRIVE = DriveProfile()
-# The encoder's, of 8192 in a turn [rad].
-COUNT = 2.0 * math.pi / 8192
 
 
 def same(value: Any, t: float) -> Any:
@@ -31,15 +28,15 @@ def same(value: Any, t: float) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Lie:
-    """What a tracker is told wrongly.
+    """What a tracker is configured with wrongly.
 
     Attributes:
         number: That has to be named.
-        share: By how much it is told too large; nan where no share is stated.
+        share: By how much it is set too large; nan where no share is given.
         config: Factors on fields of the configuration.
         focal: Factor on the focal length.
         times: Factor on the frames' times.
-        reading: Makes the told angle of the true one [rad].
+        reading: Makes the reported angle of the true one [rad].
         picture: Makes the frame that is seen of the one that was drawn.
     """
 
@@ -84,39 +81,24 @@ LIES = {
 }
 
 
-def other_focal(camera: CameraConfig, factor: float) -> PinholeCamera:
-    info = camera.calibration()
-    k = np.array(info.k, dtype=float).reshape(3, 3).copy()
-    k[0, 0] *= factor
-    k[1, 1] *= factor
-    return PinholeCamera.from_info(
-        width=info.width,
-        height=info.height,
-        k=k,
-        d=info.d,
-        roi=info.roi,
-        binning=info.binning,
-        distortion_model=info.distortion_model,
-    )
-
-
-def told(film: Any, lie: Lie, fps: float = FPS, stop: float = 20.0) -> tuple[Contradiction, ...]:
+def found_wrong(
+    film: Any, lie: Lie, fps: float = FPS, stop: float = 20.0
+) -> tuple[Contradiction, ...]:
     """Track a film with a lie and return what was found to be wrong."""
     config = film.tracker().config
     config = replace(config, **{n: f * getattr(config, n) for n, f in lie.config.items()})
-    tracker = Tracker(config, other_focal(film.camera, lie.focal))
+    tracker = Tracker(config, pinhole(film.camera, lie.focal))
     for t, frame, *_ in film.frames(fps, stop=stop):
         # The encoder keeps its own time: a wrong one asks it for another instant.
         angle, guide = DRIVE.positions(lie.times * t)
-        count = round(angle / COUNT) * COUNT
-        tracker.track(lie.picture(frame, t), lie.times * t, lie.reading * count, guide)
+        tracker.track(lie.picture(frame, t), lie.times * t, lie.reading * encoder(angle), guide)
     return tracker.report().contradictions
 
 
 @pytest.mark.parametrize("name", LIES)
-def test_the_wrong_number_is_named(paper_film: Any, name: str) -> None:
+def test_the_wrong_number_is_named(paper_film, name):
     lie = LIES[name]
-    (found,) = told(paper_film(4), lie)
+    (found,) = found_wrong(paper_film(4), lie)
     assert found.number == lie.number, found.sentence
     if not math.isnan(lie.share):
         # Seen only until the bands are lost, a share is known to the usual error of their motion.
@@ -133,9 +115,9 @@ def test_the_wrong_number_is_named(paper_film: Any, name: str) -> None:
         Lie(number=""),
     ],
 )
-def test_a_run_of_one_turn_names_the_right_number(paper_film: Any, lie: Lie) -> None:
+def test_a_run_of_one_turn_names_the_right_number(paper_film, lie):
     # 5 s end just as P0 comes back; P1 is the only marker beside it.
-    found = told(paper_film(4), lie, 25.0, stop=5.0)
+    found = found_wrong(paper_film(4), lie, 25.0, stop=5.0)
     assert [item.number for item in found] == [lie.number] * bool(lie.number)
     if found and not math.isnan(lie.share):
         # The area of a thick cable is cut at what counts as whole: three points of seventeen.
@@ -144,9 +126,9 @@ def test_a_run_of_one_turn_names_the_right_number(paper_film: Any, lie: Lie) -> 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("case", [2, 5, 9, 10, 12])
-def test_nine_of_ten_are_named_whatever_is_wound(paper_film: Any, case: int) -> None:
+def test_nine_of_ten_are_named_whatever_is_wound(paper_film, case):
     film = paper_film(case)
-    named = {name: [item.number for item in told(film, lie)] for name, lie in LIES.items()}
+    named = {name: [item.number for item in found_wrong(film, lie)] for name, lie in LIES.items()}
     # At constant speed a scale and a rate are the same: both may be named together.
     right = [
         lie.number in named[name]
@@ -157,13 +139,13 @@ def test_nine_of_ten_are_named_whatever_is_wound(paper_film: Any, case: int) -> 
 
 
 @pytest.mark.parametrize("case", [1, 4, 7, 10])
-def test_a_run_of_the_paper_raises_nothing(paper_film: Any, case: int) -> None:
-    assert told(paper_film(case), Lie(number="")) == ()
+def test_a_run_of_the_paper_raises_nothing(paper_film, case):
+    assert found_wrong(paper_film(case), Lie(number="")) == ()
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", range(20))
-def test_innocent_runs_raise_nothing(paper_film: Any, smooth_film: Any, seed: int) -> None:
+def test_consistent_runs_raise_nothing(paper_film, smooth_film, seed):
     rng = np.random.default_rng(100 + seed)
     camera = replace(
         CameraConfig(),
@@ -179,5 +161,5 @@ def test_innocent_runs_raise_nothing(paper_film: Any, smooth_film: Any, seed: in
         film = smooth_film(number, stretch, camera=camera, seed=seed)
     else:
         film = paper_film(number, camera=camera, seed=seed)
-    found = told(film, Lie(number=""), fps)
+    found = found_wrong(film, Lie(number=""), fps)
     assert found == (), (number, camera)

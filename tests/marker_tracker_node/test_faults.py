@@ -5,23 +5,19 @@ import math
 
 import numpy as np
 import pytest
+from marker_film import UNSEEN
 
 from marker_tracker_node import FrameFault, TrackerConfig
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 
 pytestmark = pytest.mark.slow
 
-UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
-
 
 @pytest.fixture(scope="module")
 def running(paper_film):
     """A film and a tracker that has followed it until the third marker has landed."""
     film = paper_film(4)
-    tracker = film.tracker()
-    for t, frame, angle, guide in film.frames(40.0, stop=12.0):
-        tracker.track(frame, t, angle, guide)
-    return film, tracker
+    return film, film.followed(40.0, stop=12.0)[0]
 
 
 @pytest.fixture
@@ -37,7 +33,7 @@ def frame(running):
 
 def arrays(state):
     """Every array that a tracker keeps."""
-    return [*state.tracks.marks, *state.tracks.candidates, state.tracks.paths, state.numbers]
+    return [state.mark_rows, state.candidate_rows, state.run_rows, state.paths]
 
 
 @pytest.mark.parametrize(

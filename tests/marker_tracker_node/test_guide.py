@@ -4,19 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from marker_film import DRIVE, FREE_LENGTH, GRID, TURN, Film, marked_lay
 
-from winding_core.cases import Case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import Case
 from winding_rig_node.camera import CameraConfig, SensorNoise
-from winding_rig_node.machine.lay import CableLay
 
 pytestmark = pytest.mark.slow
 
-FEED = DriveProfile().advance_per_radian
-SPEED = DriveProfile().angular_speed
-FREE_LENGTH = 0.198
-TURN = 2.0 * math.pi
-GRID = np.arange(0.0, 42.0, 0.01)
+FEED = DRIVE.advance_per_radian
 STEADY = FEED * GRID
 
 
@@ -29,7 +24,7 @@ def steps(*stretches):
 
 
 # A cable that follows its guide a free length behind lies free of itself in all of these.
-INNOCENT = {
+FREE_OF_ITSELF = {
     "dwells at the start": steps((0.0, 0.0), (1.5, 1.2)),
     "dwells for a turn": steps((0.0, 1.0), (5.0, 0.0), (5.0 + 1.1 * TURN, 1.0)),
     "starts backwards": steps((0.0, -1.0), (0.6, 1.2)),
@@ -50,45 +45,40 @@ def sized(cylinder, cable):
     )
 
 
-def film_of(any_film, case, guide, seed):
+def film_of(case, guide, seed):
     """A film of a cable that follows a guide, which stands so over GRID."""
     lag = FREE_LENGTH / case.centreline_radius
     z = np.zeros_like(GRID)
     for k in range(1, GRID.size):
         z[k] = z[k - 1] + 0.01 * (guide[k - 1] - z[k - 1]) / lag
-    way = np.hypot(case.centreline_radius, np.gradient(z, GRID))
-    length = np.concatenate([[0.0], np.cumsum(0.005 * (way[1:] + way[:-1]))])
-    marked = case.marker_spacing * np.arange(case.marker_count + 1)
-    lay = CableLay(path_theta=GRID, path_z=z, marker_theta=np.interp(marked, length, GRID))
     camera = CameraConfig(noise=SensorNoise(read=1.0 + seed % 3))
-    return any_film(case=case, lay=lay, camera=camera, seed=seed)
+    return Film(case=case, lay=marked_lay(case, z), camera=camera, seed=seed)
 
 
-def wound(film, guide, told, **changes):
+def wound(film, guide, read, **changes):
     """A tracker that has followed a film until the last marker has come round once more.
 
     Args:
         film: To follow.
         guide: Where it stands over GRID.
-        told: What is read of a position, given rotation and position.
-        changes: Of what the tracker is told.
+        read: What is read of a position, given rotation and position.
+        changes: Of the tracker's configuration.
     """
     tracker = film.tracker(expected_stretch=1.0, **changes)
     dice = np.random.default_rng(film.seed)
-    for t, _, angle, _ in timed(film):
+    for t, angle in timed(film):
         at = float(np.interp(angle, GRID, guide))
-        frame = film.renderer.render(film.scene(angle, at), film.rng)
-        reading = told(angle, at) + dice.normal(0.0, 2.0e-5)
+        frame = film.frame_at(angle, at)
+        reading = read(angle, at) + dice.normal(0.0, 2.0e-5)
         tracker.track(frame, t, angle, reading)
     return tracker
 
 
 def timed(film):
-    """Times and angles of a run with a start from rest, as `Film.frames` has them."""
-    drive = DriveProfile()
-    stop = (film.theta[-1] + TURN + 1.0) / SPEED + 0.5
+    """Times and angles of a run with a start from rest, until the last marker has come again."""
+    stop = (film.theta[-1] + TURN + 1.0) / DRIVE.angular_speed + 0.5
     for k in range(math.ceil(16.0 * stop)):
-        yield k / 16.0, None, drive.positions(k / 16.0)[0], None
+        yield k / 16.0, DRIVE.positions(k / 16.0)[0]
 
 
 def require_right(film, tracker):
@@ -99,11 +89,11 @@ def require_right(film, tracker):
 SIZES = [(30.0, 2.0), (30.0, 4.0), (45.0, 3.0), (60.0, 4.0), (60.0, 6.0)]
 
 
-@pytest.mark.parametrize("name", INNOCENT)
+@pytest.mark.parametrize("name", FREE_OF_ITSELF)
 @pytest.mark.parametrize(("size", "seed"), [(SIZES[0], 1), (SIZES[2], 2), (SIZES[3], 3)])
-def test_a_guide_that_dwells_or_goes_back_is_followed(any_film, name, size, seed):
-    guide = INNOCENT[name]
-    film = film_of(any_film, sized(*size), guide, seed)
+def test_a_guide_that_dwells_or_goes_back_is_followed(name, size, seed):
+    guide = FREE_OF_ITSELF[name]
+    film = film_of(sized(*size), guide, seed)
     tracker = wound(film, guide, lambda angle, at: at + 0.4)
     require_right(film, tracker)
     report = tracker.report()
@@ -113,8 +103,8 @@ def test_a_guide_that_dwells_or_goes_back_is_followed(any_film, name, size, seed
 
 @pytest.mark.parametrize("offset", [17.0e-3, -21.0e-3, 15.5e-3, -0.34])
 @pytest.mark.parametrize(("size", "seed"), [(SIZES[1], 4), (SIZES[4], 5)])
-def test_the_zero_of_the_guide_does_not_matter(any_film, size, seed, offset):
-    film = film_of(any_film, sized(*size), STEADY, seed)
+def test_the_zero_of_the_guide_does_not_matter(size, seed, offset):
+    film = film_of(sized(*size), STEADY, seed)
     tracker = wound(film, STEADY, lambda angle, at: at + offset)
     require_right(film, tracker)
     assert tracker.report().healthy
@@ -123,16 +113,16 @@ def test_the_zero_of_the_guide_does_not_matter(any_film, size, seed, offset):
 @pytest.mark.parametrize(
     ("size", "lead"), [(SIZES[1], 8.0e-3), (SIZES[3], -5.0e-3), (SIZES[3], 5.0e-3)]
 )
-def test_where_the_guide_stands_as_p0_lands_is_found_out_from_the_markers(any_film, size, lead):
+def test_where_the_guide_stands_as_p0_lands_is_found_out_from_the_markers(size, lead):
     guide = STEADY + lead
-    film = film_of(any_film, sized(*size), guide, 6)
+    film = film_of(sized(*size), guide, 6)
     tracker = wound(film, guide, lambda angle, at: at)
     require_right(film, tracker)
     assert tracker.state.run.guide.offset == pytest.approx(lead, abs=1.0e-3)
 
 
 @pytest.mark.parametrize(
-    ("told", "words"),
+    ("read", "words"),
     [
         (lambda angle, at: 1000.0 * at, "millimetres"),
         (lambda angle, at: 85.0 - 1000.0 * at, "millimetres instead of metres, and is their sign"),
@@ -143,43 +133,40 @@ def test_where_the_guide_stands_as_p0_lands_is_found_out_from_the_markers(any_fi
     ids=["mm", "reversed mm", "reversed", "stuck", "too far"],
 )
 @pytest.mark.parametrize(("size", "seed"), [(SIZES[0], 7), (SIZES[1], 8), (SIZES[3], 9)])
-def test_readings_that_the_markers_contradict_are_said_and_not_believed(
-    any_film, told, words, size, seed
+def test_readings_that_the_markers_contradict_are_reported_and_not_believed(
+    read, words, size, seed
 ):
-    film = film_of(any_film, sized(*size), STEADY, seed)
-    tracker = wound(film, STEADY, told)
+    film = film_of(sized(*size), STEADY, seed)
+    tracker = wound(film, STEADY, read)
     require_right(film, tracker)
     report = tracker.report()
     assert words in report.guide_doubt
     assert not report.healthy
 
 
-def test_readings_in_millimetres_are_judged_before_a_marker_lands(any_film):
-    film = film_of(any_film, sized(30.0, 4.0), STEADY, 10)
+def test_readings_in_millimetres_are_judged_before_a_marker_lands():
+    film = film_of(sized(30.0, 4.0), STEADY, 10)
     tracker = film.tracker()
-    for t, _, angle, _ in timed(film):
+    for t, angle in timed(film):
         if angle > 0.3:
             break
         tracker.track(film.frame_at(angle), t, angle, 1000.0 * FEED * angle)
     assert "millimetres" in tracker.report().guide_doubt
 
 
-def test_a_feed_towards_minus_z_is_followed(any_film):
+def test_a_feed_towards_minus_z_is_followed():
     case = sized(30.0, 4.0)
-    film = film_of(any_film, case, -STEADY, 11)
+    film = film_of(case, -STEADY, 11)
     # P3 and P4 lie beyond the picture.
     tracker = wound(film, -STEADY, lambda angle, at: at, marker_count=2)
     np.testing.assert_allclose(tracker.estimates()["s"][1:3], film.s[1:3], rtol=0.002)
     assert tracker.report().guide_doubt == ""
 
 
-def test_markers_that_never_come_are_said(smooth_film):
+def test_markers_that_never_come_are_reported(smooth_film):
     film = smooth_film(9)
     film.theta = np.where(np.arange(film.theta.size) == 0, film.theta, math.nan)
-    tracker = film.tracker()
-    for t, frame, angle, guide in film.frames(8.0, stop=12.0):
-        tracker.track(frame, t, angle, guide)
-    report = tracker.report()
+    report = film.followed(8.0, stop=12.0)[0].report()
     assert report.known == 1
     assert report.missing == (1,)
     assert not report.healthy

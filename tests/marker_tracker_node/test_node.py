@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from marker_film import DRIVE, Film, axes
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo
@@ -11,18 +12,18 @@ from sensor_msgs.msg import CameraInfo
 from marker_tracker_node.node import MarkerTrackerNode
 from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
-from winding_core.lay_records import LAY_DTYPE
+from winding_core.cable.cases import paper_case
+from winding_core.lay.records import LAY_DTYPE
+from winding_core.machine.readings import ImageWindow
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
-from winding_core.readings import AxisReading, ImageWindow
 from winding_core.status import Level
-from winding_rig_node.camera import CablePath, CameraConfig, Renderer, Scene
+from winding_rig_node.camera import CameraConfig
+from winding_rig_node.lay.known_lay import CableLay
 from winding_ros import topics
-from winding_ros.camera_messages import CameraReading, encode_camera_info, encode_image
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.rig_messages import encode_joint_state
-from winding_ros.wire.cdr import serialised
+from winding_ros.messages.camera import CameraReading, encode_camera_info, encode_image
+from winding_ros.messages.cdr import serialised
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import encode_joint_state
 
 FRAMES = 40
 PERIOD = 0.005
@@ -46,8 +47,9 @@ class Bench:
         ros.spin_until(lambda: all(p.get_subscription_count() == 1 for p in publishers))
         ros.spin_until(lambda: self.node.matched("tracker/markers") == 1)
         self.camera = CameraConfig()
-        self._renderer = Renderer(self.camera)
-        self._rng = np.random.default_rng(0)
+        path = {"path_theta": np.linspace(0.0, 2.0, 50), "path_z": np.linspace(0.0, 1e-3, 50)}
+        lay = CableLay(**path, marker_theta=np.array([0.0, 6.28]))
+        self._film = Film(case=paper_case(4), lay=lay, seed=0)
 
     def calibration(self) -> CameraReading:
         content = self.camera.calibration()
@@ -63,34 +65,10 @@ class Bench:
         )
 
     def frame(self, t: float) -> np.ndarray:
-        case = paper_case(4)
-        angle, guide = DriveProfile().positions(t)
-        return self._renderer.render(
-            Scene(
-                cylinder_radius=case.cylinder_radius,
-                cable_radius=case.cable_radius,
-                cylinder_angle=angle,
-                path=CablePath(theta=np.linspace(0.0, 2.0, 50), z=np.linspace(0.0, 1e-3, 50)),
-                marker_theta=np.array([0.0, 6.28]),
-                guide_z=guide,
-                free_length=0.198,
-            ),
-            self._rng,
-        )
+        return self._film.frame_at(*DRIVE.positions(t))
 
     def encoder(self, t: float) -> None:
-        (angle, guide), (speed, feed) = DriveProfile().positions(t), DriveProfile().speeds(t)
-        self.joints.publish(
-            encode_joint_state(
-                t,
-                AxisReading(
-                    cylinder_angle=angle,
-                    angular_speed=speed,
-                    carriage_position=guide,
-                    feed_speed=feed,
-                ),
-            )
-        )
+        self.joints.publish(encode_joint_state(t, axes(*DRIVE.positions(t))))
 
     def calibrate(self) -> None:
         self.info.publish(encode_camera_info(0.0, self.calibration()))
@@ -102,7 +80,7 @@ def bench(ros: Any) -> Bench:
     return Bench(ros)
 
 
-def test_every_frame_is_answered_with_its_stamp(bench: Bench) -> None:
+def test_every_frame_is_answered_with_its_stamp(bench):
     bench.calibrate()
     for index in range(FRAMES):
         bench.encoder(index * PERIOD)
@@ -115,7 +93,7 @@ def test_every_frame_is_answered_with_its_stamp(bench: Bench) -> None:
     assert (markers["flags"][1:] & MarkerFlag.NOT_WOUND).all()
 
 
-def test_frames_wait_for_their_encoder_sample(bench: Bench) -> None:
+def test_frames_wait_for_their_encoder_sample(bench):
     bench.calibrate()
     for index in range(5):
         bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
@@ -125,7 +103,7 @@ def test_frames_wait_for_their_encoder_sample(bench: Bench) -> None:
     bench.ros.spin_until(lambda: len(bench.markers) == 5)
 
 
-def test_frame_without_calibration_is_refused_and_said(bench: Bench) -> None:
+def test_frame_without_calibration_is_refused_and_reported(bench):
     bench.info.publish(CameraInfo())
     bench.ros.spin_until(lambda: bench.node.endpoints._guards["camera/camera_info"].refused == 1)
     bench.image.publish(encode_image(0.0, bench.frame(0.0)))
@@ -134,7 +112,7 @@ def test_frame_without_calibration_is_refused_and_said(bench: Bench) -> None:
     assert bench.node.status().message == "no calibrated camera_info yet"
 
 
-def test_frames_that_overtake_the_first_calibration_are_measured(bench: Bench) -> None:
+def test_frames_that_overtake_the_first_calibration_are_measured(bench):
     for index in range(4):
         bench.encoder(index * PERIOD)
         bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
@@ -144,7 +122,7 @@ def test_frames_that_overtake_the_first_calibration_are_measured(bench: Bench) -
     bench.ros.spin_until(lambda: len(bench.markers) == 4)
 
 
-def test_silent_encoder_is_said_and_frames_still_answered(bench: Bench) -> None:
+def test_silent_encoder_is_reported_and_frames_still_answered(bench):
     bench.calibrate()
     for index in range(FRAMES):
         bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
@@ -153,7 +131,7 @@ def test_silent_encoder_is_said_and_frames_still_answered(bench: Bench) -> None:
     assert "the encoder is silent" in bench.node.status().message
 
 
-def test_frame_of_another_size_gets_an_empty_answer(bench: Bench) -> None:
+def test_frame_of_another_size_gets_an_empty_answer(bench):
     bench.calibrate()
     bench.encoder(0.0)
     bench.image.publish(encode_image(0.0, np.zeros((48, 64, 3), dtype=np.uint8)))
@@ -162,7 +140,7 @@ def test_frame_of_another_size_gets_an_empty_answer(bench: Bench) -> None:
     assert "frame of another size" in bench.node.status().message
 
 
-def test_a_camera_of_another_hour_is_an_error_in_one_sentence(bench: Bench) -> None:
+def test_a_camera_of_another_hour_is_an_error_in_one_sentence(bench):
     bench.calibrate()
     bench.image.publish(encode_image(3600.0, bench.frame(0.0)))
     image = bench.node.endpoints._guards["camera/image_raw"]
@@ -178,19 +156,16 @@ def test_a_camera_of_another_hour_is_an_error_in_one_sentence(bench: Bench) -> N
     assert bench.markers[0].header.stamp.sec == 3600
 
 
-def test_the_lay_is_told_when_it_is_asked_for(bench: Bench) -> None:
+def test_the_lay_is_published_when_it_is_asked_for(bench):
     handler = TrackerHandler(TrackerParameters(case=4, measure_lay=True))
     info = serialised(encode_camera_info(0.0, bench.calibration()))
-    told = list(handler.take(topics.CAMERA_INFO, info))
+    answers = list(handler.take(topics.CAMERA_INFO, info))
     for index in range(3):
         t = index * 0.5
-        angle, guide = DriveProfile().positions(t)
-        reading = AxisReading(
-            cylinder_angle=angle, angular_speed=0.0, carriage_position=guide, feed_speed=0.0
-        )
-        told += handler.take(topics.JOINT_STATES, serialised(encode_joint_state(t, reading)))
-        told += handler.take(topics.IMAGE, serialised(encode_image(t, bench.frame(t))))
-    lays = [answer for answer in told if answer.topic is topics.TRACKED_LAY]
+        reading = axes(*DRIVE.positions(t))
+        answers += handler.take(topics.JOINT_STATES, serialised(encode_joint_state(t, reading)))
+        answers += handler.take(topics.IMAGE, serialised(encode_image(t, bench.frame(t))))
+    lays = [answer for answer in answers if answer.topic is topics.TRACKED_LAY]
     assert len(lays) == 3
     _, records = decode_cloud(lays[-1].data, LAY_DTYPE)
     # The turn that has just begun lies within a millimetre of P0.

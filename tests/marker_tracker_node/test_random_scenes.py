@@ -5,18 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from marker_film import DRIVE, FINE, GRID, UNSEEN, Film, marked_lay
 
-from marker_tracker_node import CameraPose, Tracker, refine
-from winding_core.cases import Case
-from winding_core.drive import DriveProfile
-from winding_core.fleet_angle import FleetAngleLaw
-from winding_core.markers import MarkerFlag
+from marker_tracker_node import CameraPose, refine
+from winding_core.cable.cases import Case
+from winding_core.helix import FleetAngleLaw
 from winding_rig_node.camera import CameraConfig, Light, SensorNoise, Window
-from winding_rig_node.machine.lay import CableLay
 
-UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
-DRIVE = DriveProfile()
-FINE = Window(x_offset=240, y_offset=100, width=1000, height=880, binning=1)
 WINDOWS = (
     FINE,
     FINE,
@@ -34,21 +29,17 @@ def lay_of(case, rng):
         free_length=rng.uniform(0.17, 0.23),
         radius=rho,
     )
-    grid = np.arange(0.0, 42.0, 0.01)
     turn = round(2.0 * math.pi / 0.01)
     wave, phase = rng.uniform(4.0, 15.0), rng.uniform(0.0, 2.0 * math.pi)
-    sway = np.sin(2.0 * math.pi * grid / wave + phase) - math.sin(phase)
-    rise = 1.0 - np.exp(-grid / 2.0)
-    z = law.z(grid) + rng.uniform(0.0, 0.25e-3) * sway * rise
+    sway = np.sin(2.0 * math.pi * GRID / wave + phase) - math.sin(phase)
+    rise = 1.0 - np.exp(-GRID / 2.0)
+    z = law.z(GRID) + rng.uniform(0.0, 0.25e-3) * sway * rise
     lack = rng.uniform(1.0, 1.03) * diameter - (z[turn:] - z[:-turn])
     z += max(float((lack / np.maximum(rise[turn:] - rise[:-turn], 0.02)).max()), 0.0) * rise
-    way = np.hypot(rho, np.gradient(z, grid))
-    length = np.concatenate([[0.0], np.cumsum(0.005 * (way[1:] + way[:-1]))])
-    marked = rng.uniform(1.0, 1.05) * case.marker_spacing * np.arange(case.marker_count + 1)
-    return CableLay(path_theta=grid, path_z=z, marker_theta=np.interp(marked, length, grid))
+    return marked_lay(case, z, rng.uniform(1.0, 1.05))
 
 
-def followed(any_film, seed, tilt_sigma=0.0, position_sigma=0.0):
+def followed(seed, tilt_sigma=0.0, position_sigma=0.0):
     """A film, its tracker after the run, and errors and deviations of its single frames."""
     rng = np.random.default_rng(seed)
     cylinder = float(rng.choice([30.0, 60.0, rng.uniform(25.0, 80.0)], p=[0.35, 0.35, 0.3]))
@@ -79,27 +70,23 @@ def followed(any_film, seed, tilt_sigma=0.0, position_sigma=0.0):
         defocus=float(rng.choice([0.0, rng.uniform(0.2, 1.2)])),
         bayer=bool(rng.random() < 0.15),
     )
-    film = any_film(case=case, lay=lay_of(case, rng), camera=camera, seed=seed)
+    film = Film(case=case, lay=lay_of(case, rng), camera=camera, seed=seed)
     believed = CameraPose(
         position=tuple(position + position_sigma * rng.normal(size=3)),
         tilt=tuple(tilt + tilt_sigma * rng.normal(size=3)),
     )
-    config = film.tracker(pose=believed, expected_stretch=1.02).config
-    tracker = Tracker(config, film.pinhole(), remember=True)
+    tracker = film.tracker(pose=believed, expected_stretch=1.02, remember=True)
     stop = (film.theta[-1] + 5.0) / DRIVE.angular_speed + 0.5
-    rows = []
-    for t, frame, angle, guide in film.frames(8.0 if narrow else 4.0, stop=stop):
-        records = tracker.track(frame, t, angle, guide)
-        use = ((records["flags"] & UNSEEN) == 0) & (records["id"] > 0)
-        rows.append(
-            np.column_stack(
-                [
-                    (records["theta"] - film.theta) / records["sigma_theta"],
-                    (records["z"] - film.z) / records["sigma_z"],
-                ]
-            )[use]
-        )
-    return film, tracker, np.concatenate(rows)
+    _, records, _ = film.followed(8.0 if narrow else 4.0, tracker, stop=stop)
+    use = ((records["flags"] & UNSEEN) == 0) & (records["id"] > 0)
+    return film, tracker, scores_of(film, records)[use]
+
+
+def scores_of(film, records, markers=slice(None)):
+    """Errors of theta and z over their deviations, shape (..., markers, 2)."""
+    theta = (records["theta"] - film.theta[markers]) / records["sigma_theta"]
+    z = (records["z"] - film.z[markers]) / records["sigma_z"]
+    return np.stack([theta, z], axis=-1)
 
 
 def require_coverage(scores):
@@ -113,20 +100,17 @@ def require_coverage(scores):
 
 def mean_scores(film, tracker):
     """Errors of the run means over their deviations, shape (markers, 2)."""
-    means = tracker.estimates()[1:]
-    theta = (means["theta"] - film.theta[1:]) / means["sigma_theta"]
-    z = (means["z"] - film.z[1:]) / means["sigma_z"]
-    scores = np.column_stack([theta, z])
+    scores = scores_of(film, tracker.estimates()[1:], slice(1, None))
     return scores[np.isfinite(scores).all(axis=1)]
 
 
 @pytest.mark.campaign
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-def test_deviations_cover_the_errors_of_two_hundred_scenes(any_film):
+def test_deviations_cover_the_errors_of_two_hundred_scenes():
     frames, means = [], []
     for seed in range(1000, 1200):
-        film, tracker, scores = followed(any_film, seed)
+        film, tracker, scores = followed(seed)
         if tracker.report().known > 1:
             frames.append(scores)
             means.append(mean_scores(film, tracker))
@@ -136,8 +120,8 @@ def test_deviations_cover_the_errors_of_two_hundred_scenes(any_film):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2001, 2002, 2003])
-def test_a_right_pose_is_left_alone(any_film, seed):
-    _, tracker, _ = followed(any_film, seed)
+def test_a_right_pose_is_left_alone(seed):
+    _, tracker, _ = followed(seed)
     fit = refine(tracker.config, tracker.camera, tracker.sightings())
     assert not fit.moved.any()
     means, seen = tracker.estimates(), np.isfinite(fit.theta)
@@ -146,15 +130,19 @@ def test_a_right_pose_is_left_alone(any_film, seed):
     np.testing.assert_array_equal(fit.z[seen], means["z"][seen])
 
 
-@pytest.mark.slow
-def test_a_pose_wrong_by_its_belief_is_mended(any_film):
-    before, after = [], []
-    for seed in range(3001, 3007):
-        film, tracker, _ = followed(any_film, seed, tilt_sigma=10.0e-3, position_sigma=2.0e-3)
+def refined(seeds):
+    """Yield film, tracker and fit of the scenes that yield the sightings that a fit needs."""
+    for seed in seeds:
+        film, tracker, _ = followed(seed, tilt_sigma=10.0e-3, position_sigma=2.0e-3)
         sightings = tracker.sightings()
-        if len(sightings.marker) < 20 or not (sightings.marker == 0).any():
-            continue
-        fit = refine(tracker.config, tracker.camera, sightings)
+        if len(sightings.marker) >= 20 and (sightings.marker == 0).any():
+            yield film, tracker, refine(tracker.config, tracker.camera, sightings)
+
+
+@pytest.mark.slow
+def test_a_pose_wrong_by_its_belief_is_mended():
+    before, after = [], []
+    for film, tracker, fit in refined(range(3001, 3007)):
         before.append(tracker.estimates()["theta"] - film.theta)
         after.append(fit.theta - film.theta)
     # Poses below five deviations stay as they are: a quarter of the squared error may remain.
@@ -165,15 +153,10 @@ def test_a_pose_wrong_by_its_belief_is_mended(any_film):
 @pytest.mark.campaign
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-def test_deviations_cover_the_errors_of_refined_markers(any_film):
+def test_deviations_cover_the_errors_of_refined_markers():
     scores = []
     # About half of the scenes yield the sightings that a refinement needs.
-    for seed in range(8000, 8080):
-        film, tracker, _ = followed(any_film, seed, tilt_sigma=10.0e-3, position_sigma=2.0e-3)
-        sightings = tracker.sightings()
-        if len(sightings.marker) < 20 or not (sightings.marker == 0).any():
-            continue
-        fit = refine(tracker.config, tracker.camera, sightings)
+    for film, _, fit in refined(range(8000, 8080)):
         theta = (fit.theta[1:] - film.theta[1:]) / fit.sigma_theta[1:]
         z = (fit.z[1:] - film.z[1:]) / fit.sigma_z[1:]
         both = np.column_stack([theta, z])

@@ -1,24 +1,26 @@
-"""A run may begin anywhere; where P0 is not to be found, what is wrong with the picture is said."""
+"""A run may begin anywhere; where P0 is not to be found, the fault of the picture is named."""
 
 import itertools
 
 import numpy as np
 import pytest
+from marker_film import DRIVE
 
-from winding_core.drive import DriveProfile
 from winding_rig_node.camera import Paint
 
 # 0.2 % of S_1 of case 4 is 12 mrad of wound angle, and of case 9 13 mrad.
 TOLERANCE = 6.0e-3
 RATE = 25.0
-DRIVE = DriveProfile()
 
 
 def changed(film, change, stop=2.5, **config):
     """Return the report of a tracker that saw the pictures of a run changed."""
-    tracker = film.tracker(**config)
-    for t, frame, angle, guide in film.frames(RATE, stop=stop):
-        tracker.track(np.ascontiguousarray(change(frame)), t, angle, guide)
+    tracker, *_ = film.followed(
+        RATE,
+        film.tracker(**config),
+        lambda frame, angle: np.ascontiguousarray(change(frame)),
+        stop=stop,
+    )
     return tracker.report()
 
 
@@ -34,13 +36,13 @@ def changed(film, change, stop=2.5, **config):
     ],
     ids=["mirrored", "turned", "flipped", "swapped", "grey"],
 )
-def test_the_true_fault_of_a_picture_is_said(paper_film, number, change, sentence):
+def test_the_true_fault_of_a_picture_is_named(paper_film, number, change, sentence):
     report = changed(paper_film(number), change)
     assert report.colour_refusal.startswith(sentence)
     assert report.known == 0
 
 
-def test_an_encoder_that_counts_backwards_is_said(paper_film):
+def test_an_encoder_that_counts_backwards_is_reported(paper_film):
     film = paper_film(9)
     tracker = film.tracker()
     for t, frame, angle, guide in film.frames(RATE, stop=2.0):
@@ -73,29 +75,27 @@ def test_a_run_may_begin_anywhere(paper_film, number, start, offset):
     known = np.isfinite(estimates["theta"])
     assert known[:2].all()
     assert np.abs(estimates["theta"] - film.theta)[known].max() < TOLERANCE
-    # P0's passes tell the zero as well as the pose of the camera is known.
+    # P0's passes show the zero as well as the pose of the camera is known.
     assert tracker.origin == pytest.approx(offset, abs=0.02)
     assert bool(tracker.report().remarks) == (offset != 0.0)
 
 
-def test_why_a_late_recording_waits_is_said(paper_film):
+def test_why_a_late_recording_waits_is_reported(paper_film):
     film = paper_film(4)
-    tracker = film.tracker()
-    for t, frame, angle, guide in film.frames(RATE, start=2.2, stop=2.5):
-        tracker.track(frame, t, angle, guide)
+    tracker, *_ = film.followed(RATE, start=2.2, stop=2.5)
     assert tracker.report().colour_refusal.startswith("the run begins at 3.03 rad")
 
 
-def test_an_angle_that_was_told_is_believed_at_once(paper_film):
+def test_a_configured_angle_is_believed_at_once(paper_film):
     film = paper_film(9)
-    told = 0.8
-    tracker = film.tracker(start_angle=told)
+    start = 0.8
+    tracker = film.tracker(start_angle=start)
     frames = film.frames(RATE, start=1.3, stop=2.0)
     first = None
     for t, frame, angle, guide in frames:
         first = angle if first is None else first
         tracker.track(frame, t, angle + 40.0, guide)
-    assert tracker.origin == pytest.approx(first + 40.0 - told)
+    assert tracker.origin == pytest.approx(first + 40.0 - start)
 
 
 def test_a_rolling_shutter_is_allowed_for(paper_film):
@@ -123,7 +123,7 @@ def rolling(film, t, row_time, rows, blocks):
     for first, last in itertools.pairwise(edges):
         middle = 0.5 * (first + last - 1)
         late = row_time * (middle if row_time > 0.0 else middle - (rows - 1.0))
-        frame = film.renderer.render(film.scene(*DRIVE.positions(t + late)), film.rng)
+        frame = film.frame_at(*DRIVE.positions(t + late))
         whole = frame.copy() if whole is None else whole
         whole[first:last] = frame[first:last]
     return whole

@@ -1,20 +1,16 @@
-"""A program of somebody who installed the wheel: what it takes from the packages has types."""
+"""A program of a user who installed the wheel: what it takes from the package has types."""
 
 from typing import assert_type
 
-from cable_fem_node.winding.prediction import Prediction, predict
-from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.condition import Condition, ResolvedCondition
+import cable_winding as cw
 
 
-def wound_ahead(case: int) -> Prediction:
+def wound_ahead(case: int) -> cw.Prediction:
     """Return what a published case winds in its first half second."""
-    resolved = Condition(case=case, duration=0.5).resolved()
-    assert_type(resolved, ResolvedCondition)
-    config = WindingConfig(case=resolved.case, tension_law=resolved.tension_law)
-    assert_type(config.friction, float)
-    return predict(config, resolved.drive, resolved.duration)
+    condition = cw.Condition(case=case, duration=0.5)
+    assert_type(condition.friction, float)
+    return cw.predict(condition)
 
 
 if __name__ == "__main__":
-    print(f"{wound_ahead(4).energy.balance_pct:.3f}")
+    print(f"{wound_ahead(4).energy_balance:.5f}")

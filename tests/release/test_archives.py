@@ -1,5 +1,6 @@
 """What is released: the same bytes from every clone, and all that is committed."""
 
+import re
 import sys
 import tarfile
 import time
@@ -65,6 +66,15 @@ def test_the_wheel_holds_every_module_and_the_licence(builds: Any, run: Callable
     assert len(modules) > 300
     assert held == modules
     assert len(licences) == 1
+
+
+def test_the_index_reads_a_description_without_relative_links(builds: Any) -> None:
+    with zipfile.ZipFile(builds[0].wheel) as wheel:
+        (name,) = (name for name in wheel.namelist() if name.endswith("/METADATA"))
+        metadata = wheel.read(name).decode()
+    links = re.findall(r"\]\(([^)]+)\)", metadata)
+    assert len(links) > 10
+    assert [link for link in links if not link.startswith(("https://", "#"))] == []
 
 
 def test_a_wheel_from_a_clone_is_the_one_from_the_source_archive(

@@ -69,7 +69,7 @@ def test_learning_and_the_page_are_not_installed(installed: Path, run: Callable[
 
 
 def mypy(installed: Path, folder: Path, text: str) -> str:
-    """Return what mypy says of a program in the environment."""
+    """Return what mypy reports about a program in the environment."""
     (folder / "program.py").write_text(text, encoding="utf-8")
     ended = subprocess.run(
         [
@@ -95,10 +95,10 @@ def test_types_are_seen_from_outside(installed: Path, tmp_path: Path) -> None:
     [
         ("case=case", 'case="four"', "[arg-type]"),
         ("case=case", "case_number=case", "[call-arg]"),
-        ("predict(config", "predict(resolved", "[arg-type]"),
-        (".resolved()", ".dissolved()", "[attr-defined]"),
-        ("assert_type(config.friction, float)", "config.friction = 1.0", "[misc]"),
-        ("-> Prediction", "-> str", "[return-value]"),
+        ("predict(condition", "predict(case", "[arg-type]"),
+        ("cw.predict(", "cw.predikt(", "[attr-defined]"),
+        ("assert_type(condition.friction, float)", "condition.friction = 1.0", "[misc]"),
+        ("-> cw.Prediction", "-> str", "[return-value]"),
     ],
     ids=["value", "keyword", "argument", "attribute", "frozen", "return"],
 )
@@ -120,4 +120,20 @@ def test_the_consumer_runs(installed: Path, tmp_path: Path) -> None:
         check=False,
     )
     assert ended.returncode == 0, ended.stderr
-    assert 0.0 <= float(ended.stdout) < 1.0
+    assert 0.0 <= float(ended.stdout) < 0.01
+
+
+def test_launch_file_policy_and_layouts_are_in_the_wheel(
+    installed: Path, run: Callable[..., str], tmp_path: Path
+) -> None:
+    program = (
+        "from importlib.resources import files\n"
+        "home = files('winding_bringup')\n"
+        "for name in ('launch', 'policy', 'viewers'):\n"
+        "    print(*sorted(item.name for item in (home / name).iterdir()))\n"
+    )
+    assert run([installed / "bin" / "python", "-c", program], tmp_path).split() == [
+        "twin.launch.py",
+        *("fastdds_localhost.xml", "sros2_policy.xml"),
+        *("foxglove_layout.json", "winding.rviz"),
+    ]

@@ -1,6 +1,7 @@
-"""The access policy says what the graph says, and a secure run refuses to run open."""
+"""The access policy follows from the graph, and a secure run refuses to run open."""
 
 import xml.etree.ElementTree as ET
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from winding_ros.graph import GRAPH, PAGE, controlled
 from winding_ros.security import SecurityError, check_security, sros2_policy
 from winding_ros.services import served_by
 
-SHIPPED = Path(__file__).parents[2] / "ros2_ws/src/winding_bringup/policy/sros2_policy.xml"
+SHIPPED = files("winding_bringup") / "policy" / "sros2_policy.xml"
 SECURE = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}
 
 
@@ -47,7 +48,7 @@ def test_a_node_may_do_what_the_graph_says_and_no_more() -> None:
 def test_only_the_orchestrator_and_the_page_command_the_machine() -> None:
     policy = sros2_policy("cell")
     for spec in controlled():
-        # Anybody may ask for a stop (winding_ros.stop_request).
+        # Anybody may ask for a stop (winding_ros.runtime.endpoints).
         asked = allowed(policy, spec.name, "services", "request")
         assert asked == {"rig/quick_stop", "rig/stop"}
     for node in ("orchestrator", PAGE.name):

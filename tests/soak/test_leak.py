@@ -36,8 +36,8 @@ class Soak:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._said = folder / "said"
-        with self._said.open("w") as said:
+        self._output = folder / "output"
+        with self._output.open("w") as output:
             self._process = subprocess.Popen(
                 [
                     sys.executable,
@@ -45,20 +45,20 @@ class Soak:
                     str(folder),
                     str(MINUTES),
                 ],
-                stdout=said,
+                stdout=output,
                 stderr=subprocess.STDOUT,
             )
         self._root = psutil.Process(self._process.pid)
 
     @property
-    def said(self) -> str:
-        return self._said.read_text(encoding="utf-8")
+    def printed(self) -> str:
+        return self._output.read_text(encoding="utf-8")
 
     def wait_until_it_winds(self) -> None:
         end = time.monotonic() + PATIENCE
-        while "winding\n" not in self.said:
-            assert self.goes_on(0.1), self.said
-            assert time.monotonic() < end, self.said
+        while "winding\n" not in self.printed:
+            assert self.goes_on(0.1), self.printed
+            assert time.monotonic() < end, self.printed
 
     def goes_on(self, wait: float) -> bool:
         """Wait so many seconds; return whether the process has not ended meanwhile."""
@@ -96,7 +96,7 @@ class Soak:
         sizes = [
             path.stat().st_size
             for path in self._folder.rglob("*")
-            if path.is_file() and path != self._said
+            if path.is_file() and path != self._output
         ]
         return len(sizes), sum(sizes)
 
@@ -123,10 +123,10 @@ def test_nothing_grows_while_the_graph_winds(tmp_path: Path) -> None:
                 memory[name].append((passed, used))
             if passed >= SETTLED_S:
                 files.append((soak.shared(), soak.logs()))
-        assert soak.exit_code in (0, None), soak.said
+        assert soak.exit_code in (0, None), soak.printed
     finally:
         soak.end()
-    runs, ended = soak.said.count("a run at"), soak.said.count("ended: ")
+    runs, ended = soak.printed.count("a run at"), soak.printed.count("ended: ")
     print(
         f"{(time.monotonic() - begin) / 60.0:.1f} min of winding, {runs} runs, {ended} ended early"
     )
@@ -140,7 +140,7 @@ def test_nothing_grows_while_the_graph_winds(tmp_path: Path) -> None:
     (shared, logs), (shared_last, logs_last) = files[0], files[-1]
     print(f"shared memory: {shared[0]} files of {shared[1] / 1e6:.1f} MB, then {shared_last[0]} of")
     print(f"{shared_last[1] / 1e6:.1f} MB; logs: {logs[0]} files of {logs[1]} B, then {logs_last}")
-    assert ended <= runs / 10, soak.said
+    assert ended <= runs / 10, soak.printed
     assert len(grown) == 5
     assert max(grown.values()) <= GROWTH, grown
     assert shared_last[0] <= shared[0]

@@ -1,6 +1,6 @@
 """Wind one run after the other with the real graph for some minutes; a process of its own.
 
-Its standard output says `winding` when the machine winds for the first time, and then one line for
+It prints `winding` when the machine winds for the first time, and then one line for
 every run that was begun and for every one that supervision ended.
 """
 
@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from winding_ros.environment import set_process_environment
-from winding_supervisor.domain_lock import domain_lock
+from winding_supervisor.session.domain_lock import domain_lock
 from winding_verification.faults.cell import FaultCell
 
 NAMESPACE = "soak"

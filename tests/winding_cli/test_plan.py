@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 
 RUNNER = CliRunner()
 HELIX = ["--case", "4", "--pitch-mm", "18", "--turns", "3"]
@@ -24,11 +24,11 @@ def plan(*words: str) -> tuple[int, str]:
 def test_a_plan_is_printed_drawn_and_written(tmp_path: Path) -> None:
     files = {kind: tmp_path / f"plan.{kind}" for kind in ("json", "csv", "png")}
     options = ["--json", str(files["json"]), "--csv", str(files["csv"])]
-    code, said = plan(
+    code, output = plan(
         *HELIX, "--markers-every-turn", "--no-solver", *options, "--picture", str(files["png"])
     )
     assert code == 0
-    assert "P3" in said
+    assert "P3" in output
     assert files["png"].read_bytes().startswith(b"\x89PNG")
     record = json.loads(files["json"].read_text(encoding="utf-8"))
     assert record["missed"] == ""
@@ -54,23 +54,23 @@ def test_the_solver_lies_where_the_plan_says(tmp_path: Path) -> None:
 
 def test_a_plan_says_which_markers_control_cannot_land(tmp_path: Path) -> None:
     file = tmp_path / "plan.json"
-    code, said = plan(*HELIX, "--markers-every-turn", "--no-solver", "--json", str(file))
+    code, output = plan(*HELIX, "--markers-every-turn", "--no-solver", "--json", str(file))
     assert code == 0
     items = json.loads(file.read_text(encoding="utf-8"))["under_control"]
     assert [item["id"] for item in items] == [1, 2, 3]
     # Whole turns need nearly the largest pull in case 4, and that from the first turn on.
     for item in items:
         off = abs(item["expected_rad"] - item["wanted_rad"]) + 2.0 * item["sigma_rad"]
-        named = f"under control P{item['id']} lands" in said
+        named = f"under control P{item['id']} lands" in output
         assert named == (off > (0.02 if item["id"] == 1 else 0.01) * 2.0 * np.pi)
 
 
 def test_a_dead_weight_is_not_said_to_land_markers(tmp_path: Path) -> None:
     file = tmp_path / "plan.json"
     options = ("--markers-every-turn", "--no-solver", "--no-brake", "--json", str(file))
-    code, said = plan(*HELIX, *options)
+    code, output = plan(*HELIX, *options)
     assert code == 0
-    assert "under control" not in said
+    assert "under control" not in output
     assert json.loads(file.read_text(encoding="utf-8"))["under_control"] == []
 
 
@@ -80,12 +80,12 @@ def test_a_tolerance_that_is_not_kept_ends_with_one(tmp_path: Path) -> None:
         "segments: [reverse_at: {z_mm: [0, 40], pitch_mm: 18, turns: 3}]", encoding="utf-8"
     )
     options = ["--case", "4", "--no-solver", "--tolerance-mm", "0.5"]
-    code, said = plan(str(file), *options)
+    code, output = plan(str(file), *options)
     assert code == 1
-    assert "the tolerance is 0.5 mm" in said
-    code, said = plan(str(file), *options, "--slow-down")
+    assert "the tolerance is 0.5 mm" in output
+    code, output = plan(str(file), *options, "--slow-down")
     assert code == 0
-    assert "the cylinder is slowed" in said
+    assert "the cylinder is slowed" in output
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_a_tolerance_that_is_not_kept_ends_with_one(tmp_path: Path) -> None:
     ],
 )
 def test_bad_input_is_refused_in_one_sentence(words: list[str], sentence: str) -> None:
-    code, said = plan(*words)
+    code, output = plan(*words)
     assert code == 2
-    assert sentence in said
-    assert len(said.strip().splitlines()) == 1
+    assert sentence in output
+    assert len(output.strip().splitlines()) == 1

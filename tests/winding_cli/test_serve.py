@@ -15,8 +15,8 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
+from winding_cli.cell.goals import GoalError, Goals, GoalState, typed
 from winding_cli.commands.serve import check_goal
-from winding_cli.serving.goals import GoalError, Goals, GoalState, typed
 from winding_ros import services, topics
 
 NAMESPACE = "served"

@@ -10,18 +10,18 @@ from typing import Any
 import pytest
 import typer
 
-from winding_cli.commands.output_path import (
+from winding_cli.terminal.output_path import (
     UNFINISHED,
     check_output_file,
     check_output_folder,
     staged,
 )
-from winding_cli.commands.termination import interruptible, uninterrupted
+from winding_cli.terminal.termination import interruptible, uninterrupted
 
 # The second signal comes while the first one's work is being closed.
 INTERRUPTED_TWICE = """
 import signal, subprocess, sys
-from winding_cli.commands.termination import interruptible
+from winding_cli.terminal.termination import interruptible
 
 child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
 try:
@@ -134,12 +134,12 @@ def output_to(target: str) -> tuple[int, str]:
 
 
 @pytest.mark.slow
-def test_output_that_nobody_reads_ends_the_command_in_silence() -> None:
+def test_output_that_is_not_read_ends_the_command_in_silence() -> None:
     assert output_to("--interfaces | true") == (141, "")
 
 
 @pytest.mark.slow
-def test_output_that_is_full_is_said_in_one_sentence() -> None:
-    code, said = output_to("> /dev/full")
+def test_output_that_is_full_is_reported_in_one_sentence() -> None:
+    code, stderr = output_to("> /dev/full")
     assert code == 1
-    assert said == "winding: cannot write to standard output: No space left on device\n"
+    assert stderr == "winding: cannot write to standard output: No space left on device\n"

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import typer
 
-from winding_cli.commands.app import app
+from winding_cli.app import app
 
 # What a command needs beside the option under test, so that nothing else is wrong with it.
 BESIDE = {

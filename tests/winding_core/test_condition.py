@@ -1,21 +1,16 @@
-"""One condition: what typed options mean, and what stays a case of the paper."""
+"""A condition: what typed options mean, Prony series included, and what stays a published case."""
 
-import math
+from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from winding_core.cases import Material, paper_case
-from winding_core.condition import Condition
-from winding_core.fleet_angle import PAPER_FREE_LENGTH, guide_distance_of
-from winding_core.options import options, shown_values
-from winding_core.parameters import ParameterError
-from winding_core.tension import DeadWeight, RigTension
-
-
-def refused(**typed: object) -> str:
-    with pytest.raises(ParameterError) as caught:
-        Condition.from_typed(typed, spelling=lambda key: f"--{key.replace('_', '-')}")
-    return str(caught.value)
+from winding_core.cable.cases import Material, paper_case
+from winding_core.cable.condition import Condition
+from winding_core.cable.prony import PronySeries
+from winding_core.helix import PAPER_FREE_LENGTH, guide_distance_of
+from winding_core.machine.tension import DeadWeight, RigTension
+from winding_core.parameters import ParameterError, declarations, options, shown_values
 
 
 def test_a_case_stays_the_paper_s() -> None:
@@ -25,16 +20,19 @@ def test_a_case_stays_the_paper_s() -> None:
     assert (what.free_length, what.tension_law) == (PAPER_FREE_LENGTH, DeadWeight())
 
 
-@pytest.mark.parametrize("typed", [{"young_mpa": 4.0}, {"tension_n": 2.0}, {"axial_factor": 0.9}])
-def test_another_cable_is_no_case_of_the_paper(typed: dict[str, object]) -> None:
+@pytest.mark.parametrize(
+    ("typed", "number", "markers"),
+    [
+        ({"young_mpa": 4.0}, 0, 4), ({"tension_n": 2.0}, 0, 4), ({"axial_factor": 0.9}, 0, 4),
+        # Further markers keep the case, and were not measured.
+        ({"markers": 6}, 4, 6),
+    ],
+)  # fmt: skip
+def test_another_cable_is_no_published_case(
+    typed: dict[str, object], number: int, markers: int
+) -> None:
     case = Condition.from_typed({"case": 4, **typed}).resolved().case
-    assert case.number == 0
-    assert not case.is_published
-
-
-def test_further_markers_keep_the_case_and_were_not_measured() -> None:
-    case = Condition.from_typed({"case": 4, "markers": 6}).resolved().case
-    assert (case.number, case.marker_count) == (4, 6)
+    assert (case.number, case.marker_count) == (number, markers)
     assert not case.is_published
 
 
@@ -63,31 +61,48 @@ def test_rig_tension_is_wound_where_it_is_not_the_dead_weight() -> None:
     assert what.tension_law == RigTension(start_share=0.4)
 
 
-@pytest.mark.parametrize(
-    ("typed", "sentence"),
-    [
-        ({}, "say what to wind: --case 1 to 12, or --cylinder-diameter-mm, --cable-diameter-mm"),
-        ({"case": 0}, "--case must be one of 1 to 12, got 0"),
-        ({"case": 4, "young_mpa": -4.0}, "--young-mpa must be positive, got -4"),
-        ({"case": 4, "poisson": 0.5}, "--poisson must be at most 0.4999, got 0.5"),
-        ({"case": 4, "law": "soft"}, "--law must be one of linear, hencky"),
-        ({"case": 4, "tension_n": 1.0, "tension_mpa": 1.0}, "give the tension once: --tension-n"),
-        ({"case": 4, "guide_distance_mm": 15.0}, "--guide-distance-mm must exceed"),
-        (
-            {"case": 4, "guide_distance_mm": 250.0, "free_length_mm": 150.0},
-            "give --guide-distance-mm or --free-length-mm, not both",
-        ),
-        ({"cable_diameter_mm": 3.0}, "missing --cylinder-diameter-mm, --tension-n or --tension"),
-        ({"case": 4, "duration_s": math.nan}, "--duration-s must be finite, got nan"),
-    ],
-)
-def test_refusal_names_option_and_unit(typed: dict[str, object], sentence: str) -> None:
-    assert sentence in refused(**typed)
-
-
 def test_what_is_shown_can_be_typed_again() -> None:
     condition = Condition.from_typed({"case": 4, "young_mpa": 3.1, "feed_mm_s": 7.0})
     values = {item.name: getattr(condition, item.name) for item in options(Condition).values()}
     shown = shown_values(Condition, values)
     again = Condition.from_typed({key: value for key, value in shown.items() if value != 0.0})
     assert again == condition
+
+
+def test_every_parameter_says_what_it_is() -> None:
+    for item in declarations(Condition):
+        assert item.description
+
+
+def test_terms_are_read_in_order() -> None:
+    series = PronySeries.parse("0.2:1.5 + 0.1:1e+3")
+    assert series == PronySeries(shares=(0.2, 0.1), times=(1.5, 1000.0))
+    assert series.left == pytest.approx(0.7)
+    assert PronySeries.parse("") == PronySeries.parse(" ") == PronySeries()
+
+
+def test_creep_of_one_term_is_that_of_the_standard_linear_solid() -> None:
+    t = np.linspace(0.0, 20.0, 50)
+    exact = 1.0 + 0.3 / 0.7 * (1.0 - np.exp(-0.7 * t / 2.0))
+    np.testing.assert_allclose(PronySeries.parse("0.3:2").creep(t), exact, rtol=1.0e-12)
+
+
+def test_creep_of_several_terms_solves_their_equations() -> None:
+    series = PronySeries.parse("0.2:0.5+0.1:30+0.15:3")
+    g, tau = np.array(series.shares), np.array(series.times)
+    q, step = np.zeros(3), 1.0e-3
+    for _ in range(5000):
+        rate = (g * (1.0 + q.sum()) - q) / tau
+        middle = q + 0.5 * step * rate
+        q += step * (g * (1.0 + middle.sum()) - middle) / tau
+    # The midpoint rule's error of second order.
+    assert series.creep(5.0) == pytest.approx(1.0 + q.sum(), rel=1.0e-6)
+    assert series.creep(1.0e6) == pytest.approx(1.0 / series.left, rel=1.0e-9)
+
+
+def test_a_condition_takes_it_and_is_no_longer_the_paper_s() -> None:
+    case = Condition(case=4, prony="0.2:1.5").resolved().case
+    assert case.material.prony.times == (1.5,)
+    assert not case.is_published
+    with pytest.raises(ParameterError, match=r"^--prony needs terms"):
+        Condition.from_typed({"case": 4, "prony": "soft"}, spelling=lambda key: f"--{key}")

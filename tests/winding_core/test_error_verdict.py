@@ -4,9 +4,9 @@ from statistics import fmean
 
 import pytest
 
+from winding_core.cable.cases import published_markers
 from winding_core.error_verdict import CAMERA, PAPER_LIMIT_PCT, judge_lengths
-from winding_core.published import published_markers
-from winding_study.runs.run_record import MarkerRow
+from winding_reports.records.run_record import MarkerRow
 
 
 def row(marker: int, fem: float, corrected: float, held_out: float | None = None) -> MarkerRow:

@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from winding_core.cable_lay import cable_lay
-from winding_core.lay_errors import WantedLine, lay_errors, turn_errors
-from winding_core.lay_records import LAY_DTYPE, LayRecords
-from winding_core.lay_tolerance import judge
+from winding_core.lay.errors import LayVerdict, WantedLine, judge, lay_errors, turn_errors
+from winding_core.lay.records import LAY_DTYPE, LayRecords, cable_lay
 from winding_core.markers import CABLE_DTYPE
 
 PITCH, TURN = 18.0e-3, math.tau
@@ -29,6 +27,10 @@ def wanted(turns: float) -> WantedLine:
     return WantedLine.of([0.0, turns * TURN], [0.0, turns * PITCH])
 
 
+def judged(records: LayRecords, turns: float = 5.0) -> LayVerdict:
+    return judge(turn_errors(records, wanted(turns)), 0.5e-3, turns * TURN)
+
+
 def test_even_offset_is_the_error_of_every_turn() -> None:
     turns = turn_errors(lay(3.0, off=0.2e-3), wanted(3.0))
     assert [turn.number for turn in turns] == [1, 2, 3]
@@ -47,7 +49,7 @@ def test_largest_error_keeps_its_sign_and_its_turn() -> None:
     assert second.mean == pytest.approx(-0.7e-3 / second.places, abs=SINGLE)
 
 
-def test_nothing_is_said_where_nothing_is_wanted() -> None:
+def test_no_error_where_nothing_is_wanted() -> None:
     errors = lay_errors(lay(3.0), wanted(2.0))
     assert np.isnan(errors[-1])
     assert [turn.number for turn in turn_errors(lay(3.0), wanted(2.0))] == [1, 2]
@@ -62,7 +64,7 @@ def test_samples_may_come_in_any_order_and_twice() -> None:
 def test_tolerance_is_kept_by_every_turn_after_the_second() -> None:
     records = lay(5.0)
     records["z"][records["theta"] < 2.0 * TURN] += 2.0e-3
-    verdict = judge(turn_errors(records, wanted(5.0)), 0.5e-3, 5.0 * TURN)
+    verdict = judged(records)
     assert verdict.kept is True
     assert verdict.sentence.startswith("the lay keeps 0.5 mm in turns 3 to 5: at most 0.00 mm off")
     assert verdict.sentence.endswith("turns 1 and 2, in which the guide gets ahead, are not judged")
@@ -72,32 +74,32 @@ def test_tolerance_is_kept_by_every_turn_after_the_second() -> None:
 def test_one_place_decides(off: float, kept: bool) -> None:
     records = lay(5.0)
     records["z"][200] += off
-    verdict = judge(turn_errors(records, wanted(5.0)), 0.5e-3, 5.0 * TURN)
+    verdict = judged(records)
     assert verdict.kept is kept
     assert verdict.worst is not None
     assert verdict.worst.number == int(records["theta"][200] / TURN) + 1
 
 
-def test_turn_that_nobody_saw_is_no_kept_turn() -> None:
+def test_turn_that_was_not_seen_is_no_kept_turn() -> None:
     records = lay(5.0)
     seen = records[np.abs(records["theta"] - 3.5 * TURN) > 0.3 * TURN]
-    verdict = judge(turn_errors(seen, wanted(5.0)), 0.5e-3, 5.0 * TURN)
+    verdict = judged(seen)
     assert verdict.kept is None
     assert "turn 4 was not measured all round" in verdict.sentence
     # The same without a single place of it, and at the end of the run.
     unseen = records[np.floor(records["theta"] / TURN) != 3]
-    assert judge(turn_errors(unseen, wanted(5.0)), 0.5e-3, 5.0 * TURN).kept is None
-    assert judge(turn_errors(lay(3.0), wanted(5.0)), 0.5e-3, 5.0 * TURN).kept is None
+    assert judged(unseen).kept is None
+    assert judged(lay(3.0)).kept is None
 
 
 def test_error_is_found_although_a_turn_is_missing() -> None:
     records = lay(5.0, off=0.8e-3)
     unseen = records[np.floor(records["theta"] / TURN) != 3]
-    assert judge(turn_errors(unseen, wanted(5.0)), 0.5e-3, 5.0 * TURN).kept is False
+    assert judged(unseen).kept is False
 
 
 def test_run_of_two_turns_is_not_judged() -> None:
-    verdict = judge(turn_errors(lay(2.0), wanted(2.0)), 0.5e-3, 2.0 * TURN)
+    verdict = judged(lay(2.0), 2.0)
     assert verdict.kept is None
     assert "no turn after the second was measured" in verdict.sentence
 

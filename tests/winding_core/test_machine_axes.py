@@ -1,16 +1,20 @@
-"""Joints of any machine become the axes of a run: offset, direction, unit, missing speeds."""
+"""Joints of any machine become the axes of a run, and what readings cannot be is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from winding_core.axis_check import wrong_axis
-from winding_core.drive import DriveProfile
-from winding_core.machine_axes import AxisReader, JointSample, MachineAxes
-from winding_core.motion_start import LEAD_IN, MotionStart
-from winding_core.readings import AxisReading
-from winding_core.tension_pairing import LoadedReading
+from winding_core.machine.axes import AxisReader, JointSample, MachineAxes, wrong_axis
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.incoming_readings import (
+    LEAD_IN,
+    LoadedReading,
+    MotionStart,
+    ReadingLimits,
+)
+from winding_core.machine.readings import AxisReading
 
 DRIVE = DriveProfile()
 
@@ -55,11 +59,6 @@ def test_speeds_that_are_not_reported_are_the_slopes_of_positions(rate: float, t
     assert found.feed_speed == pytest.approx(feed, rel=1e-3)
 
 
-def test_two_axes_cannot_be_one_joint() -> None:
-    with pytest.raises(ValueError, match="must be two joints, got spindle"):
-        MachineAxes(cylinder_joint="spindle", carriage_joint="spindle")
-
-
 @pytest.mark.parametrize(
     ("angle", "way", "sentence"),
     [
@@ -75,27 +74,24 @@ def test_a_wrong_direction_or_unit_is_named(angle: float, way: float, sentence: 
     assert sentence in wrong_axis(reading(angle * theta, way * z), 1.0, DRIVE)
 
 
-@pytest.mark.parametrize("way", [1.0, 0.3])
-def test_a_controlled_carriage_may_go_ahead_of_the_cable(way: float) -> None:
+@pytest.mark.parametrize(
+    ("share", "ahead", "lead"),
+    [
+        # A controlled carriage may go ahead of the cable, or backwards where it is wanted there.
+        (1.0, 0.033, 0.033), (1.0, 0.0099, 0.033), (1.0, -0.033, -0.033),
+        # A machine that is slower than the condition.
+        (0.2, 0.0, 0.0),
+    ],
+)  # fmt: skip
+def test_other_motion_is_no_wrong_axis(share: float, ahead: float, lead: float) -> None:
     theta, z = DRIVE.positions(1.0)
-    ahead = reading(theta, z + way * 0.033)
-    assert wrong_axis(ahead, 1.0, DRIVE, 0.033) == ""
-    assert "must give metres" in wrong_axis(reading(theta, 1000.0 * z), 1.0, DRIVE, 0.033)
-
-
-def test_a_carriage_that_is_wanted_backwards_may_go_there() -> None:
-    theta, z = DRIVE.positions(1.0)
-    assert wrong_axis(reading(theta, z - 0.033), 1.0, DRIVE, -0.033) == ""
+    assert wrong_axis(reading(share * theta, share * z + ahead), 1.0, DRIVE, lead) == ""
+    assert "must give metres" in wrong_axis(reading(theta, 1000.0 * z), 1.0, DRIVE, abs(lead))
 
 
 def test_swapped_axes_are_named() -> None:
     theta, z = DRIVE.positions(1.0)
     assert "are swapped" in wrong_axis(reading(z, theta), 1.0, DRIVE)
-
-
-def test_a_slower_machine_than_the_condition_is_no_wrong_axis() -> None:
-    theta, z = DRIVE.positions(1.0)
-    assert wrong_axis(reading(0.2 * theta, 0.2 * z), 1.0, DRIVE) == ""
 
 
 def test_a_run_begins_with_the_first_motion_and_half_a_second_of_standstill() -> None:
@@ -108,3 +104,37 @@ def test_a_run_begins_with_the_first_motion_and_half_a_second_of_standstill() ->
         passed += [loaded.t - 1.8e9 for loaded in start.passed(item)]
     assert passed[0] == pytest.approx(9.0 - LEAD_IN, abs=0.011)
     assert passed == pytest.approx(list(np.arange(passed[0], 9.995, 0.01)), abs=1e-6)
+
+
+LIMITS = ReadingLimits(weight=4.0, angular_speed=DRIVE.angular_speed, feed_speed=DRIVE.feed_speed)
+
+
+def reading_at(t: float) -> AxisReading:
+    return reading(*DRIVE.positions(t), *DRIVE.speeds(t))
+
+
+def test_planned_run_is_never_refused_not_even_with_gaps() -> None:
+    before = None
+    for k in (0, 1, 2, 3, 1000, 1001, 1500, 5000):
+        t = 1.0e-3 * k
+        assert LIMITS.against_motion(t, reading_at(t), before) == ""
+        before = (t, reading_at(t))
+
+
+def test_speed_beyond_the_limit_is_named_with_it() -> None:
+    fast = replace(reading_at(2.0), angular_speed=10.0)
+    assert LIMITS.against_motion(2.0, fast, None) == (
+        "cylinder must not be faster than 5.22, got 10"
+    )
+
+
+def test_jump_of_either_axis_is_refused() -> None:
+    before = (2.0, reading_at(2.0))
+    for field, name in (("cylinder_angle", "cylinder"), ("carriage_position", "carriage")):
+        jumped = replace(reading_at(2.001), **{field: 5.0})
+        assert LIMITS.against_motion(2.001, jumped, before).startswith(f"{name} jumped by ")
+
+
+def test_tension_beyond_five_weights_is_refused() -> None:
+    assert LIMITS.against_tension(19.9) == ""
+    assert LIMITS.against_tension(20.1) == "tension must be at most 20 N, got 20.1 N"

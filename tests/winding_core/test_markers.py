@@ -1,3 +1,5 @@
+"""Marker records lie on the cylinder, and markers look as they were named."""
+
 from __future__ import annotations
 
 import math
@@ -10,6 +12,7 @@ from winding_core.markers import (
     CORRECTED_DTYPE,
     MARKER_DTYPE,
     MarkerFlag,
+    MarkerLook,
     is_wound,
     wound_markers,
 )
@@ -28,49 +31,17 @@ def _wound(cylinder_angle: float = 20.0, **changes):
     return wound_markers(**{**given, **changes})
 
 
-def test_every_marker_lies_on_the_centreline_cylinder() -> None:
-    markers = _wound()
-    # Single precision of a 17 mm coordinate.
-    np.testing.assert_allclose(np.hypot(markers["x"], markers["y"]), RADIUS, rtol=2e-7)
+@pytest.mark.parametrize("turned", [12.52, 12.62, 0.5 * math.pi, 23.0])
+def test_markers_turn_on_the_centreline_cylinder_and_keep_angle_and_length(turned: float) -> None:
+    markers = _wound(cylinder_angle=turned)
+    theta, z = np.array([0.0, 6.28, 12.52]), np.array([0.0, 0.0045, 0.01486])
+    # A marker lands at azimuth 0 at its own angle; single precision of a 17 mm coordinate.
+    for name, wanted in (("x", np.cos(turned - theta)), ("y", np.sin(turned - theta))):
+        np.testing.assert_allclose(markers[name], RADIUS * wanted, atol=2e-9)
     np.testing.assert_array_equal(markers["r"], RADIUS)
-
-
-def test_a_marker_lands_at_azimuth_zero_when_the_cylinder_has_turned_its_angle() -> None:
-    landing = _wound(cylinder_angle=12.52)[2]
-    assert float(landing["x"]) == pytest.approx(RADIUS, rel=1e-7)
-    assert float(landing["y"]) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_turning_on_carries_wound_cable_towards_positive_y() -> None:
-    assert _wound(cylinder_angle=12.52 + 0.1)[2]["y"] > 0.0
-
-
-def test_the_fixed_end_turns_with_the_cylinder() -> None:
-    p0 = _wound(cylinder_angle=0.5 * math.pi)[0]
-    assert float(p0["x"]) == pytest.approx(0.0, abs=1e-9)
-    assert float(p0["y"]) == pytest.approx(RADIUS, rel=1e-7)
-
-
-def test_turning_the_cylinder_changes_neither_angle_nor_length() -> None:
-    before, after = _wound(20.0), _wound(23.0)
-    for name in ("theta", "s", "z"):
-        np.testing.assert_array_equal(before[name], after[name])
-
-
-def test_s_is_the_curve_length_of_theta_and_z() -> None:
-    markers = _wound()
-    np.testing.assert_array_equal(
-        markers["s"],
-        curve_length(RADIUS, np.array([0.0, 6.28, 12.52]), np.array([0.0, 0.0045, 0.01486])),
-    )
-
-
-def test_an_angle_beyond_one_turn_is_not_wrapped() -> None:
-    assert _wound()["theta"].tolist() == [0.0, 6.28, 12.52]
-
-
-def test_nothing_wound_gives_no_records() -> None:
-    assert _wound(ids=[], theta=[], z=[]).shape == (0,)
+    np.testing.assert_array_equal(markers["theta"], theta)
+    np.testing.assert_array_equal(markers["s"], curve_length(RADIUS, theta, z))
+    np.testing.assert_allclose(markers["z"], z, rtol=1e-7)
 
 
 def test_flags_are_kept_and_tell_what_is_wound() -> None:
@@ -90,15 +61,9 @@ def test_a_corrected_record_begins_as_a_marker_record() -> None:
     assert set(CORRECTED_DTYPE.names) - set(MARKER_DTYPE.names) == {"s_fem", "h", "s_low", "s_high"}
 
 
-@pytest.mark.parametrize("dtype", [MARKER_DTYPE, CORRECTED_DTYPE])
-def test_fields_fill_a_record_without_overlap(dtype: np.dtype) -> None:
-    spans = sorted((offset, kind.itemsize) for kind, offset in dtype.fields.values())
-    ends = [offset + size for offset, size in spans]
-    assert all(end <= begin for end, (begin, _) in zip(ends, spans[1:], strict=False))
-    # Doubles stay aligned, or every reader pays for it.
-    assert all(offset % size == 0 for offset, size in spans)
+def test_without_colours_all_markers_have_one() -> None:
+    assert MarkerLook().hues == ()
 
 
-def test_a_radius_that_cannot_be_is_refused() -> None:
-    with pytest.raises(ValueError, match="radius must be positive"):
-        _wound(radius=-0.017)
+def test_names_and_hues_may_be_mixed() -> None:
+    assert MarkerLook(marker_colours="Red, 48,blue").hues == (0.0, 48.0, 230.0)

@@ -33,14 +33,6 @@ def test_times_that_do_not_ascend_are_refused() -> None:
         RunInputs(samples=inputs().samples[::-1])
 
 
-@pytest.mark.parametrize("content", [b"", b"not numpy", b"\x93NUMPY\x01\x00"])
-def test_file_of_something_else_is_refused(tmp_path: Path, content: bytes) -> None:
-    file = tmp_path / "inputs.npy"
-    file.write_bytes(content)
-    with pytest.raises(RunInputsError, match="holds no inputs of a run"):
-        RunInputs.read(file)
-
-
 def test_pickled_objects_are_never_loaded(tmp_path: Path) -> None:
     file = tmp_path / "inputs.npy"
     np.save(file, np.array([{"a": 1}], dtype=object), allow_pickle=True)

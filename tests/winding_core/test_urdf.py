@@ -8,10 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from marker_tracker_node.camera.pinhole import CameraPose
-from winding_core.camera_placement import CameraPlacement
-from winding_core.condition import Condition
-from winding_core.machine_axes import MachineAxes
-from winding_core.readings import ImageWindow
+from winding_core.cable.condition import Condition
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.readings import ImageWindow
+from winding_core.run_options import CameraPlacement
 from winding_core.urdf import CAMERA, GUIDE, LOAD_CELL, MARKER, machine_urdf
 from winding_dashboard.state.camera_view import CameraView
 
@@ -84,11 +84,6 @@ def test_the_camera_looks_as_tracker_and_page_project(tilt: tuple[float, ...]) -
     points = RNG.uniform([-0.02, -0.02, 0.0], [0.02, 0.02, 0.1], (20, 3))
     seen = (points - pose[:3, 3]) @ pose[:3, :3]
     np.testing.assert_allclose(seen[:, :2] / seen[:, 2:], page.pixels(points), atol=EXACT)
-
-
-def test_a_joint_in_degrees_has_no_urdf() -> None:
-    with pytest.raises(ValueError, match=r"cylinder_scale must be 1 or -1, got 0\.01745"):
-        machine_urdf(WHAT, MachineAxes(cylinder_scale=math.radians(1.0)))
 
 
 def test_every_link_hangs_on_the_frame_of_the_messages() -> None:

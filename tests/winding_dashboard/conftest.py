@@ -24,7 +24,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from winding_ros import topics
-from winding_ros.rig_messages import decode_joint_state
+from winding_ros.messages.rig import decode_joint_state
 
 # Test modules are imported by path, without packages: their neighbours are found from here.
 sys.path.insert(0, str(Path(__file__).parent))

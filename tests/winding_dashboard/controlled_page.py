@@ -19,11 +19,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from simulated_page import Machine, fresh_state, phase, served, wound
 
-from winding_core.condition import Condition
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlMode
-from winding_core.lay_records import LAY_DTYPE, LayRecords
+from winding_core.cable.condition import Condition
+from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlMode, LayRecords
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import CABLE_DTYPE, Markers, wound_markers
-from winding_core.readings import AxisReading
 from winding_dashboard.page import commands
 from winding_dashboard.state.view_state import ViewState
 from winding_dashboard.web.server import application

@@ -8,10 +8,10 @@ from typing import Any
 
 import httpx
 
-from winding_core.condition import OWN, Condition
-from winding_core.operator_limits import OperatorLimits
+from winding_core.cable.condition import OWN, Condition
+from winding_core.cable.wound_label import WoundLabel
+from winding_core.run_options import OperatorLimits
 from winding_core.status import Level, Status
-from winding_core.wound_label import WoundLabel
 from winding_dashboard.page.commands import Choice, CommandError, Graph
 from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import OperatorSession

@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 
 from winding_ros import topics
-from winding_ros.async_client import AsyncClient
+from winding_ros.client.async_client import AsyncClient
 from winding_ros.graph import GRAPH, pace_topics
-from winding_supervisor.orchestrator import GraphConfig, Orchestrator
+from winding_supervisor.processes.orchestrator import GraphConfig, Orchestrator
 
 
 async def stand(namespace: str, case: int, duration: float, directory: Path) -> None:

@@ -11,10 +11,9 @@ from controlled_page import note_run
 from simulated_page import fresh_state
 
 import winding_dashboard
-from winding_core.lay_control_records import ControlMode
-from winding_core.lay_records import LAY_DTYPE, LayFlag, LayRecords
+from winding_core.lay.records import LAY_DTYPE, ControlMode, LayFlag, LayRecords
+from winding_core.machine.readings import AxisReading, ImageWindow
 from winding_core.markers import CABLE_DTYPE, MarkerFlag, wound_markers
-from winding_core.readings import AxisReading, ImageWindow
 from winding_dashboard.drawings.camera_overlay import band_overlay, lay_overlay, measured_count
 from winding_dashboard.drawings.cylinder_view import SIZE, Sight, cable_shape, cylinder_drawing
 from winding_dashboard.drawings.lay_charts import defect_sentence, helix_errors

@@ -8,9 +8,8 @@ import pytest
 from controlled_page import Controlled, note_run
 from simulated_page import Desk, fresh_state, phase
 
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
-from winding_core.lay_errors import turn_errors
-from winding_core.lay_tolerance import turn_state
+from winding_core.lay.errors import turn_errors, turn_state
+from winding_core.lay.records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
 from winding_core.status import Level, Status
 from winding_dashboard.drawings.lay_charts import lay_curves
 from winding_dashboard.page.control_card import basis_words, beliefs

@@ -11,22 +11,22 @@ import pytest
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
+from winding_core.machine.readings import CABLE_TENSION, AxisReading
 from winding_core.markers import wound_markers
-from winding_core.operator_limits import OperatorLimits
 from winding_core.parameters import ParameterError
-from winding_core.readings import CABLE_TENSION, AxisReading
+from winding_core.run_options import OperatorLimits
 from winding_core.status import Status
 from winding_dashboard.node import DashboardNode
 from winding_dashboard.page.commands import CommandError
 from winding_ros import topics
-from winding_ros.cloud_messages import encode_cloud
-from winding_ros.diagnostic_messages import (
+from winding_ros.messages.clouds import encode_cloud
+from winding_ros.messages.diagnostics import (
     decode_diagnostics,
     encode_case_votes,
     encode_diagnostics,
 )
-from winding_ros.process import SUPERVISED
-from winding_ros.rig_messages import encode_joint_state, encode_tension
+from winding_ros.messages.rig import encode_joint_state, encode_tension
+from winding_ros.runtime.process import SUPERVISED
 
 
 @pytest.fixture

@@ -11,9 +11,9 @@ from attended_run import NAMESPACE, AttendedRun, attended_run, until
 
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.notes import PARAMETERS
+from winding_recorder.bags.description import PARAMETERS
 from winding_recorder.bags.reading import read_notes
-from winding_supervisor.event_log import read_events
+from winding_supervisor.watch.event_log import read_events
 
 pytestmark = [
     pytest.mark.campaign,

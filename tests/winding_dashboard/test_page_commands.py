@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 from simulated_page import Desk, Machine, fresh_state, phase
 
-from winding_core.readings import CABLE_TENSION
-from winding_core.run_phase import RunPhase
-from winding_core.status import Level, Status
+from winding_core.machine.readings import CABLE_TENSION
+from winding_core.status import Level, RunPhase, Status
 from winding_dashboard.page import commands
 from winding_dashboard.state.view_state import ViewState
 from winding_dashboard.web.server import SEEN_WITHIN

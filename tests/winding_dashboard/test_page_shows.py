@@ -8,11 +8,11 @@ import pytest
 from controlled_page import note_run
 from simulated_page import Desk, Machine, fresh_state, phase, served, wound
 
-from winding_core.condition import Condition
-from winding_core.lay_control_records import ControlMode
+from winding_core.cable.condition import Condition
+from winding_core.cable.material_report import MaterialReport
+from winding_core.lay.records import ControlMode
+from winding_core.machine.readings import CABLE_TENSION, AxisReading
 from winding_core.markers import CORRECTED_DTYPE, wound_markers
-from winding_core.material_report import MaterialReport
-from winding_core.readings import CABLE_TENSION, AxisReading
 from winding_core.status import Level, Status
 from winding_dashboard.drawings.cylinder_view import Sight
 from winding_dashboard.page.snapshot import PERIOD, Wanted

@@ -14,7 +14,7 @@ REPORT = "<html>the report</html>"
 
 
 def written(folder: Path, *, when: float, report: bool = True, **changes: Any) -> None:
-    """Write a run's numbers, as `winding_study.runs.run_record` does, and its report."""
+    """Write a run's numbers, as `winding_reports.records.run_record` does, and its report."""
     folder.mkdir(parents=True, exist_ok=True)
     verdict = {"good": True, "sentence": "good: largest error 1.20 %, limit 4.8 %, marker P1"}
     content = {

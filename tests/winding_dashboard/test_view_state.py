@@ -6,11 +6,11 @@ import re
 import numpy as np
 import pytest
 
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
+from winding_core.cable.wound_label import WoundLabel
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MarkerFlag, wound_markers
-from winding_core.readings import AxisReading
 from winding_core.status import Level, Status
-from winding_core.wound_label import WoundLabel
 from winding_dashboard.drawings.run_charts import speed_drawings
 from winding_dashboard.state.health import SILENCE, Health, node_of
 from winding_dashboard.state.view_state import SAMPLES, ViewState

@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 
 from winding_core.status import Level, Status
 from winding_ros import topics
-from winding_ros.diagnostic_messages import decode_diagnostics
+from winding_ros.messages.diagnostics import decode_diagnostics
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # No machine stops by itself because a busy computer keeps the driver waiting.
@@ -52,7 +52,7 @@ class Machine:
 
     @property
     def calls(self) -> list[str]:
-        """Everything that the machine was told, its own 'ready' first."""
+        """Every call of the machine, its own 'ready' first."""
         return self._calls.read_text(encoding="utf-8").split()
 
     def written(self) -> dict[int, tuple[float, float, float]]:
@@ -134,7 +134,7 @@ class Listener:
         self._ros, self._node = ros, ros.add(Node, "probe", namespace="winding")
         topics.JOINT_STATES.subscribe(self._node, self.joints.append)
         topics.TENSION.subscribe(self._node, self.forces.append)
-        topics.DIAGNOSTICS.subscribe(self._node, self._told)
+        topics.DIAGNOSTICS.subscribe(self._node, self._reported)
 
     def call(self, name: str) -> tuple[bool, str]:
         answer = self._ros.call(self._node, Trigger, f"rig/{name}", Trigger.Request())
@@ -154,7 +154,7 @@ class Listener:
         target = len(self.joints) + count
         self.wait(lambda: len(self.joints) >= target)
 
-    def _told(self, message: Any) -> None:
+    def _reported(self, message: Any) -> None:
         self.statuses += decode_diagnostics(message)[1]
 
 
@@ -275,3 +275,22 @@ def driver(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     for process in drivers:
         process.kill()
         assert "Traceback" not in (process.communicate()[1] or "")
+
+
+@pytest.fixture
+def linked(machine: Any, relay: Any, driver: Any, listener: Listener) -> Callable[..., Any]:
+    """Start a machine and its driver, and wait for the first joint state."""
+
+    def start(
+        *options: object,
+        changes: Mapping[str, str] | None = None,
+        environment: Mapping[str, str] | None = None,
+        **server: object,
+    ) -> tuple[Machine, Relay]:
+        plc = machine(*options, changes=changes)
+        path = relay(plc.port)
+        driver(path.port, environment, **server)
+        listener.more(1)
+        return plc, path
+
+    return start

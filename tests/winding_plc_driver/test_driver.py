@@ -29,9 +29,7 @@ def check_nothing_is_lost_or_doubled(listener: Any, machine: Any) -> None:
     assert all(m.wrench.force.x == written[stamp_ns(m)][2] for m in listener.forces)
 
 
-def test_every_value_arrives_once_with_its_source_timestamp(
-    machine: Any, driver: Any, listener: Any
-) -> None:
+def test_every_value_arrives_once_with_its_source_timestamp(machine, driver, listener):
     plc = machine()
     process = driver(plc.port)
     listener.more(1)
@@ -52,22 +50,20 @@ def test_every_value_arrives_once_with_its_source_timestamp(
     assert "Traceback" not in process.stderr.read()
 
 
-def test_a_refusal_of_the_plc_is_the_answer_of_the_service(
-    machine: Any, driver: Any, listener: Any
-) -> None:
+def test_a_refusal_of_the_plc_is_the_answer_of_the_service(machine, driver, listener):
     driver(machine().port)
     listener.more(1)
     assert listener.call("emergency_stop")[0]
-    done, said = listener.call("start")
+    done, answer = listener.call("start")
     assert not done
-    assert said.startswith("start was refused: ")
-    assert "(BadInvalidState)" in said
+    assert answer.startswith("start was refused: ")
+    assert "(BadInvalidState)" in answer
     listener.wait_for(Level.ERROR, "the machine reports emergency stop")
     assert listener.call("reset")[0]
     assert listener.call("start")[0]
 
 
-def test_a_command_may_be_a_variable(machine: Any, driver: Any, listener: Any) -> None:
+def test_a_command_may_be_a_variable(machine, driver, listener):
     space = "nsu=urn:winding-machine;s=Machine."
     commands = {
         name: {"node": f"{space}{node}", "value": 77}
@@ -79,18 +75,16 @@ def test_a_command_may_be_a_variable(machine: Any, driver: Any, listener: Any) -
     heartbeat = {"read": f"{space}DriverAlive", "timeout_s": 600.0}
     driver(machine().port, sections={"commands": commands, "heartbeat": heartbeat})
     listener.more(1)
-    done, said = listener.call("quick_stop")
+    done, answer = listener.call("quick_stop")
     assert not done
     # State is the PLC's alone.
-    assert said.startswith("quick_stop was refused: ")
+    assert answer.startswith("quick_stop was refused: ")
     assert listener.call("start") == (True, "start: 77 is written")
     status = listener.wait_for(Level.OK, "the link is up")
     assert status.values["heartbeat of the PLC"] == "77"
 
 
-def test_losses_and_bad_values_that_the_server_marks_are_counted(
-    machine: Any, driver: Any, listener: Any
-) -> None:
+def test_losses_and_bad_values_that_the_server_marks_are_counted(machine, driver, listener):
     """Good with the overflow bit, and BadSensorFailure, from the server on its own."""
     status = "0x480 if cycle % 10 == 3 else 0x808C0000 if cycle % 10 == 7 else 0"
     marked = {"SourceTimestamp=due)": f"ua.StatusCode({status}), due)"}
@@ -104,27 +98,22 @@ def test_losses_and_bad_values_that_the_server_marks_are_counted(
     listener.wait(lambda: any("lost so far" in s.message for s in listener.statuses))
 
 
-def test_a_call_that_hangs_is_given_up(machine: Any, driver: Any, listener: Any) -> None:
+def test_a_call_that_hangs_is_given_up(machine, driver, listener):
     slow = {"return machine.call(name)": "await asyncio.sleep(600.0 * (name == 'Reset'))"}
     driver(machine(changes=slow).port, call_timeout_s=0.5)
     listener.more(1)
     assert listener.call("reset") == (False, "reset was not answered within 0.5 s")
 
 
-def test_a_cut_link_is_said_and_the_queue_of_the_server_is_taken(
-    machine: Any, driver: Any, relay: Any, listener: Any
-) -> None:
-    plc = machine()
-    path = relay(plc.port)
-    driver(path.port, stop_after_link_loss_s=0.0)
-    listener.more(1)
+def test_a_cut_link_is_reported_and_the_queue_of_the_server_is_taken(linked, listener):
+    plc, path = linked(stop_after_link_loss_s=0.0)
     assert listener.call("start")[0]
     listener.more(100)
     path.cut()
     listener.wait_for(Level.ERROR, "has been lost for")
-    done, said = listener.call("start")
+    done, answer = listener.call("start")
     assert not done
-    assert f"the link to the PLC at opc.tcp://127.0.0.1:{path.port} has been lost" in said
+    assert f"the link to the PLC at opc.tcp://127.0.0.1:{path.port} has been lost" in answer
     path.restore()
     status = listener.wait_for(Level.OK, "the link is up")
     assert (status.values["links lost"], status.values["sessions resumed"]) == ("1", "1")
@@ -133,10 +122,8 @@ def test_a_cut_link_is_said_and_the_queue_of_the_server_is_taken(
     check_nothing_is_lost_or_doubled(listener, plc)
 
 
-def test_a_silent_link_is_lost(machine: Any, driver: Any, relay: Any, listener: Any) -> None:
-    plc = machine()
-    path = relay(plc.port)
-    driver(path.port, link_timeout_s=3.0)
+def test_a_silent_link_is_lost(linked, listener):
+    plc, path = linked(link_timeout_s=3.0)
     listener.more(100)
     path.silence()
     listener.wait(
@@ -148,32 +135,24 @@ def test_a_silent_link_is_lost(machine: Any, driver: Any, relay: Any, listener: 
 
 
 @pytest.mark.parametrize("asked", ["", "quick_stop"])
-def test_a_machine_is_stopped_when_the_link_returns(
-    asked: str, machine: Any, driver: Any, relay: Any, listener: Any
-) -> None:
-    plc = machine()
-    path = relay(plc.port)
-    driver(path.port, stop_after_link_loss_s=0.0 if asked else 1e-6)
-    listener.more(1)
+def test_a_machine_is_stopped_when_the_link_returns(asked, linked, listener):
+    plc, path = linked(stop_after_link_loss_s=0.0 if asked else 1e-6)
     assert listener.call("start")[0]
     listener.more(100)
     path.cut()
     listener.wait_for(Level.ERROR, "has been lost for")
     if asked:
-        done, said = listener.call(asked)
+        done, answer = listener.call(asked)
         assert not done
-        assert said.endswith("the machine is told to quick_stop when the link returns")
+        assert answer.endswith("; quick_stop is sent when the link returns")
     path.restore()
     listener.wait_for(Level.OK, "the link is up")
     assert plc.calls == ["ready", "Start", "QuickStop" if asked else "Stop"]
     listener.wait(lambda: listener.joints[-1].position == listener.joints[-2].position)
 
 
-def test_a_server_that_has_forgotten_the_session_gets_a_new_one(
-    machine: Any, driver: Any, relay: Any, listener: Any
-) -> None:
-    path = relay(machine().port)
-    driver(path.port)
+def test_a_server_that_has_forgotten_the_session_gets_a_new_one(machine, linked, listener):
+    _, path = linked()
     listener.more(100)
     path.cut()
     listener.wait_for(Level.ERROR, "has been lost for")
@@ -186,22 +165,7 @@ def test_a_server_that_has_forgotten_the_session_gets_a_new_one(
     assert stamps == sorted(set(stamps))
 
 
-def test_a_variable_that_is_not_there_is_one_sentence(
-    machine: Any, driver: Any, tmp_path: Path
-) -> None:
-    plc = machine(changes={'("Tension", 0.0)': '("Torque", 0.0)', '"Tension": T': '"Torque": T'})
-    process = driver(plc.port)
-    said = process.communicate(timeout=60)[1]
-    assert process.returncode == 2
-    assert said == (
-        "error: tension cannot be read at nsu=urn:winding-machine;s=Machine.Tension: "
-        "BadNodeIdUnknown\n"
-    )
-
-
-def test_a_plc_that_comes_later_is_waited_for(
-    machine: Any, driver: Any, relay: Any, listener: Any
-) -> None:
+def test_a_plc_that_comes_later_is_waited_for(machine, driver, relay, listener):
     path = relay(machine().port)
     path.cut()
     driver(path.port)
@@ -209,3 +173,108 @@ def test_a_plc_that_comes_later_is_waited_for(
     assert not listener.call("start")[0]
     path.restore()
     listener.more(10)
+
+
+def refusal(process: Any) -> str:
+    """Return the one sentence with which a driver ends that is refused at the first contact."""
+    sentence: str = process.communicate(timeout=60)[1]
+    assert process.returncode == 2
+    assert sentence.count("\n") == 1
+    return sentence
+
+
+def test_a_variable_that_is_not_there_is_one_sentence(machine, driver):
+    plc = machine(changes={'("Tension", 0.0)': '("Torque", 0.0)', '"Tension": T': '"Torque": T'})
+    assert refusal(driver(plc.port)) == (
+        "error: tension cannot be read at nsu=urn:winding-machine;s=Machine.Tension: "
+        "BadNodeIdUnknown\n"
+    )
+
+
+PASSWORD = ("--user", "winding", "--password", "right")
+
+
+@pytest.mark.parametrize("encrypted", [False, True])
+@pytest.mark.asyncio
+async def test_a_wrong_password_is_one_sentence_before_anything_else(
+    encrypted, machine, driver, secured, tmp_path
+):
+    security, options = await secured() if encrypted else ({}, [])
+    plc = machine(*PASSWORD, *options)
+    (tmp_path / "password.txt").write_text("wrong\n", encoding="utf-8")
+    process = driver(plc.port, user="winding", password_file="password.txt", **security)
+    sentence = refusal(process)
+    start = f"error: the connection to opc.tcp://127.0.0.1:{plc.port} was refused: "
+    assert sentence.startswith(start)
+    assert "(BadUserAccessDenied)" in sentence
+    assert "wrong" not in sentence
+
+
+def users_by_certificate(known: Path) -> dict[str, str]:
+    """Return the changes of the machine that knows one user, by certificate."""
+    users = "Users(options.user, options.password)"
+    return {
+        "from asyncua.crypto.permission_rules": (
+            "from asyncua.server.user_managers import CertificateUserManager\n"
+            "from asyncua.crypto.permission_rules"
+        ),
+        f"    server = Server(user_manager={users})\n": (
+            "    users = CertificateUserManager()\n"
+            f"    await users.add_user(Path({str(known)!r}), name='winding')\n"
+            "    server = Server(user_manager=users)\n"
+        ),
+    }
+
+
+BY_CERTIFICATE = {"user_certificate": "user.der", "user_private_key": "user.pem"}
+
+
+@pytest.mark.parametrize("certified", [False, True], ids=["by name", "by certificate"])
+@pytest.mark.asyncio
+async def test_a_user_opens_the_session_and_resumes_it(
+    certified, linked, listener, secured, pair, tmp_path
+):
+    security, options = await secured()
+    if certified:
+        await pair("user", "urn:winding:user")
+        changes = users_by_certificate(tmp_path / "user.der")
+        _, path = linked(*options, changes=changes, **security, **BY_CERTIFICATE)
+    else:
+        user = {"user": "winding", "password_variable": "PLC_PASSWORD"}
+        environment = {"PLC_PASSWORD": "right"}
+        _, path = linked(*PASSWORD, *options, environment=environment, **security, **user)
+    listener.more(100)
+    assert listener.call("start") == (True, "start: done")
+    path.cut()
+    listener.wait_for(Level.ERROR, "has been lost for")
+    path.restore()
+    status = listener.wait_for(Level.OK, "the link is up")
+    assert status.values["sessions resumed"] == "1"
+    listener.more(100)
+
+
+@pytest.mark.parametrize(
+    ("certificate", "key", "reason"),
+    [
+        # The owner of the channel's certificate is no user here.
+        ("", "", "BadUserAccessDenied"),
+        ("other.der", "other.pem", "BadUserAccessDenied"),
+        # asyncua's server's answer to a signature by another key.
+        ("user.der", "other.pem", "BadIdentityTokenInvalid"),
+        ("user.der", "missing.pem", "missing.pem is not a file"),
+    ],
+    ids=["anonymous", "unknown user", "another key", "no key"],
+)
+@pytest.mark.asyncio
+async def test_who_is_not_that_user_is_refused_in_one_sentence(
+    certificate, key, reason, machine, driver, secured, pair, tmp_path
+):
+    security, options = await secured()
+    for name in ("user", "other"):
+        await pair(name, f"urn:winding:{name}")
+    plc = machine(*options, changes=users_by_certificate(tmp_path / "user.der"))
+    user = {"user_certificate": certificate, "user_private_key": key}
+    sentence = refusal(driver(plc.port, **security, **user))
+    start = f"error: the connection to opc.tcp://127.0.0.1:{plc.port} was refused: "
+    assert sentence.startswith(start)
+    assert reason in sentence

@@ -1,15 +1,14 @@
-"""The driver ends whenever it is told to, also while an answer of the PLC comes in."""
+"""The driver ends whenever it is cancelled, also while an answer of the PLC comes in."""
 
 import asyncio
 import time
-from typing import Any
 
 import pytest
 import yaml
 
 from winding_core.status import Status
 from winding_plc_driver.driver import Driver
-from winding_plc_driver.machine.joining import Sample
+from winding_plc_driver.machine.joining import Measured, Sample
 from winding_plc_driver.machine.mapping import parse_mapping
 from winding_plc_driver.opcua.session import Session
 
@@ -20,13 +19,13 @@ class Nowhere:
     """Takes what the driver publishes."""
 
     def joints(self, sample: Sample) -> None: ...
-    def tension(self, stamp_ns: int, force: float) -> None: ...
+    def measured(self, stamp_ns: int, measured: Measured) -> None: ...
     def status(self, status: Status) -> None: ...
     def log(self, text: str) -> None: ...
 
 
 @pytest.mark.asyncio
-async def test_a_cancellation_is_never_lost(machine: Any, examples: Any) -> None:
+async def test_a_cancellation_is_never_lost(machine, examples):
     """With asyncio.wait_for around the requests, one of the first five was."""
     content = yaml.safe_load((examples / "opcua_machine.yaml").read_text(encoding="utf-8"))
     content["server"]["endpoint"] = f"opc.tcp://127.0.0.1:{machine().port}"

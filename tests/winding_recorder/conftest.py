@@ -1,122 +1,14 @@
-"""Recordings made without ROS running: joint states, tension, pictures of noise."""
+"""Recordings that tests look at, and copies that they harm."""
 
-import hashlib
-from collections import Counter
+import shutil
+import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
-from mcap.records import Chunk, Message
-from mcap.stream_reader import StreamReader, breakup_chunk
-from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import StoragePlugin, Writer
 
-from winding_core.drive import DriveProfile
-from winding_core.readings import AxisReading
-from winding_recorder.bags.channel import Channel, jazzy_channel
-from winding_recorder.bags.mcap_file import BagConfig
-from winding_recorder.bags.notes import COMPLETE, LOST, YES
-from winding_recorder.bags.reading import Decoder
-from winding_recorder.bags.writer import BagWriter
-from winding_ros import topics
-from winding_ros.camera_messages import encode_image
-from winding_ros.rig_messages import encode_joint_state, encode_tension
+sys.path.insert(0, str(Path(__file__).parent))
 
-RECORDED = (topics.JOINT_STATES, topics.TENSION, topics.IMAGE)
-# A tenth of a real frame keeps the tests quick.
-FRAME = (64, 96)
-
-
-def reading_at(t: float) -> AxisReading:
-    drive = DriveProfile()
-    (angle, guide), (speed, feed) = drive.positions(t), drive.speeds(t)
-    return AxisReading(
-        cylinder_angle=angle, angular_speed=speed, carriage_position=guide, feed_speed=feed
-    )
-
-
-class Bags:
-    """Makes recordings and looks at them with foreign readers."""
-
-    joints, tension, image = range(3)
-    reading_at = staticmethod(reading_at)
-
-    def __init__(self) -> None:
-        self._decoder = Decoder()
-
-    def bytes_of(self, channel: int, data: bytes) -> bytes:
-        return self._decoder.canonical(RECORDED[channel].type_name, data)
-
-    @staticmethod
-    def channels() -> list[Channel]:
-        return [
-            jazzy_channel(
-                f"/winding/{topic.name}", topic.type_name, depth=topic.depth, latched=topic.latched
-            )
-            for topic in RECORDED
-        ]
-
-    def write_run(self, writer: BagWriter, samples: int) -> None:
-        """Write so many milliseconds of a run; pictures at 200 Hz."""
-        rng = np.random.default_rng(7)
-        for sample in range(samples):
-            stamp, t = sample * 1_000_000, sample * 1e-3
-            joints = self.bytes_of(self.joints, encode_joint_state(t, reading_at(t)))
-            writer.write(self.joints, stamp, joints, sample + 1)
-            if sample % 10 == 0:
-                tension = self.bytes_of(self.tension, encode_tension(t, 2.5))
-                writer.write(self.tension, stamp, tension, sample // 10 + 1)
-            if sample % 5 == 0:
-                frame = rng.integers(0, 256, (*FRAME, 3), dtype=np.uint8)
-                image = self.bytes_of(self.image, encode_image(t, frame))
-                writer.write(self.image, stamp, image, sample // 5 + 1)
-
-    def whole(self, folder: Path, samples: int = 600, **config: object) -> Path:
-        """Return a recording that was closed."""
-        writer = BagWriter(folder, self.channels(), BagConfig(**config))
-        self.write_run(writer, samples)
-        lost = {f"{LOST}{channel.name}": "0" for channel in self.channels()}
-        writer.close({COMPLETE: YES, **lost})
-        return folder
-
-    @staticmethod
-    def as_sqlite(source: Path, folder: Path) -> Path:
-        """Copy a recording into SQLite storage, as older recordings and other tools have it."""
-        with (
-            AnyReader([source]) as reader,
-            Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer,
-        ):
-            links = {
-                link.id: writer.add_connection(link.topic, link.msgtype, typestore=reader.typestore)
-                for link in reader.connections
-            }
-            for link, stamp, data in reader.messages():
-                writer.write(links[link.id], stamp, data)
-        return folder
-
-    @staticmethod
-    def counts(path: Path) -> Counter[str]:
-        """Return messages by topic, as rosbags counts them."""
-        with AnyReader([path]) as reader:
-            return Counter(link.topic for link, _, _ in reader.messages())
-
-    @staticmethod
-    def chunks(file: Path) -> list[tuple[int, int, int]]:
-        """Return (end of the record [byte], messages, bytes inside) of every chunk of a file."""
-        found = []
-        with file.open("rb") as stream:
-            for record in StreamReader(stream, emit_chunks=True).records:
-                if isinstance(record, Chunk):
-                    messages = sum(isinstance(item, Message) for item in breakup_chunk(record))
-                    found.append((stream.tell(), messages, record.uncompressed_size))
-        return found
-
-    @staticmethod
-    def fingerprint(folder: Path) -> dict[str, str]:
-        return {
-            path.name: hashlib.sha256(path.read_bytes()).hexdigest()
-            for path in sorted(folder.iterdir())
-        }
+from made_bags import Bags
 
 
 @pytest.fixture(scope="session")
@@ -126,5 +18,11 @@ def bags() -> Bags:
 
 @pytest.fixture(scope="session")
 def made(bags: Bags, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A whole recording of 0.6 s; tests copy it before they harm it."""
+    """A whole recording of 0.6 s."""
     return bags.whole(tmp_path_factory.mktemp("made") / "bag")
+
+
+@pytest.fixture
+def copied(made: Path, tmp_path: Path) -> Path:
+    """A copy of that recording, to be harmed."""
+    return Path(shutil.copytree(made, tmp_path / "bag"))

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import rclpy
+from made_bags import READING
 from rclpy.node import Node
 
-from winding_core.readings import AxisReading
 from winding_ros import topics
-from winding_ros.camera_messages import encode_image
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.messages.camera import encode_image
+from winding_ros.messages.rig import encode_joint_state
 
 WORST_BURST = 0.25
 
@@ -28,9 +28,6 @@ def main() -> None:
     )
     while not all(p.get_subscription_count() for p in (joints, commands, images)):
         time.sleep(0.01)
-    reading = AxisReading(
-        cylinder_angle=1.0, angular_speed=1.74, carriage_position=0.01, feed_speed=0.005
-    )
     frame = np.random.default_rng(2).integers(0, 256, (96, 640, 3), dtype=np.uint8)
     sent = {"rig/joint_states": 0, "rig/joint_commands": 0, "camera/image_raw": 0}
     begin = time.monotonic()
@@ -41,10 +38,10 @@ def main() -> None:
         late = time.monotonic() - begin - t
         begin += max(0.0, late - WORST_BURST)
         time.sleep(max(0.0, -late))
-        joints.publish(encode_joint_state(t, reading))
+        joints.publish(encode_joint_state(t, READING))
         sent["rig/joint_states"] += 1
         if sample % 2 == 0:
-            commands.publish(encode_joint_state(t, reading))
+            commands.publish(encode_joint_state(t, READING))
             sent["rig/joint_commands"] += 1
         if sample % 5 == 0:
             images.publish(encode_image(t, frame))

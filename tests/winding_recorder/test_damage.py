@@ -2,30 +2,24 @@
 
 import random
 import shutil
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from made_bags import storage_file
 from mcap.reader import make_reader
 
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import BagError
 from winding_recorder.bags.reading import opened
 from winding_recorder.bags.recover import recover
-from winding_recorder.bags.tables import export
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
 FLIPS_PER_FILE = 120
 CUTS = 100
-fuzzed = settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
 
 
 def flipped(path: Path, position: int, bit: int) -> None:
@@ -48,7 +42,7 @@ def small(bags: Any, tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_every_flipped_bit_is_seen(small: Path) -> None:
-    (file,) = small.glob("*.mcap")
+    file = storage_file(small)
     whole = file.read_bytes()
     rng = random.Random(5)
     unseen = []
@@ -64,7 +58,7 @@ def test_every_flipped_bit_is_seen(small: Path) -> None:
 def test_a_torn_database_is_seen(bags: Any, small: Path, tmp_path: Path) -> None:
     folder = bags.as_sqlite(small, tmp_path / "sqlite")
     assert check(folder).findings == []
-    (file,) = folder.glob("*.db3")
+    file = storage_file(folder)
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 2])
     assert check(folder).findings
@@ -77,32 +71,27 @@ def test_a_database_is_refused_by_recovery(bags: Any, small: Path, tmp_path: Pat
     assert not (tmp_path / "out").exists()
 
 
-def test_a_damaged_chunk_is_named_with_its_place(bags: Any, made: Path, tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(made, tmp_path / "bag"))
-    (file,) = folder.glob("*.mcap")
+def test_a_damaged_chunk_is_named_with_its_place(bags: Any, copied: Path, tmp_path: Path) -> None:
+    file = storage_file(copied)
     end, _, _ = bags.chunks(file)[2]
     flipped(file, end - 5000, 3)
     assert any(
-        "chunk at byte" in finding and "crc" in finding for finding in check(folder).findings
+        "chunk at byte" in finding and "crc" in finding for finding in check(copied).findings
     )
 
 
-def test_metadata_that_disagrees_is_found(made: Path, tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(made, tmp_path / "bag"))
-    file = folder / "metadata.yaml"
+def test_metadata_that_disagrees_is_found(copied: Path) -> None:
+    file = copied / "metadata.yaml"
     content = yaml.safe_load(file.read_text())
     information = content["rosbag2_bagfile_information"]
     information["topics_with_message_count"][0]["message_count"] += 1
     file.write_text(yaml.safe_dump(content))
-    findings = check(folder).findings
-    assert "/winding/rig/joint_states: metadata.yaml says 601 messages, there are 600" in findings
+    findings = check(copied).findings
+    assert "/winding/rig/joint_states: metadata.yaml states 601 messages, there are 600" in findings
 
 
 def test_a_gap_and_a_step_back_are_found(bags: Any, tmp_path: Path) -> None:
-    from winding_recorder.bags.mcap_file import BagConfig
-    from winding_recorder.bags.writer import BagWriter
-
-    writer = BagWriter(tmp_path / "bag", bags.channels(), BagConfig())
+    writer = bags.writer(tmp_path / "bag")
     full = bags.whole(tmp_path / "full", 200)
     with opened(full) as reader:
         joints = [(t, bytes(d)) for c, t, d in reader.messages() if "joint" in c.topic]
@@ -117,10 +106,7 @@ def test_a_gap_and_a_step_back_are_found(bags: Any, tmp_path: Path) -> None:
 
 
 def test_lost_messages_are_findings(bags: Any, tmp_path: Path) -> None:
-    from winding_recorder.bags.mcap_file import BagConfig
-    from winding_recorder.bags.writer import BagWriter
-
-    writer = BagWriter(tmp_path / "bag", bags.channels(), BagConfig())
+    writer = bags.writer(tmp_path / "bag")
     bags.write_run(writer, 20)
     writer.close({"complete": "yes", "lost /winding/rig/tension": "3"})
     assert check(tmp_path / "bag").findings == [
@@ -133,7 +119,7 @@ def test_lost_messages_are_findings(bags: Any, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_cut_file_gives_back_every_whole_chunk(bags: Any, tmp_path: Path) -> None:
     made = bags.whole(tmp_path / "made", 150, chunk_bytes=40_000)
-    (file,) = made.glob("*.mcap")
+    file = storage_file(made)
     whole, chunks = file.read_bytes(), bags.chunks(file)
     rng = random.Random(3)
     cut, out = tmp_path / "cut", tmp_path / "out"
@@ -155,27 +141,25 @@ def test_a_cut_file_gives_back_every_whole_chunk(bags: Any, tmp_path: Path) -> N
         shutil.rmtree(cut)
 
 
-def test_only_the_damaged_chunk_is_lost(bags: Any, made: Path, tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(made, tmp_path / "bag"))
-    (file,) = folder.glob("*.mcap")
+def test_only_the_damaged_chunk_is_lost(bags: Any, copied: Path, tmp_path: Path) -> None:
+    file = storage_file(copied)
     chunks = bags.chunks(file)
     end, inside, _ = chunks[3]
     flipped(file, end - 5000, 3)
-    (salvage,) = recover(folder, tmp_path / "out")
+    (salvage,) = recover(copied, tmp_path / "out")
     assert salvage.kept == sum(messages for _, messages, _ in chunks) - inside
     assert len(salvage.losses) == 1
 
 
 def test_chunks_behind_a_broken_record_length_are_found_by_the_index(
-    bags: Any, made: Path, tmp_path: Path
+    bags: Any, copied: Path, tmp_path: Path
 ) -> None:
-    folder = Path(shutil.copytree(made, tmp_path / "bag"))
-    (file,) = folder.glob("*.mcap")
+    file = storage_file(copied)
     with file.open("rb") as stream:
         index = make_reader(stream).get_summary().chunk_indexes[2]
     chunks = bags.chunks(file)
     flipped(file, index.chunk_start_offset + 4, 1)
-    (salvage,) = recover(folder, tmp_path / "out")
+    (salvage,) = recover(copied, tmp_path / "out")
     assert salvage.kept == sum(messages for _, messages, _ in chunks) - chunks[2][1]
 
 
@@ -201,75 +185,3 @@ def test_a_folder_without_storage_is_no_recording(tmp_path: Path) -> None:
     for look in (check, contents, lambda path: recover(path, tmp_path / "out")):
         with pytest.raises(BagError, match="holds no"):
             look(tmp_path)
-
-
-class Everything:
-    """Everything that a command does with a recording, each ending well or with BagError."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.ended: Counter[str] = Counter()
-
-    def try_all(self, path: Path) -> None:
-        for name, action in (
-            ("check", lambda: check(path)),
-            ("contents", lambda: contents(path)),
-            ("recover", lambda: recover(path, self.folder / "out")),
-            ("export", lambda: export(path, self.folder / "tables", "csv")),
-        ):
-            try:
-                action()
-            except BagError:
-                self.ended[name] += 1
-            for left in ("out", "tables"):
-                shutil.rmtree(self.folder / left, ignore_errors=True)
-
-
-@pytest.fixture(scope="module")
-def tiny(bags: Any, tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    folder = bags.whole(tmp_path_factory.mktemp("tiny") / "bag", 12)
-    (file,) = folder.glob("*.mcap")
-    return file.read_bytes()
-
-
-@fuzzed
-@given(
-    changes=st.lists(
-        st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.binary(min_size=1, max_size=9)),
-        min_size=1,
-        max_size=6,
-    ),
-    length=st.floats(0.2, 1.0),
-)
-def test_changed_bytes_never_crash_a_reader(
-    tiny: bytes, tmp_path: Path, changes: list[tuple[float, bytes]], length: float
-) -> None:
-    content = bytearray(tiny[: int(len(tiny) * length)])
-    for place, other in changes:
-        start = int(place * len(content))
-        content[start : start + len(other)] = other
-    file = tmp_path / "bag_0.mcap"
-    file.write_bytes(content)
-    Everything(tmp_path).try_all(file)
-
-
-@fuzzed
-@given(garbage=st.binary(max_size=400), magic=st.booleans())
-def test_garbage_is_refused(tmp_path: Path, garbage: bytes, magic: bool) -> None:
-    file = tmp_path / "bag_0.mcap"
-    file.write_bytes((b"\x89MCAP0\r\n" if magic else b"") + garbage)
-    tried = Everything(tmp_path)
-    tried.try_all(file)
-    assert tried.ended["recover"] == tried.ended["contents"] == 1
-    assert check(file).findings
-
-
-@pytest.mark.slow
-@fuzzed
-@given(text=st.text(max_size=200))
-def test_any_metadata_is_survived(made: Path, tmp_path: Path, text: str) -> None:
-    folder = Path(shutil.copytree(made, tmp_path / "bag", dirs_exist_ok=True))
-    (folder / "metadata.yaml").write_text(text, encoding="utf-8")
-    with pytest.raises(BagError):
-        contents(folder)
-    assert check(folder).findings

@@ -15,16 +15,13 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
-from winding_recorder.bags.channel import jazzy_channel
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import BagError, jazzy_channel
 from winding_recorder.bags.mcap_file import BagConfig
-from winding_recorder.bags.pacing import Pacing
 from winding_recorder.bags.reading import messages_of, opened
 from winding_recorder.bags.writer import BagWriter
-from winding_recorder.playback.player import Player
+from winding_recorder.playback.player import Pacing, Player
 from winding_ros import topics
-from winding_ros.polled import PolledTopic
-from winding_ros.topic import Topic
+from winding_ros.topic import PolledTopic, Topic
 
 pytestmark = pytest.mark.processes
 

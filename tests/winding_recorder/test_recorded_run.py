@@ -1,11 +1,16 @@
 """A run of real processes: its bag is whole, nothing was lost, and its nodes' work repeats."""
 
 import shutil
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
 
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
@@ -13,6 +18,20 @@ from winding_recorder.playback.replay import replay
 from winding_ros import topics
 
 pytestmark = pytest.mark.processes
+
+
+RECORDED = {
+    (topic.name if topic.name.startswith("/") else f"/winding/{topic.name}"): topic
+    for topic in topics.TOPICS
+    if topic.recorded
+}
+
+# This run is not commanded from outside, and no lay is controlled in it.
+SILENT = {
+    name
+    for name, topic in RECORDED.items()
+    if topic.publisher in (topics.COMMANDER, topics.LAY_CONTROL)
+}
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +44,7 @@ def test_nothing_was_lost_and_every_checksum_holds(bag: Path) -> None:
     assert check(bag).findings == []
     counted = {topic.name: topic.lost for topic in contents(bag).topics}
     assert set(counted.values()) == {0, None}
-    # Only where several nodes publish, or strangers do, nobody can count.
+    # Losses cannot be counted where several nodes publish, or external ones do.
     commands = {f"/winding/{topic.name}" for topic in topics.published_by(topics.COMMANDER)}
     uncounted = {name for name, lost in counted.items() if lost is None}
     assert uncounted == {"/diagnostics"} | commands
@@ -58,11 +77,11 @@ def test_the_tracker_s_frames_come_again(bag: Path) -> None:
 
 
 def test_the_report_of_a_bag_names_every_topic(bag: Path, command: Callable[..., Any]) -> None:
-    said = command("bag", "info", bag, cwd=bag.parent)
-    assert said.returncode == 0, said.stderr
-    assert "complete: yes" in said.stdout
+    shown = command("bag", "info", bag, cwd=bag.parent)
+    assert shown.returncode == 0, shown.stderr
+    assert "complete: yes" in shown.stdout
     for topic in topics.TOPICS:
-        assert (topic.name in said.stdout) is topic.recorded
+        assert (topic.name in shown.stdout) is topic.recorded
 
 
 def test_damage_ends_the_check_with_exit_code_one(
@@ -94,3 +113,71 @@ def test_a_folder_that_is_no_recording_is_refused_in_one_sentence(
     assert refused.returncode == 1
     assert len(refused.stderr.strip().splitlines()) == 1
     assert "winding: " in refused.stderr
+
+
+def test_any_reader_finds_every_topic_of_the_contract(bag: Path) -> None:
+    with AnyReader([bag]) as reader:
+        found = {connection.topic: connection for connection in reader.connections}
+        assert set(found) == set(RECORDED)
+        for name, connection in found.items():
+            assert connection.msgtype == RECORDED[name].type_name
+            assert (connection.msgcount > 0) is (name not in SILENT)
+            assert connection.digest.startswith("RIHS01_")
+
+
+def test_every_topic_is_there_from_the_start(bag: Path) -> None:
+    first: dict[str, int] = {}
+    with AnyReader([bag]) as reader:
+        for connection, stamp, _ in reader.messages():
+            first.setdefault(connection.topic, stamp)
+        begin = reader.start_time
+    assert set(first) == set(RECORDED) - SILENT
+    for name, stamp in first.items():
+        assert stamp - begin <= 100_000_000, f"{name} begins late"
+
+
+def test_fast_topics_have_no_hole(bag: Path, recorded_run: Any) -> None:
+    stamps: dict[str, list[int]] = {
+        "/winding/rig/joint_states": [],
+        "/winding/camera/image_raw": [],
+    }
+    with AnyReader([bag]) as reader:
+        wanted = [c for c in reader.connections if c.topic in stamps]
+        for connection, _, data in reader.messages(wanted):
+            header = reader.deserialize(data, connection.msgtype).header
+            stamps[connection.topic].append(header.stamp.sec * 10**9 + header.stamp.nanosec)
+    end = int(recorded_run.duration * 10**9)
+    assert stamps["/winding/rig/joint_states"] == list(range(0, end + 1, 10**6))
+    assert stamps["/winding/camera/image_raw"] == list(range(0, end + 1, 5 * 10**6))
+
+
+def test_mcap_reader_decodes_every_message(bag: Path) -> None:
+    (file,) = bag.glob("*.mcap")
+    counted: Counter[str] = Counter()
+    with file.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages():
+            counted[channel.topic] += 1
+            if channel.topic == "/winding/camera/image_raw":
+                assert (message.width, message.height, message.encoding) == (640, 96, "bgr8")
+    assert set(counted) == set(RECORDED) - SILENT
+
+
+def test_metadata_is_rosbag2_version_nine(bag: Path) -> None:
+    text = (bag / "metadata.yaml").read_text(encoding="utf-8")
+    information = yaml.safe_load(text)["rosbag2_bagfile_information"]
+    assert information["version"] == 9
+    assert information["storage_identifier"] == "mcap"
+    counts = {
+        item["topic_metadata"]["name"]: item["message_count"]
+        for item in information["topics_with_message_count"]
+    }
+    assert set(counts) == set(RECORDED)
+
+
+def test_latched_topics_are_offered_as_transient_local(bag: Path) -> None:
+    with AnyReader([bag]) as reader:
+        for connection in reader.connections:
+            (qos,) = connection.ext.offered_qos_profiles
+            latched = RECORDED[connection.topic].latched
+            assert (qos.durability.name == "TRANSIENT_LOCAL") is latched

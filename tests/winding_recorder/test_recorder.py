@@ -8,24 +8,21 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from made_bags import READING
 
-from winding_core.readings import AxisReading
 from winding_core.status import Level
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.notes import COMPLETE
+from winding_recorder.bags.description import COMPLETE
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.live.recorder import Recorder, RecorderError
 from winding_ros import topics
-from winding_ros.diagnostic_messages import decode_diagnostics
 from winding_ros.environment import child_environment
-from winding_ros.rig_messages import decode_joint_state, encode_joint_state
+from winding_ros.messages.diagnostics import decode_diagnostics
+from winding_ros.messages.rig import decode_joint_state, encode_joint_state
 
 pytestmark = pytest.mark.processes
 
-READING = AxisReading(
-    cylinder_angle=1.0, angular_speed=1.74, carriage_position=0.01, feed_speed=0.005
-)
 # The graph declares commands at 50 Hz; the machine's control loop runs at 500 Hz.
 LOAD = (
     topics.JOINT_STATES,

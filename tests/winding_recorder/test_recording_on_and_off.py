@@ -6,32 +6,29 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_bags import READING
 from std_srvs.srv import SetBool
 
 from winding_core.markers import wound_markers
-from winding_core.readings import AxisReading
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.notes import COMPLETE, YES
+from winding_recorder.bags.description import COMPLETE, YES
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.live.bag_series import free_folder
 from winding_recorder.live.recorder import Recorder
 from winding_ros import services, topics
-from winding_ros.camera_messages import encode_image
-from winding_ros.cloud_messages import encode_cloud
-from winding_ros.diagnostic_messages import decode_diagnostics
-from winding_ros.rig_messages import encode_joint_state
+from winding_ros.messages.camera import encode_image
+from winding_ros.messages.clouds import encode_cloud
+from winding_ros.messages.diagnostics import decode_diagnostics
+from winding_ros.messages.rig import encode_joint_state
 
 pytestmark = pytest.mark.processes
 
-READING = AxisReading(
-    cylinder_angle=1.0, angular_speed=1.74, carriage_position=0.01, feed_speed=0.005
-)
 RECORDED = (topics.JOINT_STATES, topics.FEM_PREDICTION)
 
 
 class Desk:
-    """A machine that publishes, a recorder, and somebody who turns it on and off."""
+    """A machine that publishes, a recorder, and a client that turns it on and off."""
 
     def __init__(self, ros: Any, further: Path) -> None:
         self.ros = ros
@@ -91,7 +88,7 @@ def test_bag_holds_what_came_between_on_and_off(desk: Desk, tmp_path: Path) -> N
     desk.wind(500, 100)
     assert check(tmp_path / "bag").findings == []
     assert read_notes(tmp_path / "bag")[COMPLETE] == YES
-    # The prediction was told before, once, and holds all the same.
+    # The prediction was published before, once, and holds all the same.
     assert counts(tmp_path / "bag") == {
         "rig/joint_states": 200, "fem/prediction": 1, "camera/image_raw": 0,
     }  # fmt: skip
@@ -148,17 +145,17 @@ def test_notes_of_a_new_run_are_not_those_of_the_last_one(desk: Desk, tmp_path: 
     assert [read_notes(tmp_path / name)["case"] for name in ("bag", "bag-2")] == ["4", "5"]
 
 
-def test_recorder_says_what_it_records(desk: Desk) -> None:
+def test_recorder_reports_what_it_records(desk: Desk) -> None:
     desk.ros.spin_until(lambda: desk.statuses.get("recorder") is not None)
     assert "bag" not in desk.statuses["recorder"].values
     desk.record(on=True)
     desk.wind(0, 100)
 
-    def told() -> bool:
+    def reported() -> bool:
         values = desk.statuses["recorder"].values
         return values.get("bag") == "bag" and values["messages"] == "100"
 
-    desk.ros.spin_until(told)
+    desk.ros.spin_until(reported)
     assert int(desk.statuses["recorder"].values["bytes"]) > 0
 
 

@@ -8,21 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from made_bags import channel_of
 
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from winding_core.markers import MARKER_DTYPE
-from winding_recorder.bags.channel import jazzy_channel
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import PARAMETERS, BagError
 from winding_recorder.bags.mcap_file import BagConfig
-from winding_recorder.bags.notes import PARAMETERS
 from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
 from winding_recorder.playback.replay import replay
 from winding_ros import graph, topics
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.rig_messages import encode_joint_state, encode_tension
-from winding_ros.stamps import serialised_stamp_ns, stamp_bytes, with_stamp
+from winding_ros.messages.clouds import decode_cloud, encode_cloud
+from winding_ros.messages.rig import encode_joint_state, encode_tension
+from winding_ros.messages.stamps import serialised_stamp_ns, stamp_bytes, with_stamp
 from winding_ros.topic import Topic
 
 PARAMETERS_OF_RUN = {"case": 4, "duration": 0.3}
@@ -41,10 +40,7 @@ def inputs(reading_at: Any) -> Iterator[tuple[Topic, int, Any]]:
 
 def record(folder: Path, arrivals: list[tuple[Topic, Any]], *, harm: float = 0.0) -> Path:
     """Record what the solver's work answers to messages that arrive in some order."""
-    channels = [
-        jazzy_channel(f"/winding/{t.name}", t.type_name, depth=t.depth, latched=t.latched)
-        for t in RECORDED
-    ]
+    channels = [*map(channel_of, RECORDED)]
     notes = {f"{PARAMETERS}{topics.FEM}": json.dumps(PARAMETERS_OF_RUN)}
     writer = BagWriter(folder, channels, BagConfig(), notes)
     decoder = Decoder()

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.loss import LossCount
-from winding_recorder.bags.pacing import Pacing
-from winding_recorder.bags.stamps import rhythm, stamp_findings
+from winding_recorder.bags.check import rhythm, stamp_findings
+from winding_recorder.bags.description import BagError
 from winding_recorder.bags.tables import export
+from winding_recorder.live.bag_series import LossCount
+from winding_recorder.playback.player import Pacing
 
 MS = 1_000_000
 
@@ -119,7 +119,7 @@ def test_a_cloud_that_contradicts_itself_is_refused(bags: Any, tmp_path: Path) -
     from rclpy.serialization import serialize_message
     from sensor_msgs.msg import PointCloud2
 
-    from winding_recorder.bags.channel import jazzy_channel
+    from winding_recorder.bags.description import jazzy_channel
     from winding_recorder.bags.mcap_file import BagConfig
     from winding_recorder.bags.writer import BagWriter
 

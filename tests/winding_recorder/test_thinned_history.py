@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
-from winding_recorder.live.thinned_history import StampRuns, ThinnedHistory
+from winding_core.history import History
+from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer, StampRuns
 from winding_ros import topics
 
 
-def filled(count: int, *, whole: int = 10, sample: int = 30) -> ThinnedHistory[int]:
-    reel: ThinnedHistory[int] = ThinnedHistory(whole=whole, sample=sample)
+def filled(count: int, *, newest: int = 10, older: int = 30) -> History[int]:
+    reel: History[int] = History(newest=newest, older=older)
     for item in range(count):
         reel.append(item)
     return reel

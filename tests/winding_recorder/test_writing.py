@@ -3,7 +3,6 @@
 import json
 import os
 import resource
-import shutil
 import signal
 import subprocess
 import sys
@@ -12,18 +11,16 @@ from typing import Any
 
 import pytest
 import yaml
+from made_bags import storage_file
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from winding_recorder.bags.channel import jazzy_channel
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import COMPLETE, BagError, jazzy_channel
 from winding_recorder.bags.mcap_file import CHUNK_BYTES, BagConfig
-from winding_recorder.bags.notes import COMPLETE
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.bags.recover import recover
-from winding_recorder.bags.writer import BagWriter
 from winding_ros import topics
 
 SAMPLES = 600
@@ -57,7 +54,7 @@ def test_a_split_bag_has_several_files_of_about_the_size(bags: Any, tmp_path: Pa
 
 
 def test_no_chunk_is_longer_than_its_limit(bags: Any, made: Path) -> None:
-    (file,) = made.glob("*.mcap")
+    file = storage_file(made)
     sizes = [size for _, _, size in bags.chunks(file)]
     assert len(sizes) > 5
     assert max(sizes) <= CHUNK_BYTES
@@ -65,7 +62,7 @@ def test_no_chunk_is_longer_than_its_limit(bags: Any, made: Path) -> None:
 
 def test_a_longer_message_has_a_chunk_of_its_own(bags: Any, tmp_path: Path) -> None:
     folder = bags.whole(tmp_path / "bag", 20, chunk_bytes=1000)
-    (file,) = folder.glob("*.mcap")
+    file = storage_file(folder)
     assert all(messages == 1 for _, messages, size in bags.chunks(file) if size > 10_000)
     assert check(folder).findings == []
 
@@ -75,7 +72,7 @@ def test_every_chunk_has_its_crc_and_so_has_the_data_section(made: Path) -> None
 
 
 def test_another_ros_decoder_reads_every_message(made: Path) -> None:
-    (file,) = made.glob("*.mcap")
+    file = storage_file(made)
     with file.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         assert reader.get_header().profile == "ros2"
@@ -89,10 +86,9 @@ def test_a_sqlite_recording_is_read_and_whole(bags: Any, made: Path, tmp_path: P
     assert {topic.name: topic.messages for topic in contents(folder).topics} == COUNTS
 
 
-def test_the_seals_of_older_recordings_are_ignored(made: Path, tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(made, tmp_path / "bag"))
-    (folder / "checksums.sha256").write_text(f"{64 * '0'}  bag_0.mcap\n")
-    assert check(folder).findings == []
+def test_the_seals_of_older_recordings_are_ignored(copied: Path) -> None:
+    (copied / "checksums.sha256").write_text(f"{64 * '0'}  bag_0.mcap\n")
+    assert check(copied).findings == []
 
 
 def test_type_hashes_are_those_of_the_installed_messages() -> None:
@@ -114,7 +110,7 @@ def test_notes_are_in_metadata_and_in_the_file(made: Path) -> None:
     notes = yaml.safe_load((made / "metadata.yaml").read_text())["rosbag2_bagfile_information"][
         "custom_data"
     ]
-    (file,) = made.glob("*.mcap")
+    file = storage_file(made)
     with file.open("rb") as stream:
         inside = {item.name: item.metadata for item in make_reader(stream).iter_metadata()}
     assert inside["winding_recording"] == notes
@@ -123,7 +119,7 @@ def test_notes_are_in_metadata_and_in_the_file(made: Path) -> None:
 
 def test_an_existing_folder_is_refused(bags: Any, tmp_path: Path) -> None:
     with pytest.raises(BagError, match="never overwritten"):
-        BagWriter(tmp_path, bags.channels(), BagConfig())
+        bags.writer(tmp_path)
 
 
 def test_a_bad_choice_is_refused() -> None:
@@ -139,10 +135,8 @@ _KILLED = """
 import sys, time
 from pathlib import Path
 sys.path.insert(0, {folder!r})
-from conftest import Bags
-from winding_recorder.bags.mcap_file import BagConfig
-from winding_recorder.bags.writer import BagWriter
-writer = BagWriter(Path(sys.argv[1]), Bags.channels(), BagConfig())
+from made_bags import Bags
+writer = Bags.writer(Path(sys.argv[1]))
 Bags().write_run(writer, 600)
 print(writer.taken, flush=True)
 time.sleep(600)
@@ -175,7 +169,7 @@ def test_a_killed_writer_loses_at_most_its_last_chunk(bags: Any, tmp_path: Path)
 def test_a_full_disk_leaves_a_whole_recording_of_what_came_before(
     bags: Any, small_disk: Path
 ) -> None:
-    writer = BagWriter(small_disk / "bag", bags.channels(), BagConfig())
+    writer = bags.writer(small_disk / "bag")
     with pytest.raises(OSError, match=r"No space left|full"):
         bags.write_run(writer, SAMPLES)
     taken = writer.taken
@@ -190,7 +184,7 @@ def test_a_full_disk_leaves_a_whole_recording_of_what_came_before(
 def test_a_file_that_may_not_grow_is_still_recovered(bags: Any, tmp_path: Path) -> None:
     """RLIMIT_FSIZE is a wall that no reserve can move."""
     bag, limit = tmp_path / "bag", 700_000
-    writer = BagWriter(bag, bags.channels(), BagConfig())
+    writer = bags.writer(bag)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
@@ -208,7 +202,7 @@ def test_a_file_that_may_not_grow_is_still_recovered(bags: Any, tmp_path: Path) 
 
 
 def test_notes_survive_in_the_file_of_a_killed_writer(bags: Any, tmp_path: Path) -> None:
-    writer = BagWriter(tmp_path / "bag", bags.channels(), BagConfig(), {"parameters x": "{}"})
+    writer = bags.writer(tmp_path / "bag", {"parameters x": "{}"})
     bags.write_run(writer, 100)
     writer.flush()
     recover(tmp_path / "bag", tmp_path / "out")

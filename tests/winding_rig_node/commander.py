@@ -4,38 +4,34 @@
 """
 
 import json
-import math
 import sys
 from collections.abc import Callable
 from typing import Any
 
 import rclpy
+from commanded_machine import sine, sine_speed
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
-from winding_core.commands import CARRIAGE, AxisTarget, JointTargets
+from winding_core.machine.commands import CARRIAGE, AxisTarget, JointTargets
 from winding_ros import topics
-from winding_ros.command_messages import encode_targets
-from winding_ros.stamps import decode_stamp
-
-AMPLITUDE, FREQUENCY = 20.0e-3, 0.5
-OMEGA = 2.0 * math.pi * FREQUENCY
+from winding_ros.messages.commands import encode_targets
+from winding_ros.messages.stamps import decode_stamp
 
 # What is commanded at a time of the machine [s].
 COURSES: dict[str, Callable[[float], AxisTarget]] = {
-    "sine by position": lambda t: AxisTarget(position=AMPLITUDE * math.sin(OMEGA * t)),
-    "sine by speed": lambda t: AxisTarget(speed=AMPLITUDE * OMEGA * math.sin(OMEGA * t)),
+    "sine by position": lambda t: AxisTarget(position=sine(t)),
+    "sine by speed": lambda t: AxisTarget(speed=sine_speed(t)),
     "steady speed": lambda t: AxisTarget(speed=0.02),
-    "out of bounds": lambda t: AxisTarget(position=3.0),
 }
 
 
-# An answer that found nobody is repeated: the machine may be waiting for it [s].
+# An answer that was lost is repeated: the machine may be waiting for it [s].
 REPEATED = 0.1
 
 
 class Commander(Node):
-    """Commands what a course says at each tick of its rate, as the machine's encoders show it.
+    """Commands a course at each tick of its rate, as the machine's encoders show it.
 
     Each command is followed by an answer on the topic of a node of the graph, for which a machine
     may wait before its time goes on.

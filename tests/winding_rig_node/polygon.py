@@ -4,8 +4,6 @@ It shares neither projection nor rasteriser with `Renderer`. It is slow and know
 nor highlights; it exists so that one can be checked against the other.
 """
 
-from __future__ import annotations
-
 import math
 
 import cv2

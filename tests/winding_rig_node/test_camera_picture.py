@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from polygon import draw_polygons
 
-from winding_core.fleet_angle import FleetAngleLaw
+from winding_core.helix import FleetAngleLaw
 from winding_rig_node.camera import (
     CablePath,
     CameraConfig,
@@ -24,6 +24,8 @@ from winding_rig_node.camera.config import NOMINAL_AXES
 from winding_rig_node.camera.optics import project_points, sample_rays
 
 QUIET = SensorNoise(read=0.0, shot=0.0)
+STILL = replace(CameraConfig(), noise=QUIET)
+WHOLE = replace(CameraConfig().full_frame(), noise=QUIET)
 FLAT = Light(ambient=1.0, highlight=0.0, falloff=0.0)
 
 
@@ -156,20 +158,18 @@ def test_ground_truth_is_the_centroid_of_the_picture():
 
 @pytest.mark.slow
 def test_the_visible_centroid_is_not_the_centre_line():
-    config = replace(CameraConfig().full_frame(), noise=QUIET)
-    band = Renderer(config).visible_bands(scene(0.6))[0]
+    band = Renderer(WHOLE).visible_bands(scene(0.6))[0]
     off = band["centroid"] - band["centre"]
     assert 5.0 < off[1] < 25.0  # 0.6 r sin(0.6) is 0.7 mm, 8 px
 
 
 @pytest.mark.slow
 def test_a_band_moves_down_the_free_span_by_the_cylinder_way():
-    config = replace(CameraConfig().full_frame(), noise=QUIET)
-    renderer = Renderer(config)
+    renderer = Renderer(WHOLE)
     late = np.array([6.5])
     before = renderer.visible_bands(scene(6.1, marker_theta=late))[0]["centre"]
     after = renderer.visible_bands(scene(6.2, marker_theta=late))[0]["centre"]
-    way = 0.1 * 0.017 * config.focal / (config.position[0] - 0.017)
+    way = 0.1 * 0.017 * WHOLE.focal / (WHOLE.position[0] - 0.017)
     assert after[1] - before[1] == pytest.approx(way, rel=0.01)
 
 
@@ -196,7 +196,7 @@ def test_noise_has_the_configured_deviation():
 
 def test_light_scales_grey_levels():
     dark = picture(replace(CameraConfig(), noise=QUIET, light=Light(gain=0.5)), scene())
-    full = picture(replace(CameraConfig(), noise=QUIET), scene())
+    full = picture(STILL, scene())
     np.testing.assert_allclose(dark, 0.5 * full, atol=1.0)  # rounding of both
 
 
@@ -209,33 +209,30 @@ def test_flicker_changes_light_from_frame_to_frame():
 
 @pytest.mark.slow
 def test_motion_blur_smears_along_the_motion():
-    sharp = replace(CameraConfig().full_frame(), noise=QUIET)
     made = scene(0.2, cylinder_speed=1.74)
-    blurred = replace(sharp, exposure=0.02, exposure_samples=9)
+    blurred = replace(WHOLE, exposure=0.02, exposure_samples=9)
     # Way of the surface during the exposure, in pixels.
-    way = 1.74 * 0.02 * 0.019 * sharp.focal / (sharp.position[0] - 0.019)
+    way = 1.74 * 0.02 * 0.019 * WHOLE.focal / (WHOLE.position[0] - 0.019)
     edge = [
         np.abs(np.diff(picture(config, made)[:, 360, 0].astype(float))).max()
-        for config in (sharp, blurred)
+        for config in (WHOLE, blurred)
     ]
     assert way > 5.0
     assert edge[1] < 0.5 * edge[0]
 
 
 def test_defocus_softens_edges():
-    sharp = replace(CameraConfig(), noise=QUIET)
     edge = [
         np.abs(np.diff(picture(config, scene()).astype(float), axis=1)).max()
-        for config in (sharp, replace(sharp, defocus=3.0))
+        for config in (STILL, replace(STILL, defocus=3.0))
     ]
     assert edge[1] < 0.4 * edge[0]
 
 
 def test_bayer_keeps_flat_regions_and_colours_edges():
-    config = replace(CameraConfig(), noise=QUIET)
     plain, filtered = (
-        picture(config, scene(0.2)).astype(float),
-        picture(replace(config, bayer=True), scene(0.2)).astype(float),
+        picture(STILL, scene(0.2)).astype(float),
+        picture(replace(STILL, bayer=True), scene(0.2)).astype(float),
     )
     assert np.abs(filtered - plain).mean() < 3.0
     assert np.abs(filtered - plain).max() > 20.0
@@ -245,16 +242,15 @@ def test_bayer_keeps_flat_regions_and_colours_edges():
 
 
 def test_a_rod_hides_the_cable_and_a_decoy_does_not():
-    config = replace(CameraConfig(), noise=QUIET)
     spot = {"column": 960.0, "row": 536.0, "width": 1920.0, "height": 60.0}
     rod = Surroundings(patches=(Patch(**spot, colour=(40, 40, 40), in_front=True),))
     decoy = Surroundings(patches=(Patch(**spot, colour=(20, 200, 240)),))
     made = scene(0.0)
-    assert yellow(picture(config, made)).sum() > 200
-    assert yellow(picture(config, made, surroundings=rod)).sum() < 150
-    behind = picture(config, made, surroundings=decoy)
+    assert yellow(picture(STILL, made)).sum() > 200
+    assert yellow(picture(STILL, made, surroundings=rod)).sum() < 150
+    behind = picture(STILL, made, surroundings=decoy)
     assert yellow(behind)[:, :40].sum() > 500
-    assert yellow(behind)[:, 100:140].sum() == yellow(picture(config, made))[:, 100:140].sum()
+    assert yellow(behind)[:, 100:140].sum() == yellow(picture(STILL, made))[:, 100:140].sum()
 
 
 def test_a_photograph_fills_the_backdrop_only():
@@ -296,16 +292,7 @@ IMPOSSIBLE = [
 ]
 
 
-def test_impossible_descriptions_are_refused():
-    for make, message in IMPOSSIBLE:
-        with pytest.raises(ValueError, match=message):
-            make()
-
-
-def test_calibration_says_what_camera_info_says():
-    info = CameraConfig().calibration()
-    assert (info.width, info.height, info.distortion_model) == (1920, 1080, "plumb_bob")
-    assert info.roi == (0, 393, 1920, 288)
-    assert info.binning == 3
-    assert info.k[0, 0] == CameraConfig().focal
-    assert info.d.shape == (5,)
+@pytest.mark.parametrize(("make", "message"), IMPOSSIBLE)
+def test_impossible_descriptions_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()

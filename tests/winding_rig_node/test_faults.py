@@ -11,7 +11,7 @@ from winding_rig_node.machine.faults import (
     FaultyChannel,
     parse_faults,
 )
-from winding_rig_node.ros.fault_parameters import stated_faults
+from winding_rig_node.ros.inputs import enabled_faults
 
 TARGETS = ("load_cell", "camera", "/clock")
 
@@ -31,21 +31,28 @@ def through(kind: FaultKind, amount: float = 0.0, count: int = 100) -> list[tupl
     return out
 
 
-def test_off_says_nothing() -> None:
-    assert through(FaultKind.OFF) == []
+TIMES = [pytest.approx(0.01 * k) for k in range(100)]
+PASSED = {
+    (FaultKind.OFF, 0.0): [],
+    # The first value, with a time that goes on.
+    (FaultKind.STUCK, 0.0): [(t, 0.0) for t in TIMES],
+    (FaultKind.WRONG, -1.0): [(t, -float(k)) for k, t in enumerate(TIMES)],
+    (FaultKind.SLOW, 10.0): [(TIMES[k], float(k)) for k in range(0, 100, 10)],
+    # In order, with the time of the measurement.
+    (FaultKind.DELAYED, 0.05): [(TIMES[k], float(k)) for k in range(95)],
+}
 
 
-def test_stuck_repeats_the_first_value_with_a_time_that_goes_on() -> None:
-    out = through(FaultKind.STUCK)
-    assert [value for _, value in out] == [0.0] * 100
-    assert out[-1][0] == pytest.approx(0.99)
+@pytest.mark.parametrize(("kind", "amount"), PASSED)
+def test_each_kind_passes_what_it_states(kind, amount):
+    assert through(kind, amount) == PASSED[kind, amount]
 
 
-def test_garbage_is_never_a_number() -> None:
+def test_garbage_is_never_a_number():
     assert not np.isfinite([value for _, value in through(FaultKind.GARBAGE)]).any()
 
 
-def test_garbage_of_pixels_is_other_pixels() -> None:
+def test_garbage_of_pixels_is_other_pixels():
     frame = np.full((40, 50, 3), 7, dtype=np.uint8)
     (delivered,) = channel(FaultKind.GARBAGE).deliver(0.0, frame)
     assert delivered.values.dtype == np.uint8
@@ -54,35 +61,25 @@ def test_garbage_of_pixels_is_other_pixels() -> None:
     assert delivered.values.mean() == pytest.approx(127.5, abs=4.8)
 
 
-def test_wrong_scales_numbers_and_clips_pixels() -> None:
-    assert through(FaultKind.WRONG, -1.0)[5] == (0.05, -5.0)
+def test_wrong_clips_pixels():
     (delivered,) = channel(FaultKind.WRONG, 2.0).deliver(0.0, np.array([100, 200], dtype=np.uint8))
     assert delivered.values.tolist() == [200, 255]
 
 
-def test_slow_lets_one_in_so_many_through() -> None:
-    assert [value for _, value in through(FaultKind.SLOW, 10.0)] == list(range(0, 100, 10))
-
-
-def test_delayed_keeps_order_and_claims_the_old_time() -> None:
-    out = through(FaultKind.DELAYED, 0.05)
-    assert out == [(pytest.approx(0.01 * k), float(k)) for k in range(95)]
-
-
-def test_intermittent_loses_its_share() -> None:
+def test_intermittent_loses_its_share():
     count = 5000
     kept = len(through(FaultKind.INTERMITTENT, 0.2, count))
     # Five standard deviations of a binomial draw.
     assert kept / count == pytest.approx(0.8, abs=5.0 * (0.2 * 0.8 / count) ** 0.5)
 
 
-def test_healthy_signal_passes_untouched() -> None:
+def test_healthy_signal_passes_untouched():
     faults = Faults(parse_faults("camera:off", TARGETS))
     assert faults.through("load_cell", 0.0, 4.2) == 4.2
     assert faults.through("camera", 0.0, 4.2) is None
 
 
-def test_text_states_faults_with_their_usual_amounts() -> None:
+def test_text_states_faults_with_their_usual_amounts():
     assert parse_faults("", TARGETS) == ()
     assert parse_faults("load_cell:stuck, camera:intermittent", TARGETS) == (
         Fault(target="load_cell", kind=FaultKind.STUCK),
@@ -102,16 +99,16 @@ NO_FAULTS = {
 }
 
 
-def test_text_that_states_no_fault_is_refused() -> None:
-    for text, sentence in NO_FAULTS.items():
-        with pytest.raises(FaultError) as refusal:
-            parse_faults(text, TARGETS)
-        assert sentence in str(refusal.value), text
+@pytest.mark.parametrize("text", NO_FAULTS)
+def test_text_that_states_no_fault_is_refused(text):
+    with pytest.raises(FaultError) as refusal:
+        parse_faults(text, TARGETS)
+    assert NO_FAULTS[text] in str(refusal.value)
 
 
 @pytest.mark.parametrize("target", ["camera", "camera/image_raw", "camera/camera_info"])
-def test_no_fault_of_a_camera_that_runs_elsewhere(target: str) -> None:
+def test_no_fault_of_a_camera_that_runs_elsewhere(target):
     text = f"load_cell:off,{target}:off"
-    assert stated_faults(text, enabled=True, seed=0).of(target) is not None
+    assert enabled_faults(text, enabled=True, seed=0).of(target) is not None
     with pytest.raises(FaultError, match=f"another process: no fault of {target}"):
-        stated_faults(text, enabled=True, seed=0, camera_elsewhere=True)
+        enabled_faults(text, enabled=True, seed=0, camera_elsewhere=True)

@@ -1,18 +1,24 @@
-"""The machine: speeds under control, phases, load cell."""
+"""The machine: speeds under control, phases, load cell, judgement of its sensors, flow control."""
+
+import math
+from dataclasses import astuple
 
 import numpy as np
 import pytest
+from commanded_machine import machine, run, winding
 
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
+from winding_rig_node.machine.faults import Faults, parse_faults
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_config import MachineConfig
-from winding_rig_node.machine.machine_state import Phase, PhaseError
+from winding_rig_node.machine.machine_config import SENSORS, Phase, PhaseError
+from winding_rig_node.machine.pace import Pace
 
 
-def machine(case: int = 4, duration: float = 20.0, seed: int = 1) -> Machine:
-    config = MachineConfig(case=paper_case(case), drive=DriveProfile(), duration=duration)
-    return Machine(config, np.random.default_rng(seed))
+def started(case: int = 4, duration: float = 60.0) -> Machine:
+    rig = machine(case, duration)
+    rig.start()
+    return rig
 
 
 def wind(rig: Machine) -> np.ndarray:
@@ -21,28 +27,19 @@ def wind(rig: Machine) -> np.ndarray:
     rows = []
     while rig.moving:
         rig.step()
-        reading = rig.reading()
-        rows.append(
-            (
-                rig.time,
-                reading.cylinder_angle,
-                reading.angular_speed,
-                reading.carriage_position,
-                reading.feed_speed,
-            )
-        )
+        rows.append((rig.time, *astuple(rig.reading())))
     return np.array(rows)
 
 
 @pytest.fixture(scope="module", params=[1, 4, 12])
-def run(request: pytest.FixtureRequest) -> np.ndarray:
-    return wind(machine(request.param))
+def rows(request: pytest.FixtureRequest) -> np.ndarray:
+    return wind(machine(request.param, 20.0))
 
 
 @pytest.mark.slow
-def test_speeds_hold_their_targets_after_the_ramp(run: np.ndarray) -> None:
+def test_speeds_hold_their_targets_after_the_ramp(rows):
     drive = DriveProfile()
-    held = run[run[:, 0] > drive.ramp_time]
+    held = rows[rows[:, 0] > drive.ramp_time]
     for column, target in ((2, drive.angular_speed), (4, drive.feed_speed)):
         error = held[:, column] / target - 1.0
         # The bar of the rig: 1 % rms and 3 % overshoot.
@@ -50,79 +47,62 @@ def test_speeds_hold_their_targets_after_the_ramp(run: np.ndarray) -> None:
         assert error.max() < 0.03
 
 
-def test_positions_follow_the_drive_profile(run: np.ndarray) -> None:
-    angle, guide = DriveProfile().positions(run[:, 0])
+def test_positions_follow_the_drive_profile(rows):
+    angle, guide = DriveProfile().positions(rows[:, 0])
     # Speed error rms 0.1 %, integrated by the controller to nothing: a few milliradians.
-    assert np.abs(run[:, 1] - angle).max() < 0.01
-    assert np.abs(run[:, 3] - guide).max() < 0.1e-3
+    assert np.abs(rows[:, 1] - angle).max() < 0.01
+    assert np.abs(rows[:, 3] - guide).max() < 0.1e-3
 
 
 @pytest.mark.slow
-def test_run_has_one_sample_per_millisecond_and_ends_at_its_duration(run: np.ndarray) -> None:
-    assert len(run) == 20_000
-    np.testing.assert_allclose(np.diff(run[:, 0]), 1.0e-3, atol=1e-12)
+def test_run_has_one_sample_per_millisecond_and_ends_at_its_duration(rows):
+    assert len(rows) == 20_000
+    np.testing.assert_allclose(np.diff(rows[:, 0]), 1.0e-3, atol=1e-12)
 
 
-def test_load_cell_shows_the_weight() -> None:
-    rig = machine()
-    rig.start()
+def test_load_cell_shows_the_weight():
+    rig = started()
     samples = np.array([rig.tension() for _ in range(400)])
     # Noise of 10 mN: three standard errors of 400 samples are 1.5 mN.
     assert samples.mean() == pytest.approx(paper_case(4).weight, abs=1.5e-3)
 
 
-def test_stop_ramps_down_and_start_resumes_where_it_stood() -> None:
-    rig = machine(duration=4.0)
-    rig.start()
-    for _ in range(1500):
-        rig.step()
+def test_stop_ramps_down_and_start_resumes_where_it_stood():
+    rig = winding(duration=4.0, until=1.5)
     rig.stop()
-    while rig.moving:
-        rig.step()
+    run(rig)
     assert rig.state.phase is Phase.IDLE
     stood = rig.reading().cylinder_angle
     rig.start()
     rig.step()
     assert rig.reading().cylinder_angle == pytest.approx(stood, abs=1e-3)
-    while rig.moving:
-        rig.step()
+    run(rig)
     assert rig.state.phase is Phase.FINISHED
 
 
-def test_emergency_stop_halts_within_a_tenth_of_a_second() -> None:
-    rig = machine()
-    rig.start()
-    for _ in range(1500):
-        rig.step()
+def test_emergency_stop_halts_within_a_tenth_of_a_second():
+    rig = winding(until=1.5)
     rig.emergency_stop()
     begin = rig.time
-    while rig.moving:
-        rig.step()
+    run(rig)
     assert rig.time - begin < 0.1
-    with pytest.raises(PhaseError, match="cannot start while the machine is in emergency stop"):
-        rig.start()
-    rig.reset()
-    rig.start()
-    assert rig.state.phase is Phase.WINDING
 
 
-def test_starting_twice_is_starting_once() -> None:
-    rig = machine()
-    rig.start()
+def test_starting_twice_is_starting_once():
+    rig = started()
     rig.step()
     rig.start()
     assert (rig.state.phase, rig.state.sample) == (Phase.WINDING, 1)
 
 
-def test_reset_while_winding_is_refused() -> None:
-    rig = machine()
-    rig.start()
+def test_reset_while_winding_is_refused():
+    rig = started()
     rig.step()
     with pytest.raises(PhaseError, match="stop it first"):
         rig.reset()
 
 
-def test_finished_run_can_be_reset_and_wound_again() -> None:
+def test_finished_run_can_be_reset_and_wound_again():
     rig = machine(duration=2.0)
     wind(rig)
     assert rig.state.phase is Phase.FINISHED
@@ -133,7 +113,155 @@ def test_finished_run_can_be_reset_and_wound_again() -> None:
     assert rows[-1, 0] == pytest.approx(4.0)
 
 
-def test_same_seed_gives_the_same_run() -> None:
+def test_same_seed_gives_the_same_run():
     first, second = machine(duration=1.0, seed=5), machine(duration=1.0, seed=5)
     np.testing.assert_array_equal(wind(first), wind(second))
     assert first.tension() == second.tension()
+
+
+FULL_SPEED = DriveProfile().angular_speed
+# A stop takes 0.3 s from full speed; the bar of the fault table is 0.5 s.
+STAND_WITHIN = 0.5
+
+
+def break_at(t: float, text: str) -> tuple[Machine, float]:
+    """Wind with a fault from t [s] on until the machine stands; return it and the largest speed."""
+    rig = started(duration=3.0)
+    fastest = 0.0
+    while rig.moving:
+        if rig.time >= t and not rig.faults:
+            rig.faults = Faults(parse_faults(text, SENSORS))
+        rig.step()
+        fastest = max(fastest, abs(rig.state.cylinder.motor.speed))
+    return rig, fastest
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", range(1, 13))
+def test_healthy_machine_of_every_case_winds_to_its_end(case):
+    rig = started(case, duration=2.5)
+    run(rig, 2.0)
+    rig.stop()
+    run(rig)
+    assert rig.state.phase in (Phase.FINISHED, Phase.IDLE)
+    assert not rig.plausibility.refused
+
+
+IMPOSSIBLE = {
+    "cylinder_encoder:off": "cylinder encoder gives no valid reading",
+    "cylinder_encoder:stuck": "cylinder encoder is stuck",
+    "cylinder_encoder:garbage": "cylinder encoder gives no valid reading",
+    "cylinder_encoder:wrong:-1": "cylinder encoder",
+    "cylinder_encoder:wrong:0.5": "cylinder encoder",
+    "carriage_encoder:stuck": "carriage encoder",
+    "carriage_encoder:wrong:-1": "carriage encoder",
+    "load_cell:off": "load cell gives no valid reading",
+    "load_cell:garbage": "load cell gives no valid reading",
+    "load_cell:stuck": "load cell is stuck",
+    "load_cell:wrong:0.1": "tension is outside",
+    "load_cell:wrong:5": "tension is outside",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", IMPOSSIBLE)
+@pytest.mark.parametrize("t", [0.0, 1.5], ids=["from the start", "at full speed"])
+def test_sensor_that_cannot_be_right_ends_in_standstill(t, text):
+    rig, fastest = break_at(t, text)
+    state = rig.state
+    assert state.phase is Phase.PROTECTIVE
+    assert IMPOSSIBLE[text] in state.reason
+    assert state.stood_at - state.stop_began <= STAND_WITHIN
+    assert state.cylinder.motor.speed == state.carriage.motor.speed == 0.0
+    # The controller pushes for the 50 ms before the judgement.
+    assert fastest < 2.0 * FULL_SPEED
+
+
+def test_fault_is_judged_after_fifty_milliseconds():
+    rig, _ = break_at(1.5, "cylinder_encoder:off")
+    assert rig.state.stop_began is not None
+    # One control step late at most.
+    assert rig.state.stop_began - 1.5 == pytest.approx(0.05, abs=0.003)
+
+
+def test_single_lost_samples_do_not_stop_the_machine():
+    rig, _ = break_at(1.0, "cylinder_encoder:intermittent:0.2,load_cell:intermittent:0.2")
+    assert rig.state.phase is Phase.FINISHED
+
+
+def test_protective_stop_is_latched_until_reset():
+    rig, _ = break_at(1.5, "load_cell:off")
+    with pytest.raises(PhaseError, match="cannot start while the machine is in protective stop"):
+        rig.start()
+    rig.faults = Faults()
+    rig.reset()
+    rig.start()
+    run(rig)
+    assert rig.state.phase is Phase.FINISHED
+
+
+def test_emergency_stop_is_latched_until_reset():
+    rig = winding(until=1.5)
+    rig.emergency_stop()
+    run(rig)
+    for act, name in ((rig.start, "start"), (rig.stop, "stop")):
+        with pytest.raises(PhaseError, match=f"cannot {name} while .* in emergency stop"):
+            act()
+    rig.quick_stop()
+    assert rig.state.phase is Phase.EMERGENCY
+    rig.reset()
+    rig.start()
+    assert rig.state.phase is Phase.WINDING
+
+
+def test_quick_stop_is_resumed_by_start():
+    rig = winding(duration=3.0, until=1.5)
+    rig.quick_stop("by hand")
+    began = rig.time
+    run(rig)
+    assert rig.state.phase is Phase.IDLE
+    assert rig.state.stood_at is not None
+    assert rig.state.stood_at - began <= STAND_WITHIN
+    stood = rig.state.cylinder.motor.position
+    rig.start()
+    assert rig.state.reason == ""
+    run(rig)
+    assert rig.state.phase is Phase.FINISHED
+    assert rig.state.cylinder.motor.position > stood
+
+
+def test_value_that_cannot_be_never_reaches_controller_or_reader():
+    rig = winding(duration=3.0)
+    rig.faults = Faults(parse_faults("cylinder_encoder:garbage,load_cell:garbage", SENSORS))
+    while rig.moving:
+        rig.step()
+        reading = rig.reading()
+        assert math.isfinite(reading.cylinder_angle)
+        assert math.isfinite(reading.angular_speed)
+        assert rig.state.tension is None or math.isfinite(rig.state.tension)
+    assert rig.plausibility.refused["cylinder encoder"] > 0
+    assert rig.plausibility.refused["load cell"] > 0
+
+
+def test_without_consumers_time_is_free():
+    assert Pace([], 0.1).limit == math.inf
+
+
+def test_limit_follows_the_slowest_consumer():
+    pace = Pace(["a", "b"], 0.25)
+    pace.answer("a", 5.0)
+    pace.answer("b", 1.0)
+    assert pace.limit == pytest.approx(1.25)
+    assert pace.slowest == "b"
+
+
+def test_a_stale_answer_does_not_take_time_back():
+    pace = Pace(["a"], 0.25)
+    pace.answer("a", 2.0)
+    pace.answer("a", 1.0)
+    assert pace.limit == pytest.approx(2.25)
+
+
+def test_zero_lead_is_refused():
+    with pytest.raises(ValueError, match=r"max_lead must be positive, got 0\.0 s"):
+        Pace(["a"], 0.0)

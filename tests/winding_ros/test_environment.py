@@ -37,15 +37,13 @@ def test_this_host_means_the_loopback_and_no_shared_memory(
     assert "<type>SHM</type>" not in profile
 
 
-def test_a_wider_range_stays_and_gets_no_profile(bare: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    bare.setenv(RANGE, "SUBNET")
-    set_process_environment(7, tmp_path)
-    assert (os.environ[RANGE], os.environ.get(PROFILES)) == ("SUBNET", None)
-
-
-def test_a_profile_of_the_user_s_own_stays_on_this_host(
-    bare: pytest.MonkeyPatch, tmp_path: Path
+@pytest.mark.parametrize(
+    ("name", "value", "after"),
+    [(RANGE, "SUBNET", ("SUBNET", None)), (PROFILES, "own.xml", ("LOCALHOST", "own.xml"))],
+)
+def test_what_the_user_has_set_stays(
+    bare: pytest.MonkeyPatch, tmp_path: Path, name: str, value: str, after: tuple[str, str | None]
 ) -> None:
-    bare.setenv(PROFILES, "own.xml")
+    bare.setenv(name, value)
     set_process_environment(7, tmp_path)
-    assert (os.environ[RANGE], os.environ[PROFILES]) == ("LOCALHOST", "own.xml")
+    assert (os.environ[RANGE], os.environ.get(PROFILES)) == after

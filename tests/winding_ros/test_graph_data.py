@@ -5,7 +5,7 @@ from typing import Any
 
 from rclpy.lifecycle import TransitionCallbackReturn
 
-from winding_cli.output.interface_table import as_markdown
+from winding_cli.commands.graph import as_markdown
 from winding_ros import topics
 from winding_ros.graph import (
     GRAPH,

@@ -8,8 +8,8 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParametersAtomically
 
-from winding_ros.graph_error import GraphError
-from winding_ros.lifecycle import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, LifecycleDriver
+from winding_ros.client.lifecycle import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, LifecycleDriver
+from winding_ros.graph import GraphError
 
 NODES = ("correction", "fem", "rig")
 NAMES = {
@@ -71,9 +71,9 @@ def driver(nodes: Nodes) -> LifecycleDriver:
 
 
 def rebuild(nodes: Nodes) -> list[str]:
-    told: list[str] = []
-    asyncio.run(driver(nodes).rebuild(NODES, {name: {"case": 7} for name in NODES}, told.append))
-    return told
+    stages: list[str] = []
+    asyncio.run(driver(nodes).rebuild(NODES, {name: {"case": 7} for name in NODES}, stages.append))
+    return stages
 
 
 def test_nodes_end_active_wherever_they_were() -> None:

@@ -9,12 +9,12 @@ from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
 
 from winding_core.parameters import ParameterError, parameter
-from winding_core.status import Level
+from winding_core.status import Level, Status
 from winding_ros import topics
-from winding_ros.diagnostic_messages import decode_diagnostics
 from winding_ros.graph import NodeSpec
-from winding_ros.managed_node import ManagedNode
-from winding_ros.rig_messages import decode_tension, encode_tension
+from winding_ros.messages.diagnostics import decode_diagnostics
+from winding_ros.messages.rig import decode_tension, encode_tension
+from winding_ros.runtime.managed_node import ManagedNode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +42,15 @@ def change(ros: object, probe: object, transition: int) -> bool:
 
 def state(ros: object, probe: object) -> int:
     return ros.call(probe, GetState, "/listener/get_state", GetState.Request()).current_state.id
+
+
+def heard(probe: object) -> dict[str, Status]:
+    """Return the statuses that a node hears from now on, by name."""
+    statuses: dict[str, Status] = {}
+    topics.DIAGNOSTICS.subscribe(
+        probe, lambda m: statuses.update({s.name: s for s in decode_diagnostics(m)[1]})
+    )
+    return statuses
 
 
 def override(**values: object) -> list[Parameter]:
@@ -73,37 +82,29 @@ def test_invalid_transition_is_refused_and_the_node_lives(ros: object) -> None:
 def test_refused_configuration_leaves_the_node_unconfigured_and_says_why(ros: object) -> None:
     node = ros.add(Listener, parameter_overrides=override(flavour="salted"))
     probe = ros.plain()
-    said: list[object] = []
-    topics.DIAGNOSTICS.subscribe(probe, lambda m: said.extend(decode_diagnostics(m)[1]))
+    statuses = heard(probe)
     assert not change(ros, probe, Transition.TRANSITION_CONFIGURE)
     assert state(ros, probe) == State.PRIMARY_STATE_UNCONFIGURED
-    ros.spin_until(lambda: any(status.level is Level.ERROR for status in said))
-    assert "cannot configure: salt must be dry" in {status.message for status in said}
+    ros.spin_until(lambda: any(s.level is Level.ERROR for s in statuses.values()))
+    assert "cannot configure: salt must be dry" in {s.message for s in statuses.values()}
     assert node.forces == []
 
 
 def test_matched_subscribers_are_reported(ros: object) -> None:
     ros.add(Listener)
     probe = ros.plain()
-    seen: dict[str, str] = {}
-
-    def note(message: object) -> None:
-        for status in decode_diagnostics(message)[1]:
-            seen.update(status.values)
-
-    topics.DIAGNOSTICS.subscribe(probe, note)
+    statuses = heard(probe)
     topics.FEM_MARKERS.subscribe(probe, lambda message: None)
     assert change(ros, probe, Transition.TRANSITION_CONFIGURE)
-    ros.spin_until(lambda: seen.get("matched fem/markers") == "1")
+    ros.spin_until(
+        lambda: any(s.values.get("matched fem/markers") == "1" for s in statuses.values())
+    )
 
 
 def test_refused_message_is_counted_and_does_not_stop_the_node(ros: object) -> None:
     node = ros.add(Listener)
     probe = ros.plain()
-    said: dict[str, object] = {}
-    topics.DIAGNOSTICS.subscribe(
-        probe, lambda m: said.update({s.name: s for s in decode_diagnostics(m)[1]})
-    )
+    statuses = heard(probe)
     change(ros, probe, Transition.TRANSITION_CONFIGURE)
     publisher = topics.TENSION.advertise(probe)
     ros.spin_until(lambda: publisher.get_subscription_count() == 1)
@@ -111,10 +112,7 @@ def test_refused_message_is_counted_and_does_not_stop_the_node(ros: object) -> N
     publisher.publish(encode_tension(0.1, 2.0))
     ros.spin_until(lambda: node.forces == [2.0])
     ros.spin_until(
-        lambda: (
-            "listener: topics" in said
-            and said["listener: topics"].values.get("refused rig/tension") == "1"
-        )
+        lambda: any(s.values.get("refused rig/tension") == "1" for s in statuses.values())
     )
 
 

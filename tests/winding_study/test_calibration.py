@@ -7,11 +7,11 @@ import pytest
 
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
-from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
-from winding_core.quasi_static import QuasiStaticLay
-from winding_core.tension import RigTension
+from winding_core.cable.cases import paper_case
+from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw
+from winding_core.lay.quasi_static import QuasiStaticLay
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.tension import RigTension
 from winding_study.paper.calibration import Calibration, calibrate
 
 RIG = RigTension(

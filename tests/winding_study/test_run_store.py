@@ -17,10 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
-from winding_study.runs.run_store import RunStore, run_key
-from winding_study.runs.solver_version import solver_sources, solver_version
-from winding_study.runs.whole_file import write_whole
+from winding_core.cable.cases import paper_case
+from winding_study.run_store import RunStore, run_key, solver_sources, solver_version, write_whole
 
 # Prints the project's modules that the solver brings into a fresh process.
 LOADED = """
@@ -82,37 +80,37 @@ def test_the_version_covers_what_a_prediction_loads_and_no_adapter() -> None:
     files = {name.replace(".", "/") for name in loaded.stdout.split()}
     covered = {name.removesuffix(".py").removesuffix("/__init__") for name in names}
     assert files <= covered
-    assert {"cable_fem_node/winding/winding_kernels.py", "winding_core/cases.py"} <= names
+    assert {"cable_fem_node/winding/winding_kernels.py", "winding_core/cable/cases.py"} <= names
     assert not any("/ros/" in name or name.endswith("/node.py") for name in names)
     assert len(solver_version()) == 16
 
 
-def test_what_was_saved_is_loaded(tmp_path: Path, said: list[str]) -> None:
+def test_what_was_saved_is_loaded(tmp_path: Path, refusals: list[str]) -> None:
     store = RunStore(tmp_path)
-    assert store.load(KEY, said.append) is None
+    assert store.load(KEY, refusals.append) is None
     store.save(KEY, {"s": [0.1, 0.2], "status": "ok", "count": 3})
-    found = store.load(KEY, said.append)
+    found = store.load(KEY, refusals.append)
     assert found is not None
     assert found["s"].tolist() == [0.1, 0.2]
     assert (str(found["status"]), int(found["count"])) == ("ok", 3)
-    assert not said
+    assert not refusals
 
 
-def test_a_cut_file_counts_as_missing_and_is_named(tmp_path: Path, said: list[str]) -> None:
+def test_a_cut_file_counts_as_missing_and_is_named(tmp_path: Path, refusals: list[str]) -> None:
     store = RunStore(tmp_path)
     path = store.path(KEY)
     lengths = (0, 1, 40, 200, -1)
     for kept in lengths:
         store.save(KEY, {"s": np.arange(50.0)})
         path.write_bytes(path.read_bytes()[:kept])
-        assert store.load(KEY, said.append) is None
-    assert len(said) == len(lengths)
-    assert all(f"{path} is damaged and counts as missing" in sentence for sentence in said)
+        assert store.load(KEY, refusals.append) is None
+    assert len(refusals) == len(lengths)
+    assert all(f"{path} is damaged and counts as missing" in sentence for sentence in refusals)
     store.save(KEY, {"s": np.arange(50.0)})
-    assert store.load(KEY, said.append) is not None
+    assert store.load(KEY, refusals.append) is not None
 
 
-def test_a_flipped_bit_in_the_numbers_is_seen(tmp_path: Path, said: list[str]) -> None:
+def test_a_flipped_bit_in_the_numbers_is_seen(tmp_path: Path, refusals: list[str]) -> None:
     store = RunStore(tmp_path)
     numbers = np.linspace(0.1, 0.9, 50)
     store.save(KEY, {"s": numbers})
@@ -120,26 +118,26 @@ def test_a_flipped_bit_in_the_numbers_is_seen(tmp_path: Path, said: list[str]) -
     content = bytearray(path.read_bytes())
     content[content.index(numbers[20:30].tobytes())] ^= 1
     path.write_bytes(content)
-    assert store.load(KEY, said.append) is None
-    assert "damaged" in said[0]
+    assert store.load(KEY, refusals.append) is None
+    assert "damaged" in refusals[0]
 
 
-def test_a_file_of_another_run_counts_as_missing(tmp_path: Path, said: list[str]) -> None:
+def test_a_file_of_another_run_counts_as_missing(tmp_path: Path, refusals: list[str]) -> None:
     store = RunStore(tmp_path)
     other = run_key({"case": 5}, "v1")
     store.save(other, {"s": 1.0})
     store.path(KEY).parent.mkdir(parents=True, exist_ok=True)
     os.replace(store.path(other), store.path(KEY))
-    assert store.load(KEY, said.append) is None
-    assert "holds another run" in said[0]
+    assert store.load(KEY, refusals.append) is None
+    assert "holds another run" in refusals[0]
 
 
-def test_a_pickle_is_never_opened(tmp_path: Path, said: list[str]) -> None:
+def test_a_pickle_is_never_opened(tmp_path: Path, refusals: list[str]) -> None:
     store = RunStore(tmp_path)
     store.path(KEY).parent.mkdir(parents=True)
     np.savez(store.path(KEY), s=np.array([{"code": "would run"}], dtype=object))
-    assert store.load(KEY, said.append) is None
-    assert "damaged" in said[0]
+    assert store.load(KEY, refusals.append) is None
+    assert "damaged" in refusals[0]
     with pytest.raises(ValueError, match="cannot be saved when allow_pickle=False"):
         store.save(KEY, {"s": np.array([{}], dtype=object)})
 
@@ -164,7 +162,9 @@ def _write_half_and_die(path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_killed_writer_leaves_no_run_and_is_cleaned_up(tmp_path: Path, said: list[str]) -> None:
+def test_a_killed_writer_leaves_no_run_and_is_cleaned_up(
+    tmp_path: Path, refusals: list[str]
+) -> None:
     store = RunStore(tmp_path)
     store.path(KEY).parent.mkdir(parents=True)
     writer = multiprocessing.get_context("spawn").Process(
@@ -173,8 +173,8 @@ def test_a_killed_writer_leaves_no_run_and_is_cleaned_up(tmp_path: Path, said: l
     writer.start()
     writer.join()
     (left,) = store.path(KEY).parent.iterdir()
-    assert store.load(KEY, said.append) is None
-    assert not said
+    assert store.load(KEY, refusals.append) is None
+    assert not refusals
     written = left.stat().st_mtime
     assert store.remove_unfinished(before=written - 1.0) == 0
     assert store.remove_unfinished(before=written + 1.0) == 1
@@ -187,20 +187,20 @@ def _save_often(folder: Path, value: float) -> None:
 
 
 @pytest.mark.slow
-def test_processes_that_write_the_same_run_never_mix(tmp_path: Path, said: list[str]) -> None:
+def test_processes_that_write_the_same_run_never_mix(tmp_path: Path, refusals: list[str]) -> None:
     context = multiprocessing.get_context("spawn")
     writers = [context.Process(target=_save_often, args=(tmp_path, float(n))) for n in (1, 2)]
     for writer in writers:
         writer.start()
     store = RunStore(tmp_path)
     while any(writer.is_alive() for writer in writers):
-        found = store.load(KEY, said.append)
+        found = store.load(KEY, refusals.append)
         assert found is None or np.unique(found["s"]).size == 1
     assert [writer.exitcode for writer in writers] == [0, 0]
-    assert store.load(KEY, said.append) is not None
-    assert not said
+    assert store.load(KEY, refusals.append) is not None
+    assert not refusals
 
 
 @pytest.fixture
-def said() -> list[str]:
+def refusals() -> list[str]:
     return []

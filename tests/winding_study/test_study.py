@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from correction_node.models.dataset import load_data_set, parse_lengths
-from winding_core.cases import paper_case
-from winding_core.drive import DriveProfile
-from winding_core.published import published_markers
+from winding_core.cable.cases import paper_case, published_markers
+from winding_core.machine.drive import DriveProfile
+from winding_study.paper.case_result import CaseResult, from_arrays, to_arrays
 from winding_study.paper.comparison import compare, compare_paper
 from winding_study.paper.study import (
     CaseFailedError,
@@ -17,8 +17,7 @@ from winding_study.paper.study import (
     wind_case,
     wind_cases,
 )
-from winding_study.runs.case_result import CaseResult, from_arrays, to_arrays
-from winding_study.runs.run_store import RunStore
+from winding_study.run_store import RunStore
 
 
 def _perfect() -> list[CaseResult]:
@@ -180,14 +179,14 @@ def test_a_damaged_file_is_said_and_wound_again(tmp_path) -> None:
     (first,) = wind_cases(config, lambda result: None, (3,), store=store)
     path = store.path(config.key(3))
     path.write_bytes(path.read_bytes()[:-100])
-    said: list[str] = []
+    sentences: list[str] = []
     wound: list[int] = []
     (again,) = wind_cases(
-        config, lambda result: wound.append(result.case), (3,), store=store, say=said.append
+        config, lambda result: wound.append(result.case), (3,), store=store, say=sentences.append
     )
     assert wound == [3]
-    assert len(said) == 1
-    assert "damaged" in said[0]
+    assert len(sentences) == 1
+    assert "damaged" in sentences[0]
     assert again.lays == first.lays
 
 

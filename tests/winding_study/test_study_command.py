@@ -1,53 +1,25 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from started import PATIENCE, start, wait_for
 from typer.testing import CliRunner
 
-from winding_cli.commands.app import app
-from winding_cli.commands.refusal import FAILED, REFUSED
-from winding_cli.commands.termination import INTERRUPTED
+from winding_cli.app import app
+from winding_cli.terminal.refusal import REFUSED
+from winding_cli.terminal.termination import INTERRUPTED
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
-# Ten times what a loaded machine needs for imports and a first case.
-PATIENCE = 120.0
 # Long runs with tiny elements: nothing is finished while a test looks at it.
 SLOW = ("--element", "solid", "--segment-mm", "1", "--no-models", "--processes", "1")
 
 
 def _study(*arguments: str, folder: Path):
     return CliRunner().invoke(app, ["study", "--store", str(folder / "store"), *arguments])
-
-
-def _start(*arguments: str, folder: Path) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "winding_cli.cli", "study", *arguments]
-    return subprocess.Popen(
-        command,
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONUNBUFFERED": "1"},
-    )
-
-
-def _wait(condition: Callable[[], bool], process: subprocess.Popen[str]) -> None:
-    deadline = time.monotonic() + PATIENCE
-    pause = threading.Event()
-    while not condition():
-        assert process.poll() is None, process.communicate()[1]
-        assert time.monotonic() < deadline
-        pause.wait(0.02)
 
 
 @pytest.mark.parametrize(
@@ -95,8 +67,8 @@ def test_a_report_where_a_file_stands_is_refused(tmp_path) -> None:
 def test_a_store_that_cannot_be_written_is_refused(tmp_path) -> None:
     (tmp_path / "store").write_text("a file")
     result = _study("--cases", "4", folder=tmp_path)
-    assert result.exit_code == FAILED
-    assert "give another --store" in result.stderr
+    assert result.exit_code == REFUSED
+    assert "store is not a folder" in result.stderr
     assert len(result.stderr.splitlines()) == 1
 
 
@@ -115,10 +87,14 @@ def test_one_short_case_gives_tables_that_a_pipe_does_not_cut(tmp_path) -> None:
     again = _study(*arguments, folder=tmp_path)
     assert "2 of 2 cases are in" in again.stderr
     assert "study.json was there and is replaced" in again.stderr
-    assert json.loads(out.read_text()) == read
+    repeated = json.loads(out.read_text())
+    first, second = read.pop("identity"), repeated.pop("identity")
+    assert repeated == read
+    assert first["condition"] == second["condition"]
+    assert first["run_id"] != second["run_id"]
 
 
-def test_runs_too_short_to_compare_are_said_to_be_so(tmp_path) -> None:
+def test_runs_too_short_to_compare_are_refused(tmp_path) -> None:
     result = _study("--cases", "4", "--duration", "0.5", folder=tmp_path)
     assert result.exit_code != 0
     assert "no measured marker is wound" in result.stderr
@@ -147,27 +123,27 @@ def test_the_published_base_winds_nothing_and_keeps_its_weights(tmp_path) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_study_says_what_is_kept(number: int, tmp_path) -> None:
-    process = _start("--cases", "1", *SLOW, folder=tmp_path)
-    _wait((tmp_path / "runs" / "study").is_dir, process)
+    process = start("study", "--cases", "1", *SLOW, cwd=tmp_path)
+    wait_for((tmp_path / "runs" / "study").is_dir, process)
     process.send_signal(number)
-    _, said = process.communicate(timeout=PATIENCE)
-    assert process.returncode == INTERRUPTED, said
-    assert "interrupted: 0 of 1 cases are in" in said.splitlines()[-1]
-    assert "Traceback" not in said
+    _, output = process.communicate(timeout=PATIENCE)
+    assert process.returncode == INTERRUPTED, output
+    assert "interrupted: 0 of 1 cases are in" in output.splitlines()[-1]
+    assert "Traceback" not in output
 
 
 @pytest.mark.slow
 def test_a_killed_study_started_again_goes_on_and_says_so(tmp_path) -> None:
     store = tmp_path / "runs" / "study"
     arguments = ("--duration", "8", "--no-models", "--processes", "1")
-    process = _start(*arguments, folder=tmp_path)
-    _wait(lambda: any(store.glob("??/*.npz")), process)
+    process = start("study", *arguments, cwd=tmp_path)
+    wait_for(lambda: any(store.glob("??/*.npz")), process)
     process.kill()
     process.communicate(timeout=PATIENCE)
     before = {path: path.stat().st_mtime_ns for path in store.glob("??/*.npz")}
-    second = _start(*arguments, folder=tmp_path)
-    _, said = second.communicate(timeout=PATIENCE)
-    assert second.returncode == 0, said
-    assert f"{len(before)} of 12 cases are in {Path('runs') / 'study'} already" in said
+    second = start("study", *arguments, cwd=tmp_path)
+    _, output = second.communicate(timeout=PATIENCE)
+    assert second.returncode == 0, output
+    assert f"{len(before)} of 12 cases are in {Path('runs') / 'study'} already" in output
     assert len(list(store.glob("??/*.npz"))) == 12
     assert all(path.stat().st_mtime_ns == written for path, written in before.items())

@@ -7,10 +7,10 @@ import math
 
 import pytest
 
-from winding_core.published import Lay, published_markers, published_weights
-from winding_study.documents.data_table import Column, DataTable
+from winding_core.cable.cases import Lay, published_markers, published_weights
+from winding_reports.documents.data_table import Column, DataTable
+from winding_study.paper.case_result import CaseResult
 from winding_study.paper.paper_tables import paper_tables
-from winding_study.runs.case_result import CaseResult
 
 ALL = range(1, 13)
 

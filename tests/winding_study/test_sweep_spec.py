@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from winding_study.sweep.axes import SpecError
-from winding_study.sweep.spec import SweepSpec, parse_spec
+from winding_study.sweep.spec import SpecError, SweepSpec, parse_spec
 
 KINDS = {
     "case": int,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cable_fem_node.identification import IdentificationError
-from winding_core.material_law import LAWS, MaterialLaw
+from winding_core.cable.material_law import LAWS, MaterialLaw
 from winding_study.identification.tensile import TensileTest, fit_laws, judgement
 
 POISSON = 0.47
@@ -48,7 +48,7 @@ def test_small_strains_cannot_tell_laws_apart() -> None:
     strain = np.linspace(0.0, 0.02, 12)
     rng = np.random.default_rng(3)
     stress = np.maximum(2.6e6 * strain + NOISE * rng.standard_normal(12), 0.0)
-    assert "cannot be told from it" in judgement(
+    assert "cannot be distinguished from it" in judgement(
         fit_laws(TensileTest(strain=strain, stress=stress), POISSON)
     )
 

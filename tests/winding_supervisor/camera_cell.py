@@ -1,33 +1,27 @@
 """A cell with encoders, load cell and camera, as a process of its own: wall clock, own threads.
 
 `python camera_cell.py '{"joint_rate": 100.0, ...}' --ros-args -r __ns:=/cell`; the fields of `Cell`
-say what is odd about it. It winds what the paper measured of a case. Its encoders never start anew:
-rig/reset puts a new cable on where the machine stands.
+describe what is odd about it. It winds what the paper measured of a case. Its encoders never start
+anew: rig/reset puts a new cable on where the machine stands.
 """
 
 import json
 import math
 import queue
 import random
-import signal
 import sys
-import threading
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
-import rclpy
-from geometry_msgs.msg import WrenchStamped
 from pictures import Pictures
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
-from sensor_msgs.msg import CameraInfo, Image, JointState
+from sensor_cell import SensorCell, run_cell
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from winding_core.cases import paper_case
-from winding_core.condition import Condition
-from winding_ros.camera_messages import encode_camera_info, encode_image
-from winding_ros.stamps import encode_stamp
+from winding_ros.messages.camera import encode_camera_info, encode_image
+from winding_ros.messages.stamps import encode_stamp
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,38 +84,23 @@ class Motion:
         return self.begun <= now < self.ended
 
 
-class CellNode(Node):
-    """Publishes what the cell's sensors say; every thread keeps its own absolute schedule."""
+class CellNode(SensorCell):
+    """Winds what the paper measured, with the oddities of a cell."""
 
     def __init__(self, cell: Cell) -> None:
-        super().__init__("cell")
+        super().__init__(cell.case, camera=bool(cell.frame_rate))
         self.cell = cell
-        self.condition = Condition(case=cell.case, duration=20.0).resolved()
-        self.case, self.drive = paper_case(cell.case), self.condition.drive
+        self.drive = self.what.drive
         # The threads look at it while a service replaces it.
         self.motion = Motion(angle=cell.angle, carriage=cell.carriage)
         self.latched = False
         self.random = random.Random(1)
-        self.joints = self.create_publisher(JointState, "rig/joint_states", 100)
-        self.force = self.create_publisher(WrenchStamped, "rig/tension", 100)
-        if cell.frame_rate:
-            self.images = self.create_publisher(Image, "camera/image_raw", 50)
-            self.infos = self.create_publisher(CameraInfo, "camera/camera_info", 50)
-        for name, act in (
-            *(("start", self.start), ("stop", self.stop), ("quick_stop", self.stop)),
-            *(("emergency_stop", self.emergency_stop), ("reset", self.reset)),
-        ):
-            self.create_service(Trigger, f"rig/{name}", act)
         self.pictures = Pictures(cell.case)
         # The first picture compiles the renderer.
         self.pictures.at(0.0)
-        self.quit = threading.Event()
         self.outbox: queue.SimpleQueue[tuple[float, JointState]] = queue.SimpleQueue()
-        works = [self.encode, self.deliver, *([self.photograph] if cell.frame_rate else [])]
-        self.threads = [threading.Thread(target=work) for work in works]
-        for thread in self.threads:
-            thread.start()
-        self.get_logger().info("ready")
+        camera = [self.photograph] if cell.frame_rate else []
+        self.begin(self.encode, partial(self.later, self.outbox), *camera)
 
     def start(self, _: Any, response: Trigger.Response) -> Trigger.Response:
         response.success = not self.latched
@@ -167,11 +146,9 @@ class CellNode(Node):
         return 0.0 <= motion.time(now) - cell.pause_at < cell.pause
 
     def encode(self) -> None:
-        cell, due = self.cell, time.time()
+        cell = self.cell
         sign = -1.0 if cell.reversed else 1.0
-        while not self.quit.is_set():
-            due += 1.0 / cell.joint_rate
-            time.sleep(max(0.0, due - time.time()))
+        for due in self.instants(1.0 / cell.joint_rate):
             motion = self.motion
             angle, carriage = self.readings(motion, due)
             omega, feed = self.drive.speeds(self.programme_time(motion, due))
@@ -183,24 +160,11 @@ class CellNode(Node):
                 message.velocity = [0.0, 0.0] if still else [sign * feed, sign * omega]
             if self.random.random() >= cell.loss:
                 self.outbox.put((due + cell.jitter * self.random.random(), message))
-            force = WrenchStamped(header=message.header)
-            force.wrench.force.x = self.case.weight
-            self.force.publish(force)
-
-    def deliver(self) -> None:
-        while not self.quit.is_set():
-            try:
-                due, message = self.outbox.get(timeout=0.1)
-            except queue.Empty:
-                continue
-            time.sleep(max(0.0, due - time.time()))
-            self.joints.publish(message)
+            self.publish_force(message)
 
     def photograph(self) -> None:
-        cell, due = self.cell, time.time()
-        while not self.quit.is_set():
-            due += 1.0 / cell.frame_rate
-            time.sleep(max(0.0, due - time.time()))
+        cell = self.cell
+        for due in self.instants(1.0 / cell.frame_rate):
             motion = self.motion
             if self.paused(motion, due) and not cell.frames_in_pause:
                 continue
@@ -210,16 +174,5 @@ class CellNode(Node):
             self.images.publish(encode_image(stamp, frame))
 
 
-def main() -> None:
-    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-    node = CellNode(Cell(**json.loads(sys.argv[1])))
-    signal.signal(signal.SIGTERM, lambda *_: node.quit.set())
-    while not node.quit.is_set():
-        rclpy.spin_once(node, timeout_sec=0.1)
-    for thread in node.threads:
-        thread.join()
-    rclpy.try_shutdown()
-
-
 if __name__ == "__main__":
-    main()
+    run_cell(lambda: CellNode(Cell(**json.loads(sys.argv[1]))))

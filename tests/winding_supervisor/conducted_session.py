@@ -15,9 +15,9 @@ from typing import Any
 import psutil
 from std_srvs.srv import Trigger
 
-from winding_core.run_phase import STATUS, RunPhase
+from winding_core.status import STATUS, RunPhase
 from winding_ros import topics
-from winding_ros.diagnostic_messages import decode_diagnostics
+from winding_ros.messages.diagnostics import decode_diagnostics
 
 PATIENCE = 240.0
 
@@ -37,21 +37,22 @@ class ConductedSession:
         )  # fmt: skip
         self._ros, self._namespace = ros, namespace
         self._node = ros.plain("controller")
-        self.said: dict[str, str] = {}
+        self.reported: dict[str, str] = {}
         topics.DIAGNOSTICS.subscribe(self._node, self._note)
 
     def _note(self, message: Any) -> None:
         for status in decode_diagnostics(message)[1]:
             if status.name == STATUS:
-                self.said = {"message": status.message, **status.values}
+                self.reported = {"message": status.message, **status.values}
 
     def reach(self, phase: RunPhase, *, message: str = "") -> None:
-        """Wait until the orchestrator says that a run is so far."""
-        self.until(
-            lambda: (
-                self.said.get("phase") == phase.value and message in self.said.get("message", "")
-            )
-        )
+        """Wait until the orchestrator reports a phase of the run."""
+
+        def reached() -> bool:
+            found = self.reported
+            return found.get("phase") == phase.value and message in found.get("message", "")
+
+        self.until(reached)
 
     def call(self, service: str) -> Any:
         """Call a service of the graph."""
@@ -64,7 +65,7 @@ class ConductedSession:
         end = time.monotonic() + PATIENCE
         while not reached():
             assert self.process.poll() is None
-            assert time.monotonic() < end, self.said
+            assert time.monotonic() < end, self.reported
             self._ros.executor.spin_once(timeout_sec=0.05)
 
     def kill(self, package: str) -> None:

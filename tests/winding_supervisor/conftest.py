@@ -8,7 +8,7 @@ import pytest
 
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import paper_case
+from winding_core.cable.cases import paper_case
 
 # Test modules are imported by path, without packages: their neighbours are found from here.
 sys.path.insert(0, str(Path(__file__).parent))

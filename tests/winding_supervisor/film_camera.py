@@ -18,11 +18,11 @@ import numpy as np
 from pictures import Pictures
 from rclpy.node import Node
 
-from winding_core.machine_axes import MachineAxes
+from winding_core.machine.axes import MachineAxes
 from winding_ros import topics
-from winding_ros.camera_messages import encode_camera_info
-from winding_ros.polled import PolledTopic
-from winding_ros.rig_messages import JointStateReader
+from winding_ros.messages.camera import encode_camera_info
+from winding_ros.messages.rig import JointStateReader
+from winding_ros.topic import PolledTopic
 
 CASE = 4
 # The cell reads its encoders this often at most [s].

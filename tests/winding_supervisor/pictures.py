@@ -3,14 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.condition import Condition
-from winding_core.readings import ImageWindow
+from winding_core.cable.condition import Condition
+from winding_core.machine.readings import ImageWindow
 from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Scene
-from winding_rig_node.machine.lay import published_lay
-from winding_ros.camera_messages import CameraReading
+from winding_rig_node.lay.known_lay import published_lay
+from winding_ros.messages.camera import CameraReading
 
 # How long every published run was wound, at least [s].
 DURATION = 20.0
@@ -34,18 +34,9 @@ class Pictures:
         self._marker_theta = lay.marker_theta
         config = CameraConfig()
         self._renderer, self._noise = Renderer(config), np.random.default_rng(1)
-        of = config.calibration()
-        x, y, width, height = of.roi
-        self.shape = (height // of.binning, width // of.binning, 3)
-        self.calibration = CameraReading(
-            width=of.width,
-            height=of.height,
-            matrix=of.k,
-            distortion=of.d,
-            window=ImageWindow(
-                x_offset=x, y_offset=y, width=width, height=height, binning=of.binning
-            ),
-        )
+        self.calibration = calibration_of(config)
+        window = self.calibration.window
+        self.shape = (window.height // window.binning, window.width // window.binning, 3)
 
     def at(self, t: float) -> NDArray[np.uint8]:
         """Return the frame at a time of the programme [s]."""
@@ -64,3 +55,13 @@ class Pictures:
             ),
             self._noise,
         )
+
+
+def calibration_of(config: CameraConfig) -> CameraReading:
+    """Return the calibration of a camera as its driver publishes it."""
+    of = config.calibration()
+    x, y, width, height = of.roi
+    window = ImageWindow(x_offset=x, y_offset=y, width=width, height=height, binning=of.binning)
+    return CameraReading(
+        width=of.width, height=of.height, matrix=of.k, distortion=of.d, window=window
+    )

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from winding_ros.graph import GRAPH
-from winding_supervisor.event_log import FILE_LIMIT, EventLog, read_events
-from winding_supervisor.node_process import LOG_LIMIT, NodeProcess
+from winding_supervisor.processes.node_process import LOG_LIMIT, NodeProcess
+from winding_supervisor.watch.event_log import FILE_LIMIT, EventLog, read_events
 
 CHUNK = 65_536
 LINES = """
@@ -34,7 +34,7 @@ os.kill(os.getpid(), 9)
 
 
 def run(folder: Path, source: str) -> tuple[int, str, int]:
-    """Return (exit code, last complaint, bytes left on the disk) of a process that says much."""
+    """Return (exit code, last complaint, bytes left on the disk) of a process."""
     (folder / "shouting.py").write_text(source)
     logs = folder / "log"
     logs.mkdir()
@@ -80,7 +80,7 @@ def test_events_without_end_are_kept_short(tmp_path: Path) -> None:
 
 @pytest.mark.processes
 def test_a_run_writes_no_log_but_those_with_a_bound(recorded_run: Any) -> None:
-    """ROS' own log files have no bound; the nodes' output says the same and has one."""
+    """ROS' own log files have no bound; the nodes' output has the same content and a bound."""
     assert recorded_run.finished.returncode == 0, recorded_run.finished.stderr
     (run_folder,) = (recorded_run.bag.parent / "runs").iterdir()
     left = {file.name for file in (run_folder / "log").iterdir()}
@@ -88,5 +88,5 @@ def test_a_run_writes_no_log_but_those_with_a_bound(recorded_run: Any) -> None:
     assert left <= bounded
 
 
-def test_what_a_killed_process_said_is_not_why_it_ended(tmp_path: Path) -> None:
+def test_output_of_a_killed_process_is_not_why_it_ended(tmp_path: Path) -> None:
     assert run(tmp_path, KILLED)[:2] == (-9, "")

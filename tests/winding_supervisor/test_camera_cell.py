@@ -10,12 +10,13 @@ from typing import Any
 
 import pytest
 from rclpy.serialization import deserialize_message
+from sensor_cell import running
 
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_recorder.bags.reading import messages_of, opened
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.diagnostic_messages import decode_diagnostics
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.topic import Topic
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(900)]
@@ -34,33 +35,18 @@ UNSEEN = int(MarkerFlag.OCCLUDED | MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 
 @dataclass(frozen=True)
 class Wound:
-    """A run's end: exit code, what it said, and the tracked lengths [m]."""
+    """A run's end: exit code, output, and the tracked lengths [m]."""
 
     code: int
-    said: str
+    output: str
     lengths: list[float]
 
 
 @pytest.fixture
 def cell(request: pytest.FixtureRequest) -> Iterator[None]:
     """Run a cell that differs from the ideal one as the test asks."""
-    process = subprocess.Popen(
-        [
-            *(sys.executable, str(CELL), json.dumps(request.param)),
-            *("--ros-args", "-r", f"__ns:=/{NAMESPACE}"),
-        ],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stderr is not None
-    try:
-        assert any("ready" in line for line in process.stderr)
+    with running(CELL, json.dumps(request.param), namespace=NAMESPACE):
         yield
-        process.terminate()
-        assert process.wait(timeout=60) == 0
-    finally:
-        process.kill()
-        process.wait()
 
 
 @pytest.fixture
@@ -75,7 +61,7 @@ def wind(cell: None, tmp_path: Path, command: Callable[..., Any]) -> Callable[..
         )
         numbers = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
         lengths = [marker["s_tracked_m"] for marker in numbers["markers"][:2]]
-        return Wound(code=done.returncode, said=done.stdout + done.stderr, lengths=lengths)
+        return Wound(code=done.returncode, output=done.stdout + done.stderr, lengths=lengths)
 
     return run
 
@@ -97,45 +83,35 @@ def test_markers_are_measured_where_they_lie(
     wind: Callable[..., Wound], options: tuple[object, ...]
 ) -> None:
     wound = wind(*options)
-    assert wound.code == 0, wound.said
+    assert wound.code == 0, wound.output
     assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
 
 
 # P1 and then P2 are in view; lengths are means over all frames, so one frame of another turn shows.
-@pytest.mark.parametrize(
-    "cell",
-    [
-        {"pause_at": 5.0 if frames else 6.1, "pause": pause, "frames_in_pause": frames}
-        for pause in (0.5, 3.0, 30.0)
-        for frames in (True, False)
-    ],
-    indirect=True,
-    ids=lambda cell: f"{cell['pause']} s with{'' if cell['frames_in_pause'] else 'out'} frames",
-)
-def test_a_machine_that_pauses_loses_no_marker(wind: Callable[..., Wound]) -> None:
-    wound = wind()
-    assert wound.code == 0, wound.said
-    assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
-
-
-@pytest.mark.parametrize(
-    "cell", [{"camera_offset": 0.05}, {"camera_offset": -0.2}], indirect=True, ids=str
-)
-def test_a_camera_whose_clock_is_off_is_corrected_when_that_is_asked(
-    wind: Callable[..., Wound],
-) -> None:
-    wound = wind("--camera-clock-correction", "--camera-clock-limit-ms", 300)
-    assert wound.code == 0, wound.said
-    assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
+PAUSES = [
+    {"pause_at": 5.0 if frames else 6.1, "pause": pause, "frames_in_pause": frames}
+    for pause in (0.5, 3.0, 30.0)
+    for frames in (True, False)
+]
+CORRECTED = ("--camera-clock-correction", "--camera-clock-limit-ms", 300)
 
 
 # At a steady speed an offset shifts all bands alike; what it would change in the ramp is withheld.
 @pytest.mark.parametrize(
-    "cell", [{"camera_offset": 0.05}, {"camera_offset": -0.005}], indirect=True, ids=str
+    ("cell", "options"),
+    [
+        *((pause, ()) for pause in PAUSES),
+        *(({"camera_offset": offset}, CORRECTED) for offset in (0.05, -0.2)),
+        *(({"camera_offset": offset}, ()) for offset in (0.05, -0.005)),
+    ],
+    indirect=["cell"],
+    ids=str,
 )
-def test_a_camera_whose_clock_is_off_leaves_lengths_alone(wind: Callable[..., Wound]) -> None:
-    wound = wind()
-    assert wound.code == 0, wound.said
+def test_pauses_and_a_camera_clock_that_is_off_change_no_length(
+    wind: Callable[..., Wound], options: tuple[object, ...]
+) -> None:
+    wound = wind(*options)
+    assert wound.code == 0, wound.output
     assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
 
 
@@ -153,7 +129,7 @@ def test_a_length_that_the_clock_falsifies_is_published_under_the_warning(
     request: pytest.FixtureRequest, wind: Callable[..., Wound], tmp_path: Path
 ) -> None:
     wound = wind("--bag", tmp_path / "bag")
-    assert wound.code == 0, wound.said
+    assert wound.code == 0, wound.output
     warned = [
         t
         for t, statuses in map(decode_diagnostics, recorded(tmp_path / "bag", topics.DIAGNOSTICS))
@@ -178,3 +154,18 @@ def recorded(bag: Path, topic: Topic) -> list[Any]:
     with opened(bag) as reader:
         links = [link for link in reader.connections if link.topic.endswith(topic.name)]
         return [deserialize_message(data, topic.type) for _, _, data in messages_of(reader, links)]
+
+
+@pytest.mark.parametrize("cell", [{"frame_rate": 0.0, "joint_rate": 100.0}], indirect=True, ids=str)
+def test_a_camera_in_the_trackers_process_hands_its_frames_over(
+    wind: Callable[..., Wound], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera, film = CELL.with_name("film_camera.py"), tmp_path / "film.npy"
+    subprocess.run([sys.executable, str(camera), str(film), "8", "200"], check=True)
+    monkeypatch.setenv("WINDING_FILM", str(film))
+    bag = tmp_path / "bag"
+    wound = wind("--duration-s", 7, "--bag", bag, "--compose", f"{camera}:open_camera")
+    assert wound.code == 0, wound.output
+    frames = len(recorded(bag, topics.CAMERA_INFO))
+    assert len(recorded(bag, topics.TRACKED_MARKERS)) == frames > 700
+    assert wound.lengths[0] == pytest.approx(MEASURED[0], rel=NEAR)

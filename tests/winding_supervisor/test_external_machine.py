@@ -40,7 +40,7 @@ def numbers(folder: Path) -> Any:
     return json.loads((folder / "run.json").read_text(encoding="utf-8"))
 
 
-# The machine's speeds are what its encoder says, so a different place of the origin, direction
+# The machine's speeds are those of its encoder, so a different place of the origin, direction
 # and unit change a length by no more than rounding: the specification's 0.05 %.
 SAME = 5.0e-4
 
@@ -94,11 +94,11 @@ HANG = """\
 
 
 @pytest.mark.parametrize(
-    ("driver", "said"),
+    ("driver", "failure"),
     [
         (
             {SERVE: '"rig/" + ("no_" * ("stop" in name)) + name, getattr(self, name)'},
-            "nobody serves rig/quick_stop; nobody serves rig/stop",
+            "rig/quick_stop has no server; rig/stop has no server",
         ),
         (
             {
@@ -112,7 +112,7 @@ HANG = """\
     ids=["missing", "hanging"],
 )
 def test_a_stop_that_cannot_be_delivered_ends_the_run(
-    driver: Any, said: str, tmp_path: Path
+    driver: Any, failure: str, tmp_path: Path
 ) -> None:
     errors = tmp_path / "stderr"
     with errors.open("w", encoding="utf-8") as stderr:
@@ -128,7 +128,7 @@ def test_a_stop_that_cannot_be_delivered_ends_the_run(
         assert run.wait(240.0) == 1
     finally:
         run.kill()
-    assert said in errors.read_text(encoding="utf-8")
+    assert failure in errors.read_text(encoding="utf-8")
     assert "could not be delivered" in numbers(tmp_path / "run")["ended"]
 
 

@@ -1,27 +1,34 @@
-"""`winding run --machine external --dashboard`: run after run, conducted by services alone."""
+"""`winding run --dashboard`, conducted by services alone: run after run, until it fails or ends."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 from conducted_session import ConductedSession
 
-from winding_core.run_phase import RunPhase
+from winding_core.status import RunPhase
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(900)]
 
 EXTERNAL = ("--machine", "external", "--no-camera", "--duration-s", "5")
 
 
-@pytest.fixture
-def session(ros: Any, driver: Any, tmp_path: Path) -> Iterator[ConductedSession]:
-    made = ConductedSession(ros, driver.namespace, tmp_path / "runs", *EXTERNAL)
+@contextmanager
+def conducted(*words: Any) -> Iterator[ConductedSession]:
+    made = ConductedSession(*words)
     try:
         yield made
     finally:
         if made.process.poll() is None:
             made.end()
+
+
+@pytest.fixture
+def session(ros: Any, driver: Any, tmp_path: Path) -> Iterator[ConductedSession]:
+    with conducted(ros, driver.namespace, tmp_path / "runs", *EXTERNAL) as made:
+        yield made
 
 
 def test_second_run_begins_where_the_machine_stands(
@@ -34,7 +41,7 @@ def test_second_run_begins_where_the_machine_stands(
     assert not refused.success
     assert refused.message == "a run is under way; stop the machine first"
     session.reach(RunPhase.OVER)
-    # Nobody watches the nodes between two runs.
+    # Between two runs the nodes are not watched.
     session.kill("cable_fem_node")
     assert session.call("orchestrator/next_run").success
     session.reach(RunPhase.READY)
@@ -45,8 +52,16 @@ def test_second_run_begins_where_the_machine_stands(
     for number in (1, 2):
         record = session.record(number)
         assert record["ended"] is None
-        # The machine's speeds are what its encoder says: the specification's 0.05 %.
+        # The machine's speeds are those of its encoder: the specification's 0.05 %.
         assert record["markers"][0]["s_fem_m"] == pytest.approx(predicted_p1, rel=5.0e-4)
+
+
+def test_a_start_as_soon_as_the_page_is_served_begins_the_run(session: ConductedSession) -> None:
+    session.until(session.served)
+    assert session.call("rig/start").success
+    session.reach(RunPhase.OVER)
+    assert session.end() == 0
+    assert session.record(1)["ended"] is None
 
 
 SERVE = 'f"rig/{name}", getattr(self, name)'
@@ -54,10 +69,10 @@ UNSTOPPABLE = '"rig/" + ("no_" * ("stop" in name)) + name, getattr(self, name)'
 
 
 @pytest.mark.parametrize("driver", [{SERVE: UNSTOPPABLE}], indirect=True)
-def test_a_machine_that_cannot_be_stopped_at_its_end_is_said(session: ConductedSession) -> None:
+def test_a_machine_that_cannot_be_stopped_at_its_end_is_reported(session: ConductedSession) -> None:
     session.reach(RunPhase.READY)
     assert session.call("rig/start").success
-    session.reach(RunPhase.OVER, message="the stop could not be delivered: nobody serves rig/stop")
+    session.reach(RunPhase.OVER, message="the stop could not be delivered: rig/stop has no server")
     assert session.end() == 0
     assert session.record(1)["ended"] is None
 
@@ -73,7 +88,7 @@ REFUSED_ONCE = """        first, self.asked = not hasattr(self, "asked"), True
 
 
 @pytest.mark.parametrize("driver", [{RESET: REFUSED_ONCE}], indirect=True)
-def test_a_reset_that_is_refused_is_said_and_asked_again(session: ConductedSession) -> None:
+def test_a_reset_that_is_refused_is_reported_and_asked_again(session: ConductedSession) -> None:
     session.reach(RunPhase.READY)
     assert session.call("orchestrator/next_run").success
     session.reach(RunPhase.OVER, message="no next run: rig/reset was refused: the door is open")
@@ -96,3 +111,20 @@ def test_a_session_that_cannot_go_on_refuses_the_next_run(session: ConductedSess
     session.until(lambda: "href=" in session.page()["parts"]["runs"])
     assert session.end() == 1
     assert "the cylinder turned backwards" in session.record(1)["ended"]
+
+
+def test_the_page_outlives_a_simulated_machine_that_died(ros: Any, tmp_path: Path) -> None:
+    with conducted(ros, "attended", tmp_path / "runs", "--duration-s", "60") as session:
+        session.until(session.served)
+        session.until(lambda: session.call("rig/start").success)
+        session.until(lambda: "WINDING" in session.page()["parts"]["band"])
+        session.until(lambda: float(session.page()["texts"]["clock"].split()[0]) > 1.0)
+        session.kill("winding_rig_node")
+        session.reach(RunPhase.FAILED, message="winding_rig ended with exit code -9")
+        session.until(lambda: "FAILED" in session.page()["parts"]["band"])
+        assert session.page()["off"]["start"]
+        session.until(lambda: "href=" in session.page()["parts"]["runs"])
+        record = session.record(1)
+        assert record["case"] == 4
+        assert "winding_rig ended" in record["ended"]
+        assert session.end() == 1

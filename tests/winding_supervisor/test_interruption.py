@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from winding_supervisor import interruption
-from winding_supervisor.interruption import Interruption, run_closing
+from winding_supervisor.session import interruption
+from winding_supervisor.session.interruption import Interruption, run_closing
 
 
 @pytest.fixture(autouse=True)
@@ -22,13 +22,17 @@ def childless(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(interruption.psutil, "Process", Childless)
 
 
+@pytest.fixture
+def closed() -> list[str]:
+    """What the closers of a test have noted."""
+    return []
+
+
 async def forever() -> None:
     await asyncio.get_running_loop().create_future()
 
 
-def test_result_comes_after_everything_is_closed_in_reverse() -> None:
-    closed: list[str] = []
-
+def test_result_comes_after_everything_is_closed_in_reverse(closed: list[str]) -> None:
     async def work(stack: AsyncExitStack, _: Interruption) -> str:
         for name in ("first", "second"):
             stack.callback(closed.append, name)
@@ -38,9 +42,7 @@ def test_result_comes_after_everything_is_closed_in_reverse() -> None:
     assert closed == ["second", "first"]
 
 
-def test_error_of_the_work_is_raised_after_closing() -> None:
-    closed: list[str] = []
-
+def test_error_of_the_work_is_raised_after_closing(closed: list[str]) -> None:
     async def work(stack: AsyncExitStack, _: Interruption) -> None:
         stack.callback(closed.append, "closed")
         raise ValueError("why")
@@ -50,9 +52,7 @@ def test_error_of_the_work_is_raised_after_closing() -> None:
     assert closed == ["closed"]
 
 
-def test_signal_cancels_the_work_and_no_closer() -> None:
-    closed: list[str] = []
-
+def test_signal_cancels_the_work_and_no_closer(closed: list[str]) -> None:
     async def close() -> None:
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGTERM):
             signal.raise_signal(number)
@@ -80,9 +80,7 @@ def test_signal_after_the_work_still_interrupts() -> None:
         run_closing(work)
 
 
-def test_second_signal_ends_a_closer_that_waits_and_the_next_one_runs() -> None:
-    closed: list[str] = []
-
+def test_second_signal_ends_a_closer_that_waits_and_the_next_one_runs(closed: list[str]) -> None:
     async def wait() -> None:
         signal.raise_signal(signal.SIGTERM)
         await forever()

@@ -13,19 +13,19 @@ import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from winding_core.operator_limits import OperatorLimits
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
+from winding_core.run_options import OperatorLimits
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
-from winding_ros.async_client import AsyncClient
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.client.lifecycle import LifecycleDriver
 from winding_ros.environment import set_process_environment
-from winding_ros.graph_error import GraphError
-from winding_ros.lifecycle import LifecycleDriver
-from winding_ros.rig_messages import encode_joint_state
-from winding_supervisor.dashboard_process import DashboardConfig, DashboardProcess
-from winding_supervisor.discovery import outsiders
-from winding_supervisor.event_log import EventLog, read_events
-from winding_supervisor.operator_run import RunStart
+from winding_ros.graph import GraphError
+from winding_ros.messages.rig import encode_joint_state
+from winding_supervisor.processes.discovery import outsiders
+from winding_supervisor.session.dashboard_process import DashboardConfig, DashboardProcess
+from winding_supervisor.session.operator_run import RunStart
+from winding_supervisor.watch.event_log import EventLog, read_events
 
 NAMESPACE = "attended"
 SPEED = 1.74
@@ -98,7 +98,7 @@ def test_reset_begins_another_run_while_time_goes_on() -> None:
     stamps = machine.buffer.stamps(topics.JOINT_STATES)
     assert (len(stamps), stamps[0]) == (40, 300_000_000)
     assert len(machine.buffer.messages[topics.JOINT_STATES.name]) == 40
-    # Told once before, latched, and true still.
+    # Published once before, latched, and true still.
     assert machine.buffer.last(topics.FEM_PREDICTION) is not None
     assert not start.look(machine.buffer)
 

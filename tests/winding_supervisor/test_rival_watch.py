@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from winding_ros import topics
-from winding_ros.heartbeat import Heartbeat, heartbeat_topic
-from winding_supervisor.rival_watch import RivalWatch
+from winding_ros.runtime.heartbeat import Heartbeat, heartbeat_topic
+from winding_supervisor.processes.discovery import RivalWatch
 
 
 def test_one_publisher_each_is_nobody_s_rival(ros: Any) -> None:
@@ -15,28 +15,28 @@ def test_one_publisher_each_is_nobody_s_rival(ros: Any) -> None:
     Heartbeat(machine, topics.RIG)
     watch = RivalWatch(watcher, [topics.RIG])
     ros.spin_until(lambda: watcher.count_publishers(heartbeat_topic(topics.RIG)) == 1)
-    assert watch.look(0.0) == ""
+    assert watch.look(0.0) is None
 
 
 @pytest.mark.parametrize("name", [topics.RIG, topics.ORCHESTRATOR])
 def test_a_foreign_sign_of_life_is_named(ros: Any, name: str) -> None:
-    watcher, own, foreign = ros.plain("watcher"), ros.plain(name), ros.plain("stranger")
+    watcher, own, foreign = ros.plain("watcher"), ros.plain(name), ros.plain("foreign")
     signs = [Heartbeat(node, name) for node in (own, foreign)]
     watch = RivalWatch(watcher, [topics.RIG])
     ros.spin_until(lambda: watch.look(0.0))
-    both = ", ".join(sorted([f"/{name}", "/stranger"]))
-    assert watch.look(0.0) == f"{name}/heartbeat has 2 publishers: {both}"
+    both = ", ".join(sorted([f"/{name}", "/foreign"]))
+    assert watch.look(0.0) == (f"{name}/heartbeat", f"has 2 publishers: {both}")
     del signs
 
 
 def test_a_second_driver_is_named(ros: Any) -> None:
     watcher = ros.plain("watcher")
     publishers = [
-        topics.JOINT_STATES.advertise(ros.plain(name)) for name in ("winding_rig", "stranger")
+        topics.JOINT_STATES.advertise(ros.plain(name)) for name in ("winding_rig", "foreign")
     ]
     watch = RivalWatch(watcher, [])
     ros.spin_until(lambda: watch.look(0.0))
-    assert watch.look(0.0) == "rig/joint_states has 2 publishers: /stranger, /winding_rig"
+    assert watch.look(0.0) == ("rig/joint_states", "has 2 publishers: /foreign, /winding_rig")
     del publishers
 
 
@@ -46,7 +46,9 @@ def test_the_successor_of_a_killed_node_is_no_rival_while_it_is_forgotten(ros: A
     publishers = [topics.FEM_MARKERS.advertise(node) for node in nodes]
     watch = RivalWatch(watcher, [])
     ros.spin_until(lambda: watcher.count_publishers(topics.FEM_MARKERS.name) == 2)
-    assert watch.look(0.0) == ""
-    assert watch.look(9.0) == ""
-    assert "has 2 publishers" in watch.look(11.0)
+    assert watch.look(0.0) is None
+    assert watch.look(9.0) is None
+    contested = watch.look(11.0)
+    assert contested is not None
+    assert "has 2 publishers" in contested[1]
     del publishers

@@ -6,9 +6,9 @@ from typing import Any, cast
 
 import pytest
 
-from winding_core.drive import DriveProfile
-from winding_core.machine_axes import MachineAxes
-from winding_supervisor.external_machine import ExternalMachine, ExternalMachineConfig
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.drive import DriveProfile
+from winding_supervisor.machines.external_machine import ExternalMachine, ExternalMachineConfig
 
 QUICK_STOP, STOP = "rig/quick_stop", "rig/stop"
 

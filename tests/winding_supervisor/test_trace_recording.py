@@ -8,8 +8,8 @@ import pytest
 
 from winding_core.trace import TRACE_DTYPE, Channel, Station, TraceEvent
 from winding_ros import topics
-from winding_ros.cloud_messages import encode_cloud
-from winding_supervisor.trace_recording import TraceRecording
+from winding_ros.messages.clouds import encode_cloud
+from winding_supervisor.session.run_parts import TraceRecording
 
 
 class Bench:

@@ -10,15 +10,15 @@ from winding_core.status import Level
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.topic import Topic
-from winding_supervisor.backoff import Backoff
-from winding_supervisor.event_log import EventLog, read_events
-from winding_supervisor.load_monitor import LoadMonitor
-from winding_supervisor.sensor_watch import SensorWatch
+from winding_supervisor.processes.node_process import Backoff
+from winding_supervisor.watch.event_log import EventLog, read_events
+from winding_supervisor.watch.load_monitor import LoadMonitor
+from winding_supervisor.watch.sensor_watch import SensorWatch
 
 SENSORS = ("/clock", "rig/joint_states", "rig/tension", "camera/camera_info")
 
 
-def looks(stamps_at: object, until: float = 5.0) -> tuple[float, str] | None:
+def looks(stamps_at: object, until: float = 5.0) -> tuple[float, tuple[str, str]] | None:
     """Look each 50 ms of wall time; return when and why something was found."""
     watch = SensorWatch()
     for k in range(int(until / 0.05) + 1):
@@ -41,8 +41,8 @@ def test_topics_in_step_are_fine_even_when_all_stand() -> None:
 def test_silent_topic_is_named_with_its_last_stamp() -> None:
     found = looks(lambda now: in_step(now) | {"rig/tension": min(now, 1.0)})
     assert found is not None
-    when, sentence = found
-    assert sentence == "rig/tension is silent since 1.000 s of simulated time"
+    when, wrong = found
+    assert wrong == ("rig/tension", "is silent since 1.000 s of simulated time")
     # A lag of 0.12 s that lasts for 2 s, seen at most one look late.
     assert when == pytest.approx(3.12, abs=0.11)
 
@@ -56,7 +56,9 @@ def test_topic_that_lags_and_catches_up_is_not_silent() -> None:
 def test_clock_that_jumps_ahead_is_named() -> None:
     found = looks(lambda now: in_step(now) | {"/clock": 2.0 * now})
     assert found is not None
-    assert found[1].startswith("/clock says ")
+    topic, text = found[1]
+    assert topic == "/clock"
+    assert text.startswith("is at ")
 
 
 def test_answer_that_makes_no_progress_is_named() -> None:
@@ -65,9 +67,9 @@ def test_answer_that_makes_no_progress_is_named() -> None:
         watch.look(0.05 * k, in_step(2.0), {"tracker/markers": 1.0, "fem/markers": 2.0})
         for k in range(120)
     ]
-    sentences = [sentence for sentence in found if sentence]
-    assert sentences[0] == "nothing new on tracker/markers since 1.000 s of simulated time"
-    assert found.index(sentences[0]) * 0.05 == pytest.approx(5.0, abs=0.06)
+    wrong = next(item for item in found if item is not None)
+    assert wrong == ("tracker/markers", "has brought nothing new since 1.000 s of simulated time")
+    assert found.index(wrong) * 0.05 == pytest.approx(5.0, abs=0.06)
 
 
 def test_restarts_wait_longer_each_time_and_end_after_three() -> None:

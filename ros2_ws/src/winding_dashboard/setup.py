@@ -1,4 +1,4 @@
-"""Installs the package for colcon; setup.cfg says what."""
+"""Installs the package for colcon, as setup.cfg declares it."""
 
 from setuptools import setup
 

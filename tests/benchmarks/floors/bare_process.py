@@ -1,8 +1,8 @@
 """One process of the bare traffic: sends bytes, takes bytes, and does nothing with them.
 
-Run as `python bare_process.py PLAN NAME`. It says "ready" when everybody listens to it, begins at
-the first line of standard input, ends at the second, and tells how many messages it has sent and
-taken by topic.
+Run as `python bare_process.py PLAN NAME`. It prints "ready" when every reader listens to it, begins
+at the first line of standard input, ends at the second, and prints how many messages it has sent
+and taken by topic.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Storage:
 
 
 def main() -> None:
-    """Send and take until told to end."""
+    """Send and take until the second line."""
     plan = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))[sys.argv[2]]
     rclpy.init()
     node = Node(sys.argv[2], enable_rosout=False, start_parameter_services=False)
@@ -91,7 +91,7 @@ def main() -> None:
     end = time.monotonic() + PATIENCE
     while any(publisher.get_subscription_count() < readers for publisher, *_, readers in sent):
         if time.monotonic() > end:
-            sys.exit(f"{sys.argv[2]}: nobody listens")
+            sys.exit(f"{sys.argv[2]}: no subscription was found")
         time.sleep(0.05)
     print("ready", flush=True)
     sys.stdin.readline()
@@ -114,7 +114,9 @@ def main() -> None:
         take(taken, storage)
     if storage is not None:
         storage.close()
-    print(json.dumps({"sent": {e[0].topic_name: e[3] for e in sent}, "taken": dict(told(taken))}))
+    print(
+        json.dumps({"sent": {e[0].topic_name: e[3] for e in sent}, "taken": dict(counted(taken))})
+    )
     rclpy.shutdown()
 
 
@@ -128,7 +130,7 @@ def take(taken: list[list[Any]], storage: Storage | None) -> None:
                 storage.add(topic, message[0], entry[3])
 
 
-def told(taken: list[list[Any]]) -> list[tuple[str, int]]:
+def counted(taken: list[list[Any]]) -> list[tuple[str, int]]:
     """Return (topic, count) of what was taken."""
     return [(topic, count) for _, _, topic, count in taken]
 

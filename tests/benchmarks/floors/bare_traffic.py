@@ -18,8 +18,8 @@ from floors.whole_graph import STEADY
 from winding_recorder.bags.reading import messages_of, opened
 from winding_ros import topics
 from winding_ros.graph import GRAPH
-from winding_ros.heartbeat import PERIOD, heartbeat_topic
-from winding_ros.inputs import LOOK_PERIOD
+from winding_ros.runtime.heartbeat import PERIOD, heartbeat_topic
+from winding_ros.runtime.inputs import LOOK_PERIOD
 from winding_ros.topic import Topic
 
 PROGRAM = Path(__file__).with_name("bare_process.py")
@@ -138,7 +138,7 @@ def carry(plan: Plan, folder: Path, duration: float) -> Cost:
             assert process.stdout is not None
             if process.stdout.readline() != "ready\n":
                 raise RuntimeError(f"bare process {name} did not begin")
-        _tell(running, "go")
+        _write(running, "go")
         began = time.monotonic()
         ends = []
         for share in STEADY:
@@ -148,34 +148,34 @@ def carry(plan: Plan, folder: Path, duration: float) -> Cost:
                 times |= spent(psutil.Process(process.pid))
             ends.append((time.monotonic(), times))
         (start, before), (stop, after) = ends
-        _tell(running, "end")
-        told = {name: json.loads(process.communicate()[0]) for name, process in running.items()}
+        _write(running, "end")
+        counted = {name: json.loads(process.communicate()[0]) for name, process in running.items()}
     finally:
         for process in running.values():
             process.kill()
             process.wait()
-    _require_all_arrived(plan, told)
+    _require_all_arrived(plan, counted)
     names = {process.pid: name for name, process in running.items()}
     return cost_between(before, after, stop - start, names)
 
 
-def _tell(running: dict[str, subprocess.Popen[str]], word: str) -> None:
+def _write(running: dict[str, subprocess.Popen[str]], word: str) -> None:
     for process in running.values():
         assert process.stdin is not None
         process.stdin.write(f"{word}\n")
         process.stdin.flush()
 
 
-def _require_all_arrived(plan: Plan, told: dict[str, Any]) -> None:
+def _require_all_arrived(plan: Plan, counted: dict[str, Any]) -> None:
     """Refuse traffic that did not take place."""
     sent: dict[str, int] = defaultdict(int)
-    for answers in told.values():
+    for answers in counted.values():
         for topic, count in answers["sent"].items():
             sent[topic] += count
     for name, item in plan.items():
         for wanted in item["takes"]:
             topic = wanted["topic"]
-            came = told[name]["taken"][topic]
+            came = counted[name]["taken"][topic]
             # A heartbeat's history is one message, as in the graph.
             if came < 0.98 * sent[topic] - 2.0:
                 raise RuntimeError(f"{name} took {came} of {sent[topic]} messages on {topic}")

@@ -1,4 +1,4 @@
-"""The films that the tracker's own tests are made of."""
+"""The films that the tracker's own tests are made of, and the one that speed is measured on."""
 
 from __future__ import annotations
 
@@ -6,6 +6,12 @@ import importlib.util
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
+
+from marker_tracker_node import Tracker
+from winding_core.cable.cases import paper_case
+from winding_rig_node.camera import CameraConfig
+from winding_rig_node.lay.known_lay import published_lay
 
 
 def films() -> ModuleType:
@@ -19,3 +25,14 @@ def films() -> ModuleType:
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
+
+
+def live_scene(camera: CameraConfig, until: float) -> tuple[Any, Tracker]:
+    """Return the film of case 4 under a camera, and a tracker that has followed it so long [s]."""
+    film, case = films(), paper_case(4)
+    lay = published_lay(case, film.DRIVE, film.FREE_LENGTH, film.DRIVE.positions(20.0)[0])
+    shown = film.Film(case=case, lay=lay, camera=camera)
+    tracker = shown.tracker()
+    for t, frame, angle, guide in shown.frames(30.0, stop=until):
+        tracker.track(frame, t, angle, guide)
+    return shown, tracker

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from marker_tracker_node import Tracker
 from marker_tracker_node.detection.gate import empty_gates
-from marker_tracker_node.tracking.expected_bands import empty_expected, expect_bands
-from marker_tracker_node.tracking.gate_prediction import OUT_OF_SIGHT, shutter_of
-from marker_tracker_node.tracking.laid_path import laid_cable
+from marker_tracker_node.tracking.frame.expected_bands import empty_expected, expect_bands
+from marker_tracker_node.tracking.frame.gate_prediction import OUT_OF_SIGHT, shutter_of
+from marker_tracker_node.tracking.frame.laid_path import laid_cable
 
 
 @dataclass(frozen=True, kw_only=True)

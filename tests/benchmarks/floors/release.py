@@ -14,7 +14,7 @@ COMMIT = "400a7f590d961cbe82caee05f9a32cfdd42f0873"
 
 
 def _git(*words: str) -> bytes | None:
-    """Return what git says, None where it fails or is not installed."""
+    """Return what git prints, None where it fails or is not installed."""
     try:
         return subprocess.run(
             ["git", "-C", str(ROOT), *words], check=True, capture_output=True

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 from floors.rod_state import FloatArray, RodState
 
-from cable_fem_node.rod.rod_kernels import SERIES_LIMIT
-from cable_fem_node.rod.rod_scratch import empty_work
-from cable_fem_node.winding.winding_state import CUT_AT, MERGE_AT, RUNNING
+from cable_fem_node.rod.rod_kernels import SERIES_LIMIT, empty_work
+from cable_fem_node.rod.rod_records import CUT_AT, MERGE_AT, RUNNING
 
 SOURCE = Path(__file__).with_name("rod_step.c")
 OPTIONS = ("-O3", "-march=native")

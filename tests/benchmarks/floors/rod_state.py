@@ -11,14 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import LEDGER_SIZE, Points
-from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
-from cable_fem_node.winding.rod_state import REFERENCE, points_of
+from cable_fem_node.dynamics.state import LEDGER_SIZE, Points
+from cable_fem_node.rod.rod_records import REFERENCE, RUNNING, AxialResponse, Constants, Relaxation
+from cable_fem_node.rod.rod_records import RodState as KernelState
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.winding_kernels import advance_winding
+from cable_fem_node.winding.winding_kernels import advance_winding, points_of
 from cable_fem_node.winding.winding_model import wound_angles
-from cable_fem_node.winding.winding_state import RUNNING, Constants
-from winding_core.drive import DriveProfile
+from winding_core.machine.drive import DriveProfile
 
 FloatArray = NDArray[np.float64]
 
@@ -74,6 +73,11 @@ class RodState:
         )
 
     @property
+    def kernel_state(self) -> KernelState:
+        """The nodes and elements as the kernel takes them."""
+        return KernelState(self.nodes, self.state, self.touching, self.tie, self.tie_length, 0)
+
+    @property
     def cable(self) -> Points:
         """The nodes, as views."""
         return points_of(self.state, self.touching)
@@ -112,22 +116,16 @@ def drive_between(model: RodWinding, profile: DriveProfile, span: float) -> Floa
 
 def kernel_advance(state: RodState, drive: FloatArray, steps: int, dt: float) -> None:
     """Advance a state in place by steps of dt [s] with the kernel of the solver."""
-    state.nodes, taken, rate, status, _ = advance_winding(
-        state.nodes,
+    end = advance_winding(
+        state.kernel_state,
         steps,
         dt,
         state.surface_step / dt,
         drive,
-        state.tie,
-        state.tie_length,
-        0,
-        state.state,
-        state.touching,
         state.constants,
         state.response,
-        state.ledger,
-        False,
         state.relax,
+        state.ledger,
     )
-    assert (taken, status) == (steps, RUNNING)
-    state.surface_step = rate * dt
+    assert (end.steps, end.status) == (steps, RUNNING)
+    state.nodes, state.surface_step = end.nodes, end.surface_rate * dt

@@ -28,7 +28,7 @@ def warm_up(checkout: Path, folder: Path) -> None:
 def wind(checkout: Path, folder: Path, duration: float) -> Cost:
     """Wind case 4 with a bag, by the command of a checkout.
 
-    The command says every other second how far simulated time has come; those instants are the
+    The command prints every other second how far simulated time has come; those instants are the
     ends of what is measured.
 
     Args:
@@ -43,7 +43,7 @@ def wind(checkout: Path, folder: Path, duration: float) -> Cost:
     low, high = (share * duration for share in STEADY)
     steady = [instant for instant in instants if low <= instant[0] <= high]
     if not steady or steady[-1][0] - steady[0][0] < 0.4 * duration:
-        raise RuntimeError(f"the run told its progress too rarely: {[t for t, _ in instants]}")
+        raise RuntimeError(f"the run printed its progress too rarely: {[t for t, _ in instants]}")
     (begin, before), (end, after) = steady[0], steady[-1]
     return cost_between(before, after, end - begin, names)
 
@@ -62,8 +62,8 @@ def _wound(
         *("--duration-s", str(duration), "--bag", str(folder / "bag")),
         *("--output", str(folder / "run")),
     ]
-    said = folder / "said"
-    with said.open("w") as out:
+    output = folder / "output"
+    with output.open("w") as out:
         run = subprocess.Popen(
             command, env=environment, cwd=folder, stdout=out, stderr=subprocess.STDOUT
         )
@@ -72,16 +72,16 @@ def _wound(
     root = psutil.Process(run.pid)
     try:
         while run.poll() is None:
-            told = _PROGRESS.findall(said.read_text())
-            if told and (not instants or float(told[-1]) != instants[-1][0]):
-                instants.append((float(told[-1]), spent(root)))
+            found = _PROGRESS.findall(output.read_text())
+            if found and (not instants or float(found[-1]) != instants[-1][0]):
+                instants.append((float(found[-1]), spent(root)))
                 names = names or _names(root)
             time.sleep(_LOOK_PERIOD)
     finally:
         run.kill()
         run.wait()
     if run.returncode != 0:
-        raise RuntimeError(f"the run of {checkout} failed:\n{said.read_text()}")
+        raise RuntimeError(f"the run of {checkout} failed:\n{output.read_text()}")
     return instants, names
 
 

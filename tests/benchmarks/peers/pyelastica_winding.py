@@ -1,6 +1,6 @@
 """The winding in PyElastica: Cosserat rod with stretch, shear, bending and twist.
 
-Two kinds of friction: PyElastica's own, told the velocity of the turning surface (as shipped it
+Two kinds of friction: PyElastica's own, given the velocity of the turning surface (as shipped it
 takes a spinning cylinder for a standing one), and a stick spring with memory that PyElastica does
 not have, to see what its rod can do. The guide is a stiff spring across the span.
 """

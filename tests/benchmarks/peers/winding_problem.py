@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import Case, paper_case
-from winding_core.drive import DriveProfile
-from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
-from winding_core.helix import curve_length
+from winding_core.cable.cases import Case, paper_case
+from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
+from winding_core.machine.drive import DriveProfile
 
 FloatArray = NDArray[np.float64]
 

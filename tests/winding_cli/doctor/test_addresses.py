@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from winding_cli.doctor.addresses import DISTRIBUTION, STAND_IN, installed, judge_addresses
 from winding_cli.doctor.finding import Level
+from winding_cli.doctor.installation import DISTRIBUTION, STAND_IN, installed, judge_addresses
 
 ROOT = Path(__file__).parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -23,33 +23,32 @@ def stated(email: str | None, **sites: str) -> Message:
     return facts
 
 
-def test_what_stands_in_is_a_warning_that_names_it() -> None:
-    found = judge_addresses(
-        stated(
+TWIN = {"Repository": "https://forge.org/twin"}
+
+
+@pytest.mark.parametrize(
+    ("email", "sites", "level", "found"),
+    [
+        (
             f"A <a@b{STAND_IN}>",
-            Repository="https://forge.org/twin",
-            Issues=f"https://forge{STAND_IN}/issues",
-        )
-    )
-    assert found.level is Level.WARN
-    assert found.found == "to be filled in: maintainer, Issues"
-    assert "pyproject.toml" in found.advice
-
-
-def test_no_maintainer_is_a_warning() -> None:
-    found = judge_addresses(stated(None, Repository="https://forge.org/twin"))
-    assert found.level is Level.WARN
-    assert found.found == "to be filled in: maintainer"
-
-
-def test_addresses_that_are_filled_in_are_well() -> None:
-    found = judge_addresses(stated("A <a@b.org>", Repository="https://forge.org/twin"))
-    assert found.level is Level.OK
-    assert found.found == "maintainer, Repository"
+            TWIN | {"Issues": f"https://forge{STAND_IN}/issues"},
+            Level.WARN,
+            "to be filled in: maintainer, Issues",
+        ),
+        (None, TWIN, Level.WARN, "to be filled in: maintainer"),
+        ("A <a@b.org>", TWIN, Level.OK, "maintainer, Repository"),
+    ],
+)
+def test_addresses_that_are_to_be_filled_in_are_named(
+    email: str | None, sites: dict[str, str], level: Level, found: str
+) -> None:
+    judged = judge_addresses(stated(email, **sites))
+    assert (judged.level, judged.found) == (level, found)
+    assert ("pyproject.toml" in judged.advice) is (level is Level.WARN)
 
 
 def test_a_workspace_names_its_maintainer_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("winding_cli.doctor.addresses.DISTRIBUTION", "not-installed-at-all")
+    monkeypatch.setattr("winding_cli.doctor.installation.DISTRIBUTION", "not-installed-at-all")
     assert installed() is None
     assert judge_addresses(None).level is Level.OK
 

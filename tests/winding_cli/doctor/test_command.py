@@ -55,8 +55,8 @@ CHECKS = [
 def test_machine_that_runs_the_tests_passes_every_check(
     command: Callable[..., Any], tmp_path: Path
 ) -> None:
-    said = command("doctor", "--json", tmp_path / "doctor.json", cwd=tmp_path)
-    assert said.returncode == 0, said.stdout
+    done = command("doctor", "--json", tmp_path / "doctor.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout
     record = json.loads((tmp_path / "doctor.json").read_text())
     assert record["domain"] == int(os.environ["ROS_DOMAIN_ID"])
     assert [check["check"] for check in record["checks"]] == CHECKS
@@ -65,18 +65,18 @@ def test_machine_that_runs_the_tests_passes_every_check(
     for check in record["checks"]:
         assert set(check) == {"check", "level", "found", "advice"}
         assert check["found"]
-        # Whoever is warned is told what to do.
+        # Every warning has its advice.
         assert bool(check["advice"]) is (check["level"] != "OK")
-        assert check["check"] in said.stdout
-    assert f"{len(CHECKS)} checks, 0 failed" in said.stdout
+        assert check["check"] in done.stdout
+    assert f"{len(CHECKS)} checks, 0 failed" in done.stdout
 
 
-def test_everything_that_is_wrong_is_told_in_one_go(tmp_path: Path) -> None:
+def test_everything_that_is_wrong_is_reported_in_one_go(tmp_path: Path) -> None:
     def lower() -> None:
         _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (60, hard))
 
-    said = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-m", "winding_cli.cli", "doctor", "--json", "doctor.json"],
         cwd=tmp_path,
         env=os.environ
@@ -91,7 +91,7 @@ def test_everything_that_is_wrong_is_told_in_one_go(tmp_path: Path) -> None:
         timeout=240.0,
         check=False,
     )
-    assert said.returncode == 1, said.stderr
+    assert done.returncode == 1, done.stderr
     checks = json.loads((tmp_path / "doctor.json").read_text())["checks"]
     assert [check["check"] for check in checks] == CHECKS
     failed = {check["check"]: check for check in checks if check["level"] == "FAIL"}
@@ -105,7 +105,7 @@ def test_everything_that_is_wrong_is_told_in_one_go(tmp_path: Path) -> None:
     assert "seven" in failed["domain"]["found"]
     assert "60 for each process" in failed["open files"]["found"]
     # Advice names an extra in brackets, which a terminal must show too.
-    assert "cable-winding-twin[ros]" in said.stdout
+    assert "cable-winding-twin[ros]" in done.stdout
 
 
 def test_doctor_itself_needs_no_ros() -> None:
@@ -113,16 +113,16 @@ def test_doctor_itself_needs_no_ros() -> None:
         "import sys, winding_cli.cli, winding_cli.doctor.examination\n"
         "print('rclpy' in sys.modules, 'sensor_msgs' in sys.modules)"
     )
-    said = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", look], capture_output=True, text=True, timeout=120.0, check=True
     )
-    assert said.stdout == "False False\n"
+    assert done.stdout == "False False\n"
     assert doctor.NAMESPACE == DEFAULT_NAMESPACE
 
 
 def test_domain_that_is_none_is_refused_when_it_is_asked_for(
     command: Callable[..., Any], tmp_path: Path
 ) -> None:
-    said = command("doctor", "--domain", 300, cwd=tmp_path)
-    assert said.returncode == 2
-    assert "0 to 232, got 300" in said.stderr
+    done = command("doctor", "--domain", 300, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "0 to 232, got 300" in done.stderr

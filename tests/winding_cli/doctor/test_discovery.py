@@ -14,10 +14,10 @@ import pytest
 
 from winding_cli.doctor import network
 from winding_cli.doctor.examination import udp_ports
-from winding_cli.doctor.exchange import Exchange, exchange, judge_exchange
 from winding_cli.doctor.finding import Finding, Level
-from winding_cli.doctor.variables import judge_variables
-from winding_supervisor.domain_lock import domain_lock, lock_folder
+from winding_cli.doctor.installation import judge_variables
+from winding_cli.doctor.network import Exchange, exchange, judge_exchange
+from winding_supervisor.session.domain_lock import domain_lock, lock_folder
 
 EPHEMERAL = (32_768, 60_999)
 # No test process is given this one.
@@ -65,7 +65,7 @@ def test_domain_s_ports_stay_clear_of_those_that_the_system_hands_out() -> None:
 
 @pytest.fixture
 def taken_ports() -> Iterator[list[int]]:
-    """Ports of 28 of the 32 participants of a domain, bound by somebody else."""
+    """Ports of 28 of the 32 participants of a domain, bound by another program."""
     ports = network.participant_ports(FREE_DOMAIN)[:28]
     with ExitStack() as stack:
         for port in ports:
@@ -125,23 +125,23 @@ def test_loopback_that_is_down_is_a_failure() -> None:
 
 
 @pytest.mark.processes
-def test_two_processes_exchange_messages_and_see_a_stranger(ros: Any, tmp_path: Path) -> None:
-    stranger = ros.plain("stranger")
-    # A busy machine may be slower than the time that strangers are given to show themselves.
+def test_two_processes_exchange_messages_and_see_a_foreign(ros: Any, tmp_path: Path) -> None:
+    foreign = ros.plain("foreign")
+    # A busy machine may be slower than the time that other nodes are given to show themselves.
     for _ in range(5):
         result = exchange(os.environ, DOMAIN, tmp_path)
-        if result.strangers:
+        if result.others:
             break
     found = {finding.check: finding for finding in judge_exchange(result)}
     assert found["middleware"].level is Level.OK
     assert found["message exchange"].level is not Level.FAIL
     assert len(result.round_trips) == 20
     assert all(0.0 < seconds < 60.0 for seconds in result.round_trips)
-    seen = network.judge_strangers(result.strangers)
+    seen = network.judge_others(result.others)
     assert seen.level is Level.WARN
     assert seen.advice
-    assert f"/{stranger.get_name()}" in seen.found
-    assert network.judge_strangers([]).level is Level.OK
+    assert f"/{foreign.get_name()}" in seen.found
+    assert network.judge_others([]).level is Level.OK
 
 
 @pytest.mark.processes

@@ -10,18 +10,17 @@ from rclpy.clock import Clock, ClockType
 from rclpy.timer import Timer
 
 from cable_fem_node.identification.live_material import LiveMaterial, MaterialUpdate, work_out
-from cable_fem_node.ros.background import BackgroundTask
+from cable_fem_node.ros.background import BackgroundTask, PredictionTask
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
-from cable_fem_node.ros.prediction_task import PredictionTask
+from winding_core.cable.material_report import MaterialReport, refused_material
+from winding_core.cable.wound_label import WoundLabel
 from winding_core.markers import MARKER_DTYPE
-from winding_core.material_report import MaterialReport, refused_material
 from winding_core.status import Level, Status
-from winding_core.wound_label import WoundLabel
 from winding_ros import graph, topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.managed_node import ManagedNode
-from winding_ros.material_messages import encode_material
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.diagnostics import encode_material
+from winding_ros.runtime.managed_node import ManagedNode
 
 # How often the node looks whether a marker has landed or an identification has ended [s].
 _LOOK_PERIOD = 0.05
@@ -48,7 +47,7 @@ class CableFemNode(ManagedNode[FemParameters]):
     def configure(self) -> None:
         """Build the model; subscribe."""
         self._handler = FemHandler(self.configuration, self.go_on, ahead_elsewhere=True)
-        self.endpoints.connect(self._handler, beside={topics.TRACKED_MARKERS: self._on_tracked})
+        self.endpoints.connect(self._handler, extra={topics.TRACKED_MARKERS: self._on_tracked})
         # Wall time: an identification may end when the machine has stopped.
         self._looker = self.create_timer(
             _LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -115,9 +114,9 @@ class CableFemNode(ManagedNode[FemParameters]):
             self._live.see(markers)
 
     def _look(self) -> None:
-        """Tell what is predicted; begin the identification that is due, or take what one found."""
+        """Publish predictions; begin the identification that is due, or take what one found."""
         if self._ahead is not None:
-            self._tell_ahead(self._ahead)
+            self._publish_ahead(self._ahead)
         live, task = self._live, self._task
         if live is None:
             return
@@ -130,7 +129,7 @@ class CableFemNode(ManagedNode[FemParameters]):
             self._task = None
             self._take(self._tracked_until, live, task)
 
-    def _tell_ahead(self, ahead: PredictionTask) -> None:
+    def _publish_ahead(self, ahead: PredictionTask) -> None:
         failed = bool(ahead.failure)
         self.publish([self._handler.predicted(ahead.begun, found) for found in ahead.news()])
         if ahead.failure and not failed:

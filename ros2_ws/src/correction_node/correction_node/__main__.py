@@ -3,7 +3,7 @@
 import sys
 
 from correction_node.node import CorrectionNode
-from winding_ros.process import run_node
+from winding_ros.runtime.process import run_node
 
 
 def main() -> int:

@@ -9,15 +9,15 @@ from correction_node.ros.message_handler import CorrectionHandler
 from correction_node.ros.parameters import CorrectionParameters
 from winding_core.status import Level, Status
 from winding_ros import graph, topics
-from winding_ros.managed_node import ManagedNode
+from winding_ros.runtime.managed_node import ManagedNode
 
 
 class CorrectionNode(ManagedNode[CorrectionParameters]):
     """Corrects predicted lengths, and names the case the run resembles.
 
     Before anything is measured a length is h times the prediction, h being the learned factor;
-    afterwards it follows from the markers measured before it. `/diagnostics` says which under
-    ``basis``.
+    afterwards it follows from the markers measured before it. `/diagnostics` reports which
+    under ``basis``.
 
     Subscribes to fem/markers and tracker/markers. Publishes correction/markers with each
     fem/markers, and correction/case whenever a further marker has been measured.

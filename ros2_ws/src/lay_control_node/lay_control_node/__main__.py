@@ -3,7 +3,7 @@
 import sys
 
 from lay_control_node.node import LayControlNode
-from winding_ros.process import run_node
+from winding_ros.runtime.process import run_node
 
 
 def main() -> int:

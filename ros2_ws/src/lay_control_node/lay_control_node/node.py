@@ -1,4 +1,4 @@
-"""ROS adapter of the lay controller: what the graph says in, commands of guide and brake out."""
+"""ROS adapter of the lay controller: measured lay in, commands of guide and brake out."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 
 from lay_control_node.ros.message_handler import LayControlHandler
 from lay_control_node.ros.parameters import LayControlParameters
-from winding_core.lay_control_records import ControlBasis, ControlMode
+from winding_core.lay.records import ControlBasis, ControlMode
 from winding_core.status import Level, Status
 from winding_ros import graph, services, topics
-from winding_ros.managed_node import ManagedNode
+from winding_ros.runtime.managed_node import ManagedNode
 
 # A carriage that is so much of the following error behind its setpoint does not follow.
 _BEHIND = 0.8
@@ -56,7 +56,7 @@ class LayControlNode(ManagedNode[LayControlParameters]):
             )
         lay = newest.lay
         fallen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.RAMP
-        said = {
+        basis = {
             ControlBasis.MEASURED: "by the measured lay",
             ControlBasis.MODEL: "by the model: no lay has been measured for 1.5 turns",
             ControlBasis.RAMP: "by the drive programme: the solver is silent",
@@ -65,12 +65,12 @@ class LayControlNode(ManagedNode[LayControlParameters]):
             newest.commanding and abs(newest.ahead) > _BEHIND * self.configuration.following_error
         )
         if stays:
-            said += f"; the carriage stands {1e3 * newest.ahead:.1f} mm behind its setpoint"
+            basis += f"; the carriage stands {1e3 * newest.ahead:.1f} mm behind its setpoint"
         unseen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.MODEL
         return Status(
             name=topics.LAY_CONTROL,
             level=Level.WARN if fallen or unseen or stays else Level.OK,
-            message=f"{mode.name.lower()}, {said}",
+            message=f"{mode.name.lower()}, {basis}",
             values={
                 "mode": mode.name.lower(),
                 "basis": newest.basis.name.lower(),

@@ -14,11 +14,10 @@ from marker_tracker_node.lay import lay_follower
 from marker_tracker_node.ros.camera_port import Camera, CameraError, CameraPort
 from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
-from marker_tracker_node.tracking.tracker import Tracker
-from marker_tracker_node.tracking.warm_up import warm_up
+from marker_tracker_node.tracking.tracker import Tracker, warm_up
 from winding_core.status import Level, Status
 from winding_ros import graph, topics
-from winding_ros.managed_node import ManagedNode
+from winding_ros.runtime.managed_node import ManagedNode
 
 
 class MarkerTrackerNode(ManagedNode[TrackerParameters]):
@@ -53,7 +52,7 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
         self.publish(self._handler.begin(self.get_clock().now().nanoseconds * 1e-9))
 
     def status(self) -> Status:
-        """Return what the tracker says of itself."""
+        """Return the tracker's own status."""
         handler = self._handler
         if handler is None or handler.tracker is None or handler.clock is None:
             return Status(name=topics.TRACKER, message="no calibrated camera_info yet")
@@ -137,7 +136,7 @@ class ComposedTrackerNode(MarkerTrackerNode):
         except Exception as error:
             # Whoever wrote the camera needs to know where.
             self.get_logger().error(traceback.format_exc())
-            raise CameraError(f"the camera does not open: {_told(error)}") from error
+            raise CameraError(f"the camera does not open: {_in_words(error)}") from error
         # Closed first: what the device still delivers while it closes is not tracked.
         self._open.callback(port.close)
 
@@ -146,8 +145,8 @@ class ComposedTrackerNode(MarkerTrackerNode):
         try:
             self._open.close()
         except Exception as error:  # noqa: BLE001 - of code that is not the graph's
-            self.get_logger().error(f"{traceback.format_exc()}the camera: {_told(error)}")
+            self.get_logger().error(f"{traceback.format_exc()}the camera: {_in_words(error)}")
 
 
-def _told(error: Exception) -> str:
+def _in_words(error: Exception) -> str:
     return f"{type(error).__name__}: {error}"

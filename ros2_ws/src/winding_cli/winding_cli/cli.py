@@ -6,7 +6,7 @@ import errno
 import os
 import sys
 
-from winding_cli.commands.termination import INTERRUPTED, end, ignore_signals, watch_signals
+from winding_cli.terminal.termination import INTERRUPTED, end, ignore_signals, watch_signals
 
 FAILED = 1
 # As a shell reports a program that a closed pipe has ended.
@@ -16,7 +16,7 @@ CLOSED_PIPE = 141
 def main() -> None:
     """Entry point of the console script."""
     watch_signals()
-    from winding_cli.commands.app import app  # noqa: PLC0415
+    from winding_cli.app import app
 
     code: object = 0
     try:

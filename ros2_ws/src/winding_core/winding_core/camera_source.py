@@ -17,15 +17,10 @@ class CameraSourceError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class CameraSource:
-    """A function that opens a camera, and where it stands.
+    """A function that opens a camera, and where it stands."""
 
-    Attributes:
-        place: Name of a module, or path of a Python file.
-        function: Its name there.
-    """
-
-    place: str
-    function: str
+    place: str  # Name of a module, or path of a Python file.
+    function: str  # Its name there.
 
     @classmethod
     def parsed(cls, text: str) -> CameraSource:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from winding_core.cable.cases import length_error_pct
 from winding_core.parameters import parameter
-from winding_core.published import length_error_pct
 from winding_core.units import PLAIN
 
 # Mean of Table 8: what the paper's correction leaves of its own 45 lengths (4.81 %).
@@ -63,18 +63,12 @@ class Lengths(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class MarkerError:
-    """Errors of one marker's lengths in percent, Table 7's measure; None where there is none.
+    """Errors of one marker's lengths in percent, Table 7's measure; None where there is none."""
 
-    Attributes:
-        id: n of Pn.
-        predicted: Of the prediction.
-        corrected: Of the corrected length.
-        held_out: Of the length corrected by a factor that was learned without this case.
-    """
-
-    id: int
-    predicted: float | None
-    corrected: float | None
+    id: int  # n of Pn.
+    predicted: float | None  # Of the prediction.
+    corrected: float | None  # Of the corrected length.
+    # Of the length corrected by a factor that was learned without this case.
     held_out: float | None
 
     @property
@@ -85,17 +79,11 @@ class MarkerError:
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorVerdict:
-    """What the errors of a run say.
+    """What the errors of a run say."""
 
-    Attributes:
-        limit_pct: Largest error that counts as good [%].
-        against: EXPERIMENT or CAMERA.
-        errors: Of every marker.
-    """
-
-    limit_pct: float
-    against: str
-    errors: tuple[MarkerError, ...]
+    limit_pct: float  # Largest error that counts as good [%].
+    against: str  # EXPERIMENT or CAMERA.
+    errors: tuple[MarkerError, ...]  # Of every marker.
 
     @property
     def worst(self) -> MarkerError | None:
@@ -138,16 +126,16 @@ class ErrorVerdict:
         worst = self.worst
         if worst is None:
             return "cannot be judged: no marker has both a corrected and a measured length"
-        said = (
+        sentence = (
             f"{'good' if self.good else 'not good'}: largest error {worst.corrected:.2f} %, "
             f"limit {self.limit_pct:g} %, marker {worst.name}"
         )
         if self.against == CAMERA:
-            said += ", against the camera's lengths"
-        said += f"; the correction helped on {len(self.helped)} of {len(self.compared)}"
+            sentence += ", against the camera's lengths"
+        sentence += f"; the correction helped on {len(self.helped)} of {len(self.compared)}"
         if self.worse:
-            said += f" and made {_names(self.worse)} worse"
-        return said
+            sentence += f" and made {_names(self.worse)} worse"
+        return sentence
 
     @property
     def held_out_sentence(self) -> str:

@@ -1,11 +1,11 @@
-"""Parameters stated once: dataclass fields that carry type, default, range and meaning."""
+"""Parameters declared once: dataclass fields that carry type, default, range and meaning."""
 
 from __future__ import annotations
 
 import dataclasses
 import difflib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
@@ -25,35 +25,20 @@ class ParameterError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Declaration:
-    """One parameter as its dataclass field states it.
+    """One parameter as its dataclass field states it."""
 
-    Attributes:
-        name: Of the field and of the ROS parameter.
-        default: Its type is the parameter's type.
-        meaning: What it is, without the unit.
-        low: Smallest allowed number; None for no limit.
-        high: Largest allowed number; None for no limit.
-        choices: Allowed texts; None for any.
-        read_only: Whether the value is fixed once the node runs.
-        otherwise: What holds when the number is 0; empty where 0 is a number like others.
-        unit: How people type it; None where only parameter files set it.
-        option: Name under which people type it, without the unit.
-        label: What a form calls it.
-        title: What a refusal calls it.
-    """
-
-    name: str
-    default: Value
-    meaning: str
-    low: float | None
-    high: float | None
-    choices: tuple[str, ...] | None
-    read_only: bool
-    otherwise: str
-    unit: Unit | None
-    option: str
-    label: str
-    title: str
+    name: str  # Of the field and of the ROS parameter.
+    default: Value  # Its type is the parameter's type.
+    meaning: str  # What it is, without the unit.
+    low: float | None  # Smallest allowed number; None for no limit.
+    high: float | None  # Largest allowed number; None for no limit.
+    choices: tuple[str, ...] | None  # Allowed texts; None for any.
+    read_only: bool  # Whether the value is fixed once the node runs.
+    otherwise: str  # What holds when the number is 0; empty where 0 is a number like others.
+    unit: Unit | None  # How people type it; None where only parameter files set it.
+    option: str  # Name under which people type it, without the unit.
+    label: str  # What a form calls it.
+    title: str  # What a refusal calls it.
 
     @property
     def type_name(self) -> str:
@@ -151,7 +136,7 @@ def parameter(
     """Return a dataclass field that is also a parameter declaration.
 
     Args:
-        default: The value when nobody sets one; its type is the parameter's type.
+        default: The value where none is set; its type is the parameter's type.
         meaning: What it is; with the unit where `unit` does not state it.
         unit: How people type it on a command line, in a sweep or in a form; None where only
             parameter files set it.
@@ -185,11 +170,11 @@ def declarations(configuration: type) -> tuple[Declaration, ...]:
 
 
 def _declaration(item: dataclasses.Field[Any]) -> Declaration:
-    stated: dict[str, Any] = dict(item.metadata)
-    stated["option"] = stated["option"] or item.name
-    stated["label"] = stated["label"] or item.name.replace("_", " ").capitalize()
+    declared: dict[str, Any] = dict(item.metadata)
+    declared["option"] = declared["option"] or item.name
+    declared["label"] = declared["label"] or item.name.replace("_", " ").capitalize()
     title = f"parameter {item.name}"
-    return Declaration(name=item.name, default=_default(item), title=title, **stated)
+    return Declaration(name=item.name, default=_default(item), title=title, **declared)
 
 
 def _default(item: dataclasses.Field[Any]) -> Value:
@@ -226,7 +211,123 @@ def build(
     Raises:
         ParameterError: An unknown name, a wrong type, or a value outside its range.
     """
-    stated = {item.name: item for item in declarations(configuration)}
-    refuse_unknown(values, stated, owner=owner)
-    converted = {name: stated[name].convert(value) for name, value in values.items()}
+    declared = {item.name: item for item in declarations(configuration)}
+    refuse_unknown(values, declared, owner=owner)
+    converted = {name: declared[name].convert(value) for name, value in values.items()}
     return configuration(**converted)
+
+
+# How a refusal writes the name of an option.
+Spelling = Callable[[str], str]
+
+
+def options(configuration: type) -> dict[str, Declaration]:
+    """Return the declarations that people may type, by the option's name with its unit."""
+    return {_key(item): item for item in declarations(configuration) if item.unit is not None}
+
+
+def option_kinds(configuration: type) -> dict[str, type]:
+    """Return the type of every option by its name: bool, int, float or str; str for a list."""
+    return {key: option_kind(item) for key, item in options(configuration).items()}
+
+
+def option_kind(item: Declaration) -> type:
+    """Return the type of an option: numbers of a list are typed as one text, with commas."""
+    return str if isinstance(item.default, list) else type(item.default)
+
+
+def typed_declaration(key: str, item: Declaration, spelling: Spelling = str) -> Declaration:
+    """Return a declaration in the unit that is typed; 0 stands for nothing else there."""
+    return dataclasses.replace(
+        item,
+        title=spelling(key),
+        default=_typed(item, item.default),
+        low=None if item.low is None else _number(item, item.low),
+        high=None if item.high is None else _number(item, item.high),
+        otherwise="",
+    )
+
+
+def typed_values(
+    configuration: type, typed: Mapping[str, object], spelling: Spelling = str
+) -> dict[str, Value]:
+    """Return what was typed in SI, by field.
+
+    Args:
+        configuration: Dataclass that declares the parameters.
+        typed: By option; None where nothing was typed.
+        spelling: How a refusal writes an option's name.
+
+    Raises:
+        ParameterError: An unknown option, a wrong type, or a value outside its range.
+    """
+    known = options(configuration)
+    refuse_unknown(typed, known, owner="a winding")
+    values = {}
+    for key, value in typed.items():
+        if value is None:
+            continue
+        item = known[key]
+        declared = typed_declaration(key, item, spelling)
+        taken = declared.convert(_listed(declared, value))
+        if item.unit is not None and isinstance(taken, float):
+            taken = item.unit.to_si(taken)
+        elif item.unit is not None and isinstance(taken, list):
+            taken = [item.unit.to_si(number) for number in taken]
+        values[item.name] = taken
+    return values
+
+
+def _listed(item: Declaration, value: object) -> object:
+    """Return the numbers of a list that was typed as text."""
+    if not (isinstance(item.default, list) and isinstance(value, str)):
+        return value
+    try:
+        return [float(word) for word in value.split(",")]
+    except ValueError:
+        raise ParameterError(
+            f"{item.title} needs {len(item.default)} numbers with commas, got {value!r}"
+        ) from None
+
+
+def explained(item: Declaration) -> str:
+    """Return the help of an option: meaning, unit, choices and default."""
+    text = item.meaning[0].upper() + item.meaning[1:]
+    if item.unit is not None and item.unit.symbol:
+        text += f", in {item.unit.symbol}"
+    if item.choices is not None:
+        text += f": {', '.join(filter(None, item.choices))}"
+    default = _typed(item, item.default)
+    if item.otherwise:
+        text += f"; otherwise {item.otherwise}"
+    elif isinstance(default, float):
+        text += f"; {default:g} by default"
+    elif isinstance(default, list):
+        text += f"; {','.join(f'{number:g}' for number in default)} by default"
+    elif not isinstance(default, bool) and default != "":
+        text += f"; {default} by default"
+    return f"{text}."
+
+
+def shown_values(configuration: type, values: Mapping[str, Value]) -> dict[str, Value]:
+    """Return values [SI] of fields as they would be typed, by option."""
+    return {
+        key: _typed(item, values[item.name])
+        for key, item in options(configuration).items()
+        if item.name in values
+    }
+
+
+def _key(item: Declaration) -> str:
+    suffix = item.unit.suffix if item.unit is not None else ""
+    return f"{item.option}_{suffix}" if suffix else item.option
+
+
+def _typed(item: Declaration, value: Value) -> Value:
+    if isinstance(value, list):
+        return [_number(item, number) for number in value]
+    return _number(item, value) if isinstance(value, float) else value
+
+
+def _number(item: Declaration, value: float) -> float:
+    return value if item.unit is None else item.unit.from_si(value)

@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from winding_core.drive import DriveProfile
-from winding_core.run_history import Inputs
-from winding_core.run_inputs import INPUT_DTYPE
+from winding_core.machine.drive import DriveProfile
+from winding_core.run_inputs import INPUT_DTYPE, Inputs
 
 
 def planned_inputs(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.readings import AxisReading
+from winding_core.machine.readings import AxisReading
 from winding_core.run_inputs import INPUT_DTYPE
 
 # Shape (n,) of INPUT_DTYPE; t since the start of the run, a tension of nan is the model's own.

@@ -1,7 +1,8 @@
-"""What a machine has said so far in a run, as a file: a model that is started late reads it."""
+"""The inputs of a run: bounded history while it goes on, file for a model that starts late."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +12,9 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from winding_core.history import History
+from winding_core.machine.readings import AxisReading
 from winding_core.parameters import parameter
-from winding_core.readings import AxisReading
 
 # t [s], both axes as in AxisReading, tension [N]; nan where no tension had been read yet.
 INPUT_DTYPE = np.dtype(
@@ -45,13 +47,9 @@ class RunInputsError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class RunInputs:
-    """Encoder samples of a run with the tension that was known at each.
+    """Encoder samples of a run with the tension that was known at each."""
 
-    Attributes:
-        samples: Shape (n,) of INPUT_DTYPE, ascending in time.
-    """
-
-    samples: NDArray[Any]
+    samples: NDArray[Any]  # Shape (n,) of INPUT_DTYPE, ascending in time
 
     def __post_init__(self) -> None:
         times = self.samples["t"]
@@ -95,3 +93,96 @@ class RunInputs:
                 ),
                 None if np.isnan(tension) else tension,
             )
+
+
+# Shape (n,) of INPUT_DTYPE; t since the start of the run, a tension of nan is the model's own.
+Inputs = NDArray[np.void]
+# Fields of INPUT_DTYPE before the tension; sum and number of the tensions that were read.
+_Row = tuple[float, float, float, float, float, float, int]
+
+
+class RunHistory:
+    """Keeps one sample of a run's inputs per period, and never more than a number of them.
+
+    A full history drops every second sample and doubles its period (see `History`). Between
+    samples a model follows a cubic through positions and speeds, which a winding machine leaves
+    by less than its encoder's step. A kept tension is the mean of what was read since the sample
+    before.
+
+    Args:
+        period: Time between kept samples [s].
+        capacity: Most samples.
+    """
+
+    def __init__(self, *, period: float = 0.02, capacity: int = 4096) -> None:
+        if not (math.isfinite(period) and period > 0.0):
+            raise ValueError(f"period must be positive and finite, got {period} s")
+        if capacity < 4:
+            raise ValueError(f"capacity must be at least 4 samples, got {capacity}")
+        self._step = period
+        self._rows: History[_Row] = History(newest=0, older=capacity, merge=_with_tensions_of)
+        self._last = self._due = -math.inf
+        self._pulls = 0.0
+        self._pull_count = 0
+
+    @property
+    def inputs(self) -> Inputs:
+        """The kept samples, shape (n,), a copy."""
+        rows = [(*row[:5], row[5] / row[6] if row[6] else math.nan) for row in self._rows]
+        return np.array(rows, dtype=INPUT_DTYPE)
+
+    @property
+    def period(self) -> float:
+        """Time between kept samples [s]; grows with the run."""
+        return self._step * self._rows.stride
+
+    @property
+    def duration(self) -> float:
+        """Time of the last kept sample [s]; zero before the first."""
+        return self._rows[-1][0] if self._rows else 0.0
+
+    @property
+    def latest(self) -> float:
+        """Time of the newest sample, kept or not [s]; minus infinity before the first."""
+        return self._last
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def record(self, t: float, reading: AxisReading, tension: float | None) -> None:
+        """Take a sample of the machine at a time since the start of the run [s].
+
+        Args:
+            t: [s], later than every time before.
+            reading: Both axes.
+            tension: Measured span tension [N]; None where the model's own law holds.
+
+        Raises:
+            ValueError: Time does not ascend or is not finite.
+        """
+        if not (math.isfinite(t) and t > self._last):
+            raise ValueError(f"times of a run must ascend: after {self._last} s came {t} s")
+        self._last = t
+        if tension is not None:
+            self._pulls += tension
+            self._pull_count += 1
+        if t < self._due:
+            return
+        # Half a millisecond early, so that rounding never makes a sample late.
+        self._due = t + self._step - 5.0e-4
+        self._rows.append(
+            (
+                t,
+                reading.cylinder_angle,
+                reading.angular_speed,
+                reading.carriage_position,
+                reading.feed_speed,
+                self._pulls,
+                self._pull_count,
+            )
+        )
+        self._pulls, self._pull_count = 0.0, 0
+
+
+def _with_tensions_of(earlier: _Row, later: _Row) -> _Row:
+    return (*later[:5], earlier[5] + later[5], earlier[6] + later[6])

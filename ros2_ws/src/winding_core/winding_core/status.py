@@ -1,10 +1,10 @@
-"""State of a node's components, as REP-107 grades it."""
+"""State of a node's components, as REP-107 grades it, and the phase of a run among them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import Enum, IntEnum
 
 
 class Level(IntEnum):
@@ -18,16 +18,24 @@ class Level(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Status:
-    """State of one component.
+    """State of one component."""
 
-    Attributes:
-        name: "node: component".
-        level: Severity.
-        message: One sentence.
-        values: What was measured, as text.
-    """
+    name: str  # "node: component".
+    level: Level = Level.OK  # Severity.
+    message: str = ""  # One sentence.
+    values: Mapping[str, str] = field(default_factory=dict)  # What was measured, as text.
 
-    name: str
-    level: Level = Level.OK
-    message: str = ""
-    values: Mapping[str, str] = field(default_factory=dict)
+
+# Component of the orchestrator's status that carries the phase.
+COMPONENT = "run"
+STATUS = f"orchestrator: {COMPONENT}"
+
+
+class RunPhase(Enum):
+    """Of one run after the other; a simulated machine reports all but FAILED by itself."""
+
+    READY = "ready"
+    UNDER_WAY = "under way"
+    OVER = "over"
+    PREPARED = "being prepared"
+    FAILED = "failed"

@@ -41,7 +41,7 @@ class Station(IntEnum):
 
 
 # Instants are seconds since 1970 on the clock of the node's computer, as DDS stamps them. `stamp`
-# is the message's own; `sent` and `arrived` are what DDS says of a message that was taken, else 0.
+# is the message's own; `sent` and `arrived` are those of DDS for a message that was taken, else 0.
 TRACE_DTYPE = np.dtype(
     [
         ("event", "<u4"),

@@ -17,19 +17,12 @@ MEGABYTE = 1.0e6
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
-    """How a quantity is typed and shown.
+    """How a quantity is typed and shown."""
 
-    Attributes:
-        symbol: Of the unit that is typed; empty for a pure number or a word.
-        si: Of the SI unit that is stored.
-        scale: One typed unit in SI.
-        suffix: Of an option's name, which says what is typed; empty for none.
-    """
-
-    symbol: str = ""
-    si: str = ""
-    scale: float = 1.0
-    suffix: str = ""
+    symbol: str = ""  # Of the unit that is typed; empty for a pure number or a word.
+    si: str = ""  # Of the SI unit that is stored.
+    scale: float = 1.0  # One typed unit in SI.
+    suffix: str = ""  # Of an option's name, that names what is typed; empty for none.
 
     def to_si(self, typed: float) -> float:
         """Return a typed number in SI."""

@@ -25,7 +25,7 @@ from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots
 from winding_dashboard.page.templates import Templates
 from winding_dashboard.web.server import Served, application
-from winding_ros.process import EXIT_REFUSED, end_with_supervisor
+from winding_ros.runtime.process import EXIT_REFUSED, end_with_supervisor
 
 _LOOK, _LIFECYCLE = 0.1, 1.0
 # Browsers that hold a connection must not hold up the end.

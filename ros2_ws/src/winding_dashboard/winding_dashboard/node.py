@@ -13,18 +13,22 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from winding_core.operator_limits import COMPONENT, OperatorLimits
+from winding_core.run_options import COMPONENT, OperatorLimits
 from winding_core.status import Status
 from winding_dashboard.ros.parameters import DashboardParameters
 from winding_dashboard.ros.service_client import NODES, ServiceClient
 from winding_dashboard.ros.topic_reader import TopicReader
 from winding_dashboard.state.view_state import ViewState
 from winding_ros import topics
-from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.graph import PAGE
-from winding_ros.heartbeat import Heartbeat
-from winding_ros.node_parameters import declare_parameters, read_parameters, refuse_invalid
-from winding_ros.process import SUPERVISED
+from winding_ros.messages.diagnostics import encode_diagnostics
+from winding_ros.runtime.heartbeat import Heartbeat
+from winding_ros.runtime.node_parameters import (
+    add_parameter_validation,
+    declare_parameters,
+    read_parameters,
+)
+from winding_ros.runtime.process import SUPERVISED
 
 NAME = topics.DASHBOARD
 # EventsExecutor.spin() of rclpy 7.1 never returns to the interpreter; spin_once does.
@@ -53,12 +57,14 @@ class DashboardNode(Node):  # type: ignore[misc]
         super().__init__(NAME, context=context, **kwargs)
         self.parameters = declare_parameters(self, DashboardParameters)
         self.parameters.check()
-        refuse_invalid(self, DashboardParameters, lambda: True)
+        add_parameter_validation(self, DashboardParameters, lambda: True)
         self.state = ViewState(
             nodes=tuple(reversed(self.parameters.named_nodes or NODES)),
             machine=topics.RIG,
             solver=topics.FEM,
-            quantities=tuple(topic.quantity for topic in PAGE.beside if topic.quantity),
+            quantities=tuple(
+                topic.quantity for topic in PAGE.extra_subscriptions if topic.quantity
+            ),
         )
         self._watcher = Node(
             f"{NAME}_eyes",

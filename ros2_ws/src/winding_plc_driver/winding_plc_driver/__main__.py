@@ -18,12 +18,16 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from winding_plc_driver.driver import Driver
-from winding_plc_driver.machine.mapping import MachineMapping, MappingError, read_mapping
-from winding_plc_driver.machine.password import read_password
-from winding_plc_driver.node import PlcDriverNode
-from winding_plc_driver.opcua.errors import RefusedError
+from winding_plc_driver.machine.mapping import (
+    MachineMapping,
+    MappingError,
+    read_mapping,
+    read_password,
+)
+from winding_plc_driver.node import QUANTITIES, PlcDriverNode
+from winding_plc_driver.opcua.request import RefusedError
 from winding_plc_driver.opcua.session import Session
-from winding_ros.process import EXIT_REFUSED
+from winding_ros.runtime.process import EXIT_REFUSED
 
 
 def main() -> int:
@@ -31,10 +35,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="winding_plc_driver", description=__doc__)
     parser.add_argument("--mapping", type=Path, required=True, help="YAML file, see docs/opc-ua.md")
     mapping_file = parser.parse_args(remove_ros_args(sys.argv)[1:]).mapping
-    # What the library logs, the driver says in /diagnostics; a traceback says it to nobody.
+    # What the library logs as tracebacks, the driver reports in /diagnostics.
     logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
     try:
-        mapping = read_mapping(mapping_file)
+        mapping = read_mapping(mapping_file, QUANTITIES)
         password = read_password(mapping.server, os.environ)
         with contextlib.ExitStack() as after:
             asyncio.run(_drive(mapping, password, after))
@@ -60,7 +64,9 @@ async def _drive(mapping: MachineMapping, password: str, after: contextlib.ExitS
         context = Context()
         rclpy.init(args=sys.argv, context=context, signal_handler_options=SignalHandlerOptions.NO)
         after.callback(rclpy.try_shutdown, context=context)
-        node = PlcDriverNode(context, driver.command, loop, mapping.server.endpoint)
+        node = PlcDriverNode(
+            context, driver.command, loop, mapping.server.endpoint, mapping.measured
+        )
         after.callback(node.close)
         await driver.run(node)
 

@@ -1,21 +1,19 @@
-"""Keeps the link, passes on what the PLC tells and what the graph commands; knows no ROS."""
+"""Keeps the link, passes values and commands on and reports the state; imports no ROS."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from winding_core.status import Status
-from winding_plc_driver.machine.joining import Joiner, Sample
+from winding_core.status import Level, Status
+from winding_plc_driver.machine.joining import Joiner, Measured, Pacer, Sample
 from winding_plc_driver.machine.link import HeartbeatWatch, Link
-from winding_plc_driver.machine.mapping import START, TENSION, MachineMapping
-from winding_plc_driver.machine.pacing import Pacer
-from winding_plc_driver.machine.reading import ServerValue, VariableReader
-from winding_plc_driver.machine.report import machine_state, report
-from winding_plc_driver.opcua.errors import LinkError, RefusedError
+from winding_plc_driver.machine.mapping import AXES, START, MachineMapping, State
+from winding_plc_driver.machine.reading import SequenceNumbers, ServerValue, VariableReader
 from winding_plc_driver.opcua.nodes import READ, STATE
+from winding_plc_driver.opcua.request import LinkError, RefusedError
 from winding_plc_driver.opcua.session import Session
 
 # What waits for its time is looked at so often [s].
@@ -29,14 +27,14 @@ class Outlets(Protocol):
     def joints(self, sample: Sample) -> None:
         """Publish the axes."""
 
-    def tension(self, stamp_ns: int, force: float) -> None:
-        """Publish the load cell's force [N] of a source timestamp [ns]."""
+    def measured(self, stamp_ns: int, measured: Measured) -> None:
+        """Publish the value of a quantity with its source timestamp [ns]."""
 
     def status(self, status: Status) -> None:
         """Publish the driver's state."""
 
     def log(self, text: str) -> None:
-        """Tell the operator something that happened."""
+        """Report an event to the operator."""
 
 
 class Driver:
@@ -89,14 +87,14 @@ class Driver:
         """Drive until cancelled."""
         try:
             async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._let_go(outlets))
-                tasks.create_task(self._tell(outlets))
+                tasks.create_task(self._release(outlets))
+                tasks.create_task(self._report(outlets))
                 tasks.create_task(self._keep_link(outlets))
         finally:
             await self._session.close()
 
     async def command(self, name: str) -> tuple[bool, str]:
-        """Return (whether the machine did as told, one sentence)."""
+        """Return (whether the command was executed, one sentence)."""
         refusal = self._link.refuse(name, self._clock())
         if not refusal and name == START:
             refusal = self._heartbeat.complaint(self._clock())
@@ -114,9 +112,9 @@ class Driver:
                     await self._session.open()
                 self._opened = False
                 while stop := self._link.stop_on_return(self._clock()):
-                    _, said = await self._session.call(stop, self._mapping.commands[stop])
+                    _, answer = await self._session.call(stop, self._mapping.commands[stop])
                     self._link.stopped(stop)
-                    outlets.log(f"the link is back and the machine was told to {stop}: {said}")
+                    outlets.log(f"the link is back and the machine received {stop}: {answer}")
                 self._link.established()
                 self._changed.set()
                 outlets.log(f"ready: the link to {self._mapping.server.endpoint} is up")
@@ -157,10 +155,10 @@ class Driver:
             self._state = value.value
         elif (read := self._readers[value.title].read(value)) is not None:
             stamp_ns, number = read
-            if value.title != TENSION:
+            if value.title in AXES:
                 self._joiner.add(value.title, stamp_ns, number, self._clock())
             else:
-                self._pacer.add(stamp_ns, number)
+                self._pacer.add(stamp_ns, Measured(value.title, number))
 
     def _publish(self, outlets: Outlets) -> None:
         now = self._clock()
@@ -170,9 +168,9 @@ class Driver:
             if isinstance(item, Sample):
                 outlets.joints(item)
             else:
-                outlets.tension(stamp_ns, item)
+                outlets.measured(stamp_ns, item)
 
-    async def _let_go(self, outlets: Outlets) -> None:
+    async def _release(self, outlets: Outlets) -> None:
         while True:
             await asyncio.sleep(_LOOK)
             self._publish(outlets)
@@ -187,7 +185,7 @@ class Driver:
                 self._beat_complaint = str(error)
             await asyncio.sleep(heartbeat.period_s)
 
-    async def _tell(self, outlets: Outlets) -> None:
+    async def _report(self, outlets: Outlets) -> None:
         while True:
             self._changed.clear()
             outlets.status(self._status())
@@ -225,3 +223,61 @@ class Driver:
             numbers=self._session.subscription.numbers,
             further=further,
         )
+
+
+NAME = "winding_rig: PLC"
+
+
+def machine_state(state: State, value: object) -> tuple[str, bool]:
+    """Return (the machine's state in words, whether it is a fault)."""
+    words = state.names.get(value) if isinstance(value, int) else None
+    return words or str(value), value in state.faults
+
+
+def report(
+    errors: list[str],
+    warnings: list[str],
+    *,
+    readers: Mapping[str, VariableReader],
+    joiner: Joiner,
+    numbers: SequenceNumbers,
+    further: Mapping[str, str],
+) -> Status:
+    """Return the status of the driver.
+
+    Args:
+        errors: Sentences on what does not work, worst first.
+        warnings: Sentences on what works and should be known.
+        readers: Of every number.
+        joiner: Of the axes.
+        numbers: Of the notifications.
+        further: What else is to be shown.
+    """
+    counts = joiner.counts
+    overflows = sum(reader.overflows for reader in readers.values())
+    errors = [*errors, *(reader.complaint for reader in readers.values() if reader.complaint)]
+    if numbers.gaps or overflows or counts.late:
+        warnings = [
+            *warnings,
+            f"lost so far: {numbers.gaps} notifications, {overflows} times values from a full "
+            f"queue, {counts.late} values that came too late",
+        ]
+    level = Level.ERROR if errors else Level.WARN if warnings else Level.OK
+    values = dict(further)
+    for name, reader in readers.items():
+        values[f"{name} taken"] = str(reader.taken)
+        values[f"{name} repeated"] = str(reader.repeated)
+        values[f"{name} unusable"] = str(reader.unusable)
+    values |= {
+        "samples joined": str(counts.joined),
+        "samples interpolated": str(counts.interpolated),
+        "samples held": str(counts.held),
+        "values too late": str(counts.late),
+        "values too early": str(counts.early),
+        "queue overflows": str(overflows),
+        "notifications missing": str(numbers.gaps),
+        "notifications fetched again": str(numbers.fetched),
+        "notifications repeated": str(numbers.repeated),
+    }
+    sentences = errors or warnings or ["the link is up"]
+    return Status(name=NAME, level=level, message="; ".join(sentences), values=values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
 from concurrent.futures import CancelledError
 from typing import Any
 
@@ -17,7 +17,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from winding_core.status import Status
-from winding_plc_driver.machine.joining import Sample
+from winding_plc_driver.machine.joining import Measured, Sample
 from winding_plc_driver.machine.mapping import (
     ANGLE,
     ANGULAR_SPEED,
@@ -25,11 +25,13 @@ from winding_plc_driver.machine.mapping import (
     COMMANDS,
     FEED_SPEED,
 )
-from winding_ros import services, topics
-from winding_ros.diagnostic_messages import encode_diagnostics
-from winding_ros.rig_messages import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, encode_tension
-from winding_ros.stamps import stamp_bytes_of, with_stamp
+from winding_ros import graph, services, topics
+from winding_ros.messages.diagnostics import encode_diagnostics
+from winding_ros.messages.rig import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, encode_quantity
+from winding_ros.messages.stamps import stamp_bytes_of, with_stamp
 
+# Quantities that the graph has a topic for, and their topics.
+QUANTITIES = {topic.quantity: topic for topic in graph.RIG.publishes if topic.quantity is not None}
 _NANO = 1_000_000_000
 _ENDING = "the driver ends"
 
@@ -45,6 +47,7 @@ class PlcDriverNode(Node):  # type: ignore[misc]
         command: Returns (whether it was done, one sentence) for a command's name.
         loop: Event loop that commands run on.
         endpoint: Address of the PLC, for /diagnostics.
+        measured: Names of the quantities that the machine has.
     """
 
     def __init__(
@@ -53,11 +56,16 @@ class PlcDriverNode(Node):  # type: ignore[misc]
         command: Callable[[str], Awaitable[tuple[bool, str]]],
         loop: asyncio.AbstractEventLoop,
         endpoint: str,
+        measured: Collection[str],
     ) -> None:
         super().__init__(topics.RIG, context=context)
         self._command, self._loop, self._endpoint = command, loop, endpoint
         self._joint_states = topics.JOINT_STATES.advertise(self)
-        self._tension = topics.TENSION.advertise(self)
+        self._measured = {
+            quantity.name: (quantity, topic.type, topic.advertise(self))
+            for quantity, topic in QUANTITIES.items()
+            if quantity.name in measured
+        }
         self._diagnostics = topics.DIAGNOSTICS.advertise(self)
         group = ReentrantCallbackGroup()
         served = (
@@ -86,16 +94,18 @@ class PlcDriverNode(Node):  # type: ignore[misc]
         message.header.stamp = _stamp(sample.stamp_ns)
         self._joint_states.publish(message)
 
-    def tension(self, stamp_ns: int, force: float) -> None:
-        """Publish the load cell's force [N] of a source timestamp [ns]."""
-        self._tension.publish(with_stamp(encode_tension(0.0, force), stamp_bytes_of(stamp_ns)))
+    def measured(self, stamp_ns: int, measured: Measured) -> None:
+        """Publish the value of a quantity with its source timestamp [ns]."""
+        quantity, message_type, publisher = self._measured[measured.name]
+        message = encode_quantity(message_type, quantity, 0.0, measured.value)
+        publisher.publish(with_stamp(message, stamp_bytes_of(stamp_ns)))
 
     def status(self, status: Status) -> None:
         """Publish the driver's state."""
         self._diagnostics.publish(encode_diagnostics(time.time(), [status], self._endpoint))
 
     def log(self, text: str) -> None:
-        """Tell the operator something that happened."""
+        """Report an event to the operator."""
         self.get_logger().info(text)
 
     def close(self) -> None:

@@ -8,39 +8,36 @@ from typing import Any
 
 import numpy as np
 
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
 from winding_core.parameters import refuse_unknown
 from winding_core.status import Status
 from winding_rig_node.camera.shown_lay import GrowingLay, KnownLay, ShownLay
-from winding_rig_node.machine.driven_lay import DrivenLay
+from winding_rig_node.lay.known_lay import CableLay
+from winding_rig_node.lay.lay_law import MotionLay, motion_lay
+from winding_rig_node.lay.truth import truth_path, truth_record, write_truth
 from winding_rig_node.machine.faults import Faults
-from winding_rig_node.machine.hidden_rig import HiddenRig
-from winding_rig_node.machine.lay import CableLay
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_config import MachineConfig
-from winding_rig_node.machine.machine_state import PhaseError
+from winding_rig_node.machine.machine_config import MachineConfig, PhaseError
 from winding_rig_node.machine.pace import Pace
-from winding_rig_node.machine.truth import truth_of, truth_path, write_truth
 from winding_rig_node.ros.camera import Camera, FrameListener
-from winding_rig_node.ros.command_input import take_commands
-from winding_rig_node.ros.fault_parameters import follow_fault_parameters, stated_faults
+from winding_rig_node.ros.inputs import enabled_faults, follow_fault_parameters, take_commands
 from winding_rig_node.ros.machine_loop import MachineLoop
-from winding_rig_node.ros.outputs import Outputs
+from winding_rig_node.ros.outputs import Outputs, rig_status
 from winding_rig_node.ros.parameters import RigParameters
-from winding_rig_node.ros.rig_status import rig_status
 from winding_ros import graph, services, topics
-from winding_ros.heartbeat import Sign, watch_heartbeat
-from winding_ros.managed_node import ManagedNode
-from winding_ros.message_error import MessageError
-from winding_ros.stamps import serialised_stamp_ns
+from winding_ros.messages.serialised import MessageError
+from winding_ros.messages.stamps import serialised_stamp_ns
+from winding_ros.runtime.heartbeat import Sign, watch_heartbeat
+from winding_ros.runtime.managed_node import ManagedNode
 from winding_ros.topic import Topic
 
 
 class RigNode(ManagedNode[RigParameters]):
     """Simulated winding machine; owns simulated time.
 
-    Publishes and serves what `winding graph --interfaces` says. Listens to commands for its axes
-    and brake, to `pace_topics` for their stamps alone, and to the orchestrator's signs of life.
+    Publishes and serves what `winding graph --interfaces` lists. Subscribes to commands for its
+    axes and brake, to `pace_topics` for their stamps alone, and to the orchestrator's signs of
+    life.
 
     The machine runs in a thread of its own with absolute deadlines, the camera in another; the
     executor only serves requests and answers.
@@ -54,7 +51,7 @@ class RigNode(ManagedNode[RigParameters]):
         super().__init__(graph.RIG, RigParameters, **kwargs)
         self._camera: Camera | None = None
         self._loop: MachineLoop | None = None
-        self._lay: CableLay | DrivenLay
+        self._lay: CableLay | MotionLay
         self._truth: Path | None = None
         for service, act in (
             (services.START, self._start),
@@ -98,7 +95,7 @@ class RigNode(ManagedNode[RigParameters]):
             fail=self.fail,
         )
         self._put_in(
-            stated_faults(
+            enabled_faults(
                 wanted.inject_fault,
                 enabled=wanted.inject_faults,
                 seed=wanted.seed,
@@ -150,18 +147,18 @@ class RigNode(ManagedNode[RigParameters]):
             self._loop.come_to_rest()
 
     def contested(self, sentence: str) -> None:
-        """Stop the machine: somebody else speaks in its name."""
+        """Stop the machine: another node publishes in its name."""
         if self._loop is not None:
             self._loop.stop_quickly(sentence)
 
-    def _wind(self, case: Case, rng: np.random.Generator) -> tuple[DrivenLay | None, ShownLay]:
+    def _wind(self, case: Case, rng: np.random.Generator) -> tuple[MotionLay | None, ShownLay]:
         """Return the lay that the machine makes, None for one known ahead, and what is shown."""
         wanted = self.configuration
         self._truth = truth_path(wanted.truth_file)
         if not wanted.follows_commands:
             self._lay = wanted.laid(rng)
             return None, KnownLay(self._lay, wanted.free_length)
-        self._lay = driven = DrivenLay(case, HiddenRig.drawn(rng))
+        self._lay = driven = motion_lay(wanted.lay, case, rng)
         # The first step compiles its kernel: before time runs, not within it.
         driven.advance(0.0, 0.0, case.weight)
         driven.restart()
@@ -172,7 +169,7 @@ class RigNode(ManagedNode[RigParameters]):
             return
         try:
             turned = self._loop.machine.state.cylinder.motor.position
-            write_truth(self._truth, truth_of(self._lay, turned))
+            write_truth(self._truth, truth_record(self._lay.truth(turned)))
         except OSError as error:
             self.get_logger().error(f"cannot write the truth of the run: {error}")
 

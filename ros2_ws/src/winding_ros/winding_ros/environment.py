@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from winding_ros.graph import DEFAULT_NAMESPACE
-from winding_ros.process import SUPERVISED
+from winding_ros.runtime.process import SUPERVISED
 
 LOG_FORMAT = "[{severity}] [{name}]: {message}"
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"

@@ -23,36 +23,28 @@ class Policy(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class NodeSpec:
-    """One node of the graph; what it publishes stands with the topics.
+    """One node of the graph; what it publishes stands with the topics."""
 
-    Attributes:
-        name: Node name.
-        package: Python package; `python -m package` is the node's process.
-        parameters_class: Class in `package.ros.parameters` that states its parameters.
-        handler_class: Class in `package.ros.message_handler` that does its work; empty where
-            messages alone do not determine what it says.
-        inputs: Topics that the handler takes, those first that the others are read with: of what
-            has arrived together, and of messages with the same stamp, this is the order.
-        wakes: Those of them that are dealt with as soon as they come; the others are taken with
-            these, and every few milliseconds.
-        beside: Topics that the node listens to without its handler.
-        aside: Topics that it publishes without its handler, as further threads end.
-        policy: What becomes of the run when the node fails.
-        says: What it publishes where that is not what the topics say.
-        arguments: Of that process, before those for ROS.
-    """
-
-    name: str
-    package: str = ""
-    parameters_class: str = ""
+    name: str  # Node name.
+    package: str = ""  # Python package; `python -m package` is the node's process.
+    parameters_class: str = ""  # Class in `package.ros.parameters` that states its parameters.
+    # Class in `package.ros.message_handler` that does its work; empty where messages alone do not
+    # determine its answers.
     handler_class: str = ""
+    # Topics that the handler takes, those first that the others are read with: of what has arrived
+    # together, and of messages with the same stamp, this is the order.
     inputs: tuple[Topic, ...] = ()
-    wakes: tuple[Topic, ...] = ()
-    beside: tuple[Topic, ...] = ()
-    aside: tuple[Topic, ...] = ()
-    policy: Policy = Policy.END
-    says: tuple[Topic, ...] | None = None
-    arguments: tuple[str, ...] = ()
+    # Those of them that are dealt with as soon as they come; the others are taken with these, and
+    # every few milliseconds.
+    triggers: tuple[Topic, ...] = ()
+    # Topics that the node subscribes to without its handler.
+    extra_subscriptions: tuple[Topic, ...] = ()
+    # Topics that it publishes without its handler, as further threads end.
+    extra_publications: tuple[Topic, ...] = ()
+    policy: Policy = Policy.END  # What becomes of the run when the node fails.
+    # What it publishes where that differs from the topics' publishers.
+    publications: tuple[Topic, ...] | None = None
+    arguments: tuple[str, ...] = ()  # Of that process, before those for ROS.
 
     @property
     def command(self) -> tuple[str, ...]:
@@ -62,17 +54,17 @@ class NodeSpec:
     @property
     def publishes(self) -> tuple[Topic, ...]:
         """Topics it publishes, /diagnostics aside."""
-        return topics.published_by(self.name) if self.says is None else self.says
+        return topics.published_by(self.name) if self.publications is None else self.publications
 
     @property
     def outputs(self) -> tuple[Topic, ...]:
         """Topics on which its handler answers."""
-        return tuple(topic for topic in self.publishes if topic not in self.aside)
+        return tuple(topic for topic in self.publishes if topic not in self.extra_publications)
 
     @property
     def subscribes(self) -> tuple[Topic, ...]:
         """Topics it listens to, /clock aside."""
-        return (*self.inputs, *self.beside)
+        return (*self.inputs, *self.extra_subscriptions)
 
     @property
     def answer(self) -> Topic | None:
@@ -86,8 +78,8 @@ CORRECTION = NodeSpec(
     parameters_class="CorrectionParameters",
     handler_class="CorrectionHandler",
     inputs=(topics.TRACKED_MARKERS, topics.FEM_MARKERS),
-    # Lengths are said with predictions; what the tracker said in the meantime is taken with them.
-    wakes=(topics.FEM_MARKERS,),
+    # Lengths are published with predictions; the tracker's messages since then are taken with them.
+    triggers=(topics.FEM_MARKERS,),
     policy=Policy.RESTART,
 )
 FEM = NodeSpec(
@@ -96,8 +88,8 @@ FEM = NodeSpec(
     parameters_class="FemParameters",
     handler_class="FemHandler",
     inputs=(topics.TENSION, topics.JOINT_STATES),
-    beside=(topics.TRACKED_MARKERS,),
-    aside=(topics.FEM_MATERIAL,),
+    extra_subscriptions=(topics.TRACKED_MARKERS,),
+    extra_publications=(topics.FEM_MATERIAL,),
     policy=Policy.REPLAY,
 )
 TRACKER = NodeSpec(
@@ -106,7 +98,7 @@ TRACKER = NodeSpec(
     parameters_class="TrackerParameters",
     handler_class="TrackerHandler",
     inputs=(topics.CAMERA_INFO, topics.JOINT_STATES, topics.IMAGE),
-    wakes=(topics.IMAGE,),
+    triggers=(topics.IMAGE,),
     policy=Policy.REPLAY,
 )
 RIG = NodeSpec(
@@ -114,7 +106,7 @@ RIG = NodeSpec(
     package="winding_rig_node",
     parameters_class="RigParameters",
     # Commands, and the answers' stamps alone: they hold simulated time.
-    beside=(
+    extra_subscriptions=(
         *topics.published_by(topics.COMMANDER),
         *(topic for topic in topics.TOPICS if topic.answer),
     ),
@@ -132,7 +124,7 @@ LAY_CONTROL = NodeSpec(
         topics.JOINT_STATES,
     ),
     policy=Policy.RESTART,
-    says=(topics.LAY_CONTROL_STATE, topics.JOINT_TARGETS, topics.TENSION_COMMAND),
+    publications=(topics.LAY_CONTROL_STATE, topics.JOINT_TARGETS, topics.TENSION_COMMAND),
 )
 # Sinks first, the rig last: who listens is awake before anybody speaks.
 GRAPH: tuple[NodeSpec, ...] = (CORRECTION, FEM, TRACKER, RIG)
@@ -150,9 +142,9 @@ SIMULATED_CAMERA = "winding_rig_node.ros.hosted_camera:open_camera"
 COMPOSED_TRACKER = replace(
     TRACKER,
     inputs=(topics.JOINT_STATES,),
-    wakes=(),
-    says=(*TRACKER.publishes, *CAMERA_TOPICS),
-    aside=CAMERA_TOPICS,
+    triggers=(),
+    publications=(*TRACKER.publishes, *CAMERA_TOPICS),
+    extra_publications=CAMERA_TOPICS,
 )
 
 
@@ -165,7 +157,9 @@ def composed(graph: tuple[NodeSpec, ...], camera: str) -> tuple[NodeSpec, ...]:
     """
     others = {
         TRACKER.name: replace(COMPOSED_TRACKER, arguments=("--camera", camera)),
-        RIG.name: replace(RIG, says=tuple(t for t in RIG.publishes if t not in CAMERA_TOPICS)),
+        RIG.name: replace(
+            RIG, publications=tuple(t for t in RIG.publishes if t not in CAMERA_TOPICS)
+        ),
     }
     return tuple(others.get(spec.name, spec) for spec in graph)
 
@@ -175,7 +169,7 @@ PAGE = NodeSpec(
     name=topics.DASHBOARD,
     package="winding_dashboard",
     parameters_class="DashboardParameters",
-    beside=tuple(
+    extra_subscriptions=tuple(
         topic
         for topic in topics.TOPICS
         if topic
@@ -194,8 +188,8 @@ PAGE = NodeSpec(
 def parameters_of(spec: NodeSpec) -> type:
     """Return the dataclass that states a node's parameters; importing it needs no ROS."""
     module = importlib.import_module(f"{spec.package}.ros.parameters")
-    stated: type = getattr(module, spec.parameters_class)
-    return stated
+    declared: type = getattr(module, spec.parameters_class)
+    return declared
 
 
 def without_replay(graph: tuple[NodeSpec, ...] = GRAPH) -> dict[str, dict[str, object]]:
@@ -284,3 +278,7 @@ def as_mermaid(graph: tuple[NodeSpec, ...] = GRAPH) -> str:
 
 def _arrow(source: str, line: str, label: str, target: str) -> str:
     return f'  {source} {line}|"{label}"| {target}'
+
+
+class GraphError(RuntimeError):
+    """The graph could not be brought up or kept up; the message names the culprit."""

@@ -1,11 +1,89 @@
-"""What a node lets in on one topic: time runs forward, one publisher speaks, refusals count."""
+"""Subscription validation: forward time, one publisher, rate and losses; with its status."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import statistics
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from winding_ros.cadence import Cadence
+from winding_core.status import Level, Status
+
+# The period is the median of so many steps and looked at again after so many messages.
+STEPS = 64
+LOOKED_AT_EVERY = 32
+LEAST_STEPS = 8
+# A gap longer than so many periods lost messages; one longer than this is an interruption [s].
+LOST = 1.5
+INTERRUPTION = 1.0
+# A message that follows its predecessor so much later than their stamps say is late [s].
+LATE = 0.05
+# Share of lost messages that raises a warning, once so many have come.
+WARNING_SHARE = 0.01
+WARNING_AFTER = 200
+
+
+class Cadence:
+    """Counts what is lost, doubled, reordered and late, against the median period.
+
+    Attributes:
+        topic: Its name.
+        period: Median step between stamps [s]; 0 before there are enough.
+        counts: Messages by what is wrong with them; an interruption counts once.
+    """
+
+    def __init__(self, topic: str) -> None:
+        self.topic = topic
+        self.period = 0.0
+        self.counts = dict.fromkeys(("lost", "doubled", "reordered", "late", "interrupted"), 0)
+        self._came = 0
+        self._steps: deque[float] = deque(maxlen=STEPS)
+        self._stamp: float | None = None
+        self._arrival = 0.0
+
+    def take(self, stamp: float, arrival: float) -> None:
+        """Count a message of a stamp [s] that arrived at a wall time [s]."""
+        before, came = self._stamp, self._arrival
+        if before is not None and stamp < before:
+            self.counts["reordered"] += 1
+            return
+        self._stamp, self._arrival = stamp, arrival
+        self._came += 1
+        if before is None:
+            return
+        step = stamp - before
+        if step == 0.0:
+            self.counts["doubled"] += 1
+            return
+        if arrival - came > step + LATE:
+            self.counts["late"] += 1
+        if step > INTERRUPTION and step > LOST * self.period > 0.0:
+            self.counts["interrupted"] += 1
+            return
+        if self.period and step > LOST * self.period:
+            self.counts["lost"] += round(step / self.period) - 1
+        self._steps.append(step)
+        if self._came % LOOKED_AT_EVERY == 0 or len(self._steps) == LEAST_STEPS:
+            self.period = statistics.median(self._steps)
+
+    def values(self) -> dict[str, str]:
+        """Return rate [Hz] and counts as values of a status; nothing before they are known."""
+        if not self.period:
+            return {}
+        counts = {
+            f"{what} {self.topic}": str(count) for what, count in self.counts.items() if count
+        }
+        return {f"rate {self.topic}": f"{1.0 / self.period:.1f}", **counts}
+
+    @property
+    def warning(self) -> str:
+        """One sentence if many messages are lost; otherwise empty."""
+        lost = self.counts["lost"]
+        share = lost / (lost + self._came) if self._came >= WARNING_AFTER else 0.0
+        if share < WARNING_SHARE:
+            return ""
+        return f"{self.topic} has lost {share:.0%} of its messages at {1.0 / self.period:.0f} Hz"
+
 
 # A stamp further ahead of the last one than this has to agree with the node's clock [s].
 MAX_JUMP = 10.0
@@ -30,8 +108,8 @@ class MessageGuard:
         accepted: Messages let in since the node was configured.
         refused: Messages kept out.
         reason: Why the last one was kept out.
-        contested: Who else publishes; everything is kept out while this says something.
-        queue: Most messages that were found waiting at once since `told`.
+        contested: Who else publishes; everything is refused while this is not empty.
+        queue: Most messages that were found waiting at once since `restart_queue`.
         cadence: Of a topic that has a fixed rate, since the run began; None for others.
     """
 
@@ -99,7 +177,7 @@ class MessageGuard:
         """Note that so many messages waited when the node came to look."""
         self.queue = max(self.queue, count)
 
-    def told(self) -> None:
+    def restart_queue(self) -> None:
         """Begin to look for the longest queue anew."""
         self.queue = 0
 
@@ -112,15 +190,10 @@ class MessageGuard:
 
 @dataclass(frozen=True, kw_only=True)
 class Rivals:
-    """Publishers of one topic, looked at again and again.
+    """Publishers of one topic, looked at again and again."""
 
-    Attributes:
-        since: When one name was first seen twice, or None [s].
-        sentence: Who contests the topic; empty when nobody does.
-    """
-
-    since: float | None = None
-    sentence: str = ""
+    since: float | None = None  # When one name was first seen twice, or None [s].
+    sentence: str = ""  # Who contests the topic; empty when none does.
 
     def look(self, topic: str, publishers: Iterable[Endpoint], now: float) -> Rivals:
         """Return the judgement of the publishers (namespace, node) at wall time `now` [s]."""
@@ -134,3 +207,60 @@ class Rivals:
         return Rivals(
             since=since, sentence=f"{topic} has {len(known)} publishers: {', '.join(names)}"
         )
+
+
+_MATCHED = "matched "
+
+
+def topic_status(
+    node: str,
+    subscribers: Mapping[str, int],
+    guards: Mapping[str, MessageGuard],
+    contested: Sequence[str],
+) -> Status:
+    """Return the status of a node's topics.
+
+    Args:
+        node: Its name.
+        subscribers: How many subscriptions each of its publishers has, by topic.
+        guards: What it made of the messages of each topic that it hears.
+        contested: One sentence for each topic that others publish too.
+    """
+    values = {f"{_MATCHED}{name}": str(count) for name, count in subscribers.items()}
+    refusing = [guard for guard in guards.values() if guard.refused]
+    values |= {f"heard {name}": str(item.accepted) for name, item in guards.items()}
+    values |= {f"queue {name}": str(item.queue) for name, item in guards.items()}
+    values |= {f"refused {item.topic}": str(item.refused) for item in refusing}
+    cadences = [guard.cadence for guard in guards.values() if guard.cadence is not None]
+    for cadence in cadences:
+        values |= cadence.values()
+    errors = [*contested, *(_refusal(guard) for guard in refusing if guard.persistent)]
+    warnings = [_refusal(guard) for guard in refusing if not guard.persistent]
+    warnings += [cadence.warning for cadence in cadences if cadence.warning]
+    return Status(
+        name=f"{node}: topics",
+        level=Level.ERROR if errors else Level.WARN if warnings else Level.OK,
+        message="; ".join([*errors, *warnings]),
+        values=values,
+    )
+
+
+def subscribers_of(values: Mapping[str, str]) -> dict[str, int]:
+    """Return how many subscriptions each publisher has, by topic, from the values of a status."""
+    return {
+        key.removeprefix(_MATCHED): int(value)
+        for key, value in values.items()
+        if key.startswith(_MATCHED) and value.isdigit()
+    }
+
+
+def news(statuses: Iterable[Status]) -> list[object]:
+    """Return what of these statuses is published at once when it changes."""
+    return [
+        (status.name, status.level, status.message, subscribers_of(status.values))
+        for status in statuses
+    ]
+
+
+def _refusal(guard: MessageGuard) -> str:
+    return f"refused a message on {guard.topic}: {guard.reason}"

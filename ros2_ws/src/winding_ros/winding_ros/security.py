@@ -12,7 +12,7 @@ from pathlib import Path
 from winding_ros import topics
 from winding_ros.environment import enclave
 from winding_ros.graph import GRAPH, PAGE, NodeSpec, controlled
-from winding_ros.heartbeat import heartbeat_topic
+from winding_ros.runtime.heartbeat import heartbeat_topic
 from winding_ros.services import QUICK_STOP, SERVICES, STOP, served_by
 from winding_ros.topics import ORCHESTRATOR
 
@@ -51,8 +51,8 @@ class SecurityError(ValueError):
 def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = controlled()) -> str:
     """Return the graph's access policy as SROS2 policy XML (version 0.2.0).
 
-    Every node may publish, hear and serve what the graph says, and ask the machine to stop. Only
-    the orchestrator and the operator's page may ask for transitions, parameters and the other
+    Every node may publish, hear and serve what the graph declares, and ask the machine to stop.
+    Only the orchestrator and the operator's page may ask for transitions, parameters and the other
     services of the machine, only a commander may publish commands for its axes.
     """
     root = ET.Element("policy", version="0.2.0")
@@ -62,8 +62,8 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = controlled()) -> 
         heard = [topic.name for topic in spec.subscribes]
         if spec.name != topics.RIG:
             heard.append(topics.CLOCK.name)
-        told = [heartbeat_topic(spec.name), f"{spec.name}/transition_event", topics.TRACE.name]
-        _allow(profile, "topics", "publish", [*(t.name for t in spec.publishes), *told])
+        published = [heartbeat_topic(spec.name), f"{spec.name}/transition_event", topics.TRACE.name]
+        _allow(profile, "topics", "publish", [*(t.name for t in spec.publishes), *published])
         _allow(profile, "topics", "subscribe", [*heard, heartbeat_topic(ORCHESTRATOR)])
         own = (f"{spec.name}/{name}" for name in _OWN_SERVICES)
         _allow(profile, "services", "reply", [*own, *served_by(spec.name)])
@@ -73,8 +73,8 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = controlled()) -> 
     process = _enclave(enclaves, namespace, ORCHESTRATOR)
     profile = _profile(process, namespace, ORCHESTRATOR)
     signs = [heartbeat_topic(spec.name) for spec in (*graph, PAGE)]
-    said = [topic.name for topic in topics.published_by(ORCHESTRATOR)]
-    _allow(profile, "topics", "publish", [heartbeat_topic(ORCHESTRATOR), *said])
+    published = [topic.name for topic in topics.published_by(ORCHESTRATOR)]
+    _allow(profile, "topics", "publish", [heartbeat_topic(ORCHESTRATOR), *published])
     heard = [topics.DIAGNOSTICS.name, topics.TRACE.name, *signs]
     _allow(profile, "topics", "subscribe", heard)
     asked = [f"{spec.name}/{name}" for spec in graph for name in _OWN_SERVICES]
@@ -106,8 +106,8 @@ def sros2_policy(namespace: str, graph: tuple[NodeSpec, ...] = controlled()) -> 
     _allow(profile, "topics", "subscribe", [topic.name for topic in seen])
     process = _enclave(enclaves, namespace, topics.RUN_SERVER)
     profile = _profile(process, namespace, topics.RUN_SERVER)
-    told = [topic.name for topic in topics.published_by(topics.RUN_SERVER)]
-    _allow(profile, "topics", "publish", told)
+    published = [topic.name for topic in topics.published_by(topics.RUN_SERVER)]
+    _allow(profile, "topics", "publish", published)
     _allow(profile, "topics", "subscribe", [topics.CORRECTED_MARKERS.name])
     own = (f"{topics.RUN_SERVER}/{n}" for n in _PARAMETER_SERVICES)
     _allow(profile, "services", "reply", [*served_by(topics.RUN_SERVER), *own])
@@ -159,10 +159,10 @@ def _try_middleware(name: str, environment: Mapping[str, str]) -> None:
             f"no node came up under enclave {name} in {_TRIAL_TIMEOUT:g} s"
         ) from None
     if done.returncode != 0:
-        said = [line for line in (done.stderr + done.stdout).splitlines() if "ecurity" in line]
+        reason = [line for line in (done.stderr + done.stdout).splitlines() if "ecurity" in line]
         raise SecurityError(
             f"the middleware makes no node under enclave {name}: "
-            + (said[0].strip() if said else f"exit code {done.returncode}")
+            + (reason[0].strip() if reason else f"exit code {done.returncode}")
         )
 
 

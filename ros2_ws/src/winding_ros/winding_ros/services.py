@@ -17,19 +17,12 @@ from winding_ros.topics import LAY_CONTROL, ORCHESTRATOR, RECORDER, RIG, RUN_SER
 
 @dataclass(frozen=True, kw_only=True)
 class Service:
-    """One service of the graph contract; the lifecycle and parameter services come from rclpy.
+    """One service of the graph contract; the lifecycle and parameter services come from rclpy."""
 
-    Attributes:
-        name: Relative to the graph's namespace.
-        type: Service class.
-        server: Name of the node that serves it.
-        description: One line for the interface table.
-    """
-
-    name: str
-    type: Any
-    server: str
-    description: str
+    name: str  # Relative to the graph's namespace.
+    type: Any  # Service class.
+    server: str  # Name of the node that serves it.
+    description: str  # One line for the interface table.
 
     @property
     def type_name(self) -> str:
@@ -78,7 +71,7 @@ LAY_CONTROL_OFF = _service(
     "command nothing; a carriage that was driven goes on by the drive programme",
 )
 LAY_CONTROL_WATCH = _service(
-    "lay_control/watch", Trigger, LAY_CONTROL, "as off, and say what would be commanded"
+    "lay_control/watch", Trigger, LAY_CONTROL, "as off, and report what would be commanded"
 )
 LAY_CONTROL_DRIVE = _service(
     "lay_control/drive", Trigger, LAY_CONTROL, "command guide and brake from where they are"

@@ -1,4 +1,4 @@
-"""What the graph says of one topic, and how a node subscribes to it and publishes it."""
+"""One topic of the graph: its declaration, and how a node publishes, subscribes or polls it."""
 
 from __future__ import annotations
 
@@ -14,54 +14,37 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from winding_core.readings import Quantity
+from winding_core.machine.readings import Quantity
 
 
 class Delivered(NamedTuple):
-    """A message as DDS delivered it.
+    """A message as DDS delivered it."""
 
-    Attributes:
-        data: The message, or its CDR bytes.
-        sent_ns: When its publisher sent it, by the clock of that system [ns].
-        arrived_ns: When it arrived, by the clock of this system, however late it was taken [ns].
-    """
-
-    data: Any
-    sent_ns: int
-    arrived_ns: int
+    data: Any  # The message, or its CDR bytes.
+    sent_ns: int  # When its publisher sent it, by the clock of that system [ns].
+    arrived_ns: int  # When it arrived, by the clock of this system, however late it was taken [ns].
 
 
 # Each is declared once: to compare all their fields would cost as much as to deal with a message.
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Topic:
-    """One topic of the graph contract; equal to itself alone.
+    """One topic of the graph contract; equal to itself alone."""
 
-    Attributes:
-        name: Relative to the graph's namespace, or absolute.
-        type: Message class.
-        rate: Nominal messages per simulated second; None for topics sent on change.
-        publisher: Name of the node that publishes it; EVERY_NODE for shared topics, COMMANDER for
-            those that come from outside the graph, or not at all.
-        depth: History kept for a slow reader.
-        latched: Whether late subscribers get the last message.
-        recorded: Whether the recorder stores it.
-        answer: Whether its stamps say how far its publisher has come; they hold simulated time.
-        description: One line for the interface table.
-        decode: Makes (t [s], content) of a message; raises MessageError.
-        quantity: What its one number measures; None for other topics.
-    """
-
-    name: str
-    type: type
-    rate: float | None
+    name: str  # Relative to the graph's namespace, or absolute.
+    type: type  # Message class.
+    rate: float | None  # Nominal messages per simulated second; None for topics sent on change.
+    # Name of the node that publishes it; EVERY_NODE for shared topics, COMMANDER for those that
+    # come from outside the graph, or not at all.
     publisher: str
-    depth: int
-    latched: bool = False
-    recorded: bool = True
+    depth: int  # History kept for a slow reader.
+    latched: bool = False  # Whether late subscribers get the last message.
+    recorded: bool = True  # Whether the recorder stores it.
+    # Whether its stamps say how far its publisher has come; they hold simulated time.
     answer: bool = False
-    description: str
+    description: str  # One line for the interface table.
+    # Makes (t [s], content) of a message; raises MessageError.
     decode: Callable[[Any], tuple[float, Any]]
-    quantity: Quantity | None = None
+    quantity: Quantity | None = None  # What its one number measures; None for other topics.
 
     @property
     def type_name(self) -> str:
@@ -152,3 +135,58 @@ class Topic:
             self.qos,
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
+
+
+class Taken(NamedTuple):
+    """A message as DDS delivered it."""
+
+    data: bytes  # CDR bytes.
+    number: int  # DDS counts a publisher's messages 1, 2, 3 and so on.
+    sent_ns: int  # When its publisher sent it, on this host's monotonic clock [ns].
+    received_ns: int  # When it arrived, on the same clock, however late it was taken [ns].
+
+
+class PolledTopic:
+    """Takes what has arrived on a topic when it is asked to.
+
+    The node must not be spun. An events executor of rclpy 7.1 cannot hand over the number that
+    a publisher gave a message (it fails with SystemError), and one wake-up per message costs
+    more than a look every few milliseconds.
+    """
+
+    def __init__(self, node: Node, topic: Topic) -> None:
+        self.topic = topic
+        self._node = node
+        self._subscription = node.create_subscription(
+            topic.type,
+            topic.name,
+            self._called,
+            topic.qos,
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+            raw=True,
+        )
+
+    def take(self) -> Iterator[Taken]:
+        """Yield at most `depth` messages that wait."""
+        # DDS stamps by the system's clock, which may be set; only the age of a stamp is used.
+        offset = time.monotonic_ns() - time.time_ns()
+        kind, handle = self.topic.type, self._subscription.handle
+        with handle:
+            for _ in range(self.topic.depth):
+                taken = handle.take_message(kind, True)
+                if taken is None:
+                    return
+                data, information = taken
+                yield Taken(
+                    data,
+                    information["publication_sequence_number"],
+                    information["source_timestamp"] + offset,
+                    information["received_timestamp"] + offset,
+                )
+
+    def close(self) -> None:
+        """Take nothing any more."""
+        self._node.destroy_subscription(self._subscription)
+
+    def _called(self, message: bytes) -> None:
+        raise RuntimeError(f"the node of the polled topic {self.topic.name} is spun")

@@ -16,23 +16,20 @@ from std_msgs.msg import Header, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker
 
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE
-from winding_core.lay_records import LAY_DTYPE
+from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE
+from winding_core.machine.readings import CABLE_TENSION, Quantity
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
-from winding_core.readings import CABLE_TENSION, Quantity
 from winding_core.trace import TRACE_DTYPE
-from winding_ros.camera_messages import decode_camera_info, decode_image, decode_preview
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.command_messages import (
+from winding_ros.messages.camera import decode_camera_info, decode_image, decode_preview
+from winding_ros.messages.clouds import decode_cloud, decode_line_width
+from winding_ros.messages.commands import (
     decode_targets,
     decode_tension_command,
     decode_trajectory,
 )
-from winding_ros.diagnostic_messages import decode_case_votes, decode_diagnostics
-from winding_ros.line_messages import decode_line_width
-from winding_ros.material_messages import decode_material
-from winding_ros.rig_messages import decode_clock, decode_joint_state, decode_quantity
-from winding_ros.stamps import decode_stamp
+from winding_ros.messages.diagnostics import decode_case_votes, decode_diagnostics, decode_material
+from winding_ros.messages.rig import decode_clock, decode_joint_state, decode_quantity
+from winding_ros.messages.stamps import decode_stamp
 from winding_ros.topic import Topic
 
 # Reliable delivery keeps what a stalled reader has not taken yet: depth is rate x worst stall.
@@ -217,7 +214,7 @@ FEM_MATERIAL = _topic(
     DiagnosticArray,
     None,
     FEM,
-    "effective modulus that the tracked markers tell, with its error",
+    "effective modulus from the tracked markers, with its error",
     decode_material,
     latched=True,
 )
@@ -253,7 +250,7 @@ TRACE = _topic(
     PointCloud2,
     None,
     EVERY_NODE,
-    "instants on the way of each corrected length; only while somebody listens",
+    "instants on the way of each corrected length; only while there is a subscription",
     _records(TRACE_DTYPE),
     recorded=False,
     depth=1000,

@@ -1,1 +1,1 @@
-"""Offline questions: the twelve cases beside the paper, calibration of the rig, reports."""
+"""Offline questions: the twelve cases beside the paper, sweeps, identification, plans."""

@@ -1,1 +1,1 @@
-"""Explicit dynamics of nodes: time step, contact, loads, energy ledger, compilation."""
+"""What every explicit model shares: state, contact and motion of nodes, compilation."""

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 
 from cable_fem_node.dynamics.compile import kernel
-from cable_fem_node.dynamics.points import (
+from cable_fem_node.dynamics.state import (
     LOSS_CONTACT,
     LOSS_FRICTION,
     WORK_SURFACE,
+    ContactLaw,
     FloatArray,
     Points,
+    Surface,
 )
-from cable_fem_node.dynamics.surroundings import Touch
 
 # Share of its depth by which a landing node comes back in a step at most.
 _RETURN = 0.25
@@ -23,18 +24,13 @@ def touch_cylinder(
     begin: int,
     end: int,
     dt: float,
-    turned: float,
-    turning: float,
-    landing: float,
+    surface: Surface,
     points: Points,
     mass: FloatArray,
     net: FloatArray,
     couple: FloatArray,
-    k: Touch,
+    k: ContactLaw,
     ledger: FloatArray,
-    rolling: bool,
-    edge: int,
-    free: bool,
 ) -> None:
     """Add the cylinder's push and friction to the net forces of nodes.
 
@@ -48,35 +44,28 @@ def touch_cylinder(
         begin: First node that may touch.
         end: One past the last.
         dt: Step [s].
-        turned: Rotation of the cylinder in the step before [rad].
-        turning: Rotation in the step that follows [rad].
-        landing: Radius at which a free node touches [m].
+        surface: Of the cylinder.
         points: State; stick springs and contact flags are changed.
         mass: Of the nodes (nodes,) [kg].
         net: Net forces (3, nodes) [N], added to.
         couple: Friction's torque about the cable's axis (nodes,) [N m], set.
         k: Constants of the contact.
         ledger: Energies [J], added to.
-        rolling: Whether the cable may roll about its axis.
-        edge: Outermost node that touches, at which cable lands, for a cable that is wound. It and
-            those beyond do not bounce.
-        free: Whether the edge is free along the circumference until the next node has landed, as
-            it must be where elastic cable is wound: a wound element keeps the tension at which both
-            its nodes are held, and what is off the cylinder pulls more than the wound cable.
     """
     x, v, slip, roll = points.position, points.velocity, points.slip, points.roll
     touching, contact_radius = points.touching, points.contact_radius
     stick = k.stick_stiffness
     per_stick = 1.0 / stick
     dashpot = k.stick_damping / dt
-    lever = k.cable_radius if rolling else 0.0
+    turned, turning, edge = surface.turned, surface.turning, surface.edge
+    lever = k.cable_radius if surface.rolling else 0.0
     work = 0.0
     sliding = 0.0
     bouncing = 0.0
-    square_landing = landing * landing
+    square_landing = surface.landing * surface.landing
     # The chord of what turned with the surface, along the tangent at its end, over the radius. With
     # the angle itself the springs of cable that lies still would creep.
-    surface = math.sin(turned)
+    chord = math.sin(turned)
     for i in range(begin, end):
         px, py = x[0, i], x[1, i]
         square = px * px + py * py
@@ -85,7 +74,7 @@ def touch_cylinder(
             if square >= square_landing:
                 continue
             touching[i] = 1
-            contact_radius[i] = landing
+            contact_radius[i] = surface.landing
         radius = math.sqrt(square)
         depth = contact_radius[i] - radius
         slip_t, slip_z = slip[0, i], slip[1, i]
@@ -112,8 +101,8 @@ def touch_cylinder(
         normal = max(normal, 0.0)
         moved, aside = 0.0, 0.0
         if held:
-            if i != edge or not free or slip_t != 0.0:
-                moved = (vy * nx - vx * ny) * dt - surface * radius
+            if i != edge or not surface.free or slip_t != 0.0:
+                moved = (vy * nx - vx * ny) * dt - chord * radius
             aside = (v[2, i] - lever * roll[1, i]) * dt
         slip_t += moved
         slip_z += aside

@@ -12,13 +12,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
-from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import LEDGER_SIZE, FloatArray, Points, empty_points
-from cable_fem_node.dynamics.surroundings import (
+from cable_fem_node.dynamics.motion_kernels import BoundaryConditions
+from cable_fem_node.dynamics.state import (
+    LEDGER_SIZE,
+    ContactLaw,
     CylinderContact,
-    Surroundings,
-    Touch,
+    DivergenceError,
+    EnergyLedger,
+    FloatArray,
+    Points,
+    contact_energy,
+    empty_points,
     normal_forces,
     penalty,
 )
@@ -119,7 +123,7 @@ class ExplicitModel(ABC):
         """Return the normal force of the cylinder on each node, shape (n,) [N]."""
         if self._contact is None:
             return np.zeros(self.mass.size)
-        return normal_forces(self.points, self._touch_constants())
+        return normal_forces(self.points, self._contact_law())
 
     @abstractmethod
     def internal_forces(self, nodes: ArrayLike | None = None) -> FloatArray:
@@ -149,7 +153,7 @@ class ExplicitModel(ABC):
             self._ledger,
             kinetic=self._kinetic,
             internal=self.internal_energy(),
-            contact=contact_energy(self.points, self._touch_constants()) if touching else 0.0,
+            contact=contact_energy(self.points, self._contact_law()) if touching else 0.0,
             initial=self._initial or 0.0,
         )
 
@@ -158,7 +162,7 @@ class ExplicitModel(ABC):
 
         Raises:
             ValueError: The duration is negative or the step exceeds the critical step.
-            DivergenceError: The integration failed; says when, at which element and why.
+            DivergenceError: The integration failed; names time, element and cause.
         """
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration must not be negative, got {duration} s")
@@ -222,7 +226,7 @@ class ExplicitModel(ABC):
             place = self.points.position
             radius = np.hypot(place[0], place[1])
             normal = self.contact_forces()
-            touch = self._touch_constants()
+            touch = self._contact_law()
             along = -touch.stick_stiffness * self.points.slip[0] * self.touching
             net[0] += (normal * place[0] - along * place[1]) / radius
             net[1] += (normal * place[1] + along * place[0]) / radius
@@ -240,18 +244,18 @@ class ExplicitModel(ABC):
         net = float(np.abs(self._net_forces() * self._free).max())
         return net / max(self.force_scale(), 1.0e-30)
 
-    def _touch_constants(self) -> Touch:
+    def _contact_law(self) -> ContactLaw:
         contact = self._contact
         if contact is None:
-            return Touch(1.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+            return penalty(1.0, 0.0, friction=0.0, stick_share=1.0)
         typical = float(np.median(self.mass))
         return penalty(
             self.contact_stiffness(), typical, friction=contact.friction, stick_share=0.5
         )
 
-    def _surroundings(self, calming: bool) -> Surroundings:
+    def _boundary_conditions(self, calming: bool) -> BoundaryConditions:
         contact = self._contact
-        return Surroundings(
+        return BoundaryConditions(
             mass=self.mass,
             free=self._free,
             driven=self._driven,

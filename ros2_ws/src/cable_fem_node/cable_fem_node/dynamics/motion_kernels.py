@@ -2,10 +2,34 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.contact_kernels import touch_cylinder
-from cable_fem_node.dynamics.points import LOSS_DAMPING, WORK_SPAN, WORK_TIE, FloatArray, Points
-from cable_fem_node.dynamics.surroundings import Surroundings, Touch
+from cable_fem_node.dynamics.state import (
+    LOSS_DAMPING,
+    WORK_SPAN,
+    WORK_TIE,
+    ContactLaw,
+    FloatArray,
+    Points,
+    Surface,
+)
+
+
+class BoundaryConditions(NamedTuple):
+    """Loads, constraints and damping of a model's nodes."""
+
+    mass: FloatArray  # (nodes,)
+    free: FloatArray  # (3, nodes)
+    driven: FloatArray  # (3, nodes) [m/s]
+    load: FloatArray  # (3, nodes) [N]
+    gravity: FloatArray  # (3,)
+    load_times: FloatArray
+    load_values: FloatArray
+    damping_rate: float
+    calming: bool  # kinetic damping: stand still whenever the kinetic energy has passed a peak
+    reach: float  # radius at which nodes touch the cylinder; negative without one
 
 
 @called
@@ -31,9 +55,9 @@ def move(
     points: Points,
     net: FloatArray,
     couple: FloatArray,
-    around: Surroundings,
+    around: BoundaryConditions,
     load_factor: float,
-    touch: Touch,
+    touch: ContactLaw,
     ledger: FloatArray,
 ) -> float:
     """Add the cylinder's push and move every node by one step.
@@ -52,27 +76,15 @@ def move(
     Returns:
         the kinetic energy [J] at the middle of the step.
     """
-    nodes = around.mass.shape[0]
+    mass = around.mass
+    nodes = mass.shape[0]
     if around.reach > 0.0:
-        touch_cylinder(
-            0,
-            nodes,
-            dt,
-            0.0,
-            0.0,
-            around.reach,
-            points,
-            around.mass,
-            net,
-            couple,
-            touch,
-            ledger,
-            False,
-            nodes,
-            False,
+        surface = Surface(
+            turned=0.0, turning=0.0, landing=around.reach, rolling=False, edge=nodes, free=False
         )
+        touch_cylinder(0, nodes, dt, surface, points, mass, net, couple, touch, ledger)
     position, velocity = points.position, points.velocity
-    load, mass, free, driven = around.load, around.mass, around.free, around.driven
+    load, free, driven = around.load, around.free, around.driven
     half = 0.5 * around.damping_rate * dt
     loads = 0.0
     ties = 0.0

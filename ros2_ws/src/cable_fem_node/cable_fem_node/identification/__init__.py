@@ -1,6 +1,5 @@
 """From where markers lie back to the material of the cable and the rig that wound it."""
 
-from cable_fem_node.identification.failure import IdentificationError
 from cable_fem_node.identification.fit import Fit, MarkerResidual
 from cable_fem_node.identification.modulus import (
     ModulusEstimate,
@@ -13,6 +12,7 @@ from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import (
     DEFAULT_SIGMA_THETA,
     DEFAULT_SIGMA_Z,
+    IdentificationError,
     Readings,
     TrackedRun,
 )

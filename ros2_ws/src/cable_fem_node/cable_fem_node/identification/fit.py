@@ -1,4 +1,4 @@
-"""Where the search ends, what the residuals say of it, and how well the parameters are known."""
+"""Where the search ends, the test of its residuals, and how well the parameters are known."""
 
 from __future__ import annotations
 
@@ -8,10 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.deviations import angle_covariance, chi_square, scatter_of
-from cable_fem_node.identification.rod_excess import RodExcess
-from cable_fem_node.identification.search import Family, FitConfig, Search
+from cable_fem_node.dynamics.state import FloatArray
+from cable_fem_node.identification.search import (
+    Family,
+    FitConfig,
+    RodExcess,
+    Search,
+    angle_covariance,
+    chi_square,
+    scatter_of,
+)
 from cable_fem_node.identification.tracked_run import TrackedRun
 
 NORMAL_90 = 1.6448536269514722
@@ -19,23 +25,14 @@ NORMAL_90 = 1.6448536269514722
 
 @dataclass(frozen=True, kw_only=True)
 class MarkerResidual:
-    """One marker of a run: where it was measured and where the fitted rod puts it.
+    """One marker of a run: where it was measured and where the fitted rod puts it."""
 
-    Attributes:
-        run: Index of the run.
-        id: n of Pn.
-        theta: Measured [rad].
-        theta_fitted: [rad]
-        z: Measured [m].
-        z_fitted: [m]
-    """
-
-    run: int
-    id: int
-    theta: float
-    theta_fitted: float
-    z: float
-    z_fitted: float
+    run: int  # Index of the run
+    id: int  # n of Pn
+    theta: float  # Measured [rad]
+    theta_fitted: float  # [rad]
+    z: float  # Measured [m]
+    z_fitted: float  # [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,28 +40,21 @@ class Fit:
     """Outcome of a search.
 
     Attributes:
-        parameters: Shape (p,).
         covariance: From the deviations of tracker and model, and from the scatter, shape (p, p).
-        quantile: Factor from a standard error to the half width of a 90 % interval.
-        residuals: Every marker of every run.
-        chi_square: Of the angles under the stated deviations.
-        degrees: Angles less parameters.
-        misfit: Whether the residuals contradict the stated deviations.
-        scatter: Relative standard deviation of each angle beyond the stated ones; zero without
+        scatter: Relative standard deviation of each angle beyond the assumed ones; zero without
             a misfit.
-        calls: Calls of the rod per run.
-        excess: What the rod said last, for the next search of the same run; None of several runs.
+        excess: The rod's last answer, for the next search of the same run; None of several runs.
     """
 
-    parameters: FloatArray
+    parameters: FloatArray  # Shape (p,)
     covariance: FloatArray
-    quantile: float
-    residuals: tuple[MarkerResidual, ...]
-    chi_square: float
-    degrees: int
-    misfit: bool
+    quantile: float  # Factor from a standard error to the half width of a 90 % interval
+    residuals: tuple[MarkerResidual, ...]  # Every marker of every run
+    chi_square: float  # Of the angles under the assumed deviations
+    degrees: int  # Angles less parameters
+    misfit: bool  # Whether the residuals contradict the assumed deviations
     scatter: float
-    calls: int
+    calls: int  # Calls of the rod per run
     excess: RodExcess | None = None
 
     @property
@@ -84,7 +74,7 @@ def fit(
 ) -> Fit:
     """Return the parameters whose rod lays the markers of all runs where they were measured.
 
-    Where the residuals contradict the stated deviations, every marker is given a scatter of its
+    Where the residuals contradict the assumed deviations, every marker is given a scatter of its
     own, as large as the residuals ask for, and the search is repeated with it.
 
     Args:
@@ -92,13 +82,13 @@ def fit(
         family: Material with parameters, shape (p,).
         start: Where the search begins, shape (p,).
         bounds: Least and greatest parameters, shape (p,) each.
-        config: Beliefs and limits.
-        going: Asked again and again whether the result is still wanted.
+        config: Assumed deviations and limits.
+        going: Returns whether the result is still wanted; called repeatedly.
         before: See `Search`.
 
     Raises:
         IdentificationError: The search does not come to rest, or the rod fails.
-        AbandonedError: `going` said no.
+        AbandonedError: `going` returned False.
     """
     from scipy.special import chdtrc, stdtrit  # noqa: PLC0415 - in the thread that fits
 
@@ -118,7 +108,7 @@ def fit(
     return Fit(
         parameters=search.parameters,
         covariance=search.covariance,
-        # Scatter that the residuals themselves tell is known as badly as they are few.
+        # Scatter estimated from the residuals themselves has their few degrees of freedom.
         quantile=float(stdtrit(degrees, 0.95)) if misfit else NORMAL_90,
         residuals=_residuals(runs, search.fitted),
         chi_square=squares,

@@ -6,26 +6,22 @@ import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from cable_fem_node.dynamics.failure import SolverError
-from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.dynamics.state import SolverError
 from cable_fem_node.identification.modulus import (
     ModulusEstimate,
     identify_modulus,
     with_young,
 )
-from cable_fem_node.identification.rod_excess import RodExcess
-from cable_fem_node.identification.search import FitConfig
+from cable_fem_node.identification.search import FitConfig, RodExcess
 from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
-from cable_fem_node.identification.tracked_run import Readings, TrackedRun
-from cable_fem_node.winding.replay import replay
+from cable_fem_node.identification.tracked_run import IdentificationError, Readings, TrackedRun
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.run_ahead import RunAhead
+from cable_fem_node.winding.run_ahead import RunAhead, replay
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.drive import DriveProfile
+from winding_core.machine.drive import DriveProfile
 from winding_core.markers import Markers
 from winding_core.planned_inputs import planned_rest
-from winding_core.run_history import Inputs, RunHistory
-from winding_core.run_inputs import RunInputs
+from winding_core.run_inputs import Inputs, RunHistory, RunInputs
 
 # Beside a machine that winds, a call of the rod is dear. After a step within the standard error it
 # would move the estimate by less than a fifth of that, and the next marker brings it anyway.
@@ -34,25 +30,15 @@ _LIVE = FitConfig(tolerance=1.0)
 
 @dataclass(frozen=True, kw_only=True)
 class MaterialTask:
-    """An identification that is due.
+    """An identification that is due."""
 
-    Attributes:
-        config: The model; its modulus is where the search begins.
-        inputs: Of the run so far.
-        readings: Markers that have landed.
-        drive: The plan of the run.
-        duration: Planned time of the run [s].
-        wanted_ahead: Whether the rest of the run is to be wound with the estimate.
-        before: What the search before this one heard from the rod.
-    """
-
-    config: WindingConfig
-    inputs: Inputs
-    readings: Readings
-    drive: DriveProfile
-    duration: float
-    wanted_ahead: bool
-    before: RodExcess | None = None
+    config: WindingConfig  # The model; its modulus is where the search begins
+    inputs: Inputs  # Of the run so far
+    readings: Readings  # Markers that have landed
+    drive: DriveProfile  # The plan of the run
+    duration: float  # Planned time of the run [s]
+    wanted_ahead: bool  # Whether the rest of the run is to be wound with the estimate
+    before: RodExcess | None = None  # The rod's answers to the previous search
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,23 +46,20 @@ class MaterialUpdate:
     """What an identification found.
 
     Attributes:
-        estimate: None where there is none.
-        refusal: Why the estimate is not used; empty where it may be.
-        config: The model with the estimate; None with a refusal.
         model: The rod with the estimate, wound up to the last of the task's inputs; None unless
             it was wanted.
         ahead: The rest of the run with the estimate, not yet wound; None unless it was wanted.
     """
 
-    estimate: ModulusEstimate | None
-    refusal: str
-    config: WindingConfig | None = None
+    estimate: ModulusEstimate | None  # None where there is none
+    refusal: str  # Why the estimate is not used; empty where it may be
+    config: WindingConfig | None = None  # The model with the estimate; None with a refusal
     model: RodWinding | None = None
     ahead: RunAhead | None = None
 
 
 class LiveMaterial:
-    """Watches a run's tracked markers and says when an identification is due.
+    """Watches a run's tracked markers and decides when an identification is due.
 
     It is due whenever a further marker has landed and stands still.
 
@@ -141,7 +124,7 @@ def work_out(task: MaterialTask, going: Callable[[], bool] = lambda: True) -> Ma
     Takes a processor second or two; nothing that it touches is shared.
 
     Raises:
-        AbandonedError: `going` said no.
+        AbandonedError: `going` returned False.
     """
     try:
         run = TrackedRun(config=task.config, inputs=task.inputs, readings=task.readings)

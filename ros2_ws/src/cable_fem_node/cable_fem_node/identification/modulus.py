@@ -9,18 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.fit import Fit, fit, half_width
 from cable_fem_node.identification.quasi_static import softest_young
-from cable_fem_node.identification.rod_excess import RodExcess
-from cable_fem_node.identification.rod_run import with_law
-from cable_fem_node.identification.search import FitConfig
-from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.identification.search import FitConfig, RodExcess
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.material_law import MaterialLaw
 
-# Softer than any gel and stiffer than any rubber: outside this nobody winds a cable that stretches.
+# From softer than any gel to stiffer than any rubber: outside this no wound cable stretches.
 PLAUSIBLE_YOUNG = (0.05e6, 500.0e6)
 # A fit that misses a marker by more than this share of its angle is not of this cable.
 WORST_SHARE = 0.05
@@ -30,21 +27,13 @@ WORST_ERROR = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class ModulusEstimate:
-    """An identified Young's modulus.
+    """An identified Young's modulus."""
 
-    Attributes:
-        law: Material law that was fitted.
-        young: E [Pa].
-        standard_error: Of E [Pa].
-        half_width_90: E lies within this of `young` nine times in ten [Pa].
-        fit: The search behind it.
-    """
-
-    law: str
-    young: float
-    standard_error: float
-    half_width_90: float
-    fit: Fit
+    law: str  # Material law that was fitted
+    young: float  # E [Pa]
+    standard_error: float  # Of E [Pa]
+    half_width_90: float  # E lies within this of `young` nine times in ten [Pa]
+    fit: Fit  # The search behind it
 
     @property
     def markers(self) -> tuple[int, ...]:
@@ -79,7 +68,7 @@ class ModulusEstimate:
 
 def with_young(config: WindingConfig, young: float) -> WindingConfig:
     """Return a configuration with another Young's modulus [Pa]."""
-    return with_law(config, dataclasses.replace(config.resolved.law, young=young))
+    return config.with_law(dataclasses.replace(config.resolved.law, young=young))
 
 
 def identify_modulus(
@@ -93,13 +82,13 @@ def identify_modulus(
 
     Args:
         runs: Of one cable, at least one; law and start are those of the configurations.
-        config: Beliefs and limits.
-        going: Asked again and again whether the result is still wanted.
-        before: What an earlier search of the same run heard from the rod, see `Search`.
+        config: Assumed deviations and limits.
+        going: Returns whether the result is still wanted; called repeatedly.
+        before: The rod's answers to an earlier search of the same run, see `Search`.
 
     Raises:
         IdentificationError: There is no modulus, or the runs contradict each other.
-        AbandonedError: `going` said no.
+        AbandonedError: `going` returned False.
     """
     if not runs:
         raise IdentificationError("identification needs at least one run, got none")

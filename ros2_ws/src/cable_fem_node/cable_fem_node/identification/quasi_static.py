@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
-from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.dynamics.state import FloatArray
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.material_law import TABLE_HIGH, MaterialLaw
+from winding_core.cable.material_law import TABLE_HIGH, MaterialLaw
 from winding_core.planned_inputs import continued_inputs
-from winding_core.run_history import Inputs
+from winding_core.run_inputs import Inputs
 
 # Straight pieces between them are exact to 1e-5 of the stretch.
 _STRETCHES = 1000
@@ -70,33 +70,33 @@ def strain(run: TrackedRun, law: MaterialLaw) -> float:
 
 
 def softest_young(run: TrackedRun, law: str) -> float:
-    """Return the smallest Young's modulus [Pa] that carries the run's greatest tension."""
-    config = run.config
-    _, stress, _ = unit_law(law, config.case.material.poisson, config.mooney_ratio)
-    return run.highest_tension / config.case.axial_area / (_TABLE_SHARE * float(stress[-1]))
+    """Return the smallest Young's modulus [Pa] with which a law carries the greatest tension."""
+    _, stress, _ = unit_law(replace(run.config.resolved.law, law=law))
+    return run.highest_tension / run.config.case.axial_area / (_TABLE_SHARE * float(stress[-1]))
 
 
 def _stretch_at(law: MaterialLaw, stress: FloatArray) -> FloatArray:
-    stretch, unit_stress, _ = unit_law(law.law, law.poisson, law.mooney_ratio)
+    stretch, unit_stress, _ = unit_law(law)
     return np.interp(stress / law.young, unit_stress, stretch)
 
 
 def _radius(config: WindingConfig, law: MaterialLaw, stretch: FloatArray) -> FloatArray:
     case = config.case
-    # As ResolvedModel.thins, for the law that is tried.
+    # As WindingConfig.thins, for the law that is tried.
     thins = law.law != "linear" if config.thinning is None else config.thinning
     if not thins:
         return np.full_like(stretch, case.centreline_radius)
-    grid, _, lateral = unit_law(law.law, law.poisson, law.mooney_ratio)
+    grid, _, lateral = unit_law(law)
     return np.asarray(case.cylinder_radius + case.cable_radius * np.interp(stretch, grid, lateral))
 
 
-@lru_cache(maxsize=64)
-def unit_law(
-    law: str, poisson: float, mooney_ratio: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def unit_law(law: MaterialLaw) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return (stretch, nominal stress over E, lateral stretch) up to the law's limit, (k,) each."""
-    bar = MaterialLaw(law=law, young=1.0, poisson=poisson, mooney_ratio=mooney_ratio)
+    return _tabulated(law.material_law(1.0, law.poisson))
+
+
+@lru_cache(maxsize=64)
+def _tabulated(bar: MaterialLaw) -> tuple[FloatArray, FloatArray, FloatArray]:
     stretch = np.linspace(_LOWEST_STRETCH, min(bar.limit()[1], TABLE_HIGH), _STRETCHES)
     return stretch, bar.nominal_stress(stretch), bar.lateral_stretch(stretch)
 

@@ -8,12 +8,15 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.identification.failure import IdentificationError
-
-FloatArray = NDArray[np.float64]
+from cable_fem_node.dynamics.state import FloatArray
+from cable_fem_node.identification.tracked_run import IdentificationError
 
 # What an estimate has, in the order of every vector and matrix.
 NAMES = ("young", "free_length", "load_share", "guide_drag", "start_share", "build_up_length")
+# ln of the mean landed stress over E; then free length, load share, drag and start share, each as
+# the normal deviate of its place in its range.
+COUNT = 5
+_FARTHEST = 8.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,22 +24,14 @@ class Rigs:
     """Many rigs at once; the span's tension is (a T + d) [1 - (1 - f) exp(-s / L_c)].
 
     T is the tension that the run states: measured, or the dead weight's; s is the wound length.
-
-    Attributes:
-        young: E of the cable [Pa], shape (n,).
-        free_length: Tangent span between contact line and guide [m], shape (n,).
-        load_share: a, share of the stated tension that reaches the cylinder, shape (n,).
-        guide_drag: d [N], shape (n,).
-        start_share: f, share of the tension at the start, shape (n,).
-        build_up_length: L_c [m] of wound cable, shape (n,).
     """
 
-    young: FloatArray
-    free_length: FloatArray
-    load_share: FloatArray
-    guide_drag: FloatArray
-    start_share: FloatArray
-    build_up_length: FloatArray
+    young: FloatArray  # E of the cable [Pa], shape (n,)
+    free_length: FloatArray  # Tangent span between contact line and guide [m], shape (n,)
+    load_share: FloatArray  # a, share of the stated tension that reaches the cylinder, shape (n,)
+    guide_drag: FloatArray  # d [N], shape (n,)
+    start_share: FloatArray  # f, share of the tension at the start, shape (n,)
+    build_up_length: FloatArray  # L_c [m] of wound cable, shape (n,)
 
     def table(self) -> FloatArray:
         """Return all numbers in the order of NAMES, shape (n, 6)."""
@@ -55,25 +50,19 @@ class RigPrior:
     Ranges are even; two equal ends state that a number is known.
 
     Attributes:
-        young_factor: E lies within this factor of the configured one two times in three.
-        free_length: Range as shares of the configured free length.
         load_share: Range of a. Guide and pulleys take between a tenth and a half.
-        guide_drag: Range of d [N].
-        steady: Probability that the tension does not build up: f is 1.
         start_share: Range of f where it does; the span may start nearly slack.
-        build_up_length: Range of L_c [m]; even in its logarithm.
-        fixing: Standard deviation of where P0 was fixed, along the cable [m].
         scatter: Standard deviation of every other marker's place beyond the tracker's [m].
     """
 
-    young_factor: float = 2.0
-    free_length: tuple[float, float] = (0.8, 1.2)
+    young_factor: float = 2.0  # E lies within this factor of the configured one two times in three
+    free_length: tuple[float, float] = (0.8, 1.2)  # Range as shares of the configured free length
     load_share: tuple[float, float] = (0.5, 0.9)
-    guide_drag: tuple[float, float] = (0.0, 0.3)
-    steady: float = 0.5
+    guide_drag: tuple[float, float] = (0.0, 0.3)  # Range of d [N]
+    steady: float = 0.5  # Probability that the tension does not build up: f is 1
     start_share: tuple[float, float] = (0.05, 1.1)
-    build_up_length: tuple[float, float] = (0.03, 0.6)
-    fixing: float = 0.0
+    build_up_length: tuple[float, float] = (0.03, 0.6)  # Range of L_c [m]; even in its logarithm
+    fixing: float = 0.0  # Standard deviation of where P0 was fixed, along the cable [m]
     scatter: float = 0.0
 
     def __post_init__(self) -> None:
@@ -108,3 +97,67 @@ class RigPrior:
 KNOWN_TENSION = RigPrior(
     load_share=(1.0, 1.0), guide_drag=(0.0, 0.0), steady=1.0, build_up_length=(0.2, 0.2)
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigCoordinates:
+    """From coordinates (n, 5), build-up lengths and whether the tension is steady to rigs.
+
+    Markers determine the stretch at which the cable was laid, not what made it: E, load share and
+    drag hide behind each other. So the first coordinate is that stretch, and E follows.
+    """
+
+    prior: RigPrior  # What was known
+    young: float  # E as configured [Pa]
+    free_length: float  # As configured [m]
+    pull: float  # Mean stated tension while the markers were wound [N]
+    area: float  # That carries it [m^2]
+    wound: float  # Length of cable on the cylinder up to the last marker that was used [m]
+
+    def rigs(self, q: FloatArray, build_up: FloatArray, steady: NDArray[np.bool_]) -> Rigs:
+        """Return the rigs.
+
+        Args:
+            q: Shape (n, 5).
+            build_up: L_c [m], shape (n,).
+            steady: True where the tension does not build up, shape (n,).
+        """
+        from scipy.special import ndtr  # noqa: PLC0415 - live, beside the machine
+
+        place = ndtr(np.clip(q[:, 1:], -_FARTHEST, _FARTHEST))
+        prior = self.prior
+
+        def within(limits: tuple[float, float], column: int) -> FloatArray:
+            low, high = limits
+            return np.asarray(low + (high - low) * place[:, column])
+
+        share, drag = within(prior.load_share, 1), within(prior.guide_drag, 2)
+        start = np.where(steady, 1.0, within(prior.start_share, 3))
+        full = share * self.pull + drag
+        return Rigs(
+            young=full * self._mean_growth(start, build_up) / (self.area * np.exp(q[:, 0])),
+            free_length=self.free_length * within(prior.free_length, 0),
+            load_share=share,
+            guide_drag=drag,
+            start_share=start,
+            build_up_length=build_up,
+        )
+
+    def surprise(self, q: FloatArray, rigs: Rigs) -> FloatArray:
+        """Return the prior's residuals, standard normal each, shape (n, 5)."""
+        deviate = np.log(rigs.young / self.young) / self.prior.young_deviation
+        return np.column_stack([deviate, q[:, 1:]])
+
+    def effective_young(self, rigs: Rigs) -> FloatArray:
+        """Return E [Pa] of the cable that the stated tension alone would stretch as much, (n,)."""
+        full = rigs.load_share * self.pull + rigs.guide_drag
+        landed = full * self._mean_growth(rigs.start_share, rigs.build_up_length)
+        return np.asarray(rigs.young * self.pull / landed)
+
+    def _mean_growth(self, start: FloatArray, build_up: FloatArray) -> FloatArray:
+        decay = -np.expm1(-self.wound / build_up) * build_up / self.wound
+        return np.asarray(np.maximum(1.0 - (1.0 - start) * decay, 1.0e-3))
+
+    def start(self, stress: float) -> FloatArray:
+        """Return where a search begins, from the mean stress over E that markers show, (5,)."""
+        return np.array([math.log(max(stress, 1.0e-4)), 0.0, 0.0, 0.0, 0.0])

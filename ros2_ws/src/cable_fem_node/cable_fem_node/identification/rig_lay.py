@@ -11,11 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.quasi_static import turning, unit_law
 from cable_fem_node.identification.rig import Rigs, rigs_of
-from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from winding_core.planned_inputs import continued_inputs
 
 # By least squares over 91 rods of 2.5 mm elements: the share of the lift-off angle by which the
@@ -63,7 +62,7 @@ class RigLay:
         self._pull = run.tensions(inputs)
         self._area = case.axial_area
         law = config.resolved.law
-        self._stretch, self._stress, lateral = unit_law(law.law, law.poisson, law.mooney_ratio)
+        self._stretch, self._stress, lateral = unit_law(law)
         self._lateral = lateral if config.resolved.thins else np.ones_like(lateral)
         self._radius = case.cylinder_radius + case.cable_radius * self._lateral
         # EI / (2 EA): bending's share of a stress over E.

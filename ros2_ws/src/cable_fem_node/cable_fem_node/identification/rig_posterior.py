@@ -1,4 +1,4 @@
-"""What tracked markers tell of the rig that wound them, all at once and with its covariance."""
+"""Joint posterior of the rig that wound tracked markers, with the markers to come."""
 
 from __future__ import annotations
 
@@ -8,22 +8,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.modulus import WORST_SHARE
 from cable_fem_node.identification.rig import NAMES, RigPrior, Rigs
-from cable_fem_node.identification.rig_ahead import MarkerAhead, markers_ahead
 from cable_fem_node.identification.rig_lay import RigLay
+from cable_fem_node.identification.rig_part import RigPart
 from cable_fem_node.identification.rig_search import RigSearch
 from cable_fem_node.identification.search import FitConfig
-from cable_fem_node.identification.tracked_run import TrackedRun
-from cable_fem_node.identification.weighted import covariance_of, interval_of
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 
 # As many as a 5 % quantile needs to be known to a twentieth of the interval.
 DRAWS = 600
-# A deviation that has not shrunk below this share of the prior's was not told by the markers.
-_TOLD = 0.8
+# A number whose deviation stays above this share of the prior's is unobservable.
+_OBSERVED = 0.8
 # Scatter beyond which markers are not those of any rig [m].
 _MOST_SCATTER = 0.05
 # Scatter is found to within this factor.
@@ -33,22 +32,127 @@ _FEWEST = 0.15
 
 
 @dataclass(frozen=True, kw_only=True)
-class Belief:
-    """One number of the rig, before and after.
+class MarkerAhead:
+    """A marker that was not used."""
 
-    Attributes:
-        mean: Posterior mean.
-        deviation: Posterior standard deviation.
-        low: 5 % of the posterior lie below.
-        high: 5 % lie above.
-        prior_deviation: Standard deviation before.
+    id: int  # n of Pn
+    theta: float  # Wound angle [rad]
+    sigma_theta: float  # One standard deviation [rad]
+    z: float  # Axial position [m]
+    sigma_z: float  # [m]
+    s: float  # Curve length [m]
+    low: float  # 5 % lie below this s [m]
+    high: float  # 5 % lie above [m]
+
+    @property
+    def half_width_90(self) -> float:
+        """Half of the 90 % interval of s [m]."""
+        return 0.5 * (self.high - self.low)
+
+
+def markers_ahead(
+    part: RigPart, theta: FloatArray, z: FloatArray, weights: FloatArray
+) -> tuple[MarkerAhead, ...]:
+    """Return the markers of a run that were not used.
+
+    What the used markers miss is carried on by the covariance of model and machine: an offset
+    of P0 shifts all of them.
+
+    Args:
+        part: The run.
+        theta: Of all markers on each drawn rig [rad], shape (n, m).
+        z: [m], shape (n, m).
+        weights: Sum one, shape (n,).
     """
+    count = part.lay.arc.size
+    unused = np.setdiff1d(np.arange(count), part.used)
+    if unused.size == 0:
+        return ()
+    rng = np.random.default_rng(1)
+    readings, deviations = part.run.readings, part.deviations
+    theta = _carried(
+        theta, part, unused, readings.theta, deviations.theta, readings.sigma_theta, rng
+    )
+    z = _carried(z, part, unused, readings.z, deviations.z, readings.sigma_z, rng)
+    s = np.hypot(part.run.config.case.centreline_radius * theta, z)
+    rows = []
+    for column, marker in enumerate(unused.tolist()):
+        low, high = interval_of(s[:, column], weights)
+        means = [float(weights @ values[:, column]) for values in (theta, z, s)]
+        spreads = [
+            float(np.sqrt(weights @ (values[:, column] - mean) ** 2))
+            for values, mean in zip((theta, z), means, strict=False)
+        ]
+        rows.append(
+            MarkerAhead(
+                id=marker + 1,
+                theta=means[0],
+                sigma_theta=spreads[0],
+                z=means[1],
+                sigma_z=spreads[1],
+                s=means[2],
+                low=low,
+                high=high,
+            )
+        )
+    return tuple(rows)
 
-    mean: float
-    deviation: float
-    low: float
-    high: float
-    prior_deviation: float
+
+def _carried(
+    laid: FloatArray,
+    part: RigPart,
+    unused: NDArray[np.intp],
+    measured: FloatArray,
+    deviations: FloatArray,
+    sigma: FloatArray,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Return one draw of the unused markers' places for each rig, shape (n, u)."""
+    used = part.used
+    seen = deviations[np.ix_(used, used)] + np.diag(sigma**2)
+    across = deviations[np.ix_(unused, used)]
+    gain = np.linalg.solve(seen, across.T).T
+    left = deviations[np.ix_(unused, unused)] - gain @ across.T
+    # Rounding may leave an eigenvalue a little below zero.
+    size, way = np.linalg.eigh(left)
+    noise = rng.standard_normal((laid.shape[0], unused.size)) * np.sqrt(np.maximum(size, 0.0))
+    return np.asarray(laid[:, unused] + (measured - laid[:, used]) @ gain.T + noise @ way.T)
+
+
+def covariance_of(table: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return the covariance of the columns, shape (k, k).
+
+    Args:
+        table: Draws, shape (n, k).
+        weights: Sum one, shape (n,).
+    """
+    off = table - weights @ table
+    return np.asarray((off * weights[:, None]).T @ off)
+
+
+def interval_of(values: FloatArray, weights: FloatArray, level: float = 0.9) -> tuple[float, float]:
+    """Return the central interval of a level.
+
+    Args:
+        values: Draws, shape (n,).
+        weights: Sum one, shape (n,).
+        level: Probability inside.
+    """
+    order = np.argsort(values)
+    below = np.cumsum(weights[order]) - 0.5 * weights[order]
+    low, high = np.interp([0.5 - 0.5 * level, 0.5 + 0.5 * level], below, values[order])
+    return float(low), float(high)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Belief:
+    """One number of the rig, before and after."""
+
+    mean: float  # Posterior mean
+    deviation: float  # Posterior standard deviation
+    low: float  # 5 % of the posterior lie below
+    high: float  # 5 % lie above
+    prior_deviation: float  # Standard deviation before
 
     @property
     def half_width_90(self) -> float:
@@ -56,9 +160,9 @@ class Belief:
         return 0.5 * (self.high - self.low)
 
     @property
-    def told(self) -> bool:
-        """Whether the markers told more than was known before."""
-        return self.deviation < _TOLD * self.prior_deviation
+    def observed(self) -> bool:
+        """Whether the markers narrow the prior."""
+        return self.deviation < _OBSERVED * self.prior_deviation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,36 +170,25 @@ class RigPosterior:
     """The rigs that explain the markers.
 
     Attributes:
-        rigs: Draws.
-        weights: Of the draws, sum one, shape (n,).
         beliefs: By name: E, free length, load share, drag, start share, build-up length in the
             units of `Rigs`, and ``effective_young`` [Pa], the modulus with which the stated
             tension alone would stretch the used length as much.
-        mean: Of NAMES, shape (6,).
-        covariance: Of NAMES, shape (6, 6).
-        steady: Probability that the tension does not build up.
-        chi_square: Sum of squares of the best rig, prior included.
-        measured: How many numbers were measured.
-        misfit: Whether the markers contradict model and tracker.
-        scatter: Deviation of every marker's place that was added for that [m].
-        evidence: ln of the density of the measurements.
         worst_share: Greatest residual of an angle relative to the angle, at the mean prediction.
-        ahead: Markers that were not used, by run.
     """
 
-    rigs: Rigs
-    weights: FloatArray
+    rigs: Rigs  # Draws
+    weights: FloatArray  # Of the draws, sum one, shape (n,)
     beliefs: dict[str, Belief]
-    mean: FloatArray
-    covariance: FloatArray
-    steady: float
-    chi_square: float
-    measured: int
-    misfit: bool
-    scatter: float
-    evidence: float
+    mean: FloatArray  # Of NAMES, shape (6,)
+    covariance: FloatArray  # Of NAMES, shape (6, 6)
+    steady: float  # Probability that the tension does not build up
+    chi_square: float  # Sum of squares of the best rig, prior included
+    measured: int  # How many numbers were measured
+    misfit: bool  # Whether the markers contradict model and tracker
+    scatter: float  # Deviation of every marker's place that was added for that [m]
+    evidence: float  # ln of the density of the measurements
     worst_share: float
-    ahead: tuple[tuple[MarkerAhead, ...], ...]
+    ahead: tuple[tuple[MarkerAhead, ...], ...]  # Markers that were not used, by run
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -111,11 +204,11 @@ class RigPosterior:
 
     @property
     def untold(self) -> tuple[str, ...]:
-        """Numbers that were not known and of which the markers tell nothing."""
+        """Unobservable numbers: neither known before nor narrowed by the markers."""
         return tuple(
             name
             for name in NAMES
-            if self.beliefs[name].prior_deviation > 0.0 and not self.beliefs[name].told
+            if self.beliefs[name].prior_deviation > 0.0 and not self.beliefs[name].observed
         )
 
     def refusal(self) -> str:
@@ -148,7 +241,7 @@ def identify_rig(
     Res. Natl. Bur. Stand. 87, 1982).
 
     Args:
-        runs: Of one cable on one rig, at least one; two weights tell drag from share.
+        runs: Of one cable on one rig, at least one; two weights separate drag from share.
         prior: What was known before.
         draws: How many rigs are drawn.
 

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.rig import RigPrior, Rigs
-from cable_fem_node.identification.rig_coordinates import COUNT, RigCoordinates
+from cable_fem_node.dynamics.state import FloatArray
+from cable_fem_node.identification.rig import COUNT, RigCoordinates, RigPrior, Rigs
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_part import RigPart
 from cable_fem_node.identification.tracked_run import TrackedRun
@@ -30,25 +29,15 @@ _FREEDOM = 6.0
 
 @dataclass(frozen=True, kw_only=True)
 class _Modes:
-    """The best coordinates at each place along the build-up.
+    """The best coordinates at each place along the build-up."""
 
-    Attributes:
-        build_up: L_c [m], shape (c,).
-        width: Of the cell in ln L_c, shape (c,).
-        steady: True for the rig whose tension does not build up, shape (c,).
-        prior: ln of the prior probability of the cell, shape (c,).
-        best: Shape (c, 5).
-        information: Shape (c, 5, 5).
-        cost: Half the sum of squares, shape (c,).
-    """
-
-    build_up: FloatArray
-    width: FloatArray
-    steady: NDArray[np.bool_]
-    prior: FloatArray
-    best: FloatArray
-    information: FloatArray
-    cost: FloatArray
+    build_up: FloatArray  # L_c [m], shape (c,)
+    width: FloatArray  # Of the cell in ln L_c, shape (c,)
+    steady: NDArray[np.bool_]  # True for the rig whose tension does not build up, shape (c,)
+    prior: FloatArray  # ln of the prior probability of the cell, shape (c,)
+    best: FloatArray  # Shape (c, 5)
+    information: FloatArray  # Shape (c, 5, 5)
+    cost: FloatArray  # Half the sum of squares, shape (c,)
 
     @property
     def evidence(self) -> FloatArray:

@@ -6,17 +6,14 @@ import dataclasses
 import math
 from collections.abc import Callable
 
-from cable_fem_node.dynamics.failure import SolverError
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.dynamics.state import FloatArray, SolverError
 from cable_fem_node.identification.quasi_static import strain
-from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.prediction import refuse_open_balance
-from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.winding_config import WindingConfig
+from cable_fem_node.winding.run_ahead import replay
+from winding_core.cable.material_law import MaterialLaw
 from winding_core.markers import is_wound
-from winding_core.material_law import MaterialLaw
 from winding_core.planned_inputs import continued_inputs
 
 # A marker is read once the cylinder has turned this much further [rad]: its landing has calmed.
@@ -26,21 +23,6 @@ _LATEST = 1.05
 # An element lies on the cylinder at most this many segment lengths long: a soft cable's elements
 # grow, and from 1.15 to 1.6 the error of its angles grows from 0.08 to 0.4 percent.
 _LONGEST = 1.15
-
-
-def with_law(config: WindingConfig, law: MaterialLaw) -> WindingConfig:
-    """Return a configuration with another material; density and friction stay.
-
-    Raises:
-        ValueError: The material cannot carry the weight.
-    """
-    material = dataclasses.replace(config.case.material, young=law.young, poisson=law.poisson)
-    return dataclasses.replace(
-        config,
-        case=dataclasses.replace(config.case, material=material),
-        law=law.law,
-        mooney_ratio=law.mooney_ratio,
-    )
 
 
 def wind(
@@ -54,18 +36,18 @@ def wind(
     Args:
         run: Inputs and markers.
         law: The material that is tried.
-        expected: Wound angles that the closed form says [rad], shape (m,).
-        going: Asked before every step whether the result is still wanted.
+        expected: Wound angles of the closed form [rad], shape (m,).
+        going: Returns whether the result is still wanted; called before every step.
 
     Raises:
         IdentificationError: A marker does not land, or the rod fails.
-        AbandonedError: `going` said no.
+        AbandonedError: `going` returned False.
     """
     latest = _LATEST * float(expected[-1]) + _SETTLED + math.pi / 4.0
     inputs = continued_inputs(run.inputs, latest)
     early = inputs["cylinder_angle"] < float(expected[-1])
     try:
-        config = with_law(run.config, law)
+        config = run.config.with_law(law)
         segment = config.resolved.segment * min(1.0, _LONGEST / (1.0 + strain(run, law)))
         model = RodWinding(dataclasses.replace(config, segment_length=segment))
         replay(inputs[early], model, going)

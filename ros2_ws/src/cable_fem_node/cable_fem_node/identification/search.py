@@ -1,8 +1,8 @@
 """Inverse winding: least squares over the rod, whose closed form gives the way and the slope.
 
 One call of the rod costs half a processor second, one of the closed form a millisecond. So the
-closed form, corrected by what the rod said at the last tried material and by how that changed
-since the one before, is what scipy's least_squares sees; the rod is asked again at the optimum
+closed form, corrected by the rod's result for the last tried material and by the change of that
+since the one before, is what scipy's least_squares sees; the rod is evaluated again at the optimum
 until that stands still. There the residuals are the rod's own (space mapping, Bandler et al.,
 IEEE Trans. Microwave Theory Tech. 42, 1994; the change is Broyden's rank-one update).
 """
@@ -13,29 +13,103 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.deviations import angle_covariance, axial_covariance
-from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.quasi_static import lay
-from cable_fem_node.identification.rod_excess import RodExcess
 from cable_fem_node.identification.rod_run import wind
-from cable_fem_node.identification.tracked_run import TrackedRun
-from winding_core.material_law import MaterialLaw
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
+from winding_core.cable.material_law import MaterialLaw
 
+# An angle that is wrong by half of itself is no scatter any more.
+_MOST_SCATTER = 0.5
 Family = Callable[[FloatArray], MaterialLaw]
-
 # The first parameter is the logarithm of a modulus. Where its standard error is greater, the
 # search would wander among cables so stiff that they do not bend around the cylinder.
 _BLIND = 0.7
-
 # Over a shorter way than this the rod's steps, whose number is whole, say nothing of a slope.
 _SHORTEST = 0.01
 
 
+def angle_covariance(
+    runs: Sequence[TrackedRun], model_share: float, scatter: float = 0.0
+) -> FloatArray:
+    """Return the covariance of all angles' residuals [rad^2], shape (n, n).
+
+    Args:
+        runs: Their markers follow each other.
+        model_share: Relative standard error of the model, common to all markers of a run.
+        scatter: Relative standard deviation of each marker by itself, beyond the tracker's.
+    """
+    from scipy.linalg import block_diag  # noqa: PLC0415 - see `Search.run`
+
+    blocks = []
+    for run in runs:
+        theta = run.readings.theta
+        own = np.diag(run.readings.sigma_theta**2 + (scatter * theta) ** 2)
+        blocks.append(own + model_share**2 * np.outer(theta, theta))
+    return np.asarray(block_diag(*blocks))
+
+
+def axial_covariance(runs: Sequence[TrackedRun], model_z: float) -> FloatArray:
+    """Return the covariance of all z residuals [m^2], shape (n, n)."""
+    return np.diag(np.concatenate([run.readings.sigma_z**2 + model_z**2 for run in runs]))
+
+
+def chi_square(left: FloatArray, covariance: FloatArray) -> float:
+    """Return the generalised sum of squares of residuals (m,) with covariance (m, m)."""
+    return float(left @ np.linalg.solve(covariance, left))
+
+
+def scatter_of(
+    left: FloatArray, degrees: int, runs: Sequence[TrackedRun], model_share: float
+) -> float:
+    """Return the scatter with which the residuals are as large as expected.
+
+    Mandel and Paule, J. Res. Natl. Bur. Stand. 87, 1982: the extra variance for which chi-square
+    equals its degrees of freedom.
+
+    Args:
+        left: Residuals of all angles [rad], whose chi-square without scatter exceeds `degrees`.
+        degrees: Angles less parameters, at least 1.
+        runs: Where they come from.
+        model_share: See `angle_covariance`.
+    """
+    from scipy.optimize import brentq  # noqa: PLC0415 - see `Search.run`
+
+    def excess(scatter: float) -> float:
+        return chi_square(left, angle_covariance(runs, model_share, scatter)) - degrees
+
+    if excess(_MOST_SCATTER) > 0.0:
+        return _MOST_SCATTER
+    return float(brentq(excess, 0.0, _MOST_SCATTER, xtol=1.0e-7))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RodExcess:
+    """How far the rod's markers of one run lie from the closed form's, at the last tried material."""
+
+    parameters: FloatArray  # Of the material, shape (p,)
+    ids: NDArray[np.int64]  # n of Pn, ascending, shape (m,)
+    excess: FloatArray  # Of the angles relative to the closed form's, then of z [m], shape (2 m,)
+    slope: FloatArray  # Its change per parameter, shape (2 m, p)
+
+    def expected_for(self, ids: NDArray[np.int64]) -> RodExcess:
+        """Return what is to be expected of markers, which may have become more, shape (k,).
+
+        A share of the angle and a distance along the axis change little from one marker to the
+        next: one without a result of the rod takes those of the nearest before it.
+        """
+        nearest = np.maximum(np.searchsorted(self.ids, ids, side="right") - 1, 0)
+        rows = np.concatenate([nearest, nearest + self.ids.size])
+        return RodExcess(
+            parameters=self.parameters, ids=ids, excess=self.excess[rows], slope=self.slope[rows]
+        )
+
+
 @dataclass(frozen=True, kw_only=True)
 class FitConfig:
-    """What is believed of model and tracker, and how far the search goes.
+    """Assumed deviations of model and tracker, and limits of the search.
 
     Attributes:
         model_share: Standard error of the rod's angles relative to themselves, common to all
@@ -45,15 +119,14 @@ class FitConfig:
         model_z: Standard error of the rod's z [m]: one free length explains the twelve
             published series within 1.5 mm.
         tolerance: The search ends when a step is shorter than this share of the standard error.
-        max_calls: Most calls of the rod per run.
-        misfit_level: Residuals that chance reaches more rarely than this contradict the stated
+        misfit_level: Residuals that chance reaches more rarely than this contradict the assumed
             deviations.
     """
 
     model_share: float = 7.0e-4
     model_z: float = 1.5e-3
     tolerance: float = 0.3
-    max_calls: int = 6
+    max_calls: int = 6  # Most calls of the rod per run
     misfit_level: float = 0.01
 
 
@@ -64,10 +137,10 @@ class Search:
         runs: At least one.
         family: Material with parameters, shape (p,).
         bounds: Least and greatest parameters, shape (p,) each.
-        config: Beliefs and limits.
-        going: Asked again and again whether the result is still wanted.
-        before: What an earlier search of the same run, when it had fewer markers, heard from the
-            rod; the search begins there, and one call of the rod confirms it.
+        config: Assumed deviations and limits.
+        going: Returns whether the result is still wanted; called repeatedly.
+        before: The rod's excess in an earlier search of the same run, when it had fewer markers;
+            the search begins there, and one call of the rod confirms it.
     """
 
     def __init__(
@@ -101,7 +174,7 @@ class Search:
 
     @property
     def excess(self) -> RodExcess | None:
-        """What the rod said last, of one run; None before it was asked, and of several runs."""
+        """The rod's last excess of one run; None before its first call, and of several runs."""
         if self.calls == 0 or self._asked_at is None or len(self._runs) > 1:
             return None
         return RodExcess(
@@ -119,7 +192,7 @@ class Search:
             scatter: Relative standard deviation of each marker by itself.
 
         Raises:
-            IdentificationError: The markers do not tell the parameters, or the search does not
+            IdentificationError: The parameters are unobservable, or the search does not
                 come to rest.
         """
         # Live, this is the thread beside the node's own, and the machine is winding.

@@ -21,14 +21,12 @@ class SteadyConfig:
     """When a marker counts as measured.
 
     Attributes:
-        frames: Frames that must have seen it.
-        spread: Greatest standard deviation of its angle over these frames [rad].
         systematic: What all frames may have wrong together [rad]: the camera's pose; added to
             the deviation that the tracker states.
     """
 
-    frames: int = 20
-    spread: float = 8.0e-3
+    frames: int = 20  # Frames that must have seen it
+    spread: float = 8.0e-3  # Greatest standard deviation of its angle over these frames [rad]
     systematic: float = 1.0e-3
 
 
@@ -46,7 +44,7 @@ class SteadyMarkers:
     """Means of every marker over the frames that measured it.
 
     Frames of one marker share the camera's errors, so the mean keeps the deviation of a single
-    frame. A marker that has slipped is left out for good: where it lies says nothing of how it
+    frame. A marker that has slipped is left out for good: its place does not follow from how it
     was laid.
 
     Args:

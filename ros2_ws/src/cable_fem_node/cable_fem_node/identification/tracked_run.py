@@ -8,10 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.run_history import Inputs
+from winding_core.run_inputs import Inputs
+
+
+class IdentificationError(ValueError):
+    """The material cannot be identified from what was given."""
+
 
 # What the tracker reaches on the small cylinder, for readings that bring no deviation.
 DEFAULT_SIGMA_THETA = 3.0e-3
@@ -20,21 +24,13 @@ DEFAULT_SIGMA_Z = 0.12e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Readings:
-    """Where markers were measured on the cylinder.
+    """Where markers were measured on the cylinder."""
 
-    Attributes:
-        ids: n of Pn, ascending, P0 is not among them, shape (m,).
-        theta: Wound angle relative to P0 [rad], shape (m,).
-        z: Axial position relative to P0 [m], shape (m,).
-        sigma_theta: One standard deviation of each theta [rad], shape (m,).
-        sigma_z: One standard deviation of each z [m], shape (m,).
-    """
-
-    ids: NDArray[np.int64]
-    theta: FloatArray
-    z: FloatArray
-    sigma_theta: FloatArray
-    sigma_z: FloatArray
+    ids: NDArray[np.int64]  # n of Pn, ascending, P0 is not among them, shape (m,)
+    theta: FloatArray  # Wound angle relative to P0 [rad], shape (m,)
+    z: FloatArray  # Axial position relative to P0 [m], shape (m,)
+    sigma_theta: FloatArray  # One standard deviation of each theta [rad], shape (m,)
+    sigma_z: FloatArray  # One standard deviation of each z [m], shape (m,)
 
     def __post_init__(self) -> None:
         if self.ids.size == 0:
@@ -69,17 +65,11 @@ class Readings:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedRun:
-    """A run of the machine with its tracked markers.
+    """A run of the machine with its tracked markers."""
 
-    Attributes:
-        config: Everything of the model but what is sought.
-        inputs: Machine's motion and span tension, shape (n,) of INPUT_DTYPE.
-        readings: Where markers lie.
-    """
-
-    config: WindingConfig
-    inputs: Inputs
-    readings: Readings
+    config: WindingConfig  # Everything of the model but what is sought
+    inputs: Inputs  # Machine's motion and span tension, shape (n,) of INPUT_DTYPE
+    readings: Readings  # Where markers lie
 
     def __post_init__(self) -> None:
         if self.config.case.material.prony.shares:

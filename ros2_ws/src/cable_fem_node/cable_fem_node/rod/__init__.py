@@ -1,1 +1,1 @@
-"""The general rod: an open chain of extensible, bending, twisting elements."""
+"""Forces of an extensible, bending, relaxing rod, from positions alone."""

@@ -1,9 +1,9 @@
 """Viscous stress of a rod's elements: its recursion over a step, its energy, its heat.
 
-The elements' part of `winding_core.prony`. A branch that carries q of its full g P0 is a spring
-with the law of g P0, stretched to where that carries q, in series with a dashpot that has taken the
-rest. With e the strain and e_i that of a branch's spring, the energy per reference length is
-W(e) + sum_i [q_i (e_i - e) - g_i W(e_i)], and (e - e_i) dq_i turns to heat.
+The elements' part of `winding_core.cable.prony`. A branch that carries q of its full g P0 is a
+spring with the law of g P0, stretched to where that carries q, in series with a dashpot that has
+taken the rest. With e the strain and e_i that of a branch's spring, the energy per reference length
+is W(e) + sum_i [q_i (e_i - e) - g_i W(e_i)], and (e - e_i) dq_i turns to heat.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.rod.rod_kernels import law_energy
+from cable_fem_node.rod.rod_records import AxialResponse, Relaxation
 
 
 @called

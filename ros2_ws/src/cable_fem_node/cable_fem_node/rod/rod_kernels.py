@@ -13,9 +13,28 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.rod.rod_arrays import AxialResponse, Work
+from cable_fem_node.dynamics.state import FloatArray
+from cable_fem_node.rod.rod_records import AxialResponse, Work
+
+
+@called
+def empty_work(capacity: int) -> Work:
+    """Return scratch arrays for so many nodes."""
+    rows = np.zeros((14, capacity))
+    return Work(
+        tangent=rows[0:3],
+        inverse=rows[3],
+        tension=rows[4],
+        cosine=rows[5],
+        slope=rows[6],
+        force=rows[7:10],
+        net=rows[10:13],
+        couple=rows[13],
+    )
+
 
 # Below this value of 1 - cos(phi) (28 degrees) the series replaces acos: relative error 2e-12.
 SERIES_LIMIT = 0.12

@@ -1,1 +1,1 @@
-"""ROS side of the solver without a node: what it answers to which message."""
+"""What the solver's node answers to which message, and what works beside its thread."""

@@ -1,13 +1,18 @@
-"""A task beside the node's own thread, at a lower priority."""
+"""Work beside the node's own thread, at a lower priority: any task, a run wound ahead."""
 
 from __future__ import annotations
 
 import os
 import sys
 import threading
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Generic, TypeVar
+
+from cable_fem_node.dynamics.state import SolverError
+from cable_fem_node.winding.run_ahead import AbandonedError, RunAhead
+from winding_core.markers import Markers
 
 Result = TypeVar("Result")
 
@@ -16,11 +21,11 @@ _NICER, _NICEST = 5, 19
 
 
 class BackgroundTask(Generic[Result]):
-    """Runs a function in a thread of its own; the owner asks for the result when it likes.
+    """Runs a function in a thread of its own; the owner collects the result.
 
     Args:
-        work: Gets a function that says whether the result is still wanted, and raises once it
-            is not.
+        work: Receives a function that returns whether the result is still wanted, and raises
+            once it is not.
     """
 
     def __init__(self, work: Callable[[Callable[[], bool]], Result]) -> None:
@@ -50,3 +55,54 @@ def _lower_priority() -> None:
         thread = threading.get_native_id()
         present = os.getpriority(os.PRIO_PROCESS, thread)
         os.setpriority(os.PRIO_PROCESS, thread, min(present + _NICER, _NICEST))
+
+
+class PredictionTask:
+    """Winds a run ahead in a thread of low priority; the owner collects its results.
+
+    Args:
+        ahead: What is left of it is wound.
+        begun: Time from which it predicts [s].
+
+    Attributes:
+        begun: As given.
+        failure: Why it ended before the run did; empty if it did not.
+    """
+
+    def __init__(self, ahead: RunAhead, begun: float) -> None:
+        self.begun = begun
+        self.failure = ""
+        self._ahead = ahead
+        self._found: deque[Markers] = deque()
+        self._task: BackgroundTask[None] | None = BackgroundTask(self._wind)
+
+    @property
+    def reached(self) -> float:
+        """Simulated time up to which the run has been wound ahead [s]."""
+        return self._ahead.model.time
+
+    def news(self) -> Iterator[Markers]:
+        """Yield what has been found since the last call, in order."""
+        task = self._task
+        ended = task is not None and task.done
+        while self._found:
+            yield self._found.popleft()
+        if task is not None and ended:
+            self._task = None
+            try:
+                task.result()
+            except (SolverError, ValueError) as error:
+                self.failure = f"ended at t = {self.reached:.6g} s: {error}"
+
+    def abandon(self) -> None:
+        """End it; returns after at most one step of the rod."""
+        if self._task is not None:
+            self._task.abandon()
+            self._task = None
+
+    def _wind(self, going: Callable[[], bool]) -> None:
+        try:
+            for markers in self._ahead.wind_on(going):
+                self._found.append(markers)
+        except AbandonedError:
+            return

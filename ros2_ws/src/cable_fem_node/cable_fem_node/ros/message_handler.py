@@ -10,33 +10,33 @@ from numpy.typing import NDArray
 
 from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.prediction import PlannedRun
-from cable_fem_node.winding.replay import replay
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.run_ahead import FIRST_STEPS, RunAhead
+from cable_fem_node.winding.run_ahead import FIRST_STEPS, RunAhead, replay
+from winding_core.machine.incoming_readings import (
+    LoadedReading,
+    MotionStart,
+    ReadingLimits,
+    TensionPairing,
+)
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import CABLE_DTYPE, Markers
-from winding_core.motion_start import MotionStart
-from winding_core.reading_limits import ReadingLimits
-from winding_core.readings import AxisReading
-from winding_core.run_history import RunHistory
-from winding_core.run_inputs import RunInputs
-from winding_core.tension_pairing import LoadedReading, TensionPairing
+from winding_core.run_inputs import RunHistory, RunInputs
 from winding_ros import topics
-from winding_ros.cloud_messages import encode_cloud
-from winding_ros.line_messages import encode_line_strip
-from winding_ros.message_error import MessageError
-from winding_ros.message_handler import Answer
-from winding_ros.rig_messages import JointStateReader, decode_tension
+from winding_ros.messages.clouds import encode_cloud, encode_line_strip
+from winding_ros.messages.rig import JointStateReader, decode_tension
+from winding_ros.messages.serialised import MessageError
+from winding_ros.runtime.message_handler import Answer
 from winding_ros.topic import Topic
 
-# Wound cable that every fem/cable brings. What lies still is told for long enough that who
-# misses some messages has it nevertheless, and no message grows with what is wound.
-_TOLD_TURNS = 12.0
+# Wound turns in every fem/cable. Cable that lies still is repeated for so long that a subscriber
+# that misses some messages has it nevertheless, and no message grows with what is wound.
+_CABLE_TURNS = 12.0
 
 
 class FemHandler:
     """Shadows the machine with the explicit rod.
 
-    Making it winds the first piece of the run ahead, or the beginning of that; `begin` says what
+    Making it winds the first piece of the run ahead, or the beginning of that; `begin` yields what
     was found.
 
     Args:
@@ -49,7 +49,7 @@ class FemHandler:
         ahead: The run as planned, wound ahead.
         model: The rod of this run; None before `begin`.
         history: The inputs of this run so far.
-        following: Whether the machine has been heard.
+        following: Whether readings of the machine have arrived.
         replayed: How much of a run that was already going has been replayed [s]; None if the
             run begins with this node.
     """
@@ -86,7 +86,7 @@ class FemHandler:
 
     @property
     def following(self) -> bool:
-        """Whether the machine has been heard."""
+        """Whether readings of the machine have arrived."""
         return self._start is not None
 
     def begin(self, t: float) -> Iterator[Answer]:
@@ -162,7 +162,7 @@ class FemHandler:
             yield Answer(topic=topics.FEM_MARKERS, message=encode_cloud(t, model.markers()))
         if t >= self._cable_due:
             self._cable_due += _due_period(topics.FEM_CABLE)
-            cable = _published(model.newest_cable(_TOLD_TURNS))
+            cable = _published(model.newest_cable(_CABLE_TURNS))
             yield Answer(topic=topics.FEM_CABLE, message=encode_cloud(t, cable))
             points = np.stack([cable["x"], cable["y"], cable["z"]], axis=1).astype(float)
             width = self.config.case.cable_diameter

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cable_fem_node.winding.winding_config import SolverParameters, WindingConfig
-from winding_core.condition import Condition
-from winding_core.machine_axes import MachineAxes
+from winding_core.cable.condition import Condition
+from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import parameter
 from winding_core.run_inputs import ReplayParameters
 

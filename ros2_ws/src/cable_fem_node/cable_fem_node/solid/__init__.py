@@ -1,1 +1,1 @@
-"""Solids of one-point hexahedra (C3D8R): laws, meshes, steps, equilibrium."""
+"""Forces of one-point hexahedra (C3D8R): laws, meshes, explicit steps."""

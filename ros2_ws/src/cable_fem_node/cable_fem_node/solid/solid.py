@@ -7,14 +7,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.model import ExplicitModel
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import DivergenceError, FloatArray
 from cable_fem_node.solid.hex_geometry import greatest_stiffness, hex_geometry
-from cable_fem_node.solid.hex_kernels import HexMesh, hex_forces
+from cable_fem_node.solid.hex_kernels import HexMesh, advance_solid, hex_forces
 from cable_fem_node.solid.solid_law import SolidLaw
-from cable_fem_node.solid.solid_step_kernels import advance_solid
-from winding_core.cases import Material
+from winding_core.cable.cases import Material
 
 
 class Solid(ExplicitModel):
@@ -128,7 +126,7 @@ class Solid(ExplicitModel):
         step = float((2.0 / np.sqrt(omega2) * np.minimum(least, 1.0)).min())
         damped = self._bulk_viscosity
         if self._contact is not None:
-            touch = self._touch_constants()
+            touch = self._contact_law()
             most = (omega2 * self._element_mass).max() + touch.normal_stiffness
             lightest = float(self._element_mass.min())
             ratio = 0.5 * touch.normal_damping / math.sqrt(touch.normal_stiffness * lightest)
@@ -160,8 +158,8 @@ class Solid(ExplicitModel):
             self._mesh,
             self._net,
             couple,
-            self._surroundings(calming),
-            self._touch_constants(),
+            self._boundary_conditions(calming),
+            self._contact_law(),
             self._ledger,
         )
         if at >= 0:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.solid.solid_law_kernels import KINDS, piola
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.material_law import MaterialLaw
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,6 +20,11 @@ class SolidLaw(MaterialLaw):
         super().__post_init__()
         if self.incompressible or self.poisson >= 0.5:
             raise ValueError("a solid needs a compressible law: poisson below 0.5")
+
+    @classmethod
+    def of(cls, law: MaterialLaw) -> SolidLaw:
+        """Return the law in three dimensions whose uniaxial response is the given one."""
+        return cls(**law.law_values(), young=law.young, poisson=law.poisson)
 
     @property
     def kind(self) -> int:
@@ -32,9 +37,9 @@ class SolidLaw(MaterialLaw):
         return self.bulk_modulus - 2.0 / 3.0 * self.shear_modulus
 
     def constants(self) -> FloatArray:
-        """Return G, lambda, K, C10, C01 [Pa]."""
-        c10, c01 = self.mooney_constants()
-        return np.array([self.shear_modulus, self.lame, self.bulk_modulus, c10, c01])
+        """Return G, lambda, K and the law's own coefficients [Pa]."""
+        moduli = (self.shear_modulus, self.lame, self.bulk_modulus)
+        return np.array([*moduli, *self.coefficients])
 
     def first_piola(self, gradient: ArrayLike) -> FloatArray:
         """Return the first Piola-Kirchhoff stress [Pa], shape (..., 3, 3), for F of that shape.

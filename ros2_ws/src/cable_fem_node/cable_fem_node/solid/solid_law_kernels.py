@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 
 LINEAR, HENCKY, HENCKY_CAUCHY, HYPERELASTIC = range(4)
 
-# The number by which `piola` tells a law of `MaterialLaw` from others.
+# The number by which `piola` selects a law of `MaterialLaw`.
 KINDS = {
     "linear": LINEAR,
     "hencky": HENCKY,
@@ -197,7 +197,8 @@ def piola(
 ) -> tuple[float, float]:
     """Fill P [Pa] of the deformation gradient f; return (J, energy density [J/m^3]).
 
-    `constants`: G, lambda, K, C10, C01 [Pa]. A J that is not positive leaves P as it is.
+    `constants`: G, lambda, K, then the law's own coefficients [Pa]. A J that is not positive leaves
+    P as it is.
     """
     j = cofactor(f, cof)
     if not j > 0.0:

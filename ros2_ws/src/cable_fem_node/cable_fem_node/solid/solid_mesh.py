@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 
 IntArray = NDArray[np.int64]
 
@@ -21,21 +21,13 @@ BULGE = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class BarMesh:
-    """A round bar along z.
+    """A round bar along z."""
 
-    Attributes:
-        nodes: (n, 3) [m]; section by section, sections in the order of `axial`.
-        hexes: (m, 8).
-        sections: Node numbers of every section (sections, per section).
-        rim: Node numbers on the circumference of every section (sections, rim nodes).
-        axial: z of the sections [m].
-    """
-
-    nodes: FloatArray
-    hexes: IntArray
-    sections: IntArray
-    rim: IntArray
-    axial: FloatArray
+    nodes: FloatArray  # (n, 3) [m]; section by section, sections in the order of `axial`
+    hexes: IntArray  # (m, 8)
+    sections: IntArray  # Node numbers of every section (sections, per section)
+    rim: IntArray  # Node numbers on the circumference of every section (sections, rim nodes)
+    axial: FloatArray  # z of the sections [m]
 
 
 def section_mesh(

@@ -1,1 +1,1 @@
-"""The winding model: configuration, live rod, solid, prediction of a whole run."""
+"""How cable is wound: configuration, checks, rod and solid, the prediction of a whole run."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.winding.prediction import PlannedRun, Prediction, Progress
 
 # With errors that fall at least as fast as the length, Richardson's extrapolation takes away at
@@ -18,16 +18,13 @@ class DiscretisationError:
     """Estimated error of the markers P1..Pn, value minus limit of short elements.
 
     Attributes:
-        segment: Length of the elements of the prediction [m].
-        finer_segment: Of the run that it is compared with [m].
         theta: Of the wound angles [rad], shape (markers,); nan for those not wound in both runs.
-        s: Of the curve lengths [m], shape (markers,).
     """
 
-    segment: float
-    finer_segment: float
+    segment: float  # Length of the elements of the prediction [m]
+    finer_segment: float  # Of the run that it is compared with [m]
     theta: FloatArray
-    s: FloatArray
+    s: FloatArray  # Of the curve lengths [m], shape (markers,)
 
 
 def discretisation_error(

@@ -1,4 +1,4 @@
-"""Processor time that winding a run will take, told before it begins."""
+"""Processor time that winding a run will take, estimated before it begins."""
 
 from __future__ import annotations
 
@@ -34,19 +34,15 @@ class ExpectedCost:
     """What a run will take.
 
     Attributes:
-        cpu_seconds: Processor time [s] on this computer, as it is loaded now.
-        steps: Steps of integration.
-        elements: That are integrated, mean over the run.
         mass_scaling: Largest factor on the density with which the cable still lies as if it were
             wound slowly.
-        scaled_cpu_seconds: Processor time with that factor [s].
     """
 
-    cpu_seconds: float
-    steps: int
-    elements: float
+    cpu_seconds: float  # Processor time [s] on this computer, as it is loaded now
+    steps: int  # Steps of integration
+    elements: float  # That are integrated, mean over the run
     mass_scaling: float
-    scaled_cpu_seconds: float
+    scaled_cpu_seconds: float  # Processor time with that factor [s]
 
 
 def expected_cost(
@@ -105,7 +101,7 @@ def _largest_scaling(run: PlannedRun) -> float:
     landing = resolved.segment * resolved.stretch / speed
     wave = config.free_length / (_CROSSING_SHARE * landing)
     line_mass = case.material.density * case.section_area / resolved.stretch
-    share = kinetic_share(config, run.drive.angular_speed) / config.mass_scaling
+    share = kinetic_share(resolved, run.drive.angular_speed) / config.mass_scaling
     largest = min(_QUASI_STATIC / share, resolved.tension / (line_mass * wave**2), _LARGEST)
     if largest <= config.mass_scaling:
         return config.mass_scaling

@@ -10,21 +10,32 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cable_fem_node.dynamics.energy import EnergyLedger
-from cable_fem_node.dynamics.failure import EnergyBalanceError, ImpossibleResultError
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.winding.overlap import FULL_TURN, refuse_overlap, refuse_past_the_start
-from cable_fem_node.winding.validity import Check, checks_of, motion_check, refuse, rod_checks
+from cable_fem_node.dynamics.state import (
+    EnergyBalanceError,
+    EnergyLedger,
+    FloatArray,
+    ImpossibleResultError,
+)
+from cable_fem_node.winding.validity import (
+    FULL_TURN,
+    Check,
+    checks_of,
+    motion_check,
+    refuse,
+    refuse_overlap,
+    refuse_past_the_start,
+    rod_checks,
+)
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
-from winding_core.drive import PAPER_DURATION, DriveProfile
+from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
 
 Progress = Callable[[float], None]
 Look = Callable[[WindingModel], None]
 Clock = Callable[[], float]
 
-# Times per second at which a run's markers are told [1/s].
+# Marker records per second of a run [1/s].
 FRAME_RATE = 50.0
 
 # Cable lies with the tension of the span that laid it, which may change by a rig's law.
@@ -37,39 +48,22 @@ BALANCE_LIMIT_PCT = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """Outcome of a run wound ahead.
+    """Outcome of a run wound ahead."""
 
-    Attributes:
-        config: What was wound.
-        drive: How the machine moved.
-        times: Times of the history [s], shape (m,).
-        history: Marker records over time, shape (m, markers + 1).
-        arc: Reference length from P0 along the wound cable [m], shape (k,).
-        theta: Wound angle there [rad], shape (k,).
-        z: Axial position there [m], shape (k,).
-        cable: Nodes at the end: x y z s tension strain roll twist, shape (nodes,).
-        energy: Ledger at the end.
-        stretch: Mean stretch of the wound cable.
-        stretch_closed_form: The law's at the wound tension F - EI l / (2 rho^2), as it landed.
-        span_stretch: The law's stretch at the span tension F.
-        cpu_seconds: Processor time of the run [s].
-        element_steps: Elements times steps.
-    """
-
-    config: WindingConfig
-    drive: DriveProfile
-    times: FloatArray
-    history: NDArray[np.void]
-    arc: FloatArray
-    theta: FloatArray
-    z: FloatArray
-    cable: NDArray[np.void]
-    energy: EnergyLedger
-    stretch: float
-    stretch_closed_form: float
-    span_stretch: float
-    cpu_seconds: float
-    element_steps: int
+    config: WindingConfig  # What was wound
+    drive: DriveProfile  # How the machine moved
+    times: FloatArray  # Times of the history [s], shape (m,)
+    history: NDArray[np.void]  # Marker records over time, shape (m, markers + 1)
+    arc: FloatArray  # Reference length from P0 along the wound cable [m], shape (k,)
+    theta: FloatArray  # Wound angle there [rad], shape (k,)
+    z: FloatArray  # Axial position there [m], shape (k,)
+    cable: NDArray[np.void]  # Nodes at the end: x y z s tension strain roll twist, shape (nodes,)
+    energy: EnergyLedger  # Ledger at the end
+    stretch: float  # Mean stretch of the wound cable
+    stretch_closed_form: float  # The law's at the wound tension F - EI l / (2 rho^2), as it landed
+    span_stretch: float  # The law's stretch at the span tension F
+    cpu_seconds: float  # Processor time of the run [s]
+    element_steps: int  # Elements times steps
 
     @property
     def markers(self) -> Markers:
@@ -123,10 +117,7 @@ class PlannedRun:
     """One run of the solver, checked, not yet wound.
 
     Attributes:
-        config: The model.
         drive: How the machine moves; the paper's motion by default.
-        duration: Time to wind [s].
-        element: One of ELEMENTS.
 
     Raises:
         OverlapError: The feed would lay the cable over itself.
@@ -134,10 +125,10 @@ class PlannedRun:
             element is unknown or has no stiffness factors.
     """
 
-    config: WindingConfig
+    config: WindingConfig  # The model
     drive: DriveProfile = field(default_factory=DriveProfile)
-    duration: float = PAPER_DURATION
-    element: str = "rod"
+    duration: float = PAPER_DURATION  # Time to wind [s]
+    element: str = "rod"  # One of ELEMENTS
 
     def __post_init__(self) -> None:
         if self.element not in ELEMENTS:
@@ -147,13 +138,13 @@ class PlannedRun:
             self.config.refuse_rod_material()
         refuse(self.checks())
         refuse_past_the_start(self._angles())
-        refuse_overlap(self.config, self.drive, self.duration)
+        refuse_overlap(self.config.resolved, self.drive, self.duration)
 
     def checks(self) -> tuple[Check, ...]:
         """Return what decides whether the result can be right."""
-        config = self.config
-        own = rod_checks(config) if self.element == "rod" else checks_of(config, config.resolved)
-        return (*own, motion_check(config, self.drive.angular_speed))
+        resolved = self.config.resolved
+        own = rod_checks(resolved) if self.element == "rod" else checks_of(resolved)
+        return (*own, motion_check(resolved, self.drive.angular_speed))
 
     @property
     def most_wound(self) -> float:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray, Points
-from cable_fem_node.winding.fading import Fading, HeldCable
+from cable_fem_node.dynamics.state import FloatArray, Points
+from cable_fem_node.rod.relaxation import branches_energy
+from cable_fem_node.rod.rod_records import AxialResponse, Relaxation
+from cable_fem_node.winding.resolved_model import ResolvedModel
 from cable_fem_node.winding.winding_model import angle_steps
 
 # Rows of the store; the reference length is that of the element towards P0. What follows from
@@ -23,6 +26,77 @@ PATH = (ARC, THETA, Z)
 # How a node is held where it rests: the rows that go into the arrays that are integrated.
 _PLACE = slice(X, Z + 1)
 _SLIPS = slice(SLIP, SLIP_Z + 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldCable:
+    """Elements that friction holds on the cylinder, as views into their arrays."""
+
+    stretch: FloatArray  # Of the elements, shape (n,)
+    reference: FloatArray  # Their lengths [m], shape (n,)
+    viscous: FloatArray  # Elastic force and every branch's q [N], shape (1 + terms, n), changed
+    radius: FloatArray  # Of the node behind each element [m], shape (n,)
+    contact_radius: FloatArray  # At which that node touches [m], shape (n,), changed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fading:
+    """How held cable fades."""
+
+    relax: Relaxation  # Of the cable
+    response: AxialResponse  # Its axial response
+    sink: float  # How much deeper a node lies for each newton of tension and metre of length [1/N]
+    stiffness: float  # Of the penalty spring that it lies on [N/m]
+
+    @classmethod
+    def of(cls, resolved: ResolvedModel) -> Fading:
+        """Return how a model's cable fades."""
+        k = resolved.constants
+        return cls(
+            relax=resolved.relaxation,
+            response=resolved.axial,
+            sink=1.0 / (k.contact_line * k.touch.normal_stiffness),
+            stiffness=k.touch.normal_stiffness,
+        )
+
+    @property
+    def rows(self) -> int:
+        """Count of an element's rows: its elastic force, and every branch's q."""
+        return 1 + self.relax.share.size
+
+    def viscous(self, span: float, rows: FloatArray) -> FloatArray:
+        """Return every branch's q after a time [s] at a held stretch [N], shape (terms, n).
+
+        Args:
+            span: The time [s].
+            rows: As `HeldCable.viscous` [N], shape (1 + terms, n).
+        """
+        full = self.relax.share[:, None] * rows[0]
+        left = np.exp(-span / self.relax.time)[:, None]
+        return np.asarray(full + left * (rows[1:] - full))
+
+    def fade(self, span: float, cable: HeldCable) -> float:
+        """Let a time [s] pass; return the energy that has become heat [J].
+
+        Nodes stay where they are: the spring below them is shortened as their tension fades.
+        """
+        before = self._energy(cable)
+        branches = cable.viscous[1:]
+        later = self.viscous(span, cable.viscous)
+        change = (later - branches).sum(axis=0)
+        branches[:] = later
+        less = self.sink * change * cable.stretch * cable.reference
+        depth = cable.contact_radius - cable.radius
+        cable.contact_radius[:] -= less
+        pressed = 0.5 * self.stiffness * float(((2.0 * depth - less) * less).sum())
+        return before - self._energy(cable) + pressed
+
+    def _energy(self, cable: HeldCable) -> float:
+        return float(
+            branches_energy(
+                cable.stretch, cable.reference, cable.viscous, self.response, self.relax
+            )
+        )
 
 
 def turned(angle: float, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

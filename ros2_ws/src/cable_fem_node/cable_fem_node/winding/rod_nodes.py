@@ -2,14 +2,79 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray, Points, empty_points
+from cable_fem_node.dynamics.state import FloatArray, Points, empty_points
+from cable_fem_node.rod.relaxation import branches_energy
+from cable_fem_node.rod.rod_kernels import bending_energy, stored_energy
+from cable_fem_node.rod.rod_records import (
+    REFERENCE,
+    STATE_ROWS,
+    TIE_ALONG,
+    TIE_PLACE,
+    TIE_WATCHED,
+    VISCOUS,
+    RodState,
+)
 from cable_fem_node.winding import resting_cable
-from cable_fem_node.winding.fading import Fading
-from cable_fem_node.winding.resting_cable import RestingCable, turned
-from cable_fem_node.winding.rod_state import REFERENCE, STATE_ROWS, VISCOUS, points_of
-from cable_fem_node.winding.winding_state import TIE_ALONG, TIE_PLACE, TIE_WATCHED
+from cable_fem_node.winding.resolved_model import ResolvedModel
+from cable_fem_node.winding.resting_cable import Fading, RestingCable, turned
+from cable_fem_node.winding.winding_kernels import points_of
+from cable_fem_node.winding.winding_model import geodesic_twist
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeRod:
+    """All nodes and elements of a rod, resting or not.
+
+    Attributes:
+        viscous: Elastic and viscous forces of the elements [N]; no rows for an elastic cable.
+    """
+
+    cable: Points  # The nodes
+    reference: FloatArray  # Lengths of the elements [m], shape (nodes,)
+    viscous: FloatArray
+    angle: float  # Of the cylinder [rad], whose surface clamps the cable at P0
+
+    def stored(self, resolved: ResolvedModel) -> float:
+        """Return what stretching, bending and torsion store [J]; the last element is fed."""
+        k, axial = resolved.constants, resolved.axial
+        cable, reference = self.cable, self.reference
+        elements = cable.touching.size - 2
+        stretching = stored_energy(elements, cable.position, reference, axial)
+        edges = np.diff(cable.position, axis=1)
+        lengths = np.sqrt((edges**2).sum(axis=0))
+        if self.viscous.size:
+            stretch = lengths[:elements] / reference[:elements]
+            stretching += branches_energy(
+                stretch, reference, self.viscous, axial, resolved.relaxation
+            )
+        tangents = edges / lengths
+        cosine = np.ones(elements + 2)
+        cosine[1:-1] = (tangents[:, 1:] * tangents[:, :-1]).sum(axis=0)
+        clamp = math.sin(self.angle) * tangents[0, 0] - math.cos(self.angle) * tangents[1, 0]
+        turned_by = math.acos(min(1.0, clamp)) ** 2
+        clamped = k.bending * turned_by / float(reference[0])
+        bending = bending_energy(elements + 1, reference, k.bending, cosine) + clamped
+        twisting = 0.0
+        if k.rolling:
+            wound = (cable.touching[:-1] == 1) & (cable.touching[1:] == 1)
+            own = geodesic_twist(tangents, k.contact_line)
+            twist = np.diff(cable.roll[0]) / k.segment + np.where(wound, own, 0.0)
+            twisting = 0.5 * k.torsion * k.segment * float((twist[:-1] ** 2).sum())
+        return stretching + bending + twisting
+
+
+def kinetic_energy(cable: Points, resolved: ResolvedModel, end: int) -> float:
+    """Return the kinetic energy [J] of nodes 1 to `end` - 1."""
+    k, moving = resolved.constants, slice(1, end)
+    return 0.5 * k.mass * float((cable.velocity[:, moving] ** 2).sum()) + (
+        0.5 * k.roll_inertia * float((cable.roll[1, moving] ** 2).sum())
+    )
+
 
 # The integrated node whose motion over the surface tells that the cable before it must wake: far
 # enough from the tie that the tie does not hold it, and that what comes is seen before it arrives.
@@ -58,6 +123,12 @@ class RodNodes:
         return points_of(self.state, self.touching)
 
     @property
+    def rod(self) -> RodState:
+        """The integrated nodes as the kernel takes them; none is watched where P0 alone rests."""
+        watched = WATCHED if self.resting.count > 1 else 0
+        return RodState(self.live, self.state, self.touching, self.tie, self.tie_length, watched)
+
+    @property
     def reference(self) -> FloatArray:
         """Reference lengths of the integrated elements [m], as a view."""
         return np.asarray(self.state[REFERENCE])
@@ -71,11 +142,6 @@ class RodNodes:
     def total(self) -> int:
         """Number of nodes."""
         return self.resting.count - 1 + self.live
-
-    @property
-    def watched(self) -> int:
-        """Integrated node that must not move over the surface; 0 where P0 alone rests."""
-        return WATCHED if self.resting.count > 1 else 0
 
     @property
     def position(self) -> FloatArray:
@@ -151,8 +217,8 @@ class RodNodes:
         state[:, :used], touching[:used] = self.state, self.touching
         self.state, self.touching = state, touching
 
-    def whole(self, angle: float, back: float, dt: float) -> tuple[Points, FloatArray, FloatArray]:
-        """Return the state of all nodes, and reference lengths and viscous rows of all elements.
+    def whole(self, angle: float, back: float, dt: float) -> WholeRod:
+        """Return the state of all nodes and elements.
 
         Args:
             angle: Of the cylinder [rad].
@@ -167,7 +233,7 @@ class RodNodes:
             all_nodes[..., first:] = integrated[..., : self.live]
         reference[first:] = self.reference[: self.live]
         viscous[:, first:] = self.viscous[:, : self.live]
-        return points, reference, viscous
+        return WholeRod(cable=points, reference=reference, viscous=viscous, angle=angle)
 
     def _hold(self, angle: float) -> None:
         """Tie the first integrated node to the cylinder as it is, at an angle [rad]."""

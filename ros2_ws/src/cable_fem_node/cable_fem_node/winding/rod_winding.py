@@ -11,21 +11,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
-from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import LOSS_RELAXATION, WORK_TIE, FloatArray, Points
-from cable_fem_node.dynamics.surroundings import normal_forces
-from cable_fem_node.winding import resting_cable
-from cable_fem_node.winding.fading import Fading
-from cable_fem_node.winding.resting_cable import turned
-from cable_fem_node.winding.rod_energy import WholeRod, kinetic_energy
-from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes
-from cable_fem_node.winding.stillness import Stillness
-from cable_fem_node.winding.validity import refuse, rod_checks
-from cable_fem_node.winding.winding_config import WindingConfig
-from cable_fem_node.winding.winding_kernels import advance_winding
-from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
-from cable_fem_node.winding.winding_state import (
+from cable_fem_node.dynamics.state import (
+    LOSS_RELAXATION,
+    WORK_TIE,
+    DivergenceError,
+    EnergyLedger,
+    FloatArray,
+    Points,
+    contact_energy,
+    normal_forces,
+)
+from cable_fem_node.rod.rod_records import (
     ANGLE,
     DIVERGED,
     EMPTY,
@@ -35,16 +31,69 @@ from cable_fem_node.winding.winding_state import (
     TENSION,
     part_way,
 )
+from cable_fem_node.winding import resting_cable
+from cable_fem_node.winding.resting_cable import Fading, turned
+from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes, WholeRod, kinetic_energy
+from cable_fem_node.winding.validity import refuse, rod_checks
+from cable_fem_node.winding.winding_config import WindingConfig
+from cable_fem_node.winding.winding_kernels import advance_winding
+from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
+from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerFlag, Markers
-from winding_core.material_law import TABLE_HIGH, TABLE_LOW
-from winding_core.readings import AxisReading
 
+# Time between two looks [s]. Oscillations of the span decay within it.
+LOOK_PERIOD = 0.1
+# Time for which nodes that had to be woken are left alone [s].
+AWAKE_FOR = 0.5
 # Nodes that are laid and nevertheless integrated, counted from the landing point: waves of a noisy
 # load have decayed over them to a ten-thousandth.
 AWAKE = 20
 # By at least so many nodes the border moves when cable comes to rest, and by so many when it wakes.
 FEWEST_TO_REST = 8
 WOKEN = 16
+
+
+class Stillness:
+    """Compares where nodes are on the cylinder with where they were.
+
+    What oscillates about its place is still by this measure, what creeps is not.
+
+    Args:
+        tolerance: Motion between two looks of a node that counts as still [m].
+    """
+
+    def __init__(self, tolerance: float) -> None:
+        self._tolerance = tolerance
+        self._seen = np.zeros((3, 0))
+        self._next = 0.0
+
+    def due(self, t: float) -> bool:
+        """Return whether a look is due at a time [s]."""
+        return t >= self._next
+
+    def begin_anew(self) -> None:
+        """Forget the look before: the nodes have other numbers from now on."""
+        self._seen = np.zeros((3, 0))
+
+    def woken(self, t: float) -> None:
+        """Begin anew a while after a time [s] at which resting nodes had to be woken."""
+        self.begin_anew()
+        self._next = t + AWAKE_FOR
+
+    def look(self, t: float, place: FloatArray) -> int:
+        """Return how many nodes, from the first on, are where they were at the look before.
+
+        Args:
+            t: Time [s].
+            place: Of the nodes in the frame of the cylinder [m], shape (3, n).
+        """
+        both = min(place.shape[1], self._seen.shape[1])
+        moved = ((place[:, :both] - self._seen[:, :both]) ** 2).sum(axis=0)
+        self._seen = place
+        self._next = t + LOOK_PERIOD
+        restless = np.flatnonzero(~(moved <= self._tolerance**2))
+        return int(restless[0]) if restless.size else both
 
 
 class RodWinding(WindingModel):
@@ -57,14 +106,15 @@ class RodWinding(WindingModel):
         config: The model.
 
     Raises:
-        ValueError: The rod cannot be right about it; says which number, and the way out.
+        ValueError: The rod cannot be right about it; the sentence names the number and a remedy.
     """
 
     def __init__(self, config: WindingConfig) -> None:
-        refuse(rod_checks(config))
+        refuse(rod_checks(config.resolved))
         super().__init__(config)
         resolved = config.resolved
         self._constants = resolved.constants
+        self._axial, self._relaxation = resolved.axial, resolved.relaxation
         self.step_limit = resolved.step
         stretch = resolved.stretch
         count = max(3, round(config.free_length / (stretch * config.resolved.segment)))
@@ -200,40 +250,35 @@ class RodWinding(WindingModel):
         done = 0
         part = drive
         while done < total:
-            nodes.live, taken, self._surface_rate, status, element = advance_winding(
-                nodes.live,
+            end = advance_winding(
+                nodes.rod,
                 total - done,
                 dt,
                 self._surface_rate,
                 part,
-                nodes.tie,
-                nodes.tie_length,
-                nodes.watched,
-                nodes.state,
-                nodes.touching,
                 self._constants,
-                self.config.resolved.axial,
+                self._axial,
+                self._relaxation,
                 self._ledger,
-                self.config.rolling,
-                self.config.resolved.relaxation,
             )
-            done += taken
-            self.element_steps += taken * (nodes.live - 1)
-            if status == DIVERGED:
+            nodes.live, self._surface_rate = end.nodes, end.surface_rate
+            done += end.steps
+            self.element_steps += end.steps * (nodes.live - 1)
+            if end.status == DIVERGED:
                 raise DivergenceError(
                     f"the winding diverged before t = {t:.6g} s at element "
-                    f"{nodes.resting.count - 1 + element} of {self.nodes - 1}: "
+                    f"{nodes.resting.count - 1 + end.element} of {self.nodes - 1}: "
                     f"its stretch left {TABLE_LOW:g} to {TABLE_HIGH:g} "
                     f"(step {dt:.3g} s, tension {drive[TENSION, 1]:.4g} N)"
                 )
-            if status == EMPTY and nodes.resting.count == 1:
+            if end.status == EMPTY and nodes.resting.count == 1:
                 raise DivergenceError(
                     f"the span was pulled back to the cylinder before t = {t:.6g} s: "
                     "no element left"
                 )
-            if status in (FULL, STIRRED, EMPTY):
+            if end.status in (FULL, STIRRED, EMPTY):
                 part = part_way(drive, done / total, span)
-                if status == FULL:
+                if end.status == FULL:
                     nodes.grow(2 * nodes.live)
                 else:
                     now = t - (total - done) * dt
@@ -309,13 +354,10 @@ class RodWinding(WindingModel):
 
     def _whole(self) -> WholeRod:
         back = self._surface_rate * self._last_step
-        cable, reference, viscous = self._nodes.whole(self.cylinder_angle, back, self._last_step)
-        return WholeRod(
-            cable=cable, reference=reference, viscous=viscous, angle=self.cylinder_angle
-        )
+        return self._nodes.whole(self.cylinder_angle, back, self._last_step)
 
     def _stored(self, whole: WholeRod) -> float:
-        return whole.stored(self.config.resolved, rolling=self.config.rolling)
+        return whole.stored(self.config.resolved)
 
     def _kinetic(self, cable: Points, end: int) -> float:
         return kinetic_energy(cable, self.config.resolved, end)

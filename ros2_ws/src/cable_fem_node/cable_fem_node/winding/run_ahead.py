@@ -1,21 +1,42 @@
-"""A run wound ahead piece by piece, so that nobody waits for its end."""
+"""A model taken along inputs: a run replayed, and a run wound ahead piece by piece."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
 from cable_fem_node.winding.prediction import PlannedRun, refuse_open_balance
-from cable_fem_node.winding.replay import AbandonedError
 from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.winding_model import WindingModel
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import Markers, is_wound
-from winding_core.readings import AxisReading
+from winding_core.run_inputs import Inputs, RunInputs
 
 # Simulated time of a piece [s]: as long as the paper's runs, whose prediction is one piece.
 PIECE = 20.0
 # Elements times steps after which a first piece is left for later: two processor seconds.
 FIRST_STEPS = 5.0e7
-
 Planned = Iterable[tuple[float, AxisReading, float | None]]
+
+
+class AbandonedError(RuntimeError):
+    """A replay was no longer wanted."""
+
+
+def replay(inputs: Inputs, model: WindingModel, going: Callable[[], bool] = lambda: True) -> None:
+    """Advance a model from its own time along inputs, shape (n,) of INPUT_DTYPE.
+
+    Args:
+        inputs: Ascending in time.
+        model: What is advanced.
+        going: Returns whether the result is still wanted; called before every step.
+
+    Raises:
+        AbandonedError: `going` returned False.
+    """
+    for t, reading, tension in RunInputs(samples=inputs[inputs["t"] > model.time]):
+        if not going():
+            raise AbandonedError(f"the replay was abandoned at t = {model.time:.6g} s")
+        model.advance_to(t, reading, tension)
 
 
 class RunAhead:
@@ -24,7 +45,7 @@ class RunAhead:
     What is found depends on the plan alone, not on when or in how many calls it is wound.
 
     Args:
-        model: Where the plan begins; nobody else may advance it.
+        model: Where the plan begins; nothing else may advance it.
         planned: (t [s], reading, tension [N] or None), ascending in time.
         check: Called with the model at the end of every piece; raises to refuse.
         piece: Simulated time of a piece [s].
@@ -75,7 +96,7 @@ class RunAhead:
         """Wind to the end of the piece that is begun.
 
         Args:
-            going: Asked before every step whether to go on; what it raises goes through.
+            going: Returns whether to go on; called before every step, what it raises goes through.
             most_steps: Count of elements times steps after which the rest of the piece is left to a
                 further call.
 
@@ -83,8 +104,8 @@ class RunAhead:
             What has been added to `found`; None if nothing has.
 
         Raises:
-            AbandonedError: `going` said no; a further call goes on from there.
-            SolverError: The run cannot be wound, or not rightly; says when and why.
+            AbandonedError: `going` returned False; a further call goes on from there.
+            SolverError: The run cannot be wound, or its result is invalid; names time and cause.
         """
         limit = self.model.element_steps + most_steps
         while self.model.time < self._end and self.model.element_steps < limit:

@@ -7,18 +7,28 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.energy import EnergyLedger, contact_energy
-from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.dynamics.surroundings import normal_forces, penalty
+from cable_fem_node.dynamics.state import (
+    DivergenceError,
+    EnergyLedger,
+    FloatArray,
+    contact_energy,
+    normal_forces,
+    penalty,
+)
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import round_bar
 from cable_fem_node.winding.resolved_model import chord_radius
 from cable_fem_node.winding.solid_winding_kernels import (
+    HOURGLASS,
     INSIDE_OUT,
+    KINETIC,
     RAN_OUT,
+    REPORT_SIZE,
+    SPRINGS,
+    STRAIN,
     Machine,
+    SolidScratch,
     advance_solid_winding,
 )
 from cable_fem_node.winding.winding_config import WindingConfig
@@ -60,7 +70,7 @@ class SolidWinding(WindingModel):
         solid = Solid(
             bar.nodes,
             bar.hexes,
-            SolidLaw(law=config.law, young=law.young, poisson=law.poisson),
+            SolidLaw.of(law),
             density=case.material.density * config.mass_scaling,
         )
         u, v, w = bar.nodes.T
@@ -84,24 +94,28 @@ class SolidWinding(WindingModel):
             eye_stiffness=20.0 * case.material.young * case.section_area / spacing,
             damping_rate=math.pi * config.damping_ratio * wave / config.free_length,
             first=np.ascontiguousarray(solid.points.position[:, bar.sections[0]]),
+            rolling=config.rolling,
         )
         self.step_limit = STEP_SAFETY * min(
             solid.critical_step(),
             2.0 * math.sqrt(lightest / (normal + float(solid._stiffest.max()))),
         )
-        self._report = np.zeros(5)
-        self._report[0] = self._initial_energy = solid.internal_energy()
-        self._net = np.zeros_like(solid.points.position)
-        self._couple = np.zeros(solid.mass.size)
-        self._grip = np.zeros((3, bar.sections.shape[0]))
+        self._scratch = SolidScratch(
+            net=np.zeros_like(solid.points.position),
+            couple=np.zeros(solid.mass.size),
+            grip=np.zeros((3, bar.sections.shape[0])),
+            report=np.zeros(REPORT_SIZE),
+        )
+        self._initial_energy = solid.internal_energy()
+        self._scratch.report[STRAIN] = self._initial_energy
 
     def _response(self, tension: float) -> tuple[float, float]:
-        """Return zeros: the solid's own elements say how far they stretch and where they land."""
+        """Return zeros: stretch and landing follow from the solid's own elements."""
         return 0.0, 0.0
 
     def _run(self, t: float, span: float, drive: FloatArray) -> None:
         steps = max(1, math.ceil(span / self.step_limit))
-        status, at, self._surface_step = advance_solid_winding(
+        end = advance_solid_winding(
             steps,
             span / steps,
             self._surface_step,
@@ -109,23 +123,20 @@ class SolidWinding(WindingModel):
             self._solid.points,
             self._solid._mesh,
             self._solid.mass,
-            self._net,
-            self._couple,
             self._machine,
             self._touch,
+            self._scratch,
             self._ledger,
-            self._report,
-            self._grip,
-            self.config.rolling,
         )
-        if status == INSIDE_OUT:
+        self._surface_step = end.surface_step
+        if end.status == INSIDE_OUT:
             raise DivergenceError(
-                f"the solid winding diverged before t = {t:.6g} s at element {at}: negative "
+                f"the solid winding diverged before t = {t:.6g} s at element {end.at}: negative "
                 f"Jacobian (step {span / steps:.3g} s)"
             )
-        if status == RAN_OUT:
+        if end.status == RAN_OUT:
             raise DivergenceError(
-                f"the cable's end reached the guide before t = {t:.6g} s: at section {at}"
+                f"the cable's end reached the guide before t = {t:.6g} s: at section {end.at}"
             )
         self.element_steps += steps * self._solid.volumes.size
 
@@ -212,19 +223,19 @@ class SolidWinding(WindingModel):
     @property
     def hourglass_energy(self) -> float:
         """Energy of the hourglass control after the last step [J]."""
-        return float(self._report[1])
+        return float(self._scratch.report[HOURGLASS])
 
     @property
     def energy(self) -> EnergyLedger:
         """The ledger since the start; internal energy includes hourglass energy."""
-        stored, wavy, kinetic, springs, _ = self._report
+        report, grip = self._scratch.report, self._scratch.grip
         contact = contact_energy(self._solid.points, self._touch)
-        contact += self._touch.stick_stiffness * float((self._grip[:2] ** 2).sum())
+        contact += self._touch.stick_stiffness * float((grip[:2] ** 2).sum())
         return EnergyLedger.of(
             self._ledger,
-            kinetic=float(kinetic),
-            internal=float(stored + wavy),
-            contact=contact + float(springs),
+            kinetic=float(report[KINETIC]),
+            internal=float(report[STRAIN] + report[HOURGLASS]),
+            contact=contact + float(report[SPRINGS]),
             initial=self._initial_energy,
         )
 

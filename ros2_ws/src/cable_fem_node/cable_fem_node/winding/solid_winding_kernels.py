@@ -9,22 +9,28 @@ import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.contact_kernels import touch_cylinder
-from cable_fem_node.dynamics.points import (
+from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     LOSS_FRICTION,
     WORK_INFLOW,
     WORK_SPAN,
     WORK_SURFACE,
     WORK_TIE,
+    ContactLaw,
     FloatArray,
     Points,
+    Surface,
 )
-from cable_fem_node.dynamics.surroundings import Touch
+from cable_fem_node.rod.rod_records import ANGLE, FEED, GUIDE, SPEED, TENSION
 from cable_fem_node.solid.hex_kernels import HexMesh, hex_forces
 from cable_fem_node.winding.winding_kernels import hermite
-from cable_fem_node.winding.winding_state import ANGLE, FEED, GUIDE, SPEED, TENSION
 
+# Why an advance ended.
 DONE, INSIDE_OUT, RAN_OUT = range(3)
+
+# Rows of the report: energies [J] after the last step, and the section at the eye.
+STRAIN, HOURGLASS, KINETIC, SPRINGS, EYE = range(5)
+REPORT_SIZE = 5
 
 
 class Machine(NamedTuple):
@@ -38,6 +44,24 @@ class Machine(NamedTuple):
     eye_stiffness: float
     damping_rate: float
     first: FloatArray  # (3, per_section) nodes of section 0 at cylinder angle zero
+    rolling: bool  # whether friction acts on nodes, so that the cable may roll, or on sections
+
+
+class SolidScratch(NamedTuple):
+    """What a solid cable keeps between calls beside its nodes."""
+
+    net: FloatArray  # (3, nodes) forces [N]
+    couple: FloatArray  # (nodes,) [N m]
+    grip: FloatArray  # (3, sections), see `hold_sections`
+    report: FloatArray  # (REPORT_SIZE,) rows STRAIN .. EYE
+
+
+class SolidAdvance(NamedTuple):
+    """How an advance of the solid ended."""
+
+    status: int  # DONE .. RAN_OUT
+    at: int  # element or section at fault
+    surface_step: float  # rotation of the cylinder in the last step [rad]
 
 
 @called
@@ -60,7 +84,7 @@ def hold_sections(
     mass: FloatArray,
     net: FloatArray,
     m: Machine,
-    touch: Touch,
+    touch: ContactLaw,
     grip: FloatArray,
     ledger: FloatArray,
 ) -> None:
@@ -132,24 +156,27 @@ def advance_solid_winding(
     points: Points,
     mesh: HexMesh,
     mass: FloatArray,
-    net: FloatArray,
-    couple: FloatArray,
     m: Machine,
-    touch: Touch,
+    touch: ContactLaw,
+    scratch: SolidScratch,
     ledger: FloatArray,
-    report: FloatArray,
-    grip: FloatArray,
-    rolling: bool,
-) -> tuple[int, int, float]:
+) -> SolidAdvance:
     """Advance by equal steps while the drive runs from its first to its second column.
 
-    `report` (5,) is filled: strain energy, hourglass energy, kinetic energy, energy in the
-    eyes' springs, the section at the eye. With `rolling` friction acts on the surface's nodes
-    and the cable rolls as it likes; else on whole sections, see `hold_sections`.
-
-    Returns:
-        status, element or section at fault, the last step's rotation.
+    Args:
+        steps: Number of steps to take.
+        dt: Step [s].
+        surface_step: Rotation of the cylinder in the step before the first [rad].
+        drive: Shape (7, 2), rows ANGLE .. LANDING.
+        points: Of the solid, changed.
+        mesh: Of the solid.
+        mass: Of the nodes (nodes,) [kg].
+        m: Constants of the machine.
+        touch: Constants of the contact.
+        scratch: Forces, grips and report, changed.
+        ledger: Energies [J], added to.
     """
+    net, couple, grip, report = scratch.net, scratch.couple, scratch.grip, scratch.report
     x, v = points.position, points.velocity
     nodes = net.shape[1]
     per = m.per_section
@@ -157,15 +184,20 @@ def advance_solid_winding(
     angle = drive[ANGLE, 0]
     guide = drive[GUIDE, 0]
     low, high, tail = np.empty(3), np.empty(3), np.empty(3)
-    eye = int(report[4])
+    eye = int(report[EYE])
     tail_begin = (m.sections - 1) * per
     tail_mass = 0.0
     for i in range(tail_begin, nodes):
         tail_mass += mass[i]
     nodal = touch
-    if not rolling:
-        nodal = Touch(
-            touch.normal_stiffness, touch.normal_damping, touch.stick_stiffness, 0.0, 0.0, 0.0
+    if not m.rolling:
+        nodal = ContactLaw(
+            normal_stiffness=touch.normal_stiffness,
+            normal_damping=touch.normal_damping,
+            stick_stiffness=touch.stick_stiffness,
+            stick_damping=0.0,
+            friction=0.0,
+            cable_radius=0.0,
         )
     half = 0.5 * m.damping_rate * dt
     decay = (1.0 - half) / (1.0 + half)
@@ -183,19 +215,24 @@ def advance_solid_winding(
         guide_speed = (next_guide - guide) / dt
         at, stored, wavy, lost = hex_forces(x, v, mesh, True, net)
         if at >= 0:
-            return INSIDE_OUT, at, surface_step
-        touch_cylinder(
-            per, nodes, dt, surface_step, rotation, m.landing, points, mass, net, couple, nodal,
-            ledger, False, nodes, False,
-        )  # fmt: skip
-        if not rolling:
+            return SolidAdvance(INSIDE_OUT, at, surface_step)
+        surface = Surface(
+            turned=surface_step,
+            turning=rotation,
+            landing=m.landing,
+            rolling=False,
+            edge=nodes,
+            free=False,
+        )
+        touch_cylinder(per, nodes, dt, surface, points, mass, net, couple, nodal, ledger)
+        if not m.rolling:
             hold_sections(dt, surface_step, rotation, points, mass, net, m, touch, grip, ledger)
         # The eye holds the point of the cable that is at the guide; the weight's pulley its end.
         middle_of(eye + 1, per, x, high)
         while high[1] > -m.free_length:
             eye += 1
             if eye + 2 >= m.sections:
-                return RAN_OUT, eye, surface_step
+                return SolidAdvance(RAN_OUT, eye, surface_step)
             middle_of(eye + 1, per, x, high)
         middle_of(eye, per, x, low)
         middle_of(m.sections - 1, per, x, tail)
@@ -263,8 +300,9 @@ def advance_solid_winding(
         ledger[WORK_TIE] += work
         angle, guide = next_angle, next_guide
         surface_step = rotation
-        report[0], report[1], report[2], report[3] = stored, wavy, 0.5 * kinetic, springs
-    report[4] = eye
-    if not math.isfinite(report[2]):
-        return INSIDE_OUT, 0, surface_step
-    return DONE, 0, surface_step
+        report[STRAIN], report[HOURGLASS] = stored, wavy
+        report[KINETIC], report[SPRINGS] = 0.5 * kinetic, springs
+    report[EYE] = eye
+    if not math.isfinite(report[KINETIC]):
+        return SolidAdvance(INSIDE_OUT, 0, surface_step)
+    return SolidAdvance(DONE, 0, surface_step)

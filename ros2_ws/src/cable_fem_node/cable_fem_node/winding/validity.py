@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from cable_fem_node.winding.segment_choice import LARGEST_RATIO, stretch_error_pct
+import numpy as np
+
+from cable_fem_node.dynamics.state import FloatArray
+from cable_fem_node.winding.resolved_model import LARGEST_RATIO, ResolvedModel, stretch_error_pct
+from winding_core.machine.drive import DriveProfile
 from winding_core.units import MEGAPASCAL, MILLIMETRE
-
-if TYPE_CHECKING:
-    from cable_fem_node.winding.resolved_model import ResolvedModel
-    from cable_fem_node.winding.winding_config import WindingConfig
 
 # From this share of a limit on, a condition is worth a warning.
 _NEAR = 0.5
@@ -20,25 +19,24 @@ _STRETCH_ERROR_PCT = 0.2
 # Motion's share of the energy up to which a run counts as quasi-static, and with which no
 # cable lies as it should.
 _QUASI_STATIC, _FLYING = 0.05, 1.0
+FULL_TURN = 2.0 * math.pi
+# Parts of a turn at which the lay of a guide that turns back is followed.
+_PARTS = 180
+# Of a plan that ends where it began [rad].
+_ROUNDING = 1.0e-9
+# More turns than this are not followed one by one.
+_MOST_TURNS = 5000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One number that decides whether a prediction can be right.
+    """One number that decides whether a prediction can be right."""
 
-    Attributes:
-        name: What it is, with its formula.
-        value: Of this winding.
-        warned_from: Above it the result is worth doubting.
-        refused_from: At it and above nothing is wound; infinite where only a warning is given.
-        advice: The numbers behind it and the way out, a part of a sentence.
-    """
-
-    name: str
-    value: float
-    warned_from: float
-    refused_from: float
-    advice: str
+    name: str  # What it is, with its formula
+    value: float  # Of this winding
+    warned_from: float  # Above it the result is worth doubting
+    refused_from: float  # At it and above nothing is wound; infinite where only a warning is given
+    advice: str  # The numbers behind it and the way out, a part of a sentence
 
     @property
     def refused(self) -> bool:
@@ -57,21 +55,20 @@ class Check:
         return f"{self.name} is {self.value:.3g}, more than {limit:.3g}: {self.advice}"
 
 
-def checks_of(config: WindingConfig, resolved: ResolvedModel) -> tuple[Check, ...]:
-    """Return what can be checked of a configuration, whatever its element."""
-    return (_stiffness(config, resolved), _span(config, resolved))
+def checks_of(resolved: ResolvedModel) -> tuple[Check, ...]:
+    """Return what can be checked of a model, whatever its element."""
+    return (_stiffness(resolved), _span(resolved))
 
 
-def rod_checks(config: WindingConfig) -> tuple[Check, ...]:
-    """Return what can be checked of a configuration that the rod winds."""
-    resolved = config.resolved
+def rod_checks(resolved: ResolvedModel) -> tuple[Check, ...]:
+    """Return what can be checked of a model that the rod winds."""
     ratio = resolved.segment * resolved.stretch / resolved.wound_radius
     error = stretch_error_pct(resolved.law, resolved.stretch, resolved.bending_share, ratio)
     segment = f"elements of {resolved.segment / MILLIMETRE:.3g} mm, stretched by"
     radius = f"a wound radius of {resolved.wound_radius / MILLIMETRE:.4g} mm"
     way_out = "shorter elements (segment_length), or leave their length to the solver"
     return (
-        *checks_of(config, resolved),
+        *checks_of(resolved),
         Check(
             name="the length of an element over the wound radius",
             value=ratio,
@@ -89,26 +86,26 @@ def rod_checks(config: WindingConfig) -> tuple[Check, ...]:
     )
 
 
-def kinetic_share(config: WindingConfig, angular_speed: float) -> float:
+def kinetic_share(resolved: ResolvedModel, angular_speed: float) -> float:
     """Return the kinetic over the strain energy of cable that moves with the cylinder.
 
     rho A v^2 / (F (l - 1)), with v the speed of the line at an angular speed [rad/s].
     """
-    resolved, case = config.resolved, config.case
+    case = resolved.case
     speed = angular_speed * resolved.wound_radius
-    mass = config.mass_scaling * case.material.density * case.section_area / resolved.stretch
+    mass = resolved.mass_scaling * case.material.density * case.section_area / resolved.stretch
     return mass * speed**2 / max(resolved.tension * (resolved.stretch - 1.0), 1.0e-300)
 
 
-def motion_check(config: WindingConfig, angular_speed: float) -> Check:
-    """Return whether a configuration is wound slowly enough at an angular speed [rad/s]."""
+def motion_check(resolved: ResolvedModel, angular_speed: float) -> Check:
+    """Return whether a model is wound slowly enough at an angular speed [rad/s]."""
     return Check(
         name="the kinetic over the strain energy, rho A v^2 / (F (l - 1)),",
-        value=kinetic_share(config, angular_speed),
+        value=kinetic_share(resolved, angular_speed),
         warned_from=_QUASI_STATIC,
         refused_from=_FLYING,
-        advice=f"{angular_speed:.4g} rad/s, tension {config.resolved.tension:.4g} N, stretch "
-        f"{config.resolved.stretch:.6g}, mass scaling {config.mass_scaling:g}; take less mass "
+        advice=f"{angular_speed:.4g} rad/s, tension {resolved.tension:.4g} N, stretch "
+        f"{resolved.stretch:.6g}, mass scaling {resolved.mass_scaling:g}; take less mass "
         "scaling, a slower cylinder or more tension",
     )
 
@@ -117,15 +114,15 @@ def refuse(checks: tuple[Check, ...]) -> None:
     """Refuse what cannot be right.
 
     Raises:
-        ValueError: One of the checks says so.
+        ValueError: The first check that refuses, as its sentence.
     """
     for check in checks:
         if check.refused:
             raise ValueError(check.sentence)
 
 
-def _stiffness(config: WindingConfig, resolved: ResolvedModel) -> Check:
-    case = config.case
+def _stiffness(resolved: ResolvedModel) -> Check:
+    case = resolved.case
     return Check(
         name="the bending stiffness against the tension, EI l / (2 F rho^2),",
         value=resolved.bending_share,
@@ -138,8 +135,8 @@ def _stiffness(config: WindingConfig, resolved: ResolvedModel) -> Check:
     )
 
 
-def _span(config: WindingConfig, resolved: ResolvedModel) -> Check:
-    length, free = resolved.segment, config.free_length
+def _span(resolved: ResolvedModel) -> Check:
+    length, free = resolved.segment, resolved.constants.free_length
     return Check(
         name="the segment_length over the free length",
         value=length / free,
@@ -149,3 +146,108 @@ def _span(config: WindingConfig, resolved: ResolvedModel) -> Check:
         advice=f"segment_length must be at most 0.3 of the free length {free:g} m, "
         f"got {length:g} m",
     )
+
+
+class OverlapError(ValueError):
+    """The cable would be wound over itself, which the contact model does not cover."""
+
+
+def refuse_overlap(resolved: ResolvedModel, drive: DriveProfile, duration: float) -> None:
+    """Refuse a plan that lays a turn over another.
+
+    A guide that keeps going needs a steady pitch of the cable's diameter, once there is more than
+    a turn. The first turns lie closer than the steady pitch because the cable lags behind the
+    guide; there neighbours may touch, as they do on the paper's stiffest cable, without riding up.
+    Of a guide that turns back the lay itself is followed, by the fleet-angle law; what is unwound
+    leaves the cylinder bare.
+
+    Args:
+        resolved: What is wound.
+        drive: How the machine moves.
+        duration: For how long [s].
+
+    Raises:
+        OverlapError: Turns would overlap, or are too many to be followed one by one.
+    """
+    width = resolved.case.cable_diameter * resolved.lateral
+    t = np.linspace(0.0, duration, 2001)
+    most = float(np.max(drive.positions(t)[0]))
+    if most > FULL_TURN and abs(drive.pitch) < width:
+        raise OverlapError(
+            f"the guide advances {abs(drive.pitch) / MILLIMETRE:.3g} mm per turn, less than the "
+            f"cable's {width / MILLIMETRE:.3g} mm: layers would overlap, "
+            "and cable-on-cable contact is not modelled"
+        )
+    if np.ptp(np.sign(np.diff(np.asarray(drive.positions(t)[1])))) < 2.0:
+        return
+    if most > _MOST_TURNS * FULL_TURN:
+        raise OverlapError(
+            f"a guide that turns back is followed for {_MOST_TURNS} turns at most, "
+            f"got {most / FULL_TURN:.4g}"
+        )
+    fine = np.linspace(0.0, duration, max(2, math.ceil(_PARTS * duration * _turn_rate(drive))))
+    angle, guide = (np.asarray(values) for values in drive.positions(fine))
+    lag = resolved.constants.free_length / resolved.wound_radius
+    refuse_crossing(angle, guide, lag, width)
+
+
+def refuse_past_the_start(angle: FloatArray) -> None:
+    """Refuse a cylinder that unwinds more than was wound; its angle [rad] over time, shape (n,).
+
+    Raises:
+        ValueError: The sentence contains how far it would turn back.
+    """
+    least = float(angle.min())
+    if least < -_ROUNDING:
+        raise ValueError(
+            f"the cylinder would turn back to {least:.4g} rad, past the start, where nothing "
+            "is wound any more: unwind for a shorter time"
+        )
+
+
+def refuse_crossing(angle: FloatArray, guide: FloatArray, lag: float, width: float) -> None:
+    """Refuse a lay that comes closer than a width to a turn laid before.
+
+    Neighbours of a guide that goes on as it began may touch; from where it has turned back, or
+    falls below a width per turn, the lay counts.
+
+    Args:
+        angle: Of the cylinder over time [rad], shape (n,), from 0 on, not below 0.
+        guide: Position of the guide [m], shape (n,).
+        lag: Rotation in which the cable follows the guide, L / rho [rad].
+        width: Of the cable [m].
+
+    Raises:
+        OverlapError: The sentence contains the turns and the position.
+    """
+    part = FULL_TURN / _PARTS
+    lay = [0.0]
+    place = np.concatenate([[0.0], np.zeros(int(angle.max() / part) + 1)])
+    guided = np.zeros_like(place)
+    steady = True
+    for i in range(1, angle.size):
+        last = int(angle[i] / part)
+        del lay[last + 1 :]
+        while len(lay) <= last:
+            k = len(lay)
+            share = (k * part - angle[i - 1]) / max(angle[i] - angle[i - 1], 1.0e-300)
+            at = guide[i - 1] + min(max(share, 0.0), 1.0) * (guide[i] - guide[i - 1])
+            lay.append(lay[-1] + (at - lay[-1]) * -math.expm1(-part / lag))
+            place[k], guided[k] = lay[-1], at
+            if k < _PARTS:
+                continue
+            steady = steady and abs(at - guided[k - _PARTS]) >= width
+            if steady:
+                continue
+            apart = np.abs(place[k % _PARTS : k : _PARTS] - place[k])
+            if apart.min() < width:
+                raise OverlapError(
+                    f"the guide turns back: after {k * part / FULL_TURN:.3g} turns the cable comes "
+                    f"to lie at {place[k] / MILLIMETRE:.4g} mm, {apart.min() / MILLIMETRE:.3g} mm "
+                    f"from a turn laid before, less than its {width / MILLIMETRE:.3g} mm: layers "
+                    "would overlap, and cable-on-cable contact is not modelled"
+                )
+
+
+def _turn_rate(drive: DriveProfile) -> float:
+    return abs(drive.angular_speed) / FULL_TURN

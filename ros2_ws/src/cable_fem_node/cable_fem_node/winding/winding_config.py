@@ -3,52 +3,43 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from cable_fem_node.winding.resolved_model import ResolvedModel
 from cable_fem_node.winding.validity import checks_of, refuse
-from winding_core.cases import Case
-from winding_core.condition import Condition, ResolvedCondition
-from winding_core.fleet_angle import PAPER_FREE_LENGTH
-from winding_core.material_law import MOONEY_RATIO
+from winding_core.cable.cases import Case
+from winding_core.cable.condition import Condition, ResolvedCondition
+from winding_core.cable.material_law import LawParameters, MaterialLaw
+from winding_core.helix import PAPER_FREE_LENGTH
+from winding_core.machine.tension import DeadWeight, TensionLaw
 from winding_core.parameters import parameter
-from winding_core.tension import DeadWeight, TensionLaw
 from winding_core.units import LENGTH, PLAIN
 
 
 @dataclass(frozen=True, kw_only=True)
-class WindingConfig:
-    """Everything that defines a winding model.
+class WindingConfig(LawParameters):
+    """Everything that defines a winding model; its material law is that of `LawParameters`.
 
     Attributes:
-        case: Cable, cylinder, weight and marker spacing.
         friction: Coulomb friction between cable and cylinder, acting on the centreline.
-        law: Material law, one of material_law.LAWS.
-        mooney_ratio: C01 / C10 of law ``mooney_rivlin``.
         segment_length: Reference length of an element [m]; None: what suits the winding.
-        free_length: Tangent span between contact line and guide [m], L_xy.
         tension_law: Span tension from weight, cylinder diameter and wound length.
         thinning: Whether the wound radius is R + r t with the law's lateral stretch t, or
             R + r. None: only for the large-strain laws; ``linear`` leaves the section as it is.
-        damping_ratio: Mass-proportional damping of the span's first axial mode.
-        mass_scaling: Factor on the density.
-        rolling: Let the cable roll on the surface about its own axis.
         rests: Whether turns of the rod that lie still are laid to rest, which costs nothing but
             their memory, or are integrated for ever.
     """
 
-    case: Case
+    case: Case  # Cable, cylinder, weight and marker spacing
     friction: float = Condition.friction
-    law: str = Condition.law
     segment_length: float | None = None
-    free_length: float = PAPER_FREE_LENGTH
+    free_length: float = PAPER_FREE_LENGTH  # Tangent span between contact line and guide [m], L_xy
     tension_law: TensionLaw = field(default_factory=DeadWeight)
     thinning: bool | None = None
-    damping_ratio: float = 0.05
-    mass_scaling: float = 1.0
-    rolling: bool = False
-    mooney_ratio: float = MOONEY_RATIO
+    damping_ratio: float = 0.05  # Mass-proportional damping of the span's first axial mode
+    mass_scaling: float = 1.0  # Factor on the density
+    rolling: bool = False  # Let the cable roll on the surface about its own axis
     rests: bool = True
 
     def __post_init__(self) -> None:
@@ -61,12 +52,38 @@ class WindingConfig:
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{name} must not be negative, got {value}")
         # Refuses a material that cannot carry the weight.
-        refuse(checks_of(self, self.resolved))
+        refuse(checks_of(self.resolved))
 
     @cached_property
     def resolved(self) -> ResolvedModel:
         """What follows from the configuration, computed once."""
-        return ResolvedModel.of(self)
+        case = self.case
+        return ResolvedModel.of(
+            case,
+            self.material_law(case.material.young, case.material.poisson),
+            tension=self.tension_law(case.weight, case.cylinder_diameter, 0.0),
+            thins=self.thins,
+            friction=self.friction,
+            free_length=self.free_length,
+            segment_length=self.segment_length,
+            damping_ratio=self.damping_ratio,
+            mass_scaling=self.mass_scaling,
+            rolling=self.rolling,
+        )
+
+    @property
+    def thins(self) -> bool:
+        """Whether the wound radius follows the cable's lateral stretch."""
+        return self.law != "linear" if self.thinning is None else self.thinning
+
+    def with_law(self, law: MaterialLaw) -> WindingConfig:
+        """Return the configuration with another material; density and friction stay.
+
+        Raises:
+            ValueError: The material cannot carry the weight.
+        """
+        material = replace(self.case.material, young=law.young, poisson=law.poisson)
+        return replace(self, case=replace(self.case, material=material), **law.law_values())
 
     def refuse_rod_material(self) -> None:
         """Refuse what a solid element does not have: factors on stiffnesses, a Prony series.
@@ -121,11 +138,10 @@ class SolverParameters:
         return WindingConfig(
             case=what.case,
             friction=what.friction,
-            law=what.law,
-            mooney_ratio=what.mooney_ratio,
             tension_law=what.tension_law,
             free_length=what.free_length,
             segment_length=self.segment_length or None,
             mass_scaling=self.mass_scaling or mass_scaling,
             rolling=self.rolling,
+            **what.law_values(),
         )

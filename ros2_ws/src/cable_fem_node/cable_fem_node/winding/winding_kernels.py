@@ -15,7 +15,7 @@ import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.contact_kernels import touch_cylinder
-from cable_fem_node.dynamics.points import (
+from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     LOSS_RELAXATION,
     WORK_INFLOW,
@@ -23,22 +23,19 @@ from cable_fem_node.dynamics.points import (
     WORK_TIE,
     FloatArray,
     IntArray,
+    Points,
+    Surface,
 )
-from cable_fem_node.rod.relaxation import branch_energy, decays, strain_under
-from cable_fem_node.rod.rod_arrays import AxialResponse, Relaxation
+from cable_fem_node.rod.relaxation import branch_energy, decays, fade, strain_under
 from cable_fem_node.rod.rod_kernels import (
     bend_end,
     bend_nodes,
     element_force,
+    empty_work,
     law_energy,
     stretch_elements,
 )
-from cable_fem_node.rod.rod_scratch import empty_work
-from cable_fem_node.winding.landing_kernels import landing_node
-from cable_fem_node.winding.motion_kernels import move_nodes, roll_nodes
-from cable_fem_node.winding.rod_relaxation import relax_elements
-from cable_fem_node.winding.rod_state import REFERENCE, VISCOUS, points_of
-from cable_fem_node.winding.winding_state import (
+from cable_fem_node.rod.rod_records import (
     ANGLE,
     CUT_AT,
     DIVERGED,
@@ -48,6 +45,7 @@ from cable_fem_node.winding.winding_state import (
     GUIDE,
     LANDING,
     MERGE_AT,
+    REFERENCE,
     RUNNING,
     SPEED,
     STIRRED,
@@ -56,9 +54,157 @@ from cable_fem_node.winding.winding_state import (
     TIE_ALONG,
     TIE_PLACE,
     TIE_WATCHED,
+    VISCOUS,
+    Advance,
+    AxialResponse,
     Constants,
+    Relaxation,
+    RodState,
+    Work,
 )
-from winding_core.material_law import TABLE_HIGH, TABLE_LOW
+from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
+
+
+@called
+def points_of(rows: FloatArray, touching: IntArray) -> Points:
+    """Return the nodes of a state, see `RodState`, as views."""
+    return Points(
+        position=rows[0:3],
+        velocity=rows[3:6],
+        slip=rows[6:8],
+        contact_radius=rows[8],
+        touching=touching,
+        roll=rows[9:11],
+    )
+
+
+@called
+def relax_elements(
+    elements: int,
+    cable: Points,
+    reference: FloatArray,
+    viscous: FloatArray,
+    decay: FloatArray,
+    ramp: FloatArray,
+    relax: Relaxation,
+    k: Constants,
+    work: Work,
+) -> float:
+    """Take the branches' forces off the elements' tensions; return the heat [J].
+
+    The cylinder is rigid: only its penalty spring lets wound cable sink in. Where the tension fades
+    the spring is shortened so that the cable stays where it is.
+
+    Args:
+        elements: In use; the last one slides through the guide and makes no heat.
+        cable: Nodes; the radii of those in contact are changed.
+        reference: Lengths of the elements [m].
+        viscous: Columns as in `fade`, shape (1 + terms, capacity), changed.
+        decay: As of `decays`, shape (terms,).
+        ramp: As of `decays`, shape (terms,).
+        relax: Of the cable.
+        k: Constants.
+        work: Its tensions are the law's at once, and changed.
+    """
+    x = cable.position
+    stiffness = k.touch.normal_stiffness
+    heat, change_before = 0.0, 0.0
+    for i in range(elements):
+        length = 1.0 / work.inverse[i]
+        strain = length / reference[i] - 1.0
+        taken, change, lost = fade(work.tension[i], strain, viscous, i, decay, ramp, relax)
+        work.tension[i] -= taken
+        if i < elements - 1:
+            heat += reference[i] * lost
+        if i > 0 and cable.touching[i] == 1:
+            radius = math.sqrt(x[0, i] * x[0, i] + x[1, i] * x[1, i])
+            depth = cable.contact_radius[i] - radius
+            less = 0.5 * (change_before + change) * length / (k.contact_line * stiffness)
+            cable.contact_radius[i] -= less
+            heat += 0.5 * stiffness * (2.0 * depth - less) * less
+        change_before = change
+    return heat
+
+
+@called
+def move_nodes(
+    elements: int,
+    dt: float,
+    rate: float,
+    guide_speed: float,
+    cable: Points,
+    tangent: FloatArray,
+    net: FloatArray,
+    k: Constants,
+) -> float:
+    """Take one central-difference step of the inner nodes; return the damping loss [J].
+
+    Mass-proportional damping acts on the velocity relative to the motion that is meant: with
+    the surface where the cable lies on it, along the cable's own line with the feed where it
+    does not. Damping towards the lab frame would add false tension, and damping towards the
+    straight span would press a stiff cable, which lands on a curve, against the cylinder.
+    """
+    x, v = cable.position, cable.velocity
+    half = 0.5 * k.damping_rate * dt
+    decay = (1.0 - half) / (1.0 + half)
+    push = dt / (k.mass * (1.0 + half))
+    feed = -0.5 * k.contact_line * rate
+    follow = -guide_speed / k.free_length
+    loss = 0.0
+    for i in range(1, elements):
+        px, py = x[0, i], x[1, i]
+        wound = cable.touching[i] == 1
+        rx = -rate * py if wound else feed * (tangent[0, i - 1] + tangent[0, i])
+        ry = rate * px if wound else feed * (tangent[1, i - 1] + tangent[1, i])
+        rz = 0.0 if wound else follow * py
+        wx, wy, wz = v[0, i] - rx, v[1, i] - ry, v[2, i] - rz
+        ux = wx * decay + push * net[0, i]
+        uy = wy * decay + push * net[1, i]
+        uz = wz * decay + push * net[2, i]
+        mx, my, mz = 0.5 * (ux + wx), 0.5 * (uy + wy), 0.5 * (uz + wz)
+        loss += mx * (mx + rx) + my * (my + ry) + mz * (mz + rz)
+        v[0, i] = ux + rx
+        v[1, i] = uy + ry
+        v[2, i] = uz + rz
+        x[0, i] = px + dt * v[0, i]
+        x[1, i] = py + dt * v[1, i]
+        x[2, i] += dt * v[2, i]
+    return k.mass * k.damping_rate * dt * loss
+
+
+@called
+def roll_nodes(elements: int, dt: float, cable: Points, work: Work, k: Constants) -> None:
+    """Take one step of the cable's rotation about its own axis.
+
+    The roll angle counts from the surface normal, so a wound helix twists by its geodesic
+    torsion even where the cable does not roll. Node 0 is held, the guide lets the cable spin.
+    """
+    roll, touching, tangent = cable.roll, cable.touching, work.tangent
+    decay = 1.0 - k.damping_rate * dt
+    before = 0.0
+    for i in range(elements):
+        after = 0.0
+        if i < elements - 1:
+            twist = (roll[0, i + 1] - roll[0, i]) / k.segment
+            if touching[i] == 1 and touching[i + 1] == 1:
+                level = math.sqrt(tangent[0, i] ** 2 + tangent[1, i] ** 2)
+                twist -= tangent[2, i] * level / k.contact_line
+            after = k.torsion * twist
+        if i > 0:
+            torque = work.couple[i] + after - before
+            roll[1, i] = decay * roll[1, i] + dt * torque / k.roll_inertia
+        before = after
+    for i in range(1, elements):
+        roll[0, i] += dt * roll[1, i]
+
+
+@called
+def landing_node(elements: int, touching: IntArray) -> int:
+    """Return the outermost node that touches, 0 for none."""
+    node = elements - 1
+    while node > 0 and touching[node] == 0:
+        node -= 1
+    return node
 
 
 @called
@@ -70,46 +216,36 @@ def hermite(a: float, b: float, da: float, db: float, u: float) -> float:
 
 @kernel
 def advance_winding(
-    nodes: int,
+    rod: RodState,
     steps: int,
     dt: float,
     surface_rate: float,
     drive: FloatArray,
-    tie: FloatArray,
-    tie_length: float,
-    watched: int,
-    state: FloatArray,
-    touching: IntArray,
     k: Constants,
     response: AxialResponse,
-    ledger: FloatArray,
-    rolling: bool,
     relax: Relaxation,
-) -> tuple[int, int, float, int, int]:
+    ledger: FloatArray,
+) -> Advance:
     """Advance the cable by equal steps while the drive runs from its first to its second column.
 
     Args:
-        nodes: Number of nodes in use.
+        rod: Nodes and elements, changed, and how the cylinder holds node 0.
         steps: Number of steps to take.
         dt: Step [s].
         surface_rate: Angular speed of the cylinder in the step before the first [rad/s].
         drive: Shape (7, 2), rows ANGLE .. LANDING.
-        tie: Shape (3, 3), rows TIE_PLACE .. TIE_WATCHED in the frame of the cylinder.
-        tie_length: Reference length that bends about node 0, twice the mean of both sides [m].
-        watched: Node whose motion over the surface ends the advance; 0 for none.
-        state: Nodes and elements, rows as in `points_of`, shape (STATE_ROWS, capacity), changed.
-        touching: 1 where a node is in contact, shape (capacity,), changed.
         k: Constants.
         response: Axial response of the cable.
-        ledger: Energies [J], added to in place.
-        rolling: Let the cable roll on the surface about its own axis.
         relax: How the axial stress fades; with terms the last element stands for the cable before
             the guide, which the span's tension has loaded since the run began.
-
-    Returns:
-        nodes, steps taken, the last step's angular speed, status, element at fault.
+        ledger: Energies [J], added to in place.
     """
-    cable, reference, viscous = points_of(state, touching), state[REFERENCE], state[VISCOUS:]
+    nodes, touching, tie, watched = rod.nodes, rod.touching, rod.tie, rod.watched
+    cable, reference, viscous = (
+        points_of(rod.rows, touching),
+        rod.rows[REFERENCE],
+        rod.rows[VISCOUS:],
+    )
     terms = relax.share.shape[0]
     decay, ramp = np.zeros(terms), np.zeros(terms)
     decays(dt, relax, decay, ramp)
@@ -129,7 +265,7 @@ def advance_winding(
     for step in range(steps):
         # A step is not begun that could not end with an element cut.
         if nodes == capacity:
-            return nodes, step, surface_rate, FULL, nodes - 2
+            return Advance(nodes, step, surface_rate, FULL, nodes - 2)
         u = step / steps
         pull = drive[TENSION, 0] + u * (drive[TENSION, 1] - drive[TENSION, 0])
         pulled = drive[STRETCH, 0] + u * (drive[STRETCH, 1] - drive[STRETCH, 0])
@@ -155,13 +291,13 @@ def advance_winding(
             for j in range(1, terms + 1):
                 held += viscous[j, end]
             if not held < relax.high:
-                return nodes, step + 1, surface_rate, DIVERGED, end
+                return Advance(nodes, step + 1, surface_rate, DIVERGED, end)
             pulled = 1.0 + strain_under(held, relax)
         work.tension[end] = pull
         bend_nodes(elements, reference, k.bending, work)
         first[0] = cosine * tie[TIE_ALONG, 0] - sine * tie[TIE_ALONG, 1]
         first[1] = sine * tie[TIE_ALONG, 0] + cosine * tie[TIE_ALONG, 1]
-        bend_end(0, 0, first, tie_length, k.bending, work)
+        bend_end(0, 0, first, rod.tie_length, k.bending, work)
         work.cosine[elements] = 0.0
         slope[elements] = 0.0
         element_force(elements, first, free, work)
@@ -169,25 +305,17 @@ def advance_winding(
         for c in range(3):
             for i in range(1, elements):
                 net[c, i] = force[c, i] - force[c, i - 1]
-        touch_cylinder(
-            1,
-            elements,
-            dt,
-            surface_rate * dt,
-            rotation,
-            landing,
-            cable,
-            mass,
-            net,
-            work.couple,
-            k.touch,
-            ledger,
-            rolling,
-            landing_node(elements, touching),
+        surface = Surface(
+            turned=surface_rate * dt,
+            turning=rotation,
+            landing=landing,
+            rolling=k.rolling,
+            edge=landing_node(elements, touching),
             # Cable that creeps would creep on while its node is free, by more than bending takes.
-            rate > 0.0 and terms == 0,
+            free=rate > 0.0 and terms == 0,
         )
-        if rolling:
+        touch_cylinder(1, elements, dt, surface, cable, mass, net, work.couple, k.touch, ledger)
+        if k.rolling:
             roll_nodes(elements, dt, cable, work, k)
         guide_speed = (next_guide - x[2, elements]) / dt
         # The guide pulls along the last element and pushes the cable that bends at it aside.
@@ -218,7 +346,7 @@ def advance_winding(
         length = math.sqrt(ex * ex + ey * ey + ez * ez)
         last = length / pulled
         if not 0.0 < last < 1.0e3 * k.segment:
-            return nodes, step + 1, surface_rate, DIVERGED, end
+            return Advance(nodes, step + 1, surface_rate, DIVERGED, end)
         if last > CUT_AT * k.segment:
             part = k.segment / last
             for c in range(3):
@@ -242,7 +370,7 @@ def advance_winding(
             nodes += 1
         elif last < MERGE_AT * k.segment:
             if nodes < 4:
-                return nodes, step + 1, surface_rate, EMPTY, end
+                return Advance(nodes, step + 1, surface_rate, EMPTY, end)
             given_back = inflow(x, v, end - 1, end, k, response, viscous[:, end - 1], relax)
             ledger[WORK_INFLOW] -= given_back
             for j in range(viscous.shape[0]):
@@ -260,12 +388,12 @@ def advance_winding(
             ry = x[1, watched] - sine * tie[TIE_WATCHED, 0] - cosine * tie[TIE_WATCHED, 1]
             rz = x[2, watched] - tie[TIE_WATCHED, 2]
             if not rx * rx + ry * ry + rz * rz <= k.stirred * k.stirred:
-                return nodes, step + 1, surface_rate, STIRRED, 0
+                return Advance(nodes, step + 1, surface_rate, STIRRED, 0)
     for i in range(nodes - 2):
         stretch = 1.0 / (inverse[i] * reference[i])
         if not TABLE_LOW < stretch < TABLE_HIGH:
-            return nodes, steps, surface_rate, DIVERGED, i
-    return nodes, steps, surface_rate, RUNNING, 0
+            return Advance(nodes, steps, surface_rate, DIVERGED, i)
+    return Advance(nodes, steps, surface_rate, RUNNING, 0)
 
 
 @called

@@ -8,21 +8,24 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.energy import EnergyLedger
-from cable_fem_node.dynamics.points import LEDGER_SIZE, FloatArray
-from cable_fem_node.winding.lift_off import lift_off_angle
-from cable_fem_node.winding.winding_config import WindingConfig
-from cable_fem_node.winding.winding_state import (
+from cable_fem_node.dynamics.state import LEDGER_SIZE, EnergyLedger, FloatArray
+from cable_fem_node.rod.rod_records import (
     ANGLE,
     STRETCH,
     TENSION,
 )
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerFlag, Markers, wound_markers
-from winding_core.readings import AxisReading
 
 NODE_DTYPE = np.dtype(
     [(name, "<f8") for name in ("x", "y", "z", "s", "tension", "strain", "roll", "twist")]
 )
+# Laid nodes behind the edge whose mean curvature is the cylinder's: the edge's own push has
+# decayed over the two that are left out.
+_LAID = slice(-7, -2)
+# Free nodes that the bending moment is followed over.
+_FREE = 4
 
 
 class WindingModel(ABC):
@@ -64,7 +67,7 @@ class WindingModel(ABC):
 
         Raises:
             ValueError: Time runs backwards or a number is not finite.
-            DivergenceError: The integration failed; says when, at which element and why.
+            DivergenceError: The integration failed; names time, element and cause.
         """
         angle = reading.cylinder_angle
         inputs = (t, angle, reading.angular_speed, reading.carriage_position, reading.feed_speed)
@@ -82,11 +85,11 @@ class WindingModel(ABC):
         elif not (math.isfinite(tension) and tension >= 0.0):
             raise ValueError(f"tension must not be negative, got {tension} N")
         motion = self._motion
-        responses: FloatArray | tuple[float, float] = motion[STRETCH:, 1]
-        if tension != motion[TENSION, 1]:
-            responses = self._response(tension)
+        responses = self._response(tension) if tension != motion[TENSION, 1] else None
         motion[:, 0] = motion[:, 1]
-        motion[:, 1] = (*inputs[1:], tension, *responses)
+        motion[:STRETCH, 1] = (*inputs[1:], tension)
+        if responses is not None:
+            motion[STRETCH:, 1] = responses
         self._run(t, span, motion)
         self.time = t
 
@@ -194,3 +197,42 @@ def wound_angles(x: FloatArray, y: FloatArray) -> FloatArray:
     theta = np.zeros(x.size)
     np.cumsum(angle_steps(x, y), out=theta[1:])
     return theta
+
+
+def lift_off_angle(position: FloatArray, reference: FloatArray, laid: int) -> float:
+    """Return the azimuth [rad] at which the free cable's curvature reaches the cylinder's.
+
+    The moment is continuous there and decays along the free cable nearly as an exponential; its
+    logarithm over the first free nodes is followed back by a parabola. Nodes land and leave one
+    by one, the moment changes steadily.
+
+    Args:
+        position: Of the nodes across the cylinder's axis [m], shape (2, n).
+        reference: Reference lengths of the elements [m], shape (n - 1,).
+        laid: Nodes that lie on the cylinder.
+
+    Raises:
+        ValueError: Too little cable lies, or elements are too long to see it bend off the cylinder.
+    """
+    if not 8 <= laid <= position.shape[1] - _FREE - 1:
+        raise ValueError(
+            f"lift-off needs 8 nodes on the cylinder and {_FREE + 1} off it, got {laid} of "
+            f"{position.shape[1]}"
+        )
+    edge = np.diff(position, axis=1)
+    turning = np.arctan2(
+        edge[0, :-1] * edge[1, 1:] - edge[1, :-1] * edge[0, 1:],
+        (edge[:, :-1] * edge[:, 1:]).sum(axis=0),
+    )
+    curvature = np.abs(2.0 * turning / (reference[:-1] + reference[1:]))
+    # Entry i belongs to node i + 1: the last laid node is entry laid - 2.
+    on_cylinder = float(curvature[: laid - 1][_LAID].mean())
+    free = slice(laid - 1, laid - 1 + _FREE)
+    share = curvature[free] / on_cylinder
+    if not (np.all(np.diff(share) < 0.0) and share[-1] > 0.05):
+        raise ValueError(
+            f"over the first {_FREE} elements off the cylinder the curvature falls to "
+            f"{share[-1]:.2g} of the cylinder's (limit 0.05): take shorter elements"
+        )
+    azimuth = np.arctan2(position[1], position[0])[laid : laid + _FREE]
+    return float(np.polyval(np.polyfit(np.log(share), azimuth, 2), 0.0))

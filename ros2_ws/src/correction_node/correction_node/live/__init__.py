@@ -1,1 +1,1 @@
-"""Correction of a running machine, and what its own measured markers add."""
+"""What is the corrected length of a running machine, and what do its measured markers add?"""

@@ -7,10 +7,10 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from correction_node.live.measured_run import implausible
 from correction_node.live.neighbours import MARKERS, Neighbours, Resemblance
-from correction_node.live.plausibility import implausible
 from correction_node.models.weights import Factor, TrainedFactor
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, Markers, is_wound
 
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from correction_node.models.dataset import Array
-from winding_core.published import published_markers
+from winding_core.cable.cases import published_markers
 
 MARKERS = 4
 NEIGHBOURS = 5
 REPETITIONS = 10
 # The ten repetitions of each experiment were not published, so they are simulated. Errors of
-# 0.6 % give the paper's accuracy of 91.3 %; `repeatability` has the accuracy at other noises.
+# 0.6 % give the paper's accuracy of 91.3 %; for other noises see the evidence's `repeatability`.
 REPEATABILITY = 0.006
 
 
@@ -35,17 +35,11 @@ class Noise(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Resemblance:
-    """The known condition that a run resembles.
+    """The known condition that a run resembles."""
 
-    Attributes:
-        case: Row of Table 1 with most votes.
-        share: Its share of the votes.
-        votes: Share of every case that got votes; the shares add up to one.
-    """
-
-    case: int
-    share: float
-    votes: Mapping[int, float]
+    case: int  # Row of Table 1 with most votes
+    share: float  # Its share of the votes
+    votes: Mapping[int, float]  # Share of every case that got votes; the shares add up to one
 
 
 def published_lengths() -> tuple[NDArray[np.int64], Array]:
@@ -73,17 +67,11 @@ def repeated_runs(
 
 @dataclass(frozen=True, kw_only=True)
 class KnownRuns:
-    """Runs of known cases, among which the nearest vote.
+    """Runs of known cases, among which the nearest vote."""
 
-    Attributes:
-        lengths: [m], shape (n, 4); NaN where a marker is missing.
-        cases: Shape (n,).
-        neighbours: k.
-    """
-
-    lengths: Array
-    cases: NDArray[np.int64]
-    neighbours: int
+    lengths: Array  # [m], shape (n, 4); NaN where a marker is missing
+    cases: NDArray[np.int64]  # Shape (n,)
+    neighbours: int  # k
 
     def votes(self, lengths: Array) -> tuple[NDArray[np.int64], Array]:
         """Return (cases, ascending, shape (c,); share of the votes of each run, shape (m, c)).

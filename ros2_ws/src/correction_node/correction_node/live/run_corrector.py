@@ -10,14 +10,13 @@ from correction_node.live.corrector import Corrector
 from correction_node.live.measured_run import MeasuredRun
 from correction_node.live.within_run import WithinRun
 from correction_node.models.dataset import Array
-from winding_core.cases import Case
+from winding_core.cable.cases import Case, published_conditions
 from winding_core.markers import Markers
-from winding_core.published import published_conditions
 
-# A measured marker further off than this many half-widths is not believed: twice as far as
+# A measured marker further off than this many half-widths is an outlier: twice as far as
 # the worst of the left-out cases ever was.
 BELIEVED_WIDTHS = 2.0
-# Before the run itself says how long its turns are, nobody knows the rig: the paper's measured
+# The rig is unknown until the run's own markers show how long its turns are: the paper's measured
 # lengths are up to 23 % off an uncorrected prediction.
 BELIEVED_SHARE = 0.25
 # Prediction and measurement reach this node by different ways, and simulated time may lead the
@@ -50,7 +49,7 @@ class RunCorrector:
 
     A measured marker is taken only if it lies near what was expected of it: within twice the
     half-width, and for the first two within a quarter of what lies ahead if that is more.
-    Otherwise it is refused, said, and nothing after it is corrected by it.
+    Otherwise it is rejected and reported, and no later marker is corrected by it.
 
     Attributes:
         measured: The markers that the tracker has measured.

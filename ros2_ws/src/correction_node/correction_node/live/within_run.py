@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from correction_node.models.dataset import Array
 
-# Two measured markers say how long the turns are and how they grow; one says only the first.
+# Two measured markers give the length of a turn and its growth; one gives only the length.
 FEWEST = 2
 _BUILD_UP_LENGTH = 0.1450459750961868
 _RELATIVE_BOUNDS = (0.051487241616152105, 0.04008179934542152)
@@ -18,17 +18,11 @@ _RELATIVE_BOUNDS = (0.051487241616152105, 0.04008179934542152)
 
 @dataclass(frozen=True, kw_only=True)
 class LengthAhead:
-    """The expected length of a marker that has not been measured.
+    """The expected length of a marker that has not been measured."""
 
-    Attributes:
-        s: Curve length S_n [m].
-        ahead: How far it lies beyond the last measured marker [m]; 0 < ahead <= s.
-        measured: How many measured markers it was found from.
-    """
-
-    s: float
-    ahead: float
-    measured: int
+    s: float  # Curve length S_n [m]
+    ahead: float  # How far it lies beyond the last measured marker [m]; 0 < ahead <= s
+    measured: int  # How many measured markers it was found from
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,18 +34,17 @@ class WithinRun:
         r_j = r_inf - A exp(-s_(j-1) / L_c),   s_j = j spacings of undeformed cable,
 
     which is what a span tension that builds up exponentially does to a sticking cable
-    (`winding_core.tension.RigTension`). r_inf and A belong to the run and are fitted to its
+    (`winding_core.machine.tension.RigTension`). r_inf and A belong to the run and are fitted to its
     measured increments, so nothing is asked about cable, cylinder or weight; two markers fix
     them, more are fitted by least squares. L_c is the only number learned from other runs.
 
     Attributes:
-        build_up_length: L_c [m] of undeformed cable.
         relative_bounds: Largest error over `ahead` of the left-out cases, with two measured
             markers and with three; more markers than that keep the last. Empty for a law that is
             only fitted.
     """
 
-    build_up_length: float
+    build_up_length: float  # L_c [m] of undeformed cable
     relative_bounds: tuple[float, ...] = ()
 
     def length_ahead(
@@ -106,6 +99,7 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
 def published_within_run() -> WithinRun:
     """Return the law learned from the paper's twelve runs and this project's rod.
 
-    `training.within_run_learning` gives these numbers; a node has no time to look for them.
+    They come from `winding_verification.correction.within_run_learning`, which takes too long for a
+    node.
     """
     return WithinRun(build_up_length=_BUILD_UP_LENGTH, relative_bounds=_RELATIVE_BOUNDS)

@@ -1,1 +1,1 @@
-"""Models of the correction factor h: their inputs, data set, files and error bounds."""
+"""What gives the correction factor h, from which inputs, how far off may it be?"""

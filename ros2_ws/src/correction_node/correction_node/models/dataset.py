@@ -1,11 +1,11 @@
-"""The cells that a factor is learned from: predicted and measured length of each marker."""
+"""What a factor is learned from, and what a model of it looks at: cells, conditions, inputs."""
 
 from __future__ import annotations
 
 import csv
 import hashlib
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import paper_case
-from winding_core.published import published_markers
+from winding_core.cable.cases import Case, Material, paper_case, published_markers
+from winding_core.lay.quasi_static import QuasiStaticLay
+from winding_core.machine.tension import DeadWeight
 
 Array = NDArray[np.float64]
 
@@ -24,36 +25,22 @@ ROD_LENGTHS = "rod_lengths.csv"
 
 @dataclass(frozen=True, kw_only=True)
 class MarkerCondition:
-    """Everything that h of one marker may depend on.
+    """Everything that h of one marker may depend on."""
 
-    Attributes:
-        case: Row of Table 1, or 0.
-        marker: n of Pn.
-        cylinder_diameter: [m]
-        cable_diameter: Undeformed [m].
-        tension: Nominal stress, weight over undeformed section [Pa].
-        original_length: n marker spacings [m].
-        s_fem: Predicted curve length S_n [m].
-    """
-
-    case: int
-    marker: int
-    cylinder_diameter: float
-    cable_diameter: float
-    tension: float
-    original_length: float
-    s_fem: float
+    case: int  # Row of Table 1, or 0
+    marker: int  # n of Pn
+    cylinder_diameter: float  # [m]
+    cable_diameter: float  # Undeformed [m]
+    tension: float  # Nominal stress, weight over undeformed section [Pa]
+    original_length: float  # n marker spacings [m]
+    s_fem: float  # Predicted curve length S_n [m]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LengthCell(MarkerCondition):
-    """One measured cell of Tables 5 and 6, with a solver's prediction beside it.
+    """One measured cell of Tables 5 and 6, with a solver's prediction beside it."""
 
-    Attributes:
-        s_exp: Measured curve length S_n [m].
-    """
-
-    s_exp: float
+    s_exp: float  # Measured curve length S_n [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +66,7 @@ def load_data_set(name: str) -> DataSet:
 
     Raises:
         FileNotFoundError: There is no such file.
-        ValueError: The file says something that no length table can say.
+        ValueError: The file is not a table of lengths.
     """
     if name == "paper":
         predicted = {(m.case, m.marker): m.simulation.s for m in published_markers()}
@@ -170,3 +157,67 @@ def lengths(cells: Sequence[LengthCell]) -> tuple[Array, Array]:
 def case_numbers(cells: Sequence[MarkerCondition]) -> NDArray[np.int64]:
     """Return the case of each cell, shape (n,)."""
     return np.array([c.case for c in cells], dtype=np.int64)
+
+
+Inputs = Callable[[Sequence[MarkerCondition]], Array]
+
+
+def condition_inputs(conditions: Sequence[MarkerCondition]) -> Array:
+    """Return (D_cylinder [m], D_cable [m], ln of the tension in Pa), shape (n, 3).
+
+    The paper's three inputs; the same for all markers of a case. Its tensions span a factor of
+    18 and double from case to case, so their logarithm is what is evenly spaced.
+    """
+    return np.array(
+        [(c.cylinder_diameter, c.cable_diameter, math.log(c.tension)) for c in conditions]
+    )
+
+
+def dimensionless_inputs(conditions: Sequence[MarkerCondition]) -> Array:
+    """Return (ln sigma / E, ln D_cylinder / D_cable, n spacing / (pi D_cylinder)), shape (n, 3).
+
+    How far the weight strains the cable, how sharply the cylinder bends it, and how many turns
+    of unstretched cable lie before the marker.
+    """
+    young = Material().young
+    return np.array(
+        [
+            (
+                math.log(c.tension / young),
+                math.log(c.cylinder_diameter / c.cable_diameter),
+                turns(c),
+            )
+            for c in conditions
+        ]
+    )
+
+
+def turns(condition: MarkerCondition) -> float:
+    """Return how many turns of unstretched cable lie before a marker: n spacing / (pi D)."""
+    return condition.original_length / (math.pi * condition.cylinder_diameter)
+
+
+INPUTS: dict[str, Inputs] = {"condition": condition_inputs, "dimensionless": dimensionless_inputs}
+
+
+def conditions_of(case: Case, law: str) -> tuple[MarkerCondition, ...]:
+    """Return the conditions of a case's markers P1..Pn before anything is wound.
+
+    Args:
+        case: What is going to be wound.
+        law: Material law of the solver whose lengths h multiplies. Its S_FEM is taken from the
+            quasi-static lay-on under the dead weight, 0.14 % from the rod's at most.
+    """
+    reference = QuasiStaticLay(case, law).curve_lengths(DeadWeight())
+    return tuple(
+        MarkerCondition(
+            case=case.number,
+            marker=marker,
+            cylinder_diameter=case.cylinder_diameter,
+            cable_diameter=case.cable_diameter,
+            tension=case.nominal_stress,
+            original_length=case.original_length(marker),
+            s_fem=float(s_fem),
+        )
+        for marker, s_fem in enumerate(reference, start=1)
+    )

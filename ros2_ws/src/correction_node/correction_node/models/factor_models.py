@@ -1,20 +1,113 @@
-"""Models of h that can be stored and used without a learning library."""
+"""Models of h that can be stored and used without a learning library: network, rig's physics."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-from correction_node.models.dataset import Array, MarkerCondition
-from correction_node.models.inputs import INPUTS
-from correction_node.models.perceptron import Perceptron
-from correction_node.models.rig import RIG_LAW, LayOns
-from winding_core.tension import RigTension
+from correction_node.models.dataset import INPUTS, Array, LengthCell, MarkerCondition, lengths
+from winding_core.cable.cases import Case
+from winding_core.cable.material_law import LAWS
+from winding_core.lay.quasi_static import QuasiStaticLay
+from winding_core.machine.tension import START, DeadWeight, RigTension, fit_rig_tension
 
+RIG_LAW = "neo_hookean"
 Tensors = Mapping[str, Array]
+
+
+def case_of(markers: Sequence[MarkerCondition]) -> Case:
+    """Return the case that markers of one cable belong to."""
+    last = max(markers, key=lambda condition: condition.marker)
+    return Case(
+        number=last.case,
+        cylinder_diameter=last.cylinder_diameter,
+        cable_diameter=last.cable_diameter,
+        weight=0.25 * math.pi * last.cable_diameter**2 * last.tension,
+        marker_spacing=last.original_length / last.marker,
+        marker_count=last.marker,
+    )
+
+
+class LayOns:
+    """The quasi-static lay-on of every cable among some markers.
+
+    Args:
+        conditions: Markers; those with the same case number are on one cable.
+        law: Material law.
+    """
+
+    def __init__(self, conditions: Sequence[MarkerCondition], law: str) -> None:
+        cables: dict[int, list[MarkerCondition]] = {}
+        for condition in conditions:
+            cables.setdefault(condition.case, []).append(condition)
+        self._cables: Mapping[int, QuasiStaticLay] = {
+            case: QuasiStaticLay(case_of(markers), law) for case, markers in cables.items()
+        }
+
+    def lengths(
+        self, conditions: Sequence[MarkerCondition], tension: DeadWeight | RigTension
+    ) -> Array:
+        """Return S_n [m] of markers on these cables under a span tension, shape (n,)."""
+        asked = {condition.case for condition in conditions}
+        laid = {case: self._cables[case].curve_lengths(tension) for case in asked}
+        return np.array([laid[c.case][c.marker - 1] for c in conditions])
+
+
+def fit_rig(cells: Sequence[LengthCell], lay_ons: LayOns, start: RigTension = START) -> RigTension:
+    """Return the span-tension law with the smallest sum of squared relative length errors.
+
+    Args:
+        cells: Measured cells; at least six.
+        lay_ons: Of these cells' cables.
+        start: Where the search begins.
+    """
+    _, measured = lengths(cells)
+    return fit_rig_tension(lambda law: lay_ons.lengths(cells, law) / measured - 1.0, start).tension
+
+
+def reference_law(cells: Sequence[MarkerCondition]) -> tuple[str, float]:
+    """Return the material law whose dead-weight lay-on is closest to predicted lengths.
+
+    Returns:
+        The law and its largest relative difference from S_FEM.
+    """
+    s_fem = np.array([cell.s_fem for cell in cells])
+    distance = {
+        law: float(np.abs(LayOns(cells, law).lengths(cells, DeadWeight()) / s_fem - 1.0).max())
+        for law in LAWS
+    }
+    nearest = min(distance, key=lambda law: distance[law])
+    return nearest, distance[nearest]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Perceptron:
+    """Layers with ReLU between them."""
+
+    weights: tuple[Array, ...]  # Of each layer, shape (outputs, inputs)
+    biases: tuple[Array, ...]  # Of each layer, shape (outputs,)
+    low: Array  # Smallest training inputs, shape (k,); normalised to -1
+    high: Array  # Largest training inputs, shape (k,); normalised to +1
+
+    def h(self, inputs: Array) -> Array:
+        """Return h, shape (n,), for inputs of shape (n, k).
+
+        An input beyond the trained range counts as its edge.
+        """
+        values = np.clip(self.normalised(inputs, self.low, self.high), -1.0, 1.0)
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            values = np.maximum(values @ weight.T + bias, 0.0)
+        return np.asarray(values @ self.weights[-1].T + self.biases[-1])[:, 0]
+
+    @staticmethod
+    def normalised(inputs: Array, low: Array, high: Array) -> Array:
+        """Return inputs mapped from [low, high] to [-1, 1]; a constant input becomes -1."""
+        span = np.where(high > low, high - low, 1.0)
+        return 2.0 * (inputs - low) / span - 1.0
 
 
 class FactorModel(Protocol):
@@ -35,15 +128,10 @@ class FactorModel(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkModel:
-    """h = perceptron(inputs).
+    """h = perceptron(inputs)."""
 
-    Attributes:
-        inputs: Name of what it looks at, one of INPUTS.
-        perceptron: The fitted network.
-    """
-
-    inputs: str
-    perceptron: Perceptron
+    inputs: str  # Name of what it looks at, one of INPUTS
+    perceptron: Perceptron  # The fitted network
 
     def h(self, conditions: Sequence[MarkerCondition]) -> Array:
         """Return h, shape (n,)."""
@@ -69,14 +157,10 @@ class RigModel:
     """h = S_rig / S_FEM, times a learned factor of what the rig's physics leaves over.
 
     S_rig is the quasi-static lay-on of a Neo-Hookean cable under the span tension of the rig.
-
-    Attributes:
-        tension: Span tension behind the weight.
-        residual: S over S_rig, or None for the physics alone.
     """
 
-    tension: RigTension
-    residual: NetworkModel | None = None
+    tension: RigTension  # Span tension behind the weight
+    residual: NetworkModel | None = None  # S over S_rig, or None for the physics alone
 
     def h(self, conditions: Sequence[MarkerCondition]) -> Array:
         """Return h, shape (n,)."""

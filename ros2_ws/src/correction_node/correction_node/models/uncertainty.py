@@ -8,9 +8,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from correction_node.models.dataset import Array, LengthCell, case_numbers, lengths
-from correction_node.models.inputs import turns
-from winding_core.cases import Case, Material
+from correction_node.models.dataset import Array, LengthCell, case_numbers, lengths, turns
+from winding_core.cable.cases import Case, Material
 
 LEVEL = 0.9
 # Table 1 prints four digits; the weights behind it differ by up to 0.03 %.
@@ -19,15 +18,10 @@ ROUNDING = 1.0e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Bound:
-    """Relative half-width of the interval around h S_FEM.
+    """Relative half-width of the interval around h S_FEM."""
 
-    Attributes:
-        relative: |S / (h S_FEM) - 1| of every marker of a new case stays below it ...
-        level: ... with this probability, if new cases are drawn like the known ones.
-    """
-
-    relative: float
-    level: float
+    relative: float  # |S / (h S_FEM) - 1| of every marker of a new case stays below it ..
+    level: float  # ... with this probability, if new cases are drawn like the known ones
 
 
 def conformal_bound(cells: Sequence[LengthCell], held_out: Array, level: float = LEVEL) -> Bound:
@@ -70,16 +64,13 @@ class TrainingBox:
     would include thirty newtons on the thickest cable.
 
     Attributes:
-        cylinder_diameter: (smallest, largest) [m].
-        cable_diameter: (smallest, largest) [m].
-        weight: (smallest, largest) [N].
         turns: Most turns of unstretched cable before a marker; None when h does not depend on
             the marker. Below the first trained marker h stays what it is there.
     """
 
-    cylinder_diameter: tuple[float, float]
-    cable_diameter: tuple[float, float]
-    weight: tuple[float, float]
+    cylinder_diameter: tuple[float, float]  # (smallest, largest) [m]
+    cable_diameter: tuple[float, float]  # (smallest, largest) [m]
+    weight: tuple[float, float]  # (smallest, largest) [N]
     turns: float | None = None
 
     @classmethod

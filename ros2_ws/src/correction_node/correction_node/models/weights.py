@@ -14,10 +14,10 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
+from correction_node.models.dataset import conditions_of
 from correction_node.models.factor_models import FactorModel, read_model
-from correction_node.models.inputs import conditions_of
 from correction_node.models.uncertainty import Bound, TrainingBox
-from winding_core.cases import Case
+from winding_core.cable.cases import Case
 
 SCHEMA = "cable-winding-twin/correction-weight/2"
 WEIGHTS_FILE = "weights.safetensors"
@@ -34,17 +34,11 @@ SHIPPED = {
 
 @dataclass(frozen=True, kw_only=True)
 class Factor:
-    """What multiplies the predicted lengths of one condition.
+    """What multiplies the predicted lengths of one condition."""
 
-    Attributes:
-        by_marker: h of P1, P2, ..; 1 outside the trained conditions.
-        relative_bound: Half-width of the interval around h S_FEM, as a share of it.
-        outside: Why the condition is outside the trained ones, or None.
-    """
-
-    by_marker: tuple[float, ...]
-    relative_bound: float
-    outside: str | None
+    by_marker: tuple[float, ...]  # h of P1, P2, ..; 1 outside the trained conditions
+    relative_bound: float  # Half-width of the interval around h S_FEM, as a share of it
+    outside: str | None  # Why the condition is outside the trained ones, or None
 
     @property
     def h(self) -> float:
@@ -54,25 +48,15 @@ class Factor:
 
 @dataclass(frozen=True, kw_only=True)
 class TrainedFactor:
-    """A fitted h with its reach and its uncertainty.
+    """A fitted h with its reach and its uncertainty."""
 
-    Attributes:
-        name: Of the model, as in the card's errors.
-        model: Gives h.
-        law: Material law of the solver whose lengths h multiplies.
-        box: Conditions that it was trained on.
-        bound: Interval inside the box.
-        outside_bound: Relative half-width outside the box, where nothing is promised.
-        card: What the numbers come from and how good they are; JSON values only.
-    """
-
-    name: str
-    model: FactorModel
-    law: str
-    box: TrainingBox
-    bound: Bound
-    outside_bound: float
-    card: dict[str, Any]
+    name: str  # Of the model, as in the card's errors
+    model: FactorModel  # Gives h
+    law: str  # Material law of the solver whose lengths h multiplies
+    box: TrainingBox  # Conditions that it was trained on
+    bound: Bound  # Interval inside the box
+    outside_bound: float  # Relative half-width outside the box, where nothing is promised
+    card: dict[str, Any]  # What the numbers come from and how good they are; JSON values only
 
     @property
     def errors(self) -> dict[str, float]:

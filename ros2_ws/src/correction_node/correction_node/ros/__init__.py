@@ -1,1 +1,1 @@
-"""ROS side of the learned correction factor without a node: what it answers to which message."""
+"""What does the correction answer to which message? Without a node."""

@@ -14,9 +14,9 @@ from correction_node.models.weights import load_factor, weights_directory
 from correction_node.ros.parameters import CorrectionParameters
 from winding_core.markers import MARKER_DTYPE
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.diagnostic_messages import encode_case_votes
-from winding_ros.message_handler import Answer
+from winding_ros.messages.clouds import decode_cloud, encode_cloud
+from winding_ros.messages.diagnostics import encode_case_votes
+from winding_ros.runtime.message_handler import Answer
 from winding_ros.topic import Topic
 
 
@@ -27,7 +27,7 @@ class CorrectionHandler:
         errors: Of the factor, from its card.
         digest: SHA-256 of the learned numbers, in hex.
         factor: The correction factor h for this condition.
-        run: What is measured of this run, and what it says of the rest.
+        run: The measured markers of this run, and what follows from them for the rest.
     """
 
     def __init__(self, wanted: CorrectionParameters) -> None:

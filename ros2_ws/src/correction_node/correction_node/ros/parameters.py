@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from winding_core.condition import Condition
+from winding_core.cable.condition import Condition
 from winding_core.parameters import parameter
 
 

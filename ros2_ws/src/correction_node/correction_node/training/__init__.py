@@ -1,1 +1,1 @@
-"""How models are trained and judged; the only place that imports torch."""
+"""How is h learned and judged? The only place that imports torch."""

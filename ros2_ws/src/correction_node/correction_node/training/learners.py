@@ -7,10 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from correction_node.models.dataset import Array, LengthCell, lengths
-from correction_node.models.factor_models import FactorModel, NetworkModel, RigModel
-from correction_node.models.inputs import INPUTS
-from correction_node.models.rig import RIG_LAW, LayOns, fit_rig
+from correction_node.models.dataset import INPUTS, Array, LengthCell, lengths
+from correction_node.models.factor_models import (
+    RIG_LAW,
+    FactorModel,
+    LayOns,
+    NetworkModel,
+    RigModel,
+    fit_rig,
+)
 from correction_node.training.training import Problem, TrainingConfig, train
 
 _WEIGHT_DECAY = (
@@ -25,7 +30,7 @@ _INPUTS = (
 _FORM = (
     "The form of the span-tension law was chosen among about nine forms and two material laws "
     "with all 45 cells in view. Only its five numbers are held out, so the left-out error is "
-    "optimistic: it says how well the form carries to these cases, not to another rig."
+    "optimistic: it shows how well the form carries to these cases, not to another rig."
 )
 
 CellSets = Sequence[Sequence[LengthCell]]
@@ -44,20 +49,17 @@ class Learner:
     Attributes:
         learn_all: Returns one model for each set of cells, started from the seed beside it; the
             sets do not see each other.
-        description: One sentence.
         selection: What of its form was chosen after seeing which errors: how far its left-out
             error flatters it.
-        seeded: Whether it starts at random, so that another seed gives another model.
         physical: Whether it needs a solver that is quasi-static in essence, see `reference_law`.
-        by_marker: Whether h differs between the markers of a case.
     """
 
     learn_all: LearnAll
-    description: str
+    description: str  # One sentence
     selection: str
-    seeded: bool = True
+    seeded: bool = True  # Whether it starts at random, so that another seed gives another model
     physical: bool = False
-    by_marker: bool = True
+    by_marker: bool = True  # Whether h differs between the markers of a case
 
 
 def learn_network(

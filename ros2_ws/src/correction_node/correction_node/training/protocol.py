@@ -11,12 +11,17 @@ from typing import Any
 import numpy as np
 
 from correction_node.models.dataset import Array, DataSet, LengthCell, case_numbers, lengths
-from correction_node.models.evaluation import Score, hold_out, score, score_fit, without_each_case
-from correction_node.models.factor_models import FactorModel
-from correction_node.models.rig import reference_law
+from correction_node.models.factor_models import FactorModel, reference_law
 from correction_node.models.uncertainty import TrainingBox, conformal_bound
 from correction_node.models.weights import TrainedFactor
-from correction_node.training.baselines import BASELINES
+from correction_node.training.evaluation import (
+    BASELINES,
+    Score,
+    hold_out,
+    score,
+    score_fit,
+    without_each_case,
+)
 from correction_node.training.learners import LEARNERS, NETWORK, Learner
 from correction_node.training.training import TrainingConfig
 
@@ -32,30 +37,19 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Learned:
-    """A trained factor and everything that was measured on the way.
+    """A trained factor and everything that was measured on the way."""
 
-    Attributes:
-        factor: The factor that is used.
-        scores: Errors of the model and of every baseline, by name.
-    """
-
-    factor: TrainedFactor
-    scores: dict[str, Score]
+    factor: TrainedFactor  # The factor that is used
+    scores: dict[str, Score]  # Errors of the model and of every baseline, by name
 
 
 @dataclass(frozen=True, kw_only=True)
 class HeldOut:
-    """A model of all cells and those that left one case out each, from one seed.
+    """A model of all cells and those that left one case out each, from one seed."""
 
-    Attributes:
-        whole: Learned from all cells.
-        left_out: Learned without each case, in order.
-        score: Their errors.
-    """
-
-    whole: FactorModel
-    left_out: tuple[FactorModel, ...]
-    score: Score
+    whole: FactorModel  # Learned from all cells
+    left_out: tuple[FactorModel, ...]  # Learned without each case, in order
+    score: Score  # Their errors
 
 
 def learn_and_hold_out(
@@ -125,7 +119,7 @@ def learn(
 
 
 def verdict(name: str, scores: dict[str, Score]) -> str:
-    """Return one sentence that says what predicts a case it never saw best."""
+    """Return one sentence on which model predicts left-out cases best."""
     best = min(scores, key=lambda rival: scores[rival].leave_one_case_out_pct)
     own = scores[name].leave_one_case_out_pct
     if best == name:

@@ -1,4 +1,4 @@
-"""Fits the correction factor h to measured lengths (Eq. 5)."""
+"""Fits networks for the correction factor h to measured lengths (Eq. 5)."""
 
 from __future__ import annotations
 
@@ -6,28 +6,75 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import torch
+from torch import Tensor, nn
 
 from correction_node.models.dataset import Array
-from correction_node.models.perceptron import Perceptron
-from correction_node.training.network import FactorNetworks
+from correction_node.models.factor_models import Perceptron
+
+HIDDEN = (10, 10, 10)
+
+
+class FactorNetworks(nn.Module):
+    """Networks h = f(inputs) side by side, one for each seed; inputs normalised to [-1, 1].
+
+    They share nothing but their shape: the gradient of the sum of their losses is each one's own.
+    Every network starts near h = 1, no correction, whatever its seed.
+
+    Args:
+        inputs: Numbers that each network sees.
+        seeds: One for each network.
+    """
+
+    def __init__(self, inputs: int, seeds: Sequence[int]) -> None:
+        super().__init__()
+        single = [_start(inputs, seed) for seed in seeds]
+        self.weights = nn.ParameterList(
+            torch.stack([layers[n][0] for layers in single]) for n in range(len(HIDDEN) + 1)
+        )
+        self.biases = nn.ParameterList(
+            torch.stack([layers[n][1] for layers in single]) for n in range(len(HIDDEN) + 1)
+        )
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        """Return h, shape (networks, n), for normalised inputs, shape (networks, n, inputs)."""
+        values = inputs
+        last = len(HIDDEN)
+        for n, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            values = torch.baddbmm(bias[:, None, :], values, weight.transpose(1, 2))
+            if n < last:
+                values = torch.relu(values)
+        return values[:, :, 0]
+
+    def size(self) -> Tensor:
+        """Return the sum of the squared layer weights of each network, shape (networks,)."""
+        return torch.stack([weight.square().sum(dim=(1, 2)) for weight in self.weights]).sum(dim=0)
+
+
+def _start(inputs: int, seed: int) -> list[tuple[Tensor, Tensor]]:
+    generator = torch.Generator().manual_seed(seed)
+    layers = []
+    for wide, narrow in pairwise((inputs, *HIDDEN, 1)):
+        weight = torch.empty((narrow, wide), dtype=torch.float64)
+        bias = torch.empty(narrow, dtype=torch.float64)
+        weight.normal_(0.0, math.sqrt(2.0 / wide), generator=generator)
+        bias.normal_(0.0, 0.1, generator=generator)
+        layers.append((weight, bias))
+    layers[-1][0].mul_(0.1)
+    layers[-1][1].fill_(1.0)
+    return layers
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingConfig:
-    """How the network is trained.
+    """How the network is trained."""
 
-    Attributes:
-        steps: Full-batch Adam steps.
-        learning_rate: At the start; it falls to zero along a cosine.
-        weight_decay: Factor of the sum of squared layer weights, added to the loss.
-    """
-
-    steps: int = 1500
-    learning_rate: float = 1.0e-2
-    weight_decay: float = 1.0e-4
+    steps: int = 1500  # Full-batch Adam steps
+    learning_rate: float = 1.0e-2  # At the start; it falls to zero along a cosine
+    weight_decay: float = 1.0e-4  # Factor of the sum of squared layer weights, added to the loss
 
     def __post_init__(self) -> None:
         if self.steps < 1:
@@ -40,17 +87,11 @@ class TrainingConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """What a network is asked to fit: mean (gain h(inputs) - target)^2 as small as possible.
+    """What a network is asked to fit: mean (gain h(inputs) - target)^2 as small as possible."""
 
-    Attributes:
-        inputs: Shape (n, k).
-        gain: Factor of h in each row, shape (n,).
-        target: Shape (n,).
-    """
-
-    inputs: Array
-    gain: Array
-    target: Array
+    inputs: Array  # Shape (n, k)
+    gain: Array  # Factor of h in each row, shape (n,)
+    target: Array  # Shape (n,)
 
 
 @contextmanager

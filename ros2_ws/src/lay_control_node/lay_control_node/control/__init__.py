@@ -1,1 +1,1 @@
-"""What the lay is, what is commanded because of it, and within which bounds: no ROS, no clock."""
+"""What is the lay now, and what is commanded for it, within which bounds? No ROS, no clock."""

@@ -1,4 +1,4 @@
-"""What a user may say of the controller, and the controller that follows from it."""
+"""Parameters of the controller, and the controller that follows from them."""
 
 from __future__ import annotations
 
@@ -6,20 +6,18 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from lay_control_node.control.guide_law import GuideLaw, WantedLay
+from lay_control_node.control.guide_law import AxisBounds, GuideLaw, WantedLay
 from lay_control_node.control.landing_law import LandingLaw, PullBounds
 from lay_control_node.control.lay_controller import ControllerConfig, LayController
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
-from lay_control_node.control.motion_bounds import AxisBounds
 from lay_control_node.control.stretch_filter import StretchFilter, StretchFilterConfig
-from lay_control_node.planning.kernel_width import OF_FRICTION
 from lay_control_node.planning.lay_on import LayOnLaw
 from lay_control_node.planning.limits import PlanLimits
-from winding_core.condition import ResolvedCondition
-from winding_core.lay_control_records import ControlMode
-from winding_core.material_law import MaterialLaw
+from lay_control_node.planning.rounding import OF_FRICTION
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.records import ControlMode
+from winding_core.machine.tension import RigTension
 from winding_core.parameters import parameter
-from winding_core.tension import RigTension
 
 # Nothing but the drive limits the jerk: full acceleration within so long [s].
 _JERK_TIME = 1.0e-3
@@ -33,7 +31,7 @@ _LEAST_FRICTION = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class ControlParameters:
-    """How the lay is controlled: what is believed beforehand, and what may be commanded."""
+    """How the lay is controlled: priors of the estimates, and bounds of the commands."""
 
     control_gain: float = parameter(
         1.5,
@@ -42,7 +40,7 @@ class ControlParameters:
         high=5.0,
     )
     free_length_sigma: float = parameter(
-        0.02, "standard deviation of the free length that is believed [m]", low=1.0e-4, high=1.0
+        0.02, "prior standard deviation of the free length [m]", low=1.0e-4, high=1.0
     )
     eye_sigma: float = parameter(
         3.0e-4,
@@ -54,15 +52,20 @@ class ControlParameters:
         3.0e-4, "play of the cable's eye on the carriage [m]", low=0.0, high=0.05
     )
     load_share: float = parameter(
-        0.7, "believed share of the pull at the guide that reaches the cylinder", low=0.05, high=2.0
+        0.7,
+        "prior of the share of the pull at the guide that reaches the cylinder",
+        low=0.05,
+        high=2.0,
     )
     load_share_sigma: float = parameter(
         0.12, "standard deviation of that share", low=0.001, high=1.0
     )
-    drag: float = parameter(0.15, "believed constant pull of the guide [N]", low=-2.0, high=10.0)
+    drag: float = parameter(
+        0.15, "prior of the constant pull of the guide [N]", low=-2.0, high=10.0
+    )
     drag_sigma: float = parameter(0.09, "standard deviation of that pull [N]", low=0.001, high=10.0)
     start_share: float = parameter(
-        0.27, "believed share of the tension where the cable begins", low=0.0, high=1.5
+        0.27, "prior of the share of the tension where the cable begins", low=0.0, high=1.5
     )
     start_share_sigma: float = parameter(
         0.06, "standard deviation of that share", low=0.001, high=1.0
@@ -136,11 +139,8 @@ class ControlParameters:
         case.material.refuse_fading("the lay controller")
         law = LayOnLaw(
             case,
-            MaterialLaw(
-                law=what.law,
-                young=case.material.young * case.material.axial_factor,
-                poisson=case.material.poisson,
-                mooney_ratio=what.mooney_ratio,
+            what.material_law(
+                case.material.young * case.material.axial_factor, case.material.poisson
             ),
         )
         radius = case.centreline_radius

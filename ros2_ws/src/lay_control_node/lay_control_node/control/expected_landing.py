@@ -13,8 +13,8 @@ from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.guide_law import WantedLay
 from lay_control_node.control.lay_controller import UNWOUND
 from lay_control_node.control.stretch_filter import StretchEstimate
-from winding_core.condition import ResolvedCondition
-from winding_core.lay_control_records import ControlMode
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.records import ControlMode
 
 Array = NDArray[np.float64]
 
@@ -35,18 +35,15 @@ class ExpectedLanding:
     """A wanted marker under control.
 
     Attributes:
-        number: Of the marker.
-        wanted: Wound angle [rad].
-        expected: Where it lands if the tension at lay-on is the believed one [rad].
-        sigma: One standard deviation of that [rad], from what is believed of that tension, and of
-            what no law of it says.
+        sigma: One standard deviation of that [rad], of the prior of that tension, and of
+            what its law leaves out.
         unusual: Its larger miss under two rigs that are 2.2 deviations off where that moves the
             first marker most [rad]: the pull may come to its bounds there.
     """
 
-    number: int
-    wanted: float
-    expected: float
+    number: int  # Of the marker
+    wanted: float  # Wound angle [rad]
+    expected: float  # Where it lands if the tension at lay-on is that of the prior [rad]
     sigma: float
     unusual: float
 
@@ -63,23 +60,23 @@ def expected_landings(
     wanted: WantedLay,
     markers: Mapping[int, float],
 ) -> tuple[ExpectedLanding, ...]:
-    """Wind markers under control, with each belief of the tension moved by its deviation in turn.
+    """Wind markers under control, each parameter of the tension moved by its deviation in turn.
 
     Then with all of them moved together, to either side, where that moves the first marker most.
 
     The cable sticks where it lands; the pull is the commanded one. Markers are measured behind
-    the contact line, so the first one says nothing until it lies.
+    the contact line, so the first one adds nothing until it lies.
 
     Args:
-        control: What is believed, and the range of the pull.
+        control: Priors, and the range of the pull.
         what: What is wound.
         wanted: The lay.
         markers: Wound angle at which a marker is wanted [rad], by marker.
     """
     if not markers:
         return ()
-    believed = control.controller(what, wanted, markers=markers, mode=ControlMode.DRIVE)
-    mean = believed.stretch.estimate
+    controller = control.controller(what, wanted, markers=markers, mode=ControlMode.DRIVE)
+    mean = controller.stretch.estimate
     nominal = _landed(control, what, wanted, markers, mean)
     numbers = sorted(markers)
 
@@ -97,10 +94,10 @@ def expected_landings(
     unusual = dict(zip(numbers, np.abs(ends - aims).max(axis=0).tolist(), strict=True))
     radius, before = what.case.centreline_radius, 0.0
     for number in numbers:
-        # What nobody learns: by how much the brake's own friction keeps the tension off its law.
+        # Unobservable: by how much the brake's own friction keeps the tension off its law.
         segment = nominal[number] - before
         stretched = max(radius * segment / what.case.marker_spacing - 1.0, 0.0)
-        friction = believed.stretch.config.tension_error * stretched * segment
+        friction = controller.stretch.config.tension_error * stretched * segment
         variance[number] += friction**2
         # It holds every change of the pull back, so it adds to the misses that are corrected.
         unusual[number] += friction

@@ -1,12 +1,18 @@
-"""Where the guide has to be so that the cable lands on the wanted line."""
+"""The guide: the lay that is wanted of it, where it has to be for that, and within which bounds."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from lay_control_node.control.lay_filter import LayEstimate
+from lay_control_node.planning.guide_path import guide_path, within
+from lay_control_node.planning.limits import PlanLimits
+from lay_control_node.planning.rounding import needed_width, width_without_slip
+from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.program import LayProgram
 
 # Share of the bound of h'' by which a slope that makes up an error is planned to be taken back.
 _BRAKING_SHARE = 0.5
@@ -14,17 +20,11 @@ _BRAKING_SHARE = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class WantedPoint:
-    """What is wanted at a wound angle.
+    """What is wanted at a wound angle."""
 
-    Attributes:
-        z: Height [m].
-        slope: Its first derivative, dz/dtheta [m/rad].
-        curvature: Its second derivative [m/rad^2].
-    """
-
-    z: float
-    slope: float
-    curvature: float
+    z: float  # Height [m]
+    slope: float  # Its first derivative, dz/dtheta [m/rad]
+    curvature: float  # Its second derivative [m/rad^2]
 
 
 class WantedLay(Protocol):
@@ -49,23 +49,18 @@ class GuideLaw:
 
     The end of the span is bent over l, so its lag is one of l and one of L - l in a row:
     t2 z' = h - z and t1 h' = g + b - h with t2 = l / rho and t1 = (L - l) / rho. What h has to
-    follow is v = w + t2 w'. Where the guide stands says h' already. It is to come to
+    follow is v = w + t2 w'. The place of the guide gives h' already. It is to come to
 
         v' + k (v - h)      by      h'' = v'' + 4 k (v' + k (v - h) - h'),
 
     two equal roots of -2 k, and g' = h' + t1 h''. A cable that lands in a curve of z'' is held by
     friction up to z'' = mu rho, and slips beyond: z'' lags behind h'', which is bounded therefore.
     A large error is made up by the root of its size, so that the slope can be taken back in time.
-
-    Attributes:
-        radius: Centreline radius rho = R + r [m].
-        gain: k, per wound angle [1/rad].
-        turning: Bound of h'' [m/rad^2].
     """
 
-    radius: float
-    gain: float = 1.5
-    turning: float = math.inf
+    radius: float  # Centreline radius rho = R + r [m]
+    gain: float = 1.5  # k, per wound angle [1/rad]
+    turning: float = math.inf  # Bound of h'' [m/rad^2]
 
     def command(
         self, wanted: WantedPoint, lay: LayEstimate, guide: float, turned: float
@@ -74,7 +69,7 @@ class GuideLaw:
 
         Args:
             wanted: At the contact line.
-            lay: What is believed there.
+            lay: Estimate there.
             guide: Setpoint of the carriage now [m].
             turned: Wound angle of the step [rad]; one that is not positive moves nothing.
         """
@@ -101,3 +96,118 @@ class GuideLaw:
 
 def _within(value: float, most: float) -> float:
     return min(max(value, -most), most)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WantedProgram:
+    """A program's rounded line; before P0 and after its end the helices go on."""
+
+    line: SmoothedLine
+
+    @classmethod
+    def of(cls, program: LayProgram, what: ResolvedCondition, limits: PlanLimits) -> WantedProgram:
+        """Return a program, rounded for a condition's speed and friction and a machine's limits."""
+        lag = what.free_length / what.case.centreline_radius
+        path = within(guide_path(program, lag, 0.0), *limits.travel)
+        width = needed_width(path, what.drive.angular_speed, limits)
+        line = smoothed_program(program, width)
+        held = width_without_slip(line, what.case.centreline_radius, what.friction)
+        return cls(line=replace(line, width=max(width, held)))
+
+    def at(self, theta: float) -> WantedPoint:
+        """Return what is wanted at a wound angle [rad]."""
+        z, slope, curvature = (float(self.line.at(theta, order)) for order in range(3))
+        return WantedPoint(z=z, slope=slope, curvature=curvature)
+
+
+# Share of the acceleration with which an axis is planned to stop; the rest is reserve.
+_STOPPING_SHARE = 0.8
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisBounds:
+    """What the machine allows an axis [SI]."""
+
+    low: float  # Start of its travel
+    high: float  # End of its travel
+    speed: float  # Largest speed
+    acceleration: float  # Largest acceleration
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high:
+            raise ValueError(f"travel must end above its start, got {self.low} to {self.high} m")
+        for name in ("speed", "acceleration"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+
+
+class BoundedMotion:
+    """A setpoint that follows what is wanted as fast as the bounds allow.
+
+    Args:
+        bounds: Of the axis.
+        position: Where the axis stands when it is taken over.
+        speed: How fast it goes then.
+
+    Attributes:
+        position: Setpoint, within the travel.
+        speed: Its rate.
+        limited: Whether the last step fell short of what was wanted.
+    """
+
+    def __init__(self, bounds: AxisBounds, position: float, speed: float) -> None:
+        self.bounds = bounds
+        self.position = min(max(position, bounds.low), bounds.high)
+        self.speed = min(max(speed, -bounds.speed), bounds.speed)
+        self.limited = False
+        self._low, self._high = bounds.low, bounds.high
+
+    def wait_for(self, position: float, reach: float) -> None:
+        """Stop within a reach [m] of where the axis stands, and the way that braking takes.
+
+        An axis that does not follow would otherwise rush to a setpoint far away when it does again.
+        """
+        bounds = self.bounds
+        reach += self.speed**2 / (2.0 * _STOPPING_SHARE * bounds.acceleration)
+        self._low = min(max(bounds.low, position - reach), bounds.high)
+        self._high = max(min(bounds.high, position + reach), bounds.low)
+
+    def follow(self, position: float, speed: float, dt: float) -> None:
+        """Move on by dt [s] towards a wanted position and its rate at the end of the step."""
+        wanted = min(max(position, self._low), self._high)
+        # The rate at which the step would end exactly where the want will be, but no faster
+        # than from where the rest of the way can still be braked.
+        gap = wanted - self.position
+        carried = speed if wanted == position else 0.0
+        exact = gap / dt
+        closing = carried + self._closing(gap - carried * dt, dt)
+        goal = exact if abs(exact - carried) <= abs(closing - carried) else closing
+        reachable = self._change(goal, dt)
+        short = abs(reachable - exact) > 1.0e-9 + 1.0e-6 * abs(exact)
+        self.limited = short or wanted != position
+        self._move(reachable, dt)
+
+    def go(self, speed: float, dt: float) -> None:
+        """Move on by dt [s] towards a speed."""
+        reachable = self._change(speed, dt)
+        self.limited = reachable != speed
+        self._move(reachable, dt)
+
+    def _closing(self, gap: float, dt: float) -> float:
+        """Return the speed from which a gap is braked within it, a step of dt [s] from now on."""
+        braking = _STOPPING_SHARE * self.bounds.acceleration
+        step = 0.5 * braking * dt
+        return math.copysign(math.sqrt(step**2 + 2.0 * braking * abs(gap)) - step, gap)
+
+    def _change(self, goal: float, dt: float) -> float:
+        bounds = self.bounds
+        lowest = max(-bounds.speed, self._closing(self._low - self.position, dt))
+        highest = min(bounds.speed, self._closing(self._high - self.position, dt))
+        goal = min(max(goal, lowest), highest)
+        most = bounds.acceleration * dt
+        return min(max(goal, self.speed - most), self.speed + most)
+
+    def _move(self, speed: float, dt: float) -> None:
+        bounds = self.bounds
+        self.position = min(max(self.position + speed * dt, bounds.low), bounds.high)
+        self.speed = speed

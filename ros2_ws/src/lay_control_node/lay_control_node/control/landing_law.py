@@ -37,16 +37,11 @@ class PullBounds:
     that changes a little faster moves the newest turn by little: at 1.4 mu the rod's markers of the
     paper's cases that had landed moved by less than 0.1 % of a turn, at 2 mu the next one missed
     by 3 % in a soft cable.
-
-    Attributes:
-        low: Smallest pull [N].
-        high: Largest pull [N].
-        per_radian: Largest change of ln(pull) per wound angle [1/rad].
     """
 
-    low: float
-    high: float
-    per_radian: float
+    low: float  # Smallest pull [N]
+    high: float  # Largest pull [N]
+    per_radian: float  # Largest change of ln(pull) per wound angle [1/rad]
 
     def __post_init__(self) -> None:
         if not 0.0 < self.low < self.high:

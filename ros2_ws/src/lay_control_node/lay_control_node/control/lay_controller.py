@@ -3,24 +3,88 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from lay_control_node.control.guide_law import GuideLaw, WantedLay
-from lay_control_node.control.landed_markers import LandedMarkers
+from lay_control_node.control.guide_law import AxisBounds, BoundedMotion, GuideLaw, WantedLay
 from lay_control_node.control.landing_law import LandingLaw
 from lay_control_node.control.lay_filter import LayEstimate, LayFilter
-from lay_control_node.control.motion_bounds import AxisBounds, BoundedMotion
 from lay_control_node.control.stretch_filter import StretchEstimate, StretchFilter
-from winding_core.lay_control_records import ControlBasis, ControlMode
-from winding_core.lay_records import LayFlag, LayRecords
+from winding_core.lay.records import ControlBasis, ControlMode, LayFlag, LayRecords
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import Markers
-from winding_core.readings import AxisReading
+
+# Frames without a flag that a marker is averaged over.
+_FRAMES = 20
+# How far their angles may spread: so much [rad], or so many of their own deviations where these
+# are larger. Of 20 frames of a marker that lies, one set in a hundred spreads further than 5.7.
+_SPREAD = 8.0e-3
+_DEVIATIONS = 5.7
+# Part of the error that all frames of a marker have in common: [rad] and [m].
+_COMMON_ANGLE = 1.0e-3
+_COMMON_HEIGHT = 3.0e-5
+
+
+@dataclass(frozen=True, kw_only=True)
+class LandedMarker:
+    """Where a marker lies."""
+
+    number: int  # Of the marker
+    theta: float  # Wound angle [rad]
+    z: float  # Height [m]
+    sigma_theta: float  # One standard deviation of theta [rad]
+    sigma_z: float  # One standard deviation of z [m]
+
+
+class LandedMarkers:
+    """Averages tracked markers frame by frame, and yields each one once."""
+
+    def __init__(self) -> None:
+        self._frames: dict[int, list[list[float]]] = {}
+        self._landed: set[int] = set()
+
+    def take(self, markers: Markers) -> Iterator[LandedMarker]:
+        """Take the markers of a frame; yield those that have landed with it, in order.
+
+        A record with a number that is not finite is passed over.
+        """
+        for record in np.sort(markers[markers["flags"] == 0], order="id"):
+            number = int(record["id"])
+            if number == 0 or number in self._landed:
+                continue
+            frame = [float(record[n]) for n in ("theta", "z", "sigma_theta", "sigma_z")]
+            if not all(map(math.isfinite, frame)):
+                continue
+            frames = self._frames.setdefault(number, [])
+            frames.append(frame)
+            if len(frames) < _FRAMES:
+                continue
+            theta, _, sigma, _ = np.array(frames).T
+            if np.ptp(theta) > max(_SPREAD, _DEVIATIONS * float(np.median(sigma))):
+                # It moves, or one of the frames is wrong: the oldest one is the first to go.
+                frames.pop(0)
+                continue
+            self._landed.add(number)
+            yield _mean(number, frames)
+
+
+def _mean(number: int, frames: list[list[float]]) -> LandedMarker:
+    theta, z, sigma_theta, sigma_z = np.mean(frames, axis=0)
+    share = 1.0 / math.sqrt(len(frames))
+    return LandedMarker(
+        number=number,
+        theta=float(theta),
+        z=float(z),
+        sigma_theta=math.hypot(float(sigma_theta) * share, _COMMON_ANGLE),
+        sigma_z=math.hypot(float(sigma_z) * share, _COMMON_HEIGHT),
+    )
+
 
 # Cable that lies on less than this has nothing on the cylinder that could slip [rad].
 UNWOUND = 0.2
-# A span is believed to carry this at least [N].
+# Least tension that a span is taken to carry [N].
 _LEAST_TENSION = 1.0e-3
 
 
@@ -29,82 +93,57 @@ class ControllerConfig:
     """How the controller goes on when a node is silent.
 
     Attributes:
-        advance_per_radian: Guide advance of the drive programme [m/rad].
-        bending_stiffness: EI of the cable [N m^2].
-        guide: Bounds of the carriage.
         unseen_angle: Wound angle without a measured height after which the lay counts as
             unseen [rad].
-        following_error: How far the setpoint goes ahead of the carriage [m].
         solver_patience: Time without the solver after which the guide follows the drive
-            programme [s]; infinite where no solver is listened to.
+            programme [s]; infinite where no solver is subscribed to.
     """
 
-    advance_per_radian: float
-    bending_stiffness: float
-    guide: AxisBounds
+    advance_per_radian: float  # Guide advance of the drive programme [m/rad]
+    bending_stiffness: float  # EI of the cable [N m^2]
+    guide: AxisBounds  # Bounds of the carriage
     unseen_angle: float = 3.0 * math.pi
-    following_error: float = 0.02
+    following_error: float = 0.02  # How far the setpoint goes ahead of the carriage [m]
     solver_patience: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setpoint:
-    """What is commanded, or would be.
+    """What is commanded, or would be."""
 
-    Attributes:
-        t: When it holds [s].
-        theta: Wound angle then [rad].
-        guide: Carriage position [m].
-        guide_speed: Its rate [m/s].
-        pull: Pull of the brake [N]; None where none is commanded.
-        wanted_z: Wanted height at the contact line [m].
-        lay: What is believed of the lay there.
-        stretch: What is believed of the tension at lay-on.
-        basis: What it rests on.
-        limited: Whether a bound of the guide held it back.
-        ahead: How far the setpoint is ahead of the carriage [m].
-        commanding: Whether it is to be commanded.
-    """
-
-    t: float
-    theta: float
-    guide: float
-    guide_speed: float
-    pull: float | None
-    wanted_z: float
-    lay: LayEstimate
-    stretch: StretchEstimate
-    basis: ControlBasis
-    limited: bool
-    ahead: float
-    commanding: bool
+    t: float  # When it holds [s]
+    theta: float  # Wound angle then [rad]
+    guide: float  # Carriage position [m]
+    guide_speed: float  # Its rate [m/s]
+    pull: float | None  # Pull of the brake [N]; None where none is commanded
+    wanted_z: float  # Wanted height at the contact line [m]
+    lay: LayEstimate  # Estimate of the lay there
+    stretch: StretchEstimate  # Estimate of the tension at lay-on
+    basis: ControlBasis  # What it rests on
+    limited: bool  # Whether a bound of the guide held it back
+    ahead: float  # How far the setpoint is ahead of the carriage [m]
+    commanding: bool  # Whether it is to be commanded
 
 
 @dataclass(kw_only=True)
 class LayController:
-    """Follows machine, markers and lay; says where guide and brake have to be.
+    """Follows machine, markers and lay; computes where guide and brake have to be.
 
     A carriage that has been driven is not left standing beside a cylinder that winds: in the other
     modes it goes on at the drive programme's advance, and the pull stays as it is.
 
     Attributes:
-        config: Bounds and patience.
-        wanted: The lay that is wanted.
-        law: Of the guide.
-        lay: Estimate of the lay.
-        stretch: Estimate of the tension at lay-on.
         landing: Law of the brake; None where there is none or no marker has a wanted angle.
-        mode: What is done with the result.
         innovations: Of measured heights, in standard deviations, the newest last.
     """
 
-    config: ControllerConfig
-    wanted: WantedLay
-    law: GuideLaw
-    lay: LayFilter
-    stretch: StretchFilter
+    config: ControllerConfig  # Bounds and patience
+    wanted: WantedLay  # The lay that is wanted
+    law: GuideLaw  # Of the guide
+    lay: LayFilter  # Estimate of the lay
+    stretch: StretchFilter  # Estimate of the tension at lay-on
     landing: LandingLaw | None = None
-    mode: ControlMode = ControlMode.WATCH
+    mode: ControlMode = ControlMode.WATCH  # What is done with the result
     innovations: list[float] = field(default_factory=list)
     _landed: LandedMarkers = field(default_factory=LandedMarkers)
     _guide: BoundedMotion | None = None
@@ -120,7 +159,7 @@ class LayController:
             self.stretch.land(landed.number, landed.theta, landed.sigma_theta)
 
     def take_lay(self, places: LayRecords) -> None:
-        """Take the measured places of the wound cable; those that say nothing new do nothing."""
+        """Take measured places of the wound cable; only those ahead of the newest one count."""
         new = places[places["theta"] > self.lay.measured_to]
         new = new[(new["flags"] & (LayFlag.OVERLAP | LayFlag.CLIMB)) == 0]
         for place in np.sort(new, order="theta"):

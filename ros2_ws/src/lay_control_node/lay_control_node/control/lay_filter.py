@@ -20,39 +20,32 @@ _MOST_BEND = 0.3
 _CHANGE = 1.0e-4
 # How far the cable may land from the guide where nothing is known [m].
 _UNKNOWN = 0.03
-# A height further off than so many deviations, and than the gate, is somebody's mistake. Heights
-# that are refused over such an angle [rad] are right after all, and the estimate is wrong.
-_MISTAKEN, _PERSISTENT = 6.0, math.pi
+# A height further off than so many deviations, and than the gate, is an outlier. Outliers that
+# persist over such an angle [rad] are accepted: then the estimate is wrong.
+_OUTLYING, _PERSISTENT = 6.0, math.pi
 Z, HEADED, LENGTH, OFFSET = range(4)
 
 
 @dataclass(frozen=True, kw_only=True)
 class LayFilterConfig:
-    """What is believed before anything has landed, and how much it may drift.
+    """Prior of the lay before anything has landed, and how much it may drift.
 
     Attributes:
-        radius: Centreline radius R + r [m].
-        free_length: Tangent span between cylinder and guide, as believed [m].
-        sigma_length: One standard deviation of that belief [m].
         sigma_offset: Of the place of the cable's eye against the carriage's reading [m].
         drift_z: Of what the law of the lag leaves out, per square root of a radian [m].
-        drift_length: Of the effective free length, per square root of a radian [m].
-        drift_offset: Of the eye's place, per square root of a radian [m].
         play: Play of the eye on its carriage [m]; the eye is somewhere in it after a reversal.
-        correlated: Part of a measured height that its neighbours have in common [m].
-        gate: How far off a height may be whatever the deviations [m].
     """
 
-    radius: float
-    free_length: float
-    sigma_length: float = 0.02
+    radius: float  # Centreline radius R + r [m]
+    free_length: float  # Prior of the tangent span between cylinder and guide [m]
+    sigma_length: float = 0.02  # One standard deviation of that prior [m]
     sigma_offset: float = 3.0e-4
     drift_z: float = 3.0e-5
-    drift_length: float = 1.0e-3
-    drift_offset: float = 3.0e-5
+    drift_length: float = 1.0e-3  # Of the effective free length, per square root of a radian [m]
+    drift_offset: float = 3.0e-5  # Of the eye's place, per square root of a radian [m]
     play: float = 3.0e-4
-    correlated: float = 3.0e-5
-    gate: float = 4.0e-3
+    correlated: float = 3.0e-5  # Part of a measured height that its neighbours have in common [m]
+    gate: float = 4.0e-3  # How far off a height may be whatever the deviations [m]
 
     def __post_init__(self) -> None:
         for name in ("radius", "free_length", "sigma_length", "sigma_offset"):
@@ -63,25 +56,15 @@ class LayFilterConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class LayEstimate:
-    """The lay at the contact line.
+    """The lay at the contact line."""
 
-    Attributes:
-        theta: Wound angle [rad].
-        z: Where the cable lands [m].
-        headed: Where the span points to behind its bent end, z + l z' [m].
-        free_length: Length L of the span [m].
-        bend_length: Length l over which its end is bent [m].
-        offset: Place of the eye beside the carriage's reading [m].
-        covariance: Of z, headed, free length and offset [m^2], shape (4, 4).
-    """
-
-    theta: float
-    z: float
-    headed: float
-    free_length: float
-    bend_length: float
-    offset: float
-    covariance: Array
+    theta: float  # Wound angle [rad]
+    z: float  # Where the cable lands [m]
+    headed: float  # Where the span points to behind its bent end, z + l z' [m]
+    free_length: float  # Length L of the span [m]
+    bend_length: float  # Length l over which its end is bent [m]
+    offset: float  # Place of the eye beside the carriage's reading [m]
+    covariance: Array  # Of z, headed, free length and offset [m^2], shape (4, 4)
 
     @property
     def sigma_z(self) -> float:
@@ -117,7 +100,7 @@ class LayFilter:
     present along the guide's way since.
 
     Args:
-        config: What is believed before.
+        config: The prior.
     """
 
     def __init__(self, config: LayFilterConfig) -> None:
@@ -182,7 +165,7 @@ class LayFilter:
         """Take the height z [m] of cable at a wound angle [rad] with its deviation [m].
 
         Returns:
-            Its innovation in standard deviations; None where it says nothing new, because cable
+            Its innovation in standard deviations; None where it is not new, because cable
             further on has been measured already or this has not been laid yet, and where it is
             too far off to be true, such as that of another turn.
         """
@@ -195,7 +178,7 @@ class LayFilter:
             self._carry(seen, theta, self._between(theta), self._since[0][2])
         noise = sigma**2 + self.config.correlated**2
         innovation = z - seen.mean[Z]
-        if self._is_mistaken(theta, innovation, seen.covariance[Z, Z] + noise):
+        if self._is_outlier(theta, innovation, seen.covariance[Z, Z] + noise):
             return None
         column = seen.covariance[:, Z]
         spread = column[Z] + noise
@@ -209,9 +192,9 @@ class LayFilter:
             self._carry(self._now, *place)
         return score
 
-    def _is_mistaken(self, theta: float, innovation: float, spread: float) -> bool:
-        """Return whether a height is refused; believe those that keep coming."""
-        if abs(innovation) <= max(self.config.gate, _MISTAKEN * math.sqrt(spread)):
+    def _is_outlier(self, theta: float, innovation: float, spread: float) -> bool:
+        """Return whether a height is refused; accept outliers that persist."""
+        if abs(innovation) <= max(self.config.gate, _OUTLYING * math.sqrt(spread)):
             self._refused_from = None
             return False
         if self._refused_from is None:
@@ -275,9 +258,9 @@ class LayFilter:
         return seen.guide + share * (guide - seen.guide)
 
     def _bound(self, state: _State) -> None:
-        """Keep the free length within what a machine can be: half to twice of what is believed."""
-        believed = self.config.free_length
-        state.mean[LENGTH] = min(max(state.mean[LENGTH], 0.5 * believed), 2.0 * believed)
+        """Keep the free length within what a machine can be: half to twice of the prior."""
+        prior = self.config.free_length
+        state.mean[LENGTH] = min(max(state.mean[LENGTH], 0.5 * prior), 2.0 * prior)
 
     @staticmethod
     def _copied(state: _State) -> _State:

@@ -25,52 +25,34 @@ _OUTLYING = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class StretchFilterConfig:
-    """What is believed of the tension at lay-on before a marker has landed.
+    """Prior of the tension at lay-on before a marker has landed.
 
     Attributes:
-        share: Share of the pull at the guide that reaches the cylinder.
-        sigma_share: One standard deviation of it.
-        drag: Constant addition of the guide [N].
-        sigma_drag: One standard deviation of it [N].
-        start: Share of the tension at the start of the build-up.
-        sigma_start: One standard deviation of it.
-        build_up: Wound length over which the tension builds up from its start [m].
-        sigma_build_up: One standard deviation of it [m].
-        drift_share: Change of the share from marker to marker, one standard deviation.
-        model_error: What the closed form leaves out of a segment's length, relative.
         tension_error: What the law leaves out of the tension, relative: a brake's own friction.
     """
 
-    share: float = 0.7
-    sigma_share: float = 0.15
-    drag: float = 0.15
-    sigma_drag: float = 0.1
-    start: float = 1.0
-    sigma_start: float = 0.1
-    build_up: float = 0.255
-    sigma_build_up: float = 0.075
-    drift_share: float = 0.01
-    model_error: float = 7.0e-4
+    share: float = 0.7  # Share of the pull at the guide that reaches the cylinder
+    sigma_share: float = 0.15  # One standard deviation of it
+    drag: float = 0.15  # Constant addition of the guide [N]
+    sigma_drag: float = 0.1  # One standard deviation of it [N]
+    start: float = 1.0  # Share of the tension at the start of the build-up
+    sigma_start: float = 0.1  # One standard deviation of it
+    build_up: float = 0.255  # Wound length over which the tension builds up from its start [m]
+    sigma_build_up: float = 0.075  # One standard deviation of it [m]
+    drift_share: float = 0.01  # Change of the share from marker to marker, one standard deviation
+    model_error: float = 7.0e-4  # What the closed form leaves out of a segment's length, relative
     tension_error: float = 0.04
 
 
 @dataclass(frozen=True, kw_only=True)
 class StretchEstimate:
-    """The tension at lay-on as (share pull + drag) (start + (1 - start)(1 - exp(-s / L_c))).
+    """The tension at lay-on as (share pull + drag) (start + (1 - start)(1 - exp(-s / L_c)))."""
 
-    Attributes:
-        share: Share of the pull at the guide.
-        drag: Constant addition [N].
-        start: Share of the tension at the start of the build-up.
-        build_up_length: L_c [m] of wound cable.
-        covariance: Of share, drag, start and build-up length, shape (4, 4).
-    """
-
-    share: float
-    drag: float
-    start: float
-    build_up_length: float
-    covariance: Array
+    share: float  # Share of the pull at the guide
+    drag: float  # Constant addition [N]
+    start: float  # Share of the tension at the start of the build-up
+    build_up_length: float  # L_c [m] of wound cable
+    covariance: Array  # Of share, drag, start and build-up length, shape (4, 4)
 
     @property
     def mean(self) -> Array:
@@ -103,24 +85,14 @@ class StretchEstimate:
         final = np.maximum(self.share * np.asarray(pull) + self.drag, 0.0)
         return np.asarray(self.built(wound) * final)
 
-    def pull_for(self, tension: float, wound: float) -> float:
-        """Return the pull [N] that gives a tension at lay-on [N] after a wound length [m]."""
-        return float((tension / self.built(wound) - self.drag) / self.share)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How far the cable has been laid.
+    """How far the cable has been laid."""
 
-    Attributes:
-        theta: Wound angle [rad].
-        laid: Undeformed length from P0 [m].
-        landed: Newest marker that was measured.
-    """
-
-    theta: float
-    laid: float
-    landed: int
+    theta: float  # Wound angle [rad]
+    laid: float  # Undeformed length from P0 [m]
+    landed: int  # Newest marker that was measured
 
 
 class StretchFilter:
@@ -133,7 +105,7 @@ class StretchFilter:
         law: Lay-on of the cable.
         spacing: Undeformed cable between markers [m].
         radius: Centreline radius R + r [m].
-        config: What is believed before.
+        config: The prior.
     """
 
     def __init__(
@@ -164,16 +136,11 @@ class StretchFilter:
 
     @property
     def estimate(self) -> StretchEstimate:
-        """What is believed now."""
-        return self._believed(self._mean)
-
-    @property
-    def landed_at(self) -> float:
-        """Wound angle of the newest marker that was taken [rad]."""
-        return self._from
+        """Estimate now."""
+        return self._estimate_of(self._mean)
 
     def join(self, theta: float) -> None:
-        """Begin in mid-run at a wound angle [rad]: the next marker says how much is laid."""
+        """Begin in mid-run at a wound angle [rad]: the next marker shows how much is laid."""
         self._steps.clear()
         self._from, self._joined = theta, True
 
@@ -248,15 +215,15 @@ class StretchFilter:
         self, steps: list[tuple[float, float, float]], mean: Array
     ) -> tuple[float, Array]:
         """Return the length [m] of steps under a mean (4,) and its derivatives (4,)."""
-        length = self._length(steps, self._believed(mean))
+        length = self._length(steps, self._estimate_of(mean))
         row = np.empty(mean.size)
         for index in range(mean.size):
             moved = mean.copy()
             moved[index] += _CHANGE
-            row[index] = (self._length(steps, self._believed(moved)) - length) / _CHANGE
+            row[index] = (self._length(steps, self._estimate_of(moved)) - length) / _CHANGE
         return length, row
 
-    def _believed(self, mean: Array) -> StretchEstimate:
+    def _estimate_of(self, mean: Array) -> StretchEstimate:
         return StretchEstimate.of(mean, self._covariance.copy())
 
     def _length(self, steps: list[tuple[float, float, float]], estimate: StretchEstimate) -> float:

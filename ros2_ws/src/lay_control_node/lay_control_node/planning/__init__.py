@@ -1,1 +1,1 @@
-"""The machine's motion for a lay program: guide, cylinder and pull over time, with what remains."""
+"""Which motion and pull lay a program, and what of it is out of reach?"""

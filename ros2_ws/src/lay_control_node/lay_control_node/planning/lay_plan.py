@@ -1,19 +1,22 @@
-"""A planned run: the machine's motion and pull over time, and what will lie where."""
+"""A planned run: motion and pull over time, what will lie where, and its table for a PLC."""
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.corners import Corner
 from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.marker_pulls import MarkerLanding, PullPlan, Track
 from lay_control_node.planning.motion import Motion
-from winding_core.condition import ResolvedCondition
-from winding_core.lay_program import LayProgram
+from lay_control_node.planning.rounding import Corner
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.program import LayProgram
 
 Array = NDArray[np.float64]
 
@@ -24,27 +27,16 @@ _PER_TURN = 200
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedSamples:
-    """Both axes and the pull at times.
+    """Both axes and the pull at times."""
 
-    Attributes:
-        t: [s], shape (m,).
-        cylinder: Angle [rad], shape (m,).
-        cylinder_speed: [rad/s], shape (m,).
-        guide: Position [m], shape (m,).
-        guide_speed: [m/s], shape (m,).
-        commanded: Pull that is asked for [N], shape (m,).
-        pull: Pull that the brake gives [N], shape (m,).
-        span: Tension of the span under it [N], shape (m,).
-    """
-
-    t: Array
-    cylinder: Array
-    cylinder_speed: Array
-    guide: Array
-    guide_speed: Array
-    commanded: Array
-    pull: Array
-    span: Array
+    t: Array  # [s], shape (m,)
+    cylinder: Array  # Angle [rad], shape (m,)
+    cylinder_speed: Array  # [rad/s], shape (m,)
+    guide: Array  # Position [m], shape (m,)
+    guide_speed: Array  # [m/s], shape (m,)
+    commanded: Array  # Pull that is asked for [N], shape (m,)
+    pull: Array  # Pull that the brake gives [N], shape (m,)
+    span: Array  # Tension of the span under it [N], shape (m,)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,39 +44,25 @@ class LayPlan:
     """What the machine shall do for a program, and what comes of it.
 
     Attributes:
-        program: What is wanted.
-        what: What is wound.
-        limits: Of the machine.
-        lag: Of the lay behind the guide [rad], free length over centreline radius.
-        radius: Of the wound cable's centreline [m].
-        width: Of the kernel that rounds the corners [rad].
-        speed: Of the cylinder where nothing slows it [rad/s].
-        motion: Of both axes.
-        theta: Wound angles of the prediction, not descending [rad], shape (n,).
-        predicted: z of the lay there by the lag law [m], shape (n,).
         uncompensated: z of the lay there with a guide that moves along the program itself [m],
             shape (n,).
-        corners: That are rounded.
-        track: On which the pull is planned.
-        pulls: The pull, and where markers land.
-        sentences: What is out of reach, and why.
     """
 
-    program: LayProgram
-    what: ResolvedCondition
-    limits: PlanLimits
-    lag: float
-    radius: float
-    width: float
-    speed: float
-    motion: Motion
-    theta: Array
-    predicted: Array
+    program: LayProgram  # What is wanted
+    what: ResolvedCondition  # What is wound
+    limits: PlanLimits  # Of the machine
+    lag: float  # Of the lay behind the guide [rad], free length over centreline radius
+    radius: float  # Of the wound cable's centreline [m]
+    width: float  # Of the kernel that rounds the corners [rad]
+    speed: float  # Of the cylinder where nothing slows it [rad/s]
+    motion: Motion  # Of both axes
+    theta: Array  # Wound angles of the prediction, not descending [rad], shape (n,)
+    predicted: Array  # z of the lay there by the lag law [m], shape (n,)
     uncompensated: Array
-    corners: tuple[Corner, ...]
-    track: Track
-    pulls: PullPlan
-    sentences: tuple[str, ...]
+    corners: tuple[Corner, ...]  # That are rounded
+    track: Track  # On which the pull is planned
+    pulls: PullPlan  # The pull, and where markers land
+    sentences: tuple[str, ...]  # What is out of reach, and why
 
     @property
     def residual(self) -> Array:
@@ -138,3 +116,97 @@ class LayPlan:
     def landings(self) -> tuple[MarkerLanding, ...]:
         """Where the markers will land."""
         return self.pulls.landings
+
+
+# Of the table; units in the names.
+CSV_COLUMNS = ("t_s", "cylinder_rad", "guide_m", "tension_n")
+PERIOD = 0.01
+
+
+def csv_text(plan: LayPlan, period: float = PERIOD) -> str:
+    """Return the motion every period [s] as a table: CSV_COLUMNS.
+
+    Straight lines between its rows keep the limits. Digits are so many that third differences do.
+    """
+    rows = plan.samples(plan.times(period))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(CSV_COLUMNS)
+    for t, cylinder, guide, pull in zip(
+        rows.t.tolist(),
+        rows.cylinder.tolist(),
+        rows.guide.tolist(),
+        rows.commanded.tolist(),
+        strict=True,
+    ):
+        writer.writerow((f"{t:.6g}", f"{cylinder:.10f}", f"{guide:.12f}", f"{pull:.5f}"))
+    return text.getvalue()
+
+
+def plan_record(plan: LayPlan) -> dict[str, Any]:
+    """Return a plan as plain values, None for what is not known."""
+    planned, uncompensated = plan.rms()
+    worst, where = plan.worst
+    turns = plan_turns(plan)
+    return {
+        "program": {
+            "name": plan.program.name,
+            "theta_rad": plan.program.theta.tolist(),
+            "z_m": plan.program.z.tolist(),
+        },
+        "case": plan.what.case.number,
+        "lag_rad": plan.lag,
+        "kernel_width_rad": plan.width,
+        "start": {"approach_s": plan.motion.approach, "cylinder_waits_s": plan.motion.course.wait},
+        "duration_s": plan.motion.end,
+        "cylinder_speed_rad_s": plan.speed,
+        "residual_rms_m": planned,
+        "uncompensated_rms_m": uncompensated,
+        "residual_worst_m": worst,
+        "residual_worst_at_rad": where,
+        "turns": [
+            {"theta_rad": theta, "wanted_m": wanted, "predicted_m": predicted, "without_m": without}
+            for theta, wanted, predicted, without in turns
+        ],
+        "corners": [
+            {
+                "theta_rad": item.theta,
+                "rounding_m": item.rounding,
+                "rounding_at_half_speed_m": item.rounding_at_half_speed,
+            }
+            for item in plan.corners
+        ],
+        "markers": [
+            {
+                "id": item.number,
+                "wanted_rad": _known(item.wanted),
+                "predicted_rad": _known(item.predicted),
+                "pull_n": item.pull,
+                "earliest_rad": _known(item.earliest),
+                "latest_rad": _known(item.latest),
+            }
+            for item in plan.landings
+        ],
+        "out_of_reach": list(plan.sentences),
+    }
+
+
+def plan_turns(plan: LayPlan) -> list[tuple[float, float, float, float]]:
+    """Return angle [rad], wanted, predicted and uncompensated z [m] after each turn and at the end.
+
+    An end within a hundredth of a turn of a whole turn is that turn's.
+    """
+    end = plan.program.end
+    whole = FULL_TURN * np.arange(1, int(end / FULL_TURN) + 1)
+    theta = np.append(whole[whole < end - 0.01 * FULL_TURN], end)
+    columns = (
+        theta,
+        plan.program.z_at(theta),
+        np.interp(theta, plan.theta, plan.predicted),
+        np.interp(theta, plan.theta, plan.uncompensated),
+    )
+    return list(zip(*(column.tolist() for column in columns), strict=True))
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -11,26 +11,19 @@ class PlanLimits:
     """Limits of both axes and of the brake.
 
     Attributes:
-        cylinder_speed: [rad/s]
-        cylinder_acceleration: [rad/s^2]
-        carriage_speed: [m/s]
-        carriage_acceleration: [m/s^2]
-        carriage_jerk: [m/s^3]
-        travel: Start and end of the carriage's travel [m].
         brake: Smallest and largest pull of the brake [N]; None for a dead weight alone.
-        brake_time: Its time constant [s].
         pull_share: Smallest and largest pull that markers may be steered with, as shares of the
             weight.
     """
 
-    cylinder_speed: float
-    cylinder_acceleration: float
-    carriage_speed: float
-    carriage_acceleration: float
-    carriage_jerk: float
-    travel: tuple[float, float]
+    cylinder_speed: float  # [rad/s]
+    cylinder_acceleration: float  # [rad/s^2]
+    carriage_speed: float  # [m/s]
+    carriage_acceleration: float  # [m/s^2]
+    carriage_jerk: float  # [m/s^3]
+    travel: tuple[float, float]  # Start and end of the carriage's travel [m]
     brake: tuple[float, float] | None
-    brake_time: float
+    brake_time: float  # Its time constant [s]
     pull_share: tuple[float, float] = (0.3, 1.5)
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.stretched_cable import StretchedCable
+from lay_control_node.planning.lay_on import StretchedCable
 
 Array = NDArray[np.float64]
 
@@ -19,53 +19,32 @@ _AT_THE_END = 1.0e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Track:
-    """The planned lay that markers land on.
+    """The planned lay that markers land on."""
 
-    Attributes:
-        t: Real times [s], not descending, shape (n,).
-        theta: Wound angles [rad], shape (n,).
-        slope: dz/dtheta of the lay [m/rad], shape (n,).
-    """
-
-    t: Array
-    theta: Array
-    slope: Array
+    t: Array  # Real times [s], not descending, shape (n,)
+    theta: Array  # Wound angles [rad], shape (n,)
+    slope: Array  # dz/dtheta of the lay [m/rad], shape (n,)
 
 
 @dataclass(frozen=True, kw_only=True)
 class MarkerLanding:
-    """Where a marker is wanted and where it will land.
+    """Where a marker is wanted and where it will land."""
 
-    Attributes:
-        number: n.
-        wanted: Wound angle [rad]; nan where none is wanted.
-        predicted: Wound angle [rad]; nan if it does not land by the program's end.
-        pull: Commanded before it [N].
-        earliest: Angle at the smallest pull since the marker before [rad]; nan as above.
-        latest: Angle at the largest one [rad]; nan as above.
-    """
-
-    number: int
-    wanted: float
-    predicted: float
-    pull: float
-    earliest: float
-    latest: float
+    number: int  # n
+    wanted: float  # Wound angle [rad]; nan where none is wanted
+    predicted: float  # Wound angle [rad]; nan if it does not land by the program's end
+    pull: float  # Commanded before it [N]
+    earliest: float  # Angle at the smallest pull since the marker before [rad]; nan as above
+    latest: float  # Angle at the largest one [rad]; nan as above
 
 
 @dataclass(frozen=True, kw_only=True)
 class PullPlan:
-    """Pull over the samples of a track, and what comes of it.
+    """Pull over the samples of a track, and what comes of it."""
 
-    Attributes:
-        commanded: [N], shape (n,).
-        actual: Of a brake of first order [N], shape (n,).
-        landings: Of all markers on the cable.
-    """
-
-    commanded: Array
-    actual: Array
-    landings: tuple[MarkerLanding, ...]
+    commanded: Array  # [N], shape (n,)
+    actual: Array  # Of a brake of first order [N], shape (n,)
+    landings: tuple[MarkerLanding, ...]  # Of all markers on the cable
 
 
 class PullPlanner:

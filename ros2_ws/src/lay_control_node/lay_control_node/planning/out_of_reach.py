@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
-from lay_control_node.programs.overlap import crossings
+from lay_control_node.programs.feasibility import crossings
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ _MOST_CORNERS = 6
 # Of a turn: a marker that misses its angle by less lands where it is wanted.
 LANDED = 1.0e-3
 _ROUNDING = 1.0e-6
-# Of what friction holds: less slip than this makes is not told.
+# Of what friction holds: less slip than this makes is not reported.
 SLIPPING = 1.25
 
 
@@ -87,8 +87,8 @@ def _corners(plan: LayPlan, demands: Mapping[str, float]) -> Iterator[str]:
         "friction": f"friction {plan.what.friction:.4g} holds no sharper turn",
         "jerk": f"the carriage's jerk may be {limits.carriage_jerk:.4g} m/s^3",
     }[name]
-    told = sorted(plan.corners, key=lambda item: -abs(item.rounding))[:_MOST_CORNERS]
-    for corner in sorted(told, key=lambda item: item.theta):
+    reported = sorted(plan.corners, key=lambda item: -abs(item.rounding))[:_MOST_CORNERS]
+    for corner in sorted(reported, key=lambda item: item.theta):
         text = (
             f"the corner at turn {corner.theta / FULL_TURN:.2f} is rounded by "
             f"{abs(corner.rounding) / MILLIMETRE:.2g} mm"
@@ -103,8 +103,8 @@ def _corners(plan: LayPlan, demands: Mapping[str, float]) -> Iterator[str]:
                 f"{abs(corner.rounding_at_half_speed) / MILLIMETRE:.2g} mm"
             )
         yield text
-    if len(plan.corners) > len(told):
-        yield f"{len(plan.corners) - len(told)} more corners are rounded by less"
+    if len(plan.corners) > len(reported):
+        yield f"{len(plan.corners) - len(reported)} more corners are rounded by less"
 
 
 def _slowing(plan: LayPlan) -> Iterator[str]:

@@ -7,27 +7,25 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.corners import corners
-from lay_control_node.planning.guide_path import guide_path, within
-from lay_control_node.planning.kernel_width import (
-    USED,
-    demands,
-    needed_width,
-    width_within,
-    width_without_slip,
-)
-from lay_control_node.planning.lag import lay_of
+from lay_control_node.planning.guide_path import guide_path, lay_of, within
+from lay_control_node.planning.lay_on import StretchedCable
 from lay_control_node.planning.lay_plan import LayPlan
 from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.marker_pulls import PullPlan, PullPlanner, Track
 from lay_control_node.planning.motion import motion_along
 from lay_control_node.planning.out_of_reach import sentences_of
+from lay_control_node.planning.rounding import (
+    USED,
+    corners,
+    demands,
+    needed_width,
+    width_within,
+    width_without_slip,
+)
 from lay_control_node.planning.smoothed_line import smoothed_program
-from lay_control_node.planning.stretched_cable import StretchedCable
-from lay_control_node.programs.overlap import refuse_overlap
-from lay_control_node.programs.travel import refuse_beyond
-from winding_core.condition import ResolvedCondition
-from winding_core.lay_program import LayProgram, LayProgramError
+from lay_control_node.programs.feasibility import refuse_beyond, refuse_overlap
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.program import LayProgram, LayProgramError
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from winding_core.lay_program import LayProgram
+from winding_core.lay.program import LayProgram
 
 Array = NDArray[np.float64]
 
@@ -27,23 +27,14 @@ _BATCH = 2_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothedLine:
-    """A function of the wound angle: straight pieces with corners and steps, rounded.
+    """A function of the wound angle: straight pieces with corners and steps, rounded."""
 
-    Attributes:
-        theta: Of corners and steps, ascending [rad], shape (n,).
-        bends: Change of slope there [m/rad], shape (n,).
-        steps: Change of value there [m], shape (n,).
-        value: At 0 on the first piece [m].
-        slope: Of the first piece [m/rad].
-        width: h of the kernel [rad]; 0 for no rounding.
-    """
-
-    theta: Array
-    bends: Array
-    steps: Array
-    value: float
-    slope: float
-    width: float
+    theta: Array  # Of corners and steps, ascending [rad], shape (n,)
+    bends: Array  # Change of slope there [m/rad], shape (n,)
+    steps: Array  # Change of value there [m], shape (n,)
+    value: float  # At 0 on the first piece [m]
+    slope: float  # Of the first piece [m/rad]
+    width: float  # h of the kernel [rad]; 0 for no rounding
     _slopes: Array = field(init=False, repr=False)
     _starts: Array = field(init=False, repr=False)
 

@@ -1,9 +1,8 @@
-"""Lay programs from files and options."""
+"""Which lay is wanted: programs from files and options, and what of them cannot be wound?"""
 
-from lay_control_node.programs.overlap import crossings, refuse_overlap
+from lay_control_node.programs.feasibility import crossings, refuse_beyond, refuse_overlap
 from lay_control_node.programs.reading import read_program
 from lay_control_node.programs.simple_programs import even_helix, with_markers_every_turn
-from lay_control_node.programs.travel import refuse_beyond
 
 __all__ = [
     "crossings",

@@ -1,25 +1,62 @@
 """G-code of filament winding: X the carriage, A the mandrel's angle; the format only.
 
 The carriage of such a program is taken for where the cable is wanted, because the programs know
-neither a lag nor a stretch. Times and feed rates say nothing: the plan has its own.
+neither a lag nor a stretch. Times and feed rates are ignored: the plan has its own.
 """
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from lay_control_node.programs.gcode_words import Word, words_of
 from lay_control_node.programs.points import PointList
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay.program import LayProgram, LayProgramError
 from winding_core.units import MILLIMETRE
+
+Word = tuple[str, float]
+
+_COMMENT = re.compile(r"\([^()]*\)|;.*")
+_WORD = re.compile(r"([A-Z])\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d+)?)\s*", re.ASCII)
+
+
+def words_of(text: str, name: str) -> Iterator[tuple[int, list[Word]]]:
+    """Yield the number of every line that is not empty, and its words.
+
+    Raises:
+        LayProgramError: A line is no G-code.
+    """
+    for number, line in enumerate(text.splitlines(), start=1):
+        rest = _COMMENT.sub("", line).strip().upper()
+        # A percent sign marks begin and end of a tape; a line behind a slash may be left out.
+        if rest == "%":
+            continue
+        if rest.startswith("/"):
+            raise LayProgramError(
+                f"line {number} of {name} may be left out (/): write it or leave it out"
+            )
+        words: list[Word] = []
+        at = 0
+        while at < len(rest):
+            found = _WORD.match(rest, at)
+            if found is None:
+                raise LayProgramError(
+                    f"line {number} of {name} is no G-code from {rest[at : at + 20]!r} on"
+                )
+            words.append((found[1], float(found[2])))
+            at = found.end()
+        words = [word for word in words if word[0] != "N"]
+        if words:
+            yield number, words
+
 
 INCH = 25.4 * MILLIMETRE
 _DEGREE = math.pi / 180.0
 # Planes, compensation off, a coordinate system, path modes, feed modes: nothing moves by them.
 _WITHOUT_EFFECT = {17.0, 18.0, 19.0, 40.0, 49.0, 54.0, 61.0, 64.0, 80.0, 93.0, 94.0, 95.0}
 _ENDS = {2.0, 30.0}
-# Letters of which nothing is used, and what they say.
+# Letters of which nothing is used, and what they stand for.
 _IGNORED = {"B": "the head B", "C": "the axis C", "E": "the extruder E", "F": "feed rates F",
             "S": "speeds S", "T": "tools T", "P": "pauses P"}  # fmt: skip
 _TINY = 1.0e-9
@@ -87,13 +124,15 @@ def parse_gcode(text: str, *, radius: float, name: str) -> LayProgram:
     if not sense:
         raise LayProgramError(f"{name} never turns the mandrel (A)")
     if machine.ignored:
-        said = ", ".join(f"{what} ({count} x)" for what, count in sorted(machine.ignored.items()))
-        remarks.append(f"ignored: {said}")
+        ignored = ", ".join(
+            f"{what} ({count} x)" for what, count in sorted(machine.ignored.items())
+        )
+        remarks.append(f"ignored: {ignored}")
     return points.program(name, remarks)
 
 
 def _take(machine: _Machine, words: list[Word], place: str) -> bool:
-    """Do what a line says; return whether the program ends."""
+    """Execute a line; return whether the program ends."""
     axes: dict[str, float] = {}
     sets_place = False
     for letter, value in words:
@@ -105,7 +144,7 @@ def _take(machine: _Machine, words: list[Word], place: str) -> bool:
             _ignore(machine, f"M{value:g}")
         elif letter in "XA":
             if letter in axes:
-                raise LayProgramError(f"{place} says {letter} twice")
+                raise LayProgramError(f"{place} has {letter} twice")
             axes[letter] = value
         elif letter in _IGNORED:
             _ignore(machine, _IGNORED[letter])

@@ -1,13 +1,15 @@
-"""Points of a program as a table states them: an angle or a length, z, and what goes with it."""
+"""Points of a program and tables of them: an angle or a length, z, tension and marker."""
 
 from __future__ import annotations
 
+import csv
 import difflib
+import io
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay.program import LayProgram, LayProgramError
 from winding_core.units import MILLIMETRE
 
 FULL_TURN = 2.0 * math.pi
@@ -27,15 +29,10 @@ Number = Callable[[str], float]
 
 @dataclass(frozen=True, kw_only=True)
 class Columns:
-    """Which columns a table has.
+    """Which columns a table has."""
 
-    Attributes:
-        along: Of the wound angle or of the length of the laid cable.
-        z: Of the axial position.
-    """
-
-    along: str
-    z: str
+    along: str  # Of the wound angle or of the length of the laid cable
+    z: str  # Of the axial position
 
     @classmethod
     def of(cls, names: Collection[str], where: str) -> Columns:
@@ -65,20 +62,15 @@ class PointList:
     """Points of a program, added one by one.
 
     Attributes:
-        radius: Of the laid cable's centreline [m].
-        theta: Wound angles so far [rad].
-        z: Axial positions so far [m].
-        tension: Pulls so far [N]; nan for the condition's.
         markers: Wound angle of marker n so far [rad], by n.
-        length: Of the laid cable so far [m].
     """
 
-    radius: float
-    theta: list[float] = field(default_factory=list)
-    z: list[float] = field(default_factory=list)
-    tension: list[float] = field(default_factory=list)
+    radius: float  # Of the laid cable's centreline [m]
+    theta: list[float] = field(default_factory=list)  # Wound angles so far [rad]
+    z: list[float] = field(default_factory=list)  # Axial positions so far [m]
+    tension: list[float] = field(default_factory=list)  # Pulls so far [N]; nan for the condition's
     markers: dict[int, float] = field(default_factory=dict)
-    length: float = 0.0
+    length: float = 0.0  # Of the laid cable so far [m]
 
     def add_row(self, columns: Columns, cells: dict[str, object], place: str) -> None:
         """Add a row of a table.
@@ -169,7 +161,7 @@ def finite_number(value: object, what: str) -> float:
     """Return a number that was given as one or as its text.
 
     Raises:
-        LayProgramError: It is none, or not finite; says what.
+        LayProgramError: It is none, or not finite; the message contains what.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise LayProgramError(f"{what} must be a number, got {_shown(value)}")
@@ -217,3 +209,41 @@ def _shown(value: object) -> str:
     elif isinstance(value, bool | float):
         text = str(value)
     return text
+
+
+def parse_csv(text: str, *, radius: float, name: str) -> LayProgram:
+    """Read a table.
+
+    Args:
+        text: Head line and rows; lines that are empty or begin with # are skipped.
+        radius: Of the laid cable's centreline [m].
+        name: Of the program.
+
+    Raises:
+        LayProgramError: It cannot be used; the message contains the line.
+    """
+    points = PointList(radius=radius)
+    columns: Columns | None = None
+    head: list[str] = []
+    reader = csv.reader(io.StringIO(text), strict=True)
+    try:
+        for cells in reader:
+            if not any(cell.strip() for cell in cells) or cells[0].lstrip().startswith("#"):
+                continue
+            place = f"line {reader.line_num} of {name}"
+            if columns is None:
+                head = [cell.strip() for cell in cells]
+                if len(head) == 1 and ";" in head[0]:
+                    raise LayProgramError(f"{place} parts its columns with ;, commas are read")
+                if len(set(head)) < len(head):
+                    raise LayProgramError(f"{place} names a column twice: {', '.join(head)[:80]}")
+                columns = Columns.of(head, place)
+                continue
+            if len(cells) != len(head):
+                raise LayProgramError(
+                    f"{place} has {len(cells)} cells, the head line has {len(head)}"
+                )
+            points.add_row(columns, dict(zip(head, cells, strict=True)), place)
+    except csv.Error as error:
+        raise LayProgramError(f"line {reader.line_num} of {name}: {error}") from error
+    return points.program(name)

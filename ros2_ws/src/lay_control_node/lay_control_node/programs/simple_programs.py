@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from lay_control_node.programs.points import FULL_TURN, MOST_TURNS
-from winding_core.lay_program import LayProgram, LayProgramError
+from winding_core.lay.program import LayProgram, LayProgramError
 
 _ROUNDING = 1.0e-9
 
@@ -41,10 +41,10 @@ def with_markers_every_turn(program: LayProgram, count: int | None = None) -> La
         count: Of markers on the cable; None for as many as there are turns.
 
     Raises:
-        LayProgramError: It says already where markers are wanted, or it has no whole turn.
+        LayProgramError: It states already where markers are wanted, or it has no whole turn.
     """
     if program.markers:
-        raise LayProgramError("the program says already where its markers are wanted")
+        raise LayProgramError("the program states already where its markers are wanted")
     turns = math.floor(program.end / FULL_TURN + _ROUNDING)
     if turns < 1:
         raise LayProgramError(

@@ -1,1 +1,1 @@
-"""ROS side of the lay controller without a node: what it answers to which message."""
+"""What does the lay controller answer to which message, and which parameters does it have?"""

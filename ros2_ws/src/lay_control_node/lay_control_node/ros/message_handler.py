@@ -9,41 +9,40 @@ import numpy as np
 
 from lay_control_node.control.lay_controller import LayController, Setpoint
 from lay_control_node.ros.parameters import LayControlParameters
-from winding_core.commands import CARRIAGE, AxisTarget, JointTargets, TensionCommand
-from winding_core.lay_control_records import LAY_CONTROL_DTYPE, ControlMode, LayControlRecords
-from winding_core.lay_records import LAY_DTYPE
+from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlMode, LayControlRecords
+from winding_core.machine.commands import CARRIAGE, AxisTarget, JointTargets, TensionCommand
+from winding_core.machine.incoming_readings import stands
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
-from winding_core.motion_start import stands
-from winding_core.readings import AxisReading
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud, encode_cloud
-from winding_ros.command_messages import encode_targets, encode_tension_command
-from winding_ros.message_handler import Answer
-from winding_ros.rig_messages import JointStateReader, decode_tension
+from winding_ros.messages.clouds import decode_cloud, encode_cloud
+from winding_ros.messages.commands import encode_targets, encode_tension_command
+from winding_ros.messages.rig import JointStateReader, decode_tension
+from winding_ros.runtime.message_handler import Answer
 from winding_ros.topic import Topic
 
 # A machine that has stood for longer is not commanded: it may have been stopped [s].
 _STANDING = 0.2
-# A stamp of zero would say that a command holds from when it arrives [s].
+# A stamp of zero means that a command holds from its arrival [s].
 _FIRST_STAMP = 1.0e-9
 
 
 class LayControlHandler:
-    """Follows the machine and says where guide and brake have to be.
+    """Follows the machine and answers where guide and brake have to be.
 
     Args:
         wanted: The controller and its program.
 
     Attributes:
         controller: Of the present run.
-        newest: What was said last; None before the first joint state.
+        newest: Last setpoint; None before the first joint state.
     """
 
     def __init__(self, wanted: LayControlParameters) -> None:
         self._wanted = wanted
         self._axes = wanted
         self._period = 1.0 / (topics.LAY_CONTROL_STATE.rate or 1.0)
-        # A machine may be heard before the first run begins.
+        # Messages of a machine may arrive before the first run begins.
         self._restart(wanted.new_controller())
 
     def begin(self, t: float) -> Iterator[Answer]:

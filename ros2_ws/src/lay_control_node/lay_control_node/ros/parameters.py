@@ -6,17 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lay_control_node.control.control_parameters import ControlParameters
+from lay_control_node.control.guide_law import WantedProgram
 from lay_control_node.control.lay_controller import LayController
-from lay_control_node.control.wanted_program import WantedProgram
 from lay_control_node.programs.points import FULL_TURN
 from lay_control_node.programs.reading import read_program
 from lay_control_node.programs.simple_programs import even_helix, with_markers_every_turn
-from winding_core.condition import Condition, ResolvedCondition
-from winding_core.lay_control_records import ControlMode
-from winding_core.lay_program import LayProgram, LayProgramError
-from winding_core.lay_wish import LayWish
-from winding_core.machine_axes import MachineAxes
+from winding_core.cable.condition import Condition, ResolvedCondition
+from winding_core.lay.program import LayProgram, LayProgramError
+from winding_core.lay.records import ControlMode
+from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import parameter
+from winding_core.run_options import LayWish
 
 # Turns that an even helix goes on beyond what the drive winds in the condition's time.
 _BEYOND = 2.0
@@ -49,7 +49,9 @@ class LayControlParameters(ControlParameters, LayWish, MachineAxes, Condition):
         if self.markers_every_turn:
             program = with_markers_every_turn(program, what.case.marker_count)
         if program.markers and not self.brake:
-            raise LayProgramError("the program says where markers shall land, which needs a brake")
+            raise LayProgramError(
+                "the program states where markers shall land, which needs a brake"
+            )
         return program
 
     def new_controller(self) -> LayController:

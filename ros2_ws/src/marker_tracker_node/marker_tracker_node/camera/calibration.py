@@ -29,21 +29,13 @@ class CalibrationError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Board:
-    """A calibration board.
+    """A calibration board."""
 
-    Attributes:
-        columns: Squares across.
-        rows: Squares down.
-        square: Side of a square [m].
-        marker: Side of a ChArUco marker [m]; None for a plain chessboard.
-        dictionary: Name of the ChArUco markers' dictionary in cv2.aruco.
-    """
-
-    columns: int
-    rows: int
-    square: float
-    marker: float | None = None
-    dictionary: str = "DICT_4X4_250"
+    columns: int  # Squares across
+    rows: int  # Squares down
+    square: float  # Side of a square [m]
+    marker: float | None = None  # Side of a ChArUco marker [m]; None for a plain chessboard
+    dictionary: str = "DICT_4X4_250"  # Name of the ChArUco markers' dictionary in cv2.aruco
 
     def __post_init__(self) -> None:
         if min(self.columns, self.rows) < 3:
@@ -109,19 +101,12 @@ class Board:
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What the photographs say.
+    """What the photographs say."""
 
-    Attributes:
-        camera: The whole sensor.
-        residual: Root mean square distance between corners and model [px].
-        views: Photographs with a board.
-        refused: Photographs without one.
-    """
-
-    camera: PinholeCamera
-    residual: float
-    views: int
-    refused: int
+    camera: PinholeCamera  # The whole sensor
+    residual: float  # Root mean square distance between corners and model [px]
+    views: int  # Photographs with a board
+    refused: int  # Photographs without one
 
 
 def write_board(path: Path, board: Board, dots_per_inch: float) -> tuple[float, float]:

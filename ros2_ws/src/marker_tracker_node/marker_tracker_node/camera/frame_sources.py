@@ -1,4 +1,4 @@
-"""Recorded frames, blue-green-red, with their times: folders of pictures, video files, bags."""
+"""Recorded frames with their times: folders of pictures, video files, and bags of any topics."""
 
 from __future__ import annotations
 
@@ -6,16 +6,20 @@ import csv
 import math
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.typesys import Stores, get_typestore
 
-from marker_tracker_node.camera.bags import is_bag, messages
-from marker_tracker_node.camera.frame_times import FrameTimeError, FrameTimes
-from marker_tracker_node.camera.recordings import RecordingError
-from winding_core.image_formats import ImageFormatError, PixelReader, RawImage
+from marker_tracker_node.camera.image_formats import ImageFormatError, PixelReader, RawImage
+from marker_tracker_node.camera.pinhole import PinholeCamera
+from marker_tracker_node.camera.recordings import Motion, RecordingError
+from winding_core.units import MILLISECOND
 
 ByteArray = NDArray[np.uint8]
 
@@ -23,6 +27,14 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 # A recording whose first pictures are all refused is refused.
 _HOPELESS = 50
 _GIVE_RATE = "give the camera's rate (--fps) to count pictures instead"
+# Steps that differ by less are even: containers round times to milliseconds.
+EVEN_SHARE = 0.1
+ROUNDING = 1.001e-3
+# Rates that differ by less are the same.
+SAME_RATE = 0.005
+# So many equal times in succession are no times.
+REPEATED = 3
+BAGS = (".mcap", ".db3", ".bag")
 
 
 class FrameSource:
@@ -84,21 +96,21 @@ class FrameSource:
             raise RecordingError(f"{self._path} holds no frame that can be used: {reason}")
 
     def remarks(self) -> list[str]:
-        """Return what is to be said of the frames read so far, in sentences."""
-        said = []
+        """Return remarks on the frames read so far, in sentences."""
+        remarks = []
         if self._times is not None:
             uneven = self._times.unevenness()
             other = self._times.contradiction(self._fps) if self._fps is not None else ""
             if other:
-                said.append(f"{other}: {'those' if self._fps_used else 'its own'} are used")
+                remarks.append(f"{other}: {'those' if self._fps_used else 'its own'} are used")
             if uneven:
                 what = "they are counted all the same" if self._fps_used else "their own are used"
-                said.append(f"{uneven}: {what}")
+                remarks.append(f"{uneven}: {what}")
         if self._reader.remark:
-            said.append(self._reader.remark)
+            remarks.append(self._reader.remark)
         for reason, count in self.refused.most_common(3):
-            said.append(f"{count} x {reason}")
-        return said
+            remarks.append(f"{count} x {reason}")
+        return remarks
 
     def _video(self) -> Iterator[tuple[float, RawImage]]:
         video = cv2.VideoCapture(str(self._path))
@@ -193,3 +205,162 @@ def _listed(index: Path) -> list[tuple[Path, float]]:
             return [(index.parent / row["file"], float(row["t"])) for row in csv.DictReader(file)]
     except (KeyError, ValueError, TypeError, csv.Error) as error:
         raise RecordingError(f"{index} must have the columns file and t: {error!r}") from error
+
+
+class FrameTimeError(ValueError):
+    """Pictures have no times that can be used."""
+
+
+class FrameTimes:
+    """Times of a recording's pictures, as they come."""
+
+    def __init__(self, owner: str, *, backwards: bool = False, advice: str = "") -> None:
+        """Start without a picture.
+
+        Args:
+            owner: What the times are those of, to begin a sentence with.
+            backwards: Whether single pictures may be older than the one before.
+            advice: What to do when there are no times; empty where nothing can be done.
+        """
+        self._owner = owner
+        self._backwards = backwards
+        self._advice = f"; {advice}" if advice else ""
+        self._times: list[float] = []
+
+    def take(self, t: float) -> float:
+        """Return the time of the next picture [s].
+
+        Raises:
+            FrameTimeError: It is no number, times run backwards, or they stand still.
+        """
+        times, number = self._times, len(self._times) + 1
+        if not math.isfinite(t):
+            raise FrameTimeError(
+                f"{self._owner}: picture {number} is at {t} s, which must be finite{self._advice}"
+            )
+        times.append(t)
+        if number >= REPEATED and len(set(times)) == 1:
+            raise FrameTimeError(
+                f"{self._owner}: the first {number} pictures are all at {t:g} s, and times must "
+                f"ascend{self._advice}"
+            )
+        if number > 1 and t < times[-2] and not self._backwards:
+            raise FrameTimeError(
+                f"{self._owner}: picture {number} is at {t:.6f} s, before the {times[-2]:.6f} s of "
+                f"the one before, and times must ascend{self._advice}"
+            )
+        return t
+
+    @property
+    def rate(self) -> float:
+        """The usual number of pictures a second [1/s]; nan before there are two."""
+        steps = self._steps()
+        return 1.0 / float(np.median(steps)) if steps.size else math.nan
+
+    def unevenness(self) -> str:
+        """Return how unevenly the times are spaced; empty where they are not."""
+        steps = self._steps()
+        if not steps.size:
+            return ""
+        usual, low, high = float(np.median(steps)), float(steps.min()), float(steps.max())
+        if high - low <= max(EVEN_SHARE * usual, min(ROUNDING, 0.5 * usual)):
+            return ""
+        t = np.array(self._times)
+        wrong = np.abs(t - t[0] - usual * np.arange(t.size)).max()
+        return (
+            f"pictures are unevenly spaced: {low / MILLISECOND:.1f} to {high / MILLISECOND:.1f} ms "
+            f"apart, mostly {usual / MILLISECOND:.1f} ms; counted at that rate, a picture would be "
+            f"up to {wrong / MILLISECOND:.0f} ms wrong"
+        )
+
+    def contradiction(self, fps: float) -> str:
+        """Return how a rate [1/s] that was given contradicts the times; empty where it does not."""
+        rate = self.rate
+        if math.isnan(rate) or abs(fps / rate - 1.0) <= SAME_RATE:
+            return ""
+        return f"{self._owner} has {rate:g} pictures a second, {fps:g} were given"
+
+    def _steps(self) -> np.ndarray:
+        steps = np.diff(np.array(self._times))
+        return np.asarray(steps[steps > 0.0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """A bag's content."""
+
+    camera: PinholeCamera | None  # Of the frames; None if the bag has no CameraInfo
+    motion: Motion | None  # Encoder readings; None if the bag has no JointState
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether a path looks like a bag."""
+    return path.suffix in BAGS or (path / "metadata.yaml").exists()
+
+
+def read_bag(path: Path) -> Recording:
+    """Read camera and motion of a bag, whatever its topics are called.
+
+    Raises:
+        RecordingError: It cannot be read.
+    """
+    camera: PinholeCamera | None = None
+    readings: list[tuple[float, float, float]] = []
+    for kind, t, message in messages(path, ("CameraInfo", "JointState")):
+        if kind == "CameraInfo" and camera is None:
+            camera = _camera_of(message)
+        elif kind == "JointState" and "cylinder_joint" in message.name and len(message.position):
+            place = dict(zip(message.name, message.position, strict=False))
+            readings.append((t, place["cylinder_joint"], place.get("carriage_joint", math.nan)))
+    # Set points have the same type and joints as readings; the stream with most samples counts.
+    ordered = sorted({row[0]: row for row in readings}.values())
+    motion = None
+    if ordered:
+        columns = np.array(ordered).T
+        motion = Motion(t=columns[0], cylinder_angle=columns[1], guide_z=columns[2])
+    return Recording(camera=camera, motion=motion)
+
+
+def messages(path: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, float, Any]]:
+    """Yield type, stamp [s] and message of the busiest topic of each kind.
+
+    Raises:
+        RecordingError: The bag cannot be read.
+    """
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            wanted = [
+                link for link in reader.connections if link.msgtype.rsplit("/", 1)[-1] in kinds
+            ]
+            for link, _, raw in reader.messages(connections=_busiest(wanted)):
+                message: Any = reader.deserialize(raw, link.msgtype)
+                stamp = message.header.stamp
+                yield link.msgtype.rsplit("/", 1)[-1], stamp.sec + 1e-9 * stamp.nanosec, message
+    except (AnyReaderError, OSError) as error:
+        raise RecordingError(f"cannot read {path}: {error}") from error
+
+
+def _busiest(links: list[Any]) -> list[Any]:
+    """Keep of every message type the topic with most messages."""
+    best: dict[str, Any] = {}
+    for link in links:
+        kept = best.get(link.msgtype)
+        if kept is None or link.msgcount > kept.msgcount:
+            best[link.msgtype] = link
+    return list(best.values())
+
+
+def _camera_of(message: Any) -> PinholeCamera:
+    roi = message.roi
+    try:
+        return PinholeCamera.from_info(
+            width=message.width,
+            height=message.height,
+            k=message.k,
+            d=message.d,
+            roi=(roi.x_offset, roi.y_offset, roi.width, roi.height),
+            binning=max(int(message.binning_x), 1),
+            distortion_model=message.distortion_model or "plumb_bob",
+        )
+    except ValueError as error:
+        raise RecordingError(f"the bag's camera_info: {error}") from error

@@ -1,4 +1,4 @@
-"""The camera as the tracker knows it: what CameraInfo says, and where the camera stands."""
+"""The camera as the tracker knows it: what CameraInfo holds, and where the camera stands."""
 
 from __future__ import annotations
 
@@ -60,11 +60,10 @@ class CameraPose:
     Nominally it stands at +x and looks along -x, image x along +z, image y along +y.
 
     Attributes:
-        position: Of the projection centre [m].
         tilt: Rotation vector about the camera's own axes from the nominal orientation [rad].
     """
 
-    position: tuple[float, float, float] = (0.4175, 0.0, 0.05)
+    position: tuple[float, float, float] = (0.4175, 0.0, 0.05)  # Of the projection centre [m]
     tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -92,22 +91,16 @@ class PinholeCamera:
     ones, so column i of the image has its centre at x_offset + binning (i + 1/2) - 1/2.
 
     Attributes:
-        width: Columns of the full sensor.
-        height: Rows of the full sensor.
-        k: Camera matrix, shape (3, 3).
-        d: plumb_bob distortion k1, k2, p1, p2, k3, shape (5,); empty for none.
         roi: x_offset, y_offset, width, height; all zero for the whole sensor.
-        binning: Raw pixels per image pixel; zero counts as one.
-        distortion_model: "plumb_bob".
     """
 
-    width: int
-    height: int
-    k: FloatArray
-    d: FloatArray
+    width: int  # Columns of the full sensor
+    height: int  # Rows of the full sensor
+    k: FloatArray  # Camera matrix, shape (3, 3)
+    d: FloatArray  # plumb_bob distortion k1, k2, p1, p2, k3, shape (5,); empty for none
     roi: tuple[int, int, int, int] = (0, 0, 0, 0)
-    binning: int = 1
-    distortion_model: str = PLUMB_BOB
+    binning: int = 1  # Raw pixels per image pixel; zero counts as one
+    distortion_model: str = PLUMB_BOB  # "plumb_bob"
 
     @classmethod
     def from_info(

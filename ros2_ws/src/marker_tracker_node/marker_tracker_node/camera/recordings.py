@@ -26,17 +26,11 @@ class RecordingError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """Encoder readings of a run.
+    """Encoder readings of a run."""
 
-    Attributes:
-        t: Ascending times [s], shape (k,).
-        cylinder_angle: [rad], shape (k,).
-        guide_z: [m], shape (k,).
-    """
-
-    t: FloatArray
-    cylinder_angle: FloatArray
-    guide_z: FloatArray
+    t: FloatArray  # Ascending times [s], shape (k,)
+    cylinder_angle: FloatArray  # [rad], shape (k,)
+    guide_z: FloatArray  # [m], shape (k,)
 
     def __post_init__(self) -> None:
         for name, values in vars(self).items():

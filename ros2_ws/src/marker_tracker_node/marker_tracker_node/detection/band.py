@@ -27,15 +27,12 @@ class Body(NamedTuple):
     """What a band is painted on.
 
     Attributes:
-        rho: R + r, radius of the laid cable's centre line [m].
-        cable_radius: r [m].
-        half_band: Half of a band along the cable [m].
         half_around: Half of what is painted around the section, pi for a whole ring [rad].
     """
 
-    rho: float
-    cable_radius: float
-    half_band: float
+    rho: float  # R + r, radius of the laid cable's centre line [m]
+    cable_radius: float  # r [m]
+    half_band: float  # Half of a band along the cable [m]
     half_around: float = math.pi
 
 
@@ -45,22 +42,16 @@ class Band(NamedTuple):
     Two turns closer than a cable diameter meet in the plane between them and cut the band off.
 
     Attributes:
-        azimuth: Of the band's middle, unwrapped [rad].
-        z: Axial position [m].
-        slope: dz/dtheta of the cable [m/rad].
         low: Angle around the section where the turn on the -z side cuts the band off [rad].
-        high: The same on the +z side [rad].
-        below: Distance of the turn on the -z side [m].
-        above: Distance of the turn on the +z side [m].
     """
 
-    azimuth: float
-    z: float
-    slope: float
+    azimuth: float  # Of the band's middle, unwrapped [rad]
+    z: float  # Axial position [m]
+    slope: float  # dz/dtheta of the cable [m/rad]
     low: float = -math.pi
-    high: float = math.pi
-    below: float = math.inf
-    above: float = math.inf
+    high: float = math.pi  # The same on the +z side [rad]
+    below: float = math.inf  # Distance of the turn on the -z side [m]
+    above: float = math.inf  # Distance of the turn on the +z side [m]
 
 
 @compiled

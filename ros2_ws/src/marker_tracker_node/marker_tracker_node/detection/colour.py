@@ -1,13 +1,17 @@
-"""What marker colour is: learnt from sampled pixels, told apart from the scene around them."""
+"""The colours of markers: learnt from sampled pixels, against the scene around them."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from marker_tracker_node.detection.gate import ANY, FIRST_COLOUR, TABLE_SIZE, Picture
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
@@ -30,11 +34,12 @@ MIN_VALUE_LEVELS = 32.0
 HUE_BINS = 90
 SATURATION_BINS = 24
 BACKGROUND_ODDS = 1.0
-# Brighter than paint by so many levels, with a hue that can be told; white is that bright in all
+# Brighter than paint by so many levels, with a hue that is known; white is that bright in all
 # channels.
 GLARE_STEP = 8.0
 GLARE_SATURATION = 0.05
 WHITE_LEVEL = 240
+IndexArray = NDArray[np.int64]
 
 
 class ColourRefusedError(ValueError):
@@ -46,20 +51,16 @@ class ColourModel:
     """A region of hue and saturation, less what the background shows there.
 
     Attributes:
-        hue: Robust middle of the samples [deg].
-        hue_spread: Half width of the accepted hues [deg].
-        min_saturation: Least accepted saturation, 0 to 1.
         table: One for each accepted colour, by five bits of blue, green and red, shape (32768,).
-        separation: Share of the background samples that the model rejects; nan without any.
         brightest: Level of the brightest channel that hardly a sample exceeds, 0 to 255.
         scene: How often the background shows each hue and saturation; None if that is not known.
     """
 
-    hue: float
-    hue_spread: float
-    min_saturation: float
+    hue: float  # Robust middle of the samples [deg]
+    hue_spread: float  # Half width of the accepted hues [deg]
+    min_saturation: float  # Least accepted saturation, 0 to 1
     table: ByteArray
-    separation: float
+    separation: float  # Share of the background samples that the model rejects; nan without any
     brightest: float = 255.0
     scene: FloatArray | None = None
 
@@ -106,7 +107,7 @@ class ColourModel:
             accepted &= _more_marker_than_background(_density(_exposed(samples)), scene)
             separation = 1.0 - float(accepted[colour_index(background)].mean())
         if not accepted[colour_index(samples)].mean() > 0.5:
-            raise ColourRefusedError("samples cannot be told apart from the background")
+            raise ColourRefusedError("samples cannot be distinguished from the background")
         return cls(
             hue=middle,
             hue_spread=spread,
@@ -266,3 +267,51 @@ def _density(pixels: ByteArray) -> FloatArray:
     wrapped = np.concatenate([grid[:, -6:], grid, grid[:, :6]], axis=1)
     blurred = cv2.GaussianBlur(wrapped, (0, 0), sigmaX=1.5, sigmaY=1.5)[:, 6:-6]
     return np.asarray(blurred / max(len(pixels), 1), dtype=float)
+
+
+class Palette(NamedTuple):
+    """Which marker has which colour."""
+
+    tables: ByteArray  # See `Picture`, shape ((2 + colours) 32768,)
+    colour_of: IndexArray  # Number of each marker's table, shape (markers,)
+
+    def picture(self, pixels: ByteArray) -> Picture:
+        """Return a frame of shape (rows, columns, 3) in which P0's colour is sought."""
+        first = self.tables[FIRST_COLOUR * TABLE_SIZE : (FIRST_COLOUR + 1) * TABLE_SIZE]
+        return Picture(pixels, first, self.tables, self.colour_of)
+
+    @property
+    def any(self) -> ByteArray:
+        """One where a pixel has the colour of any marker, shape (32768,)."""
+        return self.tables[ANY * TABLE_SIZE : FIRST_COLOUR * TABLE_SIZE]
+
+    @classmethod
+    def nothing(cls, markers: int) -> Palette:
+        """Return a palette in which nothing is marker."""
+        return cls(
+            np.zeros((FIRST_COLOUR + 1) * TABLE_SIZE, np.uint8),
+            np.full(markers, FIRST_COLOUR, np.int64),
+        )
+
+    @classmethod
+    def of(cls, first: ColourModel, hues: Sequence[float], tolerance: float) -> Palette:
+        """Return the colours of markers of which the first was learnt.
+
+        A colour between two belongs to the nearer one.
+
+        Args:
+            first: Of P0.
+            hues: Configured hue of each marker [deg].
+            tolerance: Half width of the hues of one [deg].
+        """
+        given = list(dict.fromkeys(hues))
+        models = [first, *(first.of_hue(hue, tolerance) for hue in given[1:])]
+        tables = np.array([model.table for model in models])
+        away = hue_distance(np.array([model.hue for model in models]))
+        tables &= away == away.min(axis=0)
+        glare = np.any([model.glare() > 0 for model in models], axis=0)
+        every = tables.any(axis=0)
+        return cls(
+            np.concatenate([[glare & ~every, every], tables]).astype(np.uint8).ravel(),
+            np.array([FIRST_COLOUR + given.index(hue) for hue in hues], dtype=np.int64),
+        )

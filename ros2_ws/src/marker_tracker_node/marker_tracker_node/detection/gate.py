@@ -1,4 +1,4 @@
-"""Counting marker-coloured pixels: inside one band's gate, and along the laid cable."""
+"""Gates, in which marks are sought in a picture: their pixels, and what comes of looking."""
 
 from __future__ import annotations
 
@@ -18,56 +18,66 @@ IndexArray = NDArray[np.int64]
 # Places in `Picture.tables`; the colours of markers follow.
 UNKNOWN, ANY, FIRST_COLOUR = range(3)
 TABLE_SIZE = 32**3
+# What comes of looking for a mark; HIDDEN until it has been measured, PARTLY where light hides a
+# part of it, COVERED where the cable that is about to land hangs before it.
+OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED, PARTLY, COVERED = range(6)
+# Of a detector that cannot know which marker it measures.
+NO_IDENTITY = -1
+
+
+class Detection(NamedTuple):
+    """What a detector reports of a mark in one frame.
+
+    The tracker asks nothing else of what is painted on the cable: whatever returns this is a
+    detector, see `detectors`.
+    """
+
+    outcome: int  # MEASURED, PARTLY, or HIDDEN with nan for azimuth and z
+    azimuth: float  # Of the cable's centre line under the middle of the mark [rad]
+    z: float  # The same [m]
+    share: float  # Measured over expected area of the part that light does not hide
+    completeness: float  # Share of the mark that light does not hide
+    azimuth_factor: float  # By how much the azimuth's deviation exceeds that of a mark seen whole
+    z_factor: float  # The same of z
+    identity: int  # n of the marker Pn that the mark names; NO_IDENTITY where it names none
+
+
+NOTHING = Detection(HIDDEN, math.nan, math.nan, 0.0, 1.0, 1.0, 1.0, NO_IDENTITY)
 
 
 class Picture(NamedTuple):
     """A frame and the colours that are sought in it.
 
     Attributes:
-        pixels: Blue-green-red, shape (rows, columns, 3).
         table: One where a colour belongs to the marker that is sought, by 5 bits of each channel,
             shape (32768,).
-        tables: The same of everything that is told apart, one after the other, shape ((2 +
+        tables: The same of everything that is distinguished, one after the other, shape ((2 +
             colours) 32768,): what light has made unknown, any colour of markers, each of them.
-        colour_of: Number of each marker's table, 2 or more, shape (markers,).
     """
 
-    pixels: ByteArray
+    pixels: ByteArray  # Blue-green-red, shape (rows, columns, 3)
     table: ByteArray
     tables: ByteArray
-    colour_of: IndexArray
+    colour_of: IndexArray  # Number of each marker's table, 2 or more, shape (markers,)
 
 
 class Gates(NamedTuple):
     """Where bands are sought in a picture: every array has one place a gate.
 
     Across counts towards +z, to the right of a cable that runs up the image.
-
-    Attributes:
-        column: Of the centre [px].
-        row: Of the centre [px].
-        along_u: Column of the unit direction along the cable.
-        along_v: Row of the unit direction along the cable.
-        ahead: Length along the direction [px].
-        behind: Length against the direction [px].
-        left: Limit across the direction, negative [px].
-        right: Limit across the direction, positive [px].
-        half_band: Half length of the band alone [px].
-        left_lean: Change of the left limit along the cable [px/px].
-        right_lean: The same of the right limit.
     """
 
-    column: FloatArray
-    row: FloatArray
-    along_u: FloatArray
-    along_v: FloatArray
-    ahead: FloatArray
-    behind: FloatArray
-    left: FloatArray
-    right: FloatArray
-    half_band: FloatArray
-    left_lean: FloatArray
-    right_lean: FloatArray
+    column: FloatArray  # Of the centre [px]
+    row: FloatArray  # Of the centre [px]
+    along_u: FloatArray  # Column of the unit direction along the cable
+    along_v: FloatArray  # Row of the unit direction along the cable
+    ahead: FloatArray  # Length along the direction [px]
+    behind: FloatArray  # Length against the direction [px]
+    left: FloatArray  # Limit across the direction, negative [px]
+    right: FloatArray  # Limit across the direction, positive [px]
+    half_band: FloatArray  # Half length of the band alone [px]
+    left_lean: FloatArray  # Change of the left limit along the cable [px/px]
+    right_lean: FloatArray  # The same of the right limit
 
 
 @compiled

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from marker_tracker_node.camera.pinhole import CameraPose
-from marker_tracker_node.tracking.pose_correction import PoseBelief
+from marker_tracker_node.tracking.refinement import PoseBelief
 
 # Way around the cylinder, in cable diameters, over which a climbing turn can be followed.
 FOLLOWED = 0.8
@@ -16,21 +16,13 @@ KNOWN = PoseBelief(position=0.0, tilt=0.0)
 
 
 class Machine(NamedTuple):
-    """What the kernels know of cylinder and cable.
+    """What the kernels know of cylinder and cable."""
 
-    Attributes:
-        rho: R + r [m].
-        radius: Of the cable [m].
-        diameter: Of the cable [m].
-        onward: 1 where the winding goes towards +z, -1 otherwise.
-        free_length: Expected [m].
-    """
-
-    rho: float
-    radius: float
-    diameter: float
-    onward: float
-    free_length: float
+    rho: float  # R + r [m]
+    radius: float  # Of the cable [m]
+    diameter: float  # Of the cable [m]
+    onward: float  # 1 where the winding goes towards +z, -1 otherwise
+    free_length: float  # Expected [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,40 +30,28 @@ class LayConfig:
     """Configuration of a `LayTracker`.
 
     Attributes:
-        cylinder_radius: R [m].
-        cable_radius: r [m].
         advance_per_radian: Feed per radian of rotation that the lay is meant to have; its sign is
             that of the winding along z [m/rad].
-        free_length: Expected, of the span between guide and contact line [m].
-        pose: Where the camera stands.
-        belief: How well that is known; exactly unless stated.
-        azimuths: Rows of the picture that are measured on the cylinder.
-        widest: Largest azimuth of such a row [rad].
-        ways: Rows that are measured on the free span.
-        longest: Largest way before the contact line of such a row [m].
-        step: Most turning after which a row is measured again [rad], see `turning`.
         gap_limit: Room beyond the intended pitch that counts as a gap, in cable diameters.
         overlap_limit: Distance from the turn beneath that counts as an overlap where it is less,
             in cable diameters.
-        climb_limit: The same for a turn that lies on others.
-        roll_doubt: How far the picture may be turned about the line of sight [rad].
     """
 
-    cylinder_radius: float
-    cable_radius: float
+    cylinder_radius: float  # R [m]
+    cable_radius: float  # r [m]
     advance_per_radian: float
-    free_length: float
-    pose: CameraPose = field(default_factory=CameraPose)
-    belief: PoseBelief = KNOWN
-    azimuths: int = 5
-    widest: float = 0.7
-    ways: int = 10
-    longest: float = 0.04
-    step: float = 0.08
+    free_length: float  # Expected, of the span between guide and contact line [m]
+    pose: CameraPose = field(default_factory=CameraPose)  # Where the camera stands
+    belief: PoseBelief = KNOWN  # How well that is known; exactly unless stated
+    azimuths: int = 5  # Rows of the picture that are measured on the cylinder
+    widest: float = 0.7  # Largest azimuth of such a row [rad]
+    ways: int = 10  # Rows that are measured on the free span
+    longest: float = 0.04  # Largest way before the contact line of such a row [m]
+    step: float = 0.08  # Most turning after which a row is measured again [rad], see `turning`
     gap_limit: float = 0.25
     overlap_limit: float = 0.88
-    climb_limit: float = 0.5
-    roll_doubt: float = 1.0e-3
+    climb_limit: float = 0.5  # The same for a turn that lies on others
+    roll_doubt: float = 1.0e-3  # How far the picture may be turned about the line of sight [rad]
 
     def __post_init__(self) -> None:
         for name in ("cylinder_radius", "cable_radius", "free_length", "step", "longest", "widest"):

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.lay.median import median
-from marker_tracker_node.lay.row_measurement import PLACE, SIGMA, Z
+from marker_tracker_node.lay.row_measurement import PLACE, SIGMA, Z, median
 from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]
@@ -17,21 +16,13 @@ IndexArray = NDArray[np.int64]
 
 
 class FreeSpan(NamedTuple):
-    """The straight cable before the contact line, in one instant.
+    """The straight cable before the contact line, in one instant."""
 
-    Attributes:
-        angle: Of the cable against the plane across the axis, positive towards +z [rad].
-        sigma_angle: One standard deviation, the camera's roll aside [rad].
-        contact_z: Where it lands [m].
-        sigma_contact_z: One standard deviation [m].
-        rows: That were used; 0 where there is no span.
-    """
-
-    angle: float
-    sigma_angle: float
-    contact_z: float
-    sigma_contact_z: float
-    rows: int
+    angle: float  # Of the cable against the plane across the axis, positive towards +z [rad]
+    sigma_angle: float  # One standard deviation, the camera's roll aside [rad]
+    contact_z: float  # Where it lands [m]
+    sigma_contact_z: float  # One standard deviation [m]
+    rows: int  # That were used; 0 where there is no span
 
     @property
     def slope(self) -> float:

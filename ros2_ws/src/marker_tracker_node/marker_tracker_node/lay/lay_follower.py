@@ -14,10 +14,10 @@ from marker_tracker_node.lay.lay_tracker import LayReading, LayTracker
 from marker_tracker_node.lay.report import LayReport
 from marker_tracker_node.lay.turn_map import TurnMap
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.pose_correction import PoseBelief
-from marker_tracker_node.tracking.synchroniser import PairedFrame
+from marker_tracker_node.tracking.refinement import PoseBelief
+from marker_tracker_node.tracking.synchronised_tracker import PairedFrame
 from marker_tracker_node.tracking.tracker import Tracker
-from winding_core.lay_records import LayFlag, name_of
+from winding_core.lay.records import LayFlag, name_of
 from winding_core.units import MILLIMETRE
 
 COLUMNS = ("turn", "theta_rad", "z_mm", "sigma_z_mm", "pitch_mm", "lift_mm", "flags")
@@ -51,11 +51,8 @@ class LayFollower:
             )
             self._begun = begun
         self.lay.anchored = tracker.zeroed
-        run = tracker.state.run
         guide = pair.guide_z if pair.guide_z is not None else math.nan
-        self.lay.take(
-            pair.frame, LayReading(cylinder_angle=run.cylinder.angle + run.shift, guide_z=guide)
-        )
+        self.lay.take(pair.frame, LayReading(cylinder_angle=tracker.state.turned, guide_z=guide))
 
 
 def lay_config(config: TrackerConfig, pose: CameraPose, belief: PoseBelief = KNOWN) -> LayConfig:

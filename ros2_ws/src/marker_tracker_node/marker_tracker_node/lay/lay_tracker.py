@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.lay.config import LayConfig
 from marker_tracker_node.lay.free_span import FreeLength, FreeSpan
-from marker_tracker_node.lay.numbering import Moment
-from marker_tracker_node.lay.pose_doubt import PoseDoubt
 from marker_tracker_node.lay.report import LayReport, defects_of, lay_records
-from marker_tracker_node.lay.rows import choose_rows
-from marker_tracker_node.lay.span_measurement import span_in
+from marker_tracker_node.lay.rows import PoseDoubt, choose_rows
+from marker_tracker_node.lay.span_alignment import span_in
 from marker_tracker_node.lay.turn_map import TurnMap
-from marker_tracker_node.lay.wound_rows import take_row
-from winding_core.lay_records import LayRecords
+from marker_tracker_node.lay.wound_rows import Moment, take_row
+from winding_core.lay.records import LayRecords
 
 # The free span changes more slowly than there is new cable.
 SPAN_STEPS = 1.0
@@ -33,15 +31,10 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class LayReading:
-    """Where the machine stands in a frame.
+    """Where the machine stands in a frame."""
 
-    Attributes:
-        cylinder_angle: Azimuth of P0, whole turns included [rad].
-        guide_z: [m], nan if unknown.
-    """
-
-    cylinder_angle: float
-    guide_z: float = math.nan
+    cylinder_angle: float  # Azimuth of P0, whole turns included [rad]
+    guide_z: float = math.nan  # [m], nan if unknown
 
 
 class LayTracker:
@@ -54,7 +47,7 @@ class LayTracker:
         config: Machine and limits.
         span: The free span as it was seen last, None before that.
         anchored: Whether the camera's pose was turned until P0 stood where it must, which is then
-            known better than `LayConfig.belief` says.
+            known better than by `LayConfig.belief`.
     """
 
     def __init__(self, config: LayConfig, camera: PinholeCamera) -> None:
@@ -62,7 +55,7 @@ class LayTracker:
 
         Args:
             config: Machine, cable, pose and limits.
-            camera: What CameraInfo says.
+            camera: Content of CameraInfo.
         """
         self.config = config
         self._machine = config.machine
@@ -142,7 +135,7 @@ class LayTracker:
         """Return the lay as records of LAY_DTYPE, by rising wound angle.
 
         Args:
-            newest: Turns at the end that are told, None for all.
+            newest: Turns at the end that are returned, None for all.
         """
         return lay_records(self.config, self._turns, self._angle, newest, self._pose_sigma)
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from marker_tracker_node.lay.config import LayConfig
 from marker_tracker_node.lay.free_span import FreeSpan
 from marker_tracker_node.lay.turn_map import BEFORE, PLACE_ANGLE, PLACES_PER_TURN, TurnMap
-from winding_core.lay_records import LAY_DTYPE, LayFlag, LayRecords
+from winding_core.lay.records import LAY_DTYPE, LayFlag, LayRecords
 
 FloatArray = NDArray[np.float64]
 
-# Flags over fewer places than this are not told as a defect, and pauses of as many are part of one.
+# Flags over fewer places than this are no defect, and pauses of as many are part of one.
 SHORTEST, LONGEST_PAUSE = 3, 3
 LIFT_DOUBT = 0.3
 # A turn lies on one of so many before it.
@@ -25,36 +25,22 @@ DEEPEST = 12
 
 @dataclass(frozen=True, kw_only=True)
 class LayDefect:
-    """A stretch of cable that does not lie as it should.
+    """A stretch of cable that does not lie as it should."""
 
-    Attributes:
-        flag: What is wrong.
-        first: Wound angle at which it begins [rad].
-        last: Wound angle at which it ends [rad].
-    """
-
-    flag: LayFlag
-    first: float
-    last: float
+    flag: LayFlag  # What is wrong
+    first: float  # Wound angle at which it begins [rad]
+    last: float  # Wound angle at which it ends [rad]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LayReport:
-    """The lay as far as it was seen.
+    """The lay as far as it was seen."""
 
-    Attributes:
-        records: Of LAY_DTYPE, by rising wound angle.
-        defects: Gaps, overlaps and climbs, by rising wound angle.
-        span: The free span, None where it was not seen lately.
-        free_length: From angles and guide places so far [m], nan while unknown.
-        sigma_free_length: One standard deviation [m].
-    """
-
-    records: LayRecords
-    defects: tuple[LayDefect, ...]
-    span: FreeSpan | None
-    free_length: float
-    sigma_free_length: float
+    records: LayRecords  # Of LAY_DTYPE, by rising wound angle
+    defects: tuple[LayDefect, ...]  # Gaps, overlaps and climbs, by rising wound angle
+    span: FreeSpan | None  # The free span, None where it was not seen lately
+    free_length: float  # From angles and guide places so far [m], nan while unknown
+    sigma_free_length: float  # One standard deviation [m]
 
 
 def lay_records(
@@ -70,7 +56,7 @@ def lay_records(
         config: Machine and limits.
         turns: What was seen.
         angle: Azimuth of P0 at the records' time, whole turns included [rad].
-        newest: Turns at the end that are told, None for all.
+        newest: Turns at the end that are returned, None for all.
         pose_sigma: Standard deviation [m] of z [m] that the camera's pose leaves, None for none.
     """
     seen = np.flatnonzero(turns.places.sightings[BEFORE:] > 0) + BEFORE

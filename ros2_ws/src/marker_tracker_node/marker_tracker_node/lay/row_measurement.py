@@ -7,14 +7,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.lay.boundaries import (
+from marker_tracker_node.lay.edges import (
     COARSE_STEPS,
     FINE_STEP,
     FINE_STEPS,
     WIDE_STEPS,
+    edges_of,
     refined_edge,
+    signal_of,
 )
-from marker_tracker_node.lay.edges import edges_of, signal_of
 from marker_tracker_node.lay.rows import RowTables
 from marker_tracker_node.lay.segments import (
     BARE,
@@ -43,7 +44,7 @@ COARSE_SIGMA = 0.4
 SYSTEMATIC = 0.06
 # An edge is fitted within this share of half a turn on both its sides, but not less than [px].
 FITTED_SHARE, FITTED_LEAST = 0.6, 3.2
-# By which share of half a turn its told width may be off.
+# By which share of half a turn its configured width may be off.
 WIDTH_DOUBT = 0.02
 
 # What is known of a turn in a row, see `measure_row`.
@@ -222,3 +223,20 @@ def _edge(
     if not math.isfinite(place) or sigma > COARSE_SIGMA:
         return edge, COARSE_SIGMA
     return place, sigma
+
+
+@called
+def median(values: NDArray[np.float64], count: int) -> float:  # pragma: no cover
+    """Return the median of the first numbers of an array, which sorts them.
+
+    Args:
+        values: Shape (n,).
+        count: How many count, 1 at least; they are sorted in place.
+    """
+    for k in range(1, count):
+        value, place = values[k], k
+        while place > 0 and values[place - 1] > value:
+            values[place] = values[place - 1]
+            place -= 1
+        values[place] = value
+    return float(0.5 * (values[(count - 1) // 2] + values[count // 2]))

@@ -45,17 +45,11 @@ class Edges(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """Room for the best explanations that end at an edge, arrays of shape (count, 4).
+    """Room for the best explanations that end at an edge, arrays of shape (count, 4)."""
 
-    Attributes:
-        score: Of the best explanation of which the last part has a kind.
-        last: Edge at which that part begins, -1 for the picture's margin.
-        before: Kind of the part before it.
-    """
-
-    score: FloatArray
-    last: IndexArray
-    before: IndexArray
+    score: FloatArray  # Of the best explanation of which the last part has a kind
+    last: IndexArray  # Edge at which that part begins, -1 for the picture's margin
+    before: IndexArray  # Kind of the part before it
 
 
 @called

@@ -1,4 +1,4 @@
-"""The slope of the free span to a small part of a pixel: its rows laid over each other.
+"""The free span in one picture: found among its rows, which are then laid over each other.
 
 All rows show the same cable in the same light. Where each of them stands against the mean of all
 is known better than any edge, whose fit errs with the place of the edge within its pixel.
@@ -11,10 +11,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.lay.config import Machine
 from marker_tracker_node.lay.edges import signal_of
-from marker_tracker_node.lay.free_span import FreeSpan
+from marker_tracker_node.lay.free_span import (
+    NO_SPAN,
+    FreeSpan,
+    fit_span,
+    sightings_near,
+    towards_guide,
+)
+from marker_tracker_node.lay.row_measurement import MOST_EDGES, NUMBERS, SYSTEMATIC, measure_row
 from marker_tracker_node.lay.rows import RowTables
-from winding_core.compiling import called
+from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
@@ -25,6 +33,11 @@ SAMPLES = 49
 SPACING = 2.0 * INSIDE / (SAMPLES - 1)
 PASSES = 2
 LEAST_PIVOT = 1.0e-12
+# How far the cable may be from where it is sought in each row, and where it lands from where it
+# should, in cable diameters.
+SOUGHT, EXPECTED = 0.6, 0.5
+# The same of a straight cable to the guide, where nothing else is known.
+STRAIGHT = 0.4
 
 
 @called
@@ -36,7 +49,7 @@ def aligned_rows(
     Args:
         pixels: Blue-green-red, shape (rows, columns, 3).
         rows: Over the free span.
-        span: As the edges tell it; the mean z stays as it says.
+        span: As the edges give it; its mean z is kept.
         seen: To be written, shape (3, rows).
     """
     number, groups = rows.z.shape
@@ -159,3 +172,45 @@ def _compare(
         # As many samples tell something of their own as there are groups of columns.
         own = math.sqrt(max(2.0 * INSIDE * halves[k], 1.0))
         sigma[k] = halves[k] * math.sqrt(left) / (math.sqrt(max(spread, 1.0e-12)) * own)
+
+
+@compiled
+def span_in(
+    pixels: ByteArray,
+    rows: RowTables,
+    start: float,
+    slope: float,
+    guide_z: float,
+    machine: Machine,
+) -> FreeSpan:  # pragma: no cover
+    """Return the free span that a picture shows, NO_SPAN if it shows none.
+
+    Args:
+        pixels: Blue-green-red, shape (rows, columns, 3).
+        rows: Over the free span.
+        start: Where it should land [m], nan if that is not known.
+        slope: Its expected dz per way towards the guide.
+        guide_z: Where the guide stands [m].
+        machine: Cylinder and cable.
+    """
+    number, groups = rows.z.shape
+    found, counts = np.empty((number, MOST_EDGES, NUMBERS)), np.empty(number, dtype=np.int64)
+    for k in range(number):
+        counts[k] = measure_row(pixels, rows, k, 0.0, found[k])
+    if not math.isfinite(start):
+        limit = STRAIGHT * machine.diameter
+        start = towards_guide(found, counts, guide_z, machine.free_length, limit, machine.onward)
+        slope = (guide_z - start) / machine.free_length
+    if not math.isfinite(start):
+        return NO_SPAN
+    seen = np.empty((3, number))
+    count = sightings_near(found, counts, start, slope, SOUGHT * machine.diameter, seen)
+    floor = SYSTEMATIC * machine.radius / rows.half[0, groups // 2]
+    edges = fit_span(seen[0, :count], seen[1, :count], seen[2, :count], floor)
+    if edges.rows == 0:
+        return NO_SPAN
+    aligned_rows(pixels, rows, edges, seen)
+    span = fit_span(seen[0], seen[1], seen[2], edges.sigma_contact_z)
+    if span.rows == 0:
+        span = edges
+    return span if abs(span.contact_z - start) <= EXPECTED * machine.diameter else NO_SPAN

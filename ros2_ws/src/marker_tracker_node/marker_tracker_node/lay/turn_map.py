@@ -25,19 +25,14 @@ class Places(NamedTuple):
 
     Attributes:
         z: Mean at the middle of each place, as of cable on the cylinder [m]; nan where unseen.
-        weight: Sum of the weights, 1 / variance [1/m^2].
-        sightings: How often each was seen.
-        whole: Share of sightings in which nothing lay on it.
-        steep: Mean steepness of the rays, see `RowTables`.
-        floor: Mean of the error that does not average out [m].
     """
 
     z: FloatArray
-    weight: FloatArray
-    sightings: FloatArray
-    whole: FloatArray
-    steep: FloatArray
-    floor: FloatArray
+    weight: FloatArray  # Sum of the weights, 1 / variance [1/m^2]
+    sightings: FloatArray  # How often each was seen
+    whole: FloatArray  # Share of sightings in which nothing lay on it
+    steep: FloatArray  # Mean steepness of the rays, see `RowTables`
+    floor: FloatArray  # Mean of the error that does not average out [m]
 
 
 class TurnMap:
@@ -49,11 +44,6 @@ class TurnMap:
 
     def __init__(self) -> None:
         self.places = _room(16 * PLACES_PER_TURN)
-
-    @staticmethod
-    def theta_of(place: int) -> float:
-        """Return the wound angle of the middle of a place [rad]."""
-        return (place - BEFORE + 0.5) * PLACE_ANGLE
 
     @staticmethod
     def place_of(theta: float) -> int:

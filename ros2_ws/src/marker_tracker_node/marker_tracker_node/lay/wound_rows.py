@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.lay.config import Machine
-from marker_tracker_node.lay.numbering import TURN, Moment, number_turns
 from marker_tracker_node.lay.row_measurement import (
     KIND,
     MOST_EDGES,
@@ -19,16 +19,27 @@ from marker_tracker_node.lay.row_measurement import (
     SYSTEMATIC,
     Z,
     measure_row,
+    median,
 )
 from marker_tracker_node.lay.rows import RowTables
 from marker_tracker_node.lay.segments import WHOLE
 from marker_tracker_node.lay.turn_map import Places, add_sighting, expected_near
-from winding_core.compiling import compiled
+from winding_core.compiling import called, compiled
 
 ByteArray = NDArray[np.uint8]
 
-# Over so much cable before and after a place its slope is told [rad].
+# Over so much cable before and after a place its slope is measured [rad].
 BESIDE = 0.2
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+TURN = 2.0 * math.pi
+# How far the map is carried on along the cable [rad].
+REACH = 0.5
+# How far from where it is expected a turn is still the same, in cable diameters; where it just
+# landed and nothing but the free span tells.
+SAME, LANDING = 0.45, 0.8
+# Cable that may be clamped behind P0 [rad].
+TAIL = 0.6
 
 
 @compiled
@@ -72,3 +83,123 @@ def take_row(
         )
         number += 1
     return number
+
+
+class Moment(NamedTuple):
+    """Where machine and cable stand in a frame."""
+
+    angle: float  # Azimuth of P0, whole turns included [rad]
+    slope: float  # dz/dtheta of the newest turn [m/rad]
+    landing: float  # z where the cable lands [m], nan if unknown
+    farthest: float  # Way along the winding beyond which there is no cable [m]
+
+
+@called
+def number_turns(
+    found: FloatArray, places: Places, machine: Machine, moment: Moment, numbers: IndexArray
+) -> None:  # pragma: no cover
+    """Count the whole turns that lie between each sighting and the contact line.
+
+    A sighting at azimuth a whose number is m was wound at the angle `angle` - a - 2 pi m.
+
+    Args:
+        found: Turns of a row, see `measure_row`; shape (n, 7).
+        places: What is known.
+        machine: Cylinder and cable.
+        moment: Where they stand.
+        numbers: To be written, -1 for what is no turn, shape (n,).
+    """
+    for k in range(numbers.size):
+        numbers[k] = -1
+    if numbers.size == 0:
+        return
+    # A row stands at nearly the same azimuth everywhere.
+    azimuths = np.empty(numbers.size)
+    for k in range(numbers.size):
+        azimuths[k] = found[k, PLACE]
+    azimuth = median(azimuths, numbers.size)
+    front = moment.angle - azimuth
+    turns = max(math.floor((front + TAIL) / TURN) + 1, 0)
+    expected, limits = np.empty(turns), np.empty(turns)
+    for m in range(turns):
+        expected[m] = expected_near(places, front - TURN * m, REACH, moment.slope)
+        limits[m] = SAME * machine.diameter
+        if m == 0 and math.isnan(expected[m]) and math.isfinite(moment.landing):
+            expected[m] = moment.landing - moment.slope * azimuth
+            limits[m] = LANDING * machine.diameter
+    # Where turns lie on each other the newest is on top: it takes what is seen whole.
+    for m in range(turns):
+        tried, tried_miss = -1, -1.0
+        while True:
+            index, miss = -1, limits[m]
+            for k in range(numbers.size):
+                off = abs(found[k, Z] - expected[m])
+                new = off > tried_miss or (off == tried_miss and k > tried)
+                if off < miss and new:
+                    index, miss = k, off
+            if index < 0:
+                break
+            if numbers[index] < 0 and (
+                found[index, KIND] == WHOLE
+                or not _older_is_nearer(found[index, Z], miss, m, expected, limits)
+            ):
+                numbers[index] = m
+                break
+            tried, tried_miss = index, miss
+    _number_unknown(found, machine, moment, front, expected, numbers)
+
+
+@called
+def _older_is_nearer(
+    z: float, miss: float, m: int, expected: FloatArray, limits: FloatArray
+) -> bool:  # pragma: no cover
+    """Return whether an older turn than m is expected nearer to z [m] than `miss` [m]."""
+    for k in range(m + 1, expected.size):
+        off = abs(z - expected[k])
+        if off < limits[k] and off < miss:
+            return True
+    return False
+
+
+@called
+def _number_unknown(
+    found: FloatArray,
+    machine: Machine,
+    moment: Moment,
+    front: float,
+    expected: FloatArray,
+    numbers: IndexArray,
+) -> None:  # pragma: no cover
+    """Number what is left by its order along the cylinder, if as many are left as there must be."""
+    newest = moment.farthest
+    known = False
+    for k in range(numbers.size):
+        if numbers[k] >= 0:
+            ahead = machine.onward * found[k, Z]
+            newest = max(newest, ahead) if known else ahead
+            known = True
+    newest = min(newest, moment.farthest)
+    left, count = np.empty(numbers.size, dtype=np.int64), 0
+    for k in range(numbers.size):
+        ahead = machine.onward * found[k, Z]
+        whole = numbers[k] < 0 and found[k, KIND] == WHOLE
+        if whole and -machine.diameter < ahead < newest:
+            # From the newest to the oldest.
+            place = count
+            while place > 0 and machine.onward * found[left[place - 1], Z] < ahead:
+                left[place] = left[place - 1]
+                place -= 1
+            left[place] = k
+            count += 1
+    sure, unknown, needed = math.floor(front / TURN) + 1, 0, 0
+    for m in range(expected.size):
+        if math.isnan(expected[m]):
+            unknown += 1
+            needed += m < sure
+    # The length of the tail behind P0 is unobservable.
+    if needed <= count <= unknown:
+        place = 0
+        for m in range(expected.size):
+            if math.isnan(expected[m]) and place < count:
+                numbers[left[place]] = m
+                place += 1

@@ -18,10 +18,10 @@ from rclpy.context import Context
 from sensor_msgs.msg import CameraInfo
 
 from winding_ros import topics
-from winding_ros.camera_messages import encode_image, encode_preview
-from winding_ros.endpoints import Endpoints
-from winding_ros.stamps import STAMP, stamp_parts, with_stamp
-from winding_ros.wire.cdr import serialised
+from winding_ros.messages.camera import encode_image, encode_preview
+from winding_ros.messages.cdr import serialised
+from winding_ros.messages.stamps import STAMP, stamp_parts, with_stamp
+from winding_ros.runtime.endpoints import Endpoints
 
 # Time between two of the frames that are published as well, for recorder and operator [s]; stamps
 # are seconds in binary.

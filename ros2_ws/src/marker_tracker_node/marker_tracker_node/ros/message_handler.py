@@ -10,31 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo
 
+from marker_tracker_node.camera.image_formats import PixelReader
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.lay.lay_follower import LayFollower
 from marker_tracker_node.ros.parameters import TrackerParameters
-from marker_tracker_node.tracking.camera_clock import CameraClock, ClockSettings
+from marker_tracker_node.tracking.checks.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 from marker_tracker_node.tracking.tracker import Tracker
-from winding_core.image_formats import PixelReader
 from winding_core.run_inputs import RunInputs
 from winding_ros import topics
-from winding_ros.camera_messages import CameraReading, decode_camera_info, decode_image
-from winding_ros.cloud_messages import encode_cloud
-from winding_ros.message_error import MessageError
-from winding_ros.message_handler import Answer
-from winding_ros.rig_messages import JointStateReader
-from winding_ros.serialised import deserialised
-from winding_ros.stamps import stamp_bytes, stampless, with_stamp
+from winding_ros.messages.camera import CameraReading, decode_camera_info, decode_image
+from winding_ros.messages.clouds import encode_cloud
+from winding_ros.messages.rig import JointStateReader
+from winding_ros.messages.serialised import MessageError, deserialised
+from winding_ros.messages.stamps import stamp_bytes, stampless, with_stamp
+from winding_ros.runtime.message_handler import Answer
 from winding_ros.topic import Topic
 
 FloatArray = NDArray[np.float64]
 
 # Topics overtake each other: the first calibration may come a few frames late.
 _FRAMES_BEFORE_CALIBRATION = 50
-# Older turns have been told before.
-_TURNS_TOLD = 12
+# Older turns have been published before.
+_TURNS_PUBLISHED = 12
 _LAY_PERIOD = 1.0 / (topics.TRACKED_LAY.rate or 10.0)
 
 
@@ -79,7 +78,7 @@ class TrackerHandler:
         return self._live.history.lost_turns
 
     def begin(self, t: float) -> Iterator[Answer]:
-        """Begin a new run, or take one up; nothing is said before the first frame."""
+        """Begin a new run, or take one up; nothing is published before the first frame."""
         self._motion_before = None
         if self._replay is not None:
             self._motion_before = _motion(RunInputs.read(self._replay))
@@ -158,7 +157,7 @@ class TrackerHandler:
         if follower is None or follower.lay is None or 0.0 <= self._lay_due - t <= _LAY_PERIOD:
             return
         self._lay_due = t + _LAY_PERIOD
-        cloud = encode_cloud(t, follower.lay.records(_TURNS_TOLD))
+        cloud = encode_cloud(t, follower.lay.records(_TURNS_PUBLISHED))
         yield Answer(
             topic=topics.TRACKED_LAY, message=cloud if stamp is None else with_stamp(cloud, stamp)
         )

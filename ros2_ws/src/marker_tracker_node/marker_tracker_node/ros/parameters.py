@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from winding_core.camera_clock import CameraClockParameters
-from winding_core.camera_pixels import CameraPixels
-from winding_core.camera_placement import CameraPlacement
-from winding_core.condition import Condition
-from winding_core.lay_parameters import LayParameters
-from winding_core.machine_axes import MachineAxes
-from winding_core.marker_parameters import MarkerParameters
+from winding_core.cable.condition import Condition
+from winding_core.machine.axes import MachineAxes
+from winding_core.markers import MarkerParameters
 from winding_core.run_inputs import ReplayParameters
+from winding_core.run_options import (
+    CameraClockParameters,
+    CameraPixels,
+    CameraPlacement,
+    LayParameters,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

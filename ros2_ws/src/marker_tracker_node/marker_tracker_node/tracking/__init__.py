@@ -1,1 +1,1 @@
-"""From frame to frame: prediction of gates, measurement, acquisition, refinement."""
+"""Where are the markers, frame by frame and over the run?"""

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 
 from marker_tracker_node.camera.pinhole import CameraPose, CameraView
 from marker_tracker_node.detection.band import Body
+from marker_tracker_node.detection.detectors import detector_number
 from marker_tracker_node.tracking.state import Setup
-from winding_core.camera_placement import CameraPlacement
-from winding_core.condition import ResolvedCondition
-from winding_core.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
-from winding_core.fleet_angle import PAPER_FREE_LENGTH
-from winding_core.marker_parameters import DOT, MarkerParameters
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.helix import PAPER_FREE_LENGTH
+from winding_core.machine.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
+from winding_core.markers import BAND, DOT, MarkerParameters
+from winding_core.run_options import CameraPlacement
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,26 +21,13 @@ class TrackerConfig:
     """Configuration of a tracker.
 
     Attributes:
-        cylinder_radius: R [m].
-        cable_radius: r [m].
-        marker_spacing: Of the undeformed cable [m].
-        marker_count: Markers after P0.
-        expected_stretch: Deformed over undeformed cable length; it tells a late marker from a
-            missed one, the measured gaps correct it.
-        band_width: Of a ring band along the cable [m].
+        expected_stretch: Deformed over undeformed cable length; it distinguishes a late marker
+            from a missed one, the measured gaps correct it.
         dot_size: Side of the square printed on the outside of the cable that a marker is instead
             of a ring band [m]; 0 for ring bands.
         dot_torsion: Twist of the cable about itself at a dot, one standard deviation [rad].
-        pose: Where the camera stands.
         advance_per_radian: Expected feed per radian of rotation [m/rad].
-        free_length: Of the span between guide and contact line [m].
         usable_azimuth: Largest angle from the contact line at which a band is measured [rad].
-        along_margin: Room of a gate along the cable [m].
-        across_margin: Room of a gate across the cable [m].
-        search_width: Half width of the search for a marker that was not seen yet [m].
-        slip_limit: Wandering of a wound angle that counts as slip [rad].
-        marker_hue: Hue around which a marker is sought to sample its colour [deg].
-        marker_hue_tolerance: Half width of that range [deg].
         marker_hues: Of P0, P1 and so on, where they differ [deg]; the last one holds for all
             further markers. Empty where all have marker_hue.
         start_angle: Azimuth of P0 at the first frame with an encoder reading, whole turns
@@ -47,24 +35,25 @@ class TrackerConfig:
         row_time: From an image row to the next [s]; negative where the lowest is read first.
     """
 
-    cylinder_radius: float
-    cable_radius: float
-    marker_spacing: float
-    marker_count: int = 4
+    cylinder_radius: float  # R [m]
+    cable_radius: float  # r [m]
+    marker_spacing: float  # Of the undeformed cable [m]
+    marker_count: int = 4  # Markers after P0
     expected_stretch: float = 1.0
-    band_width: float = 6.0e-3
+    band_width: float = 6.0e-3  # Of a ring band along the cable [m]
+    marker_kind: str = BAND  # See `DETECTORS`
     dot_size: float = 0.0
     dot_torsion: float = 0.0
-    pose: CameraPose = field(default_factory=CameraPose)
+    pose: CameraPose = field(default_factory=CameraPose)  # Where the camera stands
     advance_per_radian: float = PAPER_FEED_SPEED / PAPER_ANGULAR_SPEED
-    free_length: float = PAPER_FREE_LENGTH
+    free_length: float = PAPER_FREE_LENGTH  # Of the span between guide and contact line [m]
     usable_azimuth: float = math.radians(62.0)
-    along_margin: float = 0.8e-3
-    across_margin: float = 0.6e-3
-    search_width: float = 4.5e-3
-    slip_limit: float = 0.03
-    marker_hue: float = 50.0
-    marker_hue_tolerance: float = 22.0
+    along_margin: float = 0.8e-3  # Room of a gate along the cable [m]
+    across_margin: float = 0.6e-3  # Room of a gate across the cable [m]
+    search_width: float = 4.5e-3  # Half width of the search for a marker that was not seen yet [m]
+    slip_limit: float = 0.03  # Wandering of a wound angle that counts as slip [rad]
+    marker_hue: float = 50.0  # Hue around which a marker is sought to sample its colour [deg]
+    marker_hue_tolerance: float = 22.0  # Half width of that range [deg]
     marker_hues: tuple[float, ...] = ()
     start_angle: float | None = None
     row_time: float = 0.0
@@ -95,6 +84,7 @@ class TrackerConfig:
             marker_count=case.marker_count,
             expected_stretch=case.expected_stretch,
             band_width=markers.band_width,
+            marker_kind=markers.marker_kind,
             dot_size=markers.dot_size if markers.marker_kind == DOT else 0.0,
             dot_torsion=markers.dot_torsion if markers.marker_kind == DOT else 0.0,
             pose=CameraPose(
@@ -123,6 +113,7 @@ class TrackerConfig:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} must be positive and finite, got {value}")
+        detector_number(self.marker_kind)
         if self.marker_count < 1:
             raise ValueError(f"marker_count must be at least 1, got {self.marker_count}")
         if not 0.1 <= self.usable_azimuth <= 1.4:
@@ -143,9 +134,9 @@ class TrackerConfig:
     @property
     def hues(self) -> tuple[float, ...]:
         """Hue of each marker [deg], shape (marker_count + 1,)."""
-        told = self.marker_hues or (self.marker_hue,)
+        given = self.marker_hues or (self.marker_hue,)
         count = self.marker_count + 1
-        return (told + told[-1:] * count)[:count]
+        return (given + given[-1:] * count)[:count]
 
     @property
     def body(self) -> Body:
@@ -174,6 +165,7 @@ class TrackerConfig:
             advance_per_radian=float(self.advance_per_radian),
             row_time=float(self.row_time),
             torsion=float(self.dot_torsion),
+            detector=detector_number(self.marker_kind),
         )
 
 

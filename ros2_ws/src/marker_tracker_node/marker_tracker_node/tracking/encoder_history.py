@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.cylinder_angle import lost_turns
+from marker_tracker_node.tracking.machine_motion import lost_turns
 
 FloatArray = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ class EncoderHistory:
 
         Args:
             longest_gap: Longest gap that is interpolated [s]; None for a few measured periods.
-            complete: Whether readings come as far ahead of the frames as anybody looks, as those of
+            complete: Whether readings come as far ahead of the frames as is looked, as those of
                 a recording do.
         """
         self._longest_gap = longest_gap

@@ -1,11 +1,11 @@
-"""What a tracker has to say about itself, for diagnostics."""
+"""What a tracker reports about itself, for diagnostics."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
 
-from marker_tracker_node.tracking.contradiction import Contradiction
+from marker_tracker_node.tracking.checks.contradiction import Contradiction
 
 
 class FrameFault(Enum):
@@ -25,37 +25,24 @@ class TrackerReport:
     """Counts since the start and the situation in the last frame.
 
     Attributes:
-        frames: Frames used.
-        rejected: Frames refused, by reason.
-        known: Markers that are known, P0 among them.
-        measured: Markers measured in the last frame.
-        slipped: Numbers of the markers that have slipped.
-        encoder_lost: Whether the last frame came without an encoder reading.
-        encoder_losses: Times that the encoder went missing.
-        encoder_wraps: Turns that the encoder lost by wrapping.
-        colour_refusal: Why no colour could be learnt yet; empty when there is one.
-        remarks: What was found at the start against expectation.
         colour_separation: Share of background pixels that the colour model rejects; nan if
             unknown.
-        contradictions: Told numbers that the pictures speak against.
-        missing: Numbers of the markers that should have been found long ago.
-        guide_doubt: What is wrong with the guide's readings; empty if nothing.
     """
 
-    frames: int
-    rejected: dict[FrameFault, int]
-    known: int
-    measured: int
-    slipped: tuple[int, ...]
-    encoder_lost: bool
-    encoder_losses: int
-    encoder_wraps: int
-    colour_refusal: str
-    remarks: tuple[str, ...]
+    frames: int  # Frames used
+    rejected: dict[FrameFault, int]  # Frames refused, by reason
+    known: int  # Markers that are known, P0 among them
+    measured: int  # Markers measured in the last frame
+    slipped: tuple[int, ...]  # Numbers of the markers that have slipped
+    encoder_lost: bool  # Whether the last frame came without an encoder reading
+    encoder_losses: int  # Times that the encoder went missing
+    encoder_wraps: int  # Turns that the encoder lost by wrapping
+    colour_refusal: str  # Why no colour could be learnt yet; empty when there is one
+    remarks: tuple[str, ...]  # What was found at the start against expectation
     colour_separation: float
-    contradictions: tuple[Contradiction, ...]
-    missing: tuple[int, ...] = ()
-    guide_doubt: str = ""
+    contradictions: tuple[Contradiction, ...]  # Configured numbers that the pictures speak against
+    missing: tuple[int, ...] = ()  # Numbers of the markers that should have been found long ago
+    guide_doubt: str = ""  # What is wrong with the guide's readings; empty if nothing
 
     @property
     def doubts(self) -> tuple[str, ...]:

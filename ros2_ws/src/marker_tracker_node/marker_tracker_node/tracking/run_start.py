@@ -8,20 +8,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import PinholeCamera
-from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
-from marker_tracker_node.detection.palette import Palette
-from marker_tracker_node.tracking.band_search import TURN, BandSearch, Passing
-from marker_tracker_node.tracking.camera_zero import CameraZero
-from marker_tracker_node.tracking.colour_sampling import NEAR_START, sample_colour
+from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError, Palette
+from marker_tracker_node.tracking.checks.camera_zero import CameraZero
+from marker_tracker_node.tracking.checks.picture_doubts import PictureDoubts, colourless
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.picture_doubts import PictureDoubts, colourless
-from marker_tracker_node.tracking.state import Output, Setup
+from marker_tracker_node.tracking.p0_search import (
+    NEAR_START,
+    TURN,
+    BandSearch,
+    MovingBand,
+    sample_colour,
+)
+from marker_tracker_node.tracking.state import Burst, Setup
 
 ByteArray = NDArray[np.uint8]
 
-# Frames in between tell nothing of what moves with the cylinder [rad].
+# Frames in between show nothing of what moves with the cylinder [rad].
 LOOK_STEP = 0.01
-# The acquisition of markers finds P0 itself so far from where the encoder says that it is [rad].
+# The acquisition of markers finds P0 itself so far from where the encoder places it [rad].
 BELIEVED = 0.45
 # The doubts about a P0 that was sampled end after so much of the way [rad].
 DOUBTED = 2.0 * TURN
@@ -45,7 +49,7 @@ class RunStart:
 
         Args:
             config: Machine, cable and nominal camera pose.
-            camera: What CameraInfo says.
+            camera: Content of CameraInfo.
             colour: Of the markers; None to learn it from P0.
         """
         self.colour = colour
@@ -69,7 +73,7 @@ class RunStart:
         Args:
             frame: Shape (rows, columns, 3).
             setup: Machine and camera.
-            angle: What the encoder says [rad]; nan where it is missing.
+            angle: Reading of the encoder [rad]; nan where it is missing.
             guide: Its position [m]; nan where it is missing.
         """
         void = False
@@ -87,7 +91,7 @@ class RunStart:
             void |= self.zero.take(frame, self.colour, setup, angle - self.origin)
         return void
 
-    def saw(self, t: float, out: Output) -> bool:
+    def saw(self, t: float, out: Burst) -> bool:
         """Take what was measured of a frame; return whether what was known before is void.
 
         Args:
@@ -117,7 +121,7 @@ class RunStart:
         return tuple(filter(None, (*self._remarks, self.zero.remark)))
 
     def _sample(self, frame: ByteArray, setup: Setup, angle: float) -> None:
-        """Learn the colour from P0 where the encoder says that it stands."""
+        """Learn the colour from P0 where the encoder places it."""
         if self._settled:
             return
         if abs(angle) > NEAR_START:
@@ -154,7 +158,7 @@ class RunStart:
         self._proven = self.colour is not None and abs(angle - self._begun) > DOUBTED
         return False
 
-    def _found(self, band: Passing, frame: ByteArray, angle: float, guide: float) -> bool:
+    def _found(self, band: MovingBand, frame: ByteArray, angle: float, guide: float) -> bool:
         """Take P0 for what it is; return whether markers were counted from elsewhere."""
         off = math.remainder(band.offset + self.origin, TURN)
         known = self.colour is not None
@@ -169,7 +173,7 @@ class RunStart:
         if abs(off) < BELIEVED:
             return False
         place = angle + band.offset
-        # Whole turns are the guide's to tell: an encoder that is not zeroed says nothing of them.
+        # The guide gives the whole turns: an encoder that is not zeroed does not count them.
         advance = self._config.advance_per_radian
         turns = 0
         if math.isfinite(guide) and advance > 0.0:

@@ -28,7 +28,7 @@ from winding_core.compiling import called, compiled
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
-# What is told of the turns beside a band, and of its gate.
+# Fields of the turns beside a band, and of its gate.
 _BESIDE = ("low", "high", "below", "above", "left", "right")
 # After so many steps where a gate's edge meets a cable is known to 0.1 mrad.
 EDGE_STEPS = 6
@@ -41,38 +41,26 @@ class Sightings:
     """Every measured band of a run, one row each.
 
     Attributes:
-        marker: Number n, shape (k,).
-        angle: Cylinder angle of its frame [rad], shape (k,).
-        azimuth: As seen with `pose` [rad], unwrapped, shape (k,).
-        z: As seen with `pose` [m], shape (k,).
-        slope: dz/dtheta of the cable there [m/rad], shape (k,).
-        low: Cut by the neighbouring turn at -z, see `Band` [rad], shape (k,).
-        high: The same at +z, shape (k,).
-        below: Distance of the turn at -z, see `Band` [m], shape (k,).
-        above: The same at +z, shape (k,).
         left: Column where the gate ended at -z [px], shape (k,); nan for an outline that was fitted
             beyond its gate.
-        right: The same at +z, shape (k,).
-        pose: Of the camera with which azimuth and z were computed.
         mean_theta: Run mean of each marker's wound angle from P0 [rad], shape (markers,), nan for
             one that is not known.
-        mean_z: Run mean of z from P0 [m], likewise.
     """
 
-    marker: IndexArray
-    angle: FloatArray
-    azimuth: FloatArray
-    z: FloatArray
-    slope: FloatArray
-    low: FloatArray
-    high: FloatArray
-    below: FloatArray
-    above: FloatArray
+    marker: IndexArray  # Number n, shape (k,)
+    angle: FloatArray  # Cylinder angle of its frame [rad], shape (k,)
+    azimuth: FloatArray  # As seen with `pose` [rad], unwrapped, shape (k,)
+    z: FloatArray  # As seen with `pose` [m], shape (k,)
+    slope: FloatArray  # dz/dtheta of the cable there [m/rad], shape (k,)
+    low: FloatArray  # Cut by the neighbouring turn at -z, see `Band` [rad], shape (k,)
+    high: FloatArray  # The same at +z, shape (k,)
+    below: FloatArray  # Distance of the turn at -z, see `Band` [m], shape (k,)
+    above: FloatArray  # The same at +z, shape (k,)
     left: FloatArray
-    right: FloatArray
-    pose: CameraPose
+    right: FloatArray  # The same at +z, shape (k,)
+    pose: CameraPose  # Of the camera with which azimuth and z were computed
     mean_theta: FloatArray
-    mean_z: FloatArray
+    mean_z: FloatArray  # Run mean of z from P0 [m], likewise
 
     def every(self, stride: int) -> Sightings:
         """Return one sighting in `stride`."""
@@ -184,7 +172,7 @@ def _cuts(
     azimuth: FloatArray,
     z: FloatArray,
     slope: FloatArray,
-    told: FloatArray,
+    otherwise: FloatArray,
     edge: FloatArray,
     side: float,
 ) -> FloatArray:  # pragma: no cover
@@ -196,14 +184,14 @@ def _cuts(
         azimuth: Of the bands [rad], shape (k,).
         z: Of the bands [m], shape (k,).
         slope: dz/dtheta there [m/rad], shape (k,).
-        told: What is taken where an edge is nan [rad], shape (k,).
+        otherwise: What is taken where an edge is nan [rad], shape (k,).
         edge: See `_edges`, shape (k, 2).
         side: Of the cable, -1 or 1.
     """
     out = np.empty(azimuth.size)
     for k in range(azimuth.size):
         if math.isnan(edge[k, 0]):
-            out[k] = told[k]
+            out[k] = otherwise[k]
         else:
             out[k] = _cut(view, body, azimuth[k], z[k], slope[k], edge[k, 0], edge[k, 1], side)
     return out

@@ -1,18 +1,30 @@
-"""What the tracker's kernels work on: constants, what is known of a run, and results."""
+"""What the tracker's kernels work on: fixed numbers, the state of a run, and results.
+
+Every record is declared once, as a class that names its fields, of which `record_dtype` makes a
+NumPy dtype. Kernels read and write arrays of that dtype by field (`marks.theta[n]`,
+`run.cylinder.angle`); Python does the same through `numpy.recarray` views. Numba looks at every
+field of a nested named tuple anew with each call, so the fixed numbers cross as plain tuples.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias, TypeVar, cast, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import CameraView
 from marker_tracker_node.detection.band import Body
+from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]
 FlagArray = NDArray[np.bool_]
 IndexArray = NDArray[np.int64]
+# A structured array of a `record_dtype`, which a kernel reads as the record class it is made of.
+Rows: TypeAlias = Any
+Record = TypeVar("Record")
 
 CANDIDATES = 8
 PATH_STEP = 0.05
@@ -23,38 +35,39 @@ BY_READINGS, TRIED, CONTRADICTED, IMPOSSIBLE = range(4)
 
 
 class Setup(NamedTuple):
-    """What stays the same from frame to frame; see `TrackerConfig`.
+    """What stays the same from frame to frame; see `TrackerConfig`."""
 
-    Attributes:
-        camera: Its pose and lens.
-        body: What the bands are painted on.
-        usable_azimuth: [rad]
-        along_margin: [m]
-        across_margin: [m]
-        search_width: [m]
-        slip_limit: [rad]
-        expected_gap: [rad]
-        lag: Wound angle in which the cable follows the guide, free length / (R + r) [rad].
-        advance_per_radian: [m/rad]
-        row_time: From an image row to the next, negative where the lowest is read first [s].
-        torsion: Twist of the cable at a mark that is no ring, one standard deviation [rad].
-    """
-
-    camera: CameraView
-    body: Body
-    usable_azimuth: float
-    along_margin: float
-    across_margin: float
-    search_width: float
-    slip_limit: float
-    expected_gap: float
-    lag: float
-    advance_per_radian: float
-    row_time: float
-    torsion: float
+    camera: CameraView  # Its pose and lens
+    body: Body  # What the bands are painted on
+    usable_azimuth: float  # [rad]
+    along_margin: float  # [m]
+    across_margin: float  # [m]
+    search_width: float  # [m]
+    slip_limit: float  # [rad]
+    expected_gap: float  # [rad]
+    lag: float  # Wound angle in which the cable follows the guide, free length / (R + r) [rad]
+    advance_per_radian: float  # [m/rad]
+    row_time: float  # From an image row to the next, negative where the lowest is read first [s]
+    torsion: float  # Twist of the cable at a mark that is no ring, one standard deviation [rad]
+    detector: int  # See `detector_number`
 
 
-class Cylinder(NamedTuple):
+# A setup as it crosses to a kernel, which takes plain tuples five times as fast as named ones.
+FixedNumbers = tuple[Any, ...]
+
+
+def fixed_numbers(setup: Setup) -> FixedNumbers:
+    """Return a setup as plain tuples, of which `setup_of` makes it again."""
+    return (tuple(setup.camera), tuple(setup.body), *setup[2:])
+
+
+@called
+def setup_of(fixed: FixedNumbers) -> Setup:  # pragma: no cover
+    """Return the setup of which `fixed_numbers` were made."""
+    return Setup(CameraView(*fixed[0]), Body(*fixed[1]), *fixed[2:])
+
+
+class Cylinder:
     """What is known of the cylinder's rotation.
 
     Attributes:
@@ -76,8 +89,8 @@ class Cylinder(NamedTuple):
     read: float
 
 
-class Guide(NamedTuple):
-    """What is known of the guide, see `guide_readings`.
+class Guide:
+    """What is known of the guide, see `follow_guide`.
 
     Attributes:
         way: Since P0 landed, in the last frame [m].
@@ -85,7 +98,7 @@ class Guide(NamedTuple):
         zero: What it reads where P0 lands [m]; nan before the first reading.
         travel: Of the readings while the cylinder turned [m].
         turned: Rotation in which that was [rad].
-        offset: How much further than `way` the guide stands, as the markers say [m].
+        offset: How much further than `way` the guide stands, as the markers show [m].
         belief: One of BY_READINGS and so on.
         since: Cylinder angle when that was decided, or P0 was found [rad].
     """
@@ -100,7 +113,7 @@ class Guide(NamedTuple):
     since: float
 
 
-class Run(NamedTuple):
+class Run:
     """What all markers have in common.
 
     Attributes:
@@ -118,7 +131,7 @@ class Run(NamedTuple):
     path_filled: int
 
 
-class Marks(NamedTuple):
+class Marks:
     """What is known of each marker, arrays of shape (markers,).
 
     Attributes:
@@ -144,12 +157,13 @@ class Marks(NamedTuple):
     recent: FloatArray
 
 
-class Candidates(NamedTuple):
+class Candidates:
     """Something marker-coloured that may prove to be a marker, arrays of shape (CANDIDATES,).
 
     Attributes:
         hits: Frames in which it was seen; zero where the place is free.
         colour: See `Picture`.
+        identity: See `Detection`.
         first: Wound angle when it was seen first [rad].
         theta: Mean wound angle [rad].
         height: Mean z as seen [m].
@@ -160,6 +174,7 @@ class Candidates(NamedTuple):
 
     hits: IndexArray
     colour: IndexArray
+    identity: IndexArray
     first: FloatArray
     theta: FloatArray
     height: FloatArray
@@ -168,32 +183,15 @@ class Candidates(NamedTuple):
     last: FloatArray
 
 
-class Tracks(NamedTuple):
-    """Everything that the kernels write in place.
+class Output:
+    """What frames yield of each marker, arrays of shape (frames, markers).
 
     Attributes:
-        marks: Of P0 to Pn.
-        candidates: For markers that are not known yet.
-        paths: Expected z of the laid cable every PATH_STEP of wound angle [m], by the guide's
-            readings and by the commanded feed, shape (2, PATH_SIZE).
-    """
-
-    marks: Marks
-    candidates: Candidates
-    paths: FloatArray
-
-
-class Output(NamedTuple):
-    """What frames yield: `angle` of shape (frames,), the others of shape (frames, markers).
-
-    Attributes:
-        angle: Cylinder angle that was used [rad].
         theta: Wound angle [rad].
         height: z from P0 [m].
         sigma_theta: One standard deviation [rad]; until results are written, of a mark that is
             seen in part, by how much that of its azimuth exceeds that of a whole one.
         sigma_height: One standard deviation [m]; until then the same of z.
-        flags: See `MarkerFlag`.
         azimuth: As seen [rad], nan where the marker was not measured; so are the following.
         seen_height: z as seen [m].
         slope: dz/dtheta of the cable [m/rad].
@@ -204,14 +202,13 @@ class Output(NamedTuple):
         left: Column where the gate ends on the side of -z, in the row of its centre [px]; nan where
             light hid a part, whose outline is fitted beyond the gate.
         right: The same on the side of +z.
+        marker_flags: See `MarkerFlag`; an array has flags of its own.
     """
 
-    angle: FloatArray
     theta: FloatArray
     height: FloatArray
     sigma_theta: FloatArray
     sigma_height: FloatArray
-    flags: NDArray[np.uint32]
     azimuth: FloatArray
     seen_height: FloatArray
     slope: FloatArray
@@ -221,3 +218,138 @@ class Output(NamedTuple):
     above: FloatArray
     left: FloatArray
     right: FloatArray
+    marker_flags: NDArray[np.uint32]
+
+
+_KINDS: tuple[tuple[Any, Any, type[np.generic]], ...] = (
+    (float, FloatArray, np.float64),
+    (bool, FlagArray, np.bool_),
+    (int, IndexArray, np.int64),
+    (None, NDArray[np.uint32], np.uint32),
+)
+
+
+def record_dtype(record: type) -> np.dtype[np.void]:
+    """Return the dtype whose fields a class names, one number of each; records may hold records."""
+
+    def kind(hint: Any) -> np.dtype[Any]:
+        for number, array, dtype in _KINDS:
+            if hint in (number, array):
+                return np.dtype(dtype)
+        return record_dtype(hint)
+
+    hints = get_type_hints(record)
+    return np.dtype([(name, kind(hint)) for name, hint in hints.items()], align=True)
+
+
+RUN, MARK, CANDIDATE, SEEN = (record_dtype(kind) for kind in (Run, Marks, Candidates, Output))
+# The bytes of a marker of which a frame shows nothing: nan everywhere and no flag.
+_UNSEEN = np.array((*[math.nan] * (len(SEEN.fields or ()) - 1), 0), dtype=SEEN).tobytes()
+
+
+def by_field(rows: Rows, record: type[Record]) -> Record:
+    """Return a view of structured rows whose attributes are the fields of a record class."""
+    return cast(Record, rows.view(np.recarray))
+
+
+class Tracks(NamedTuple):
+    """Everything that the kernels know of markers and cable, written in place.
+
+    Attributes:
+        paths: Expected z of the laid cable every PATH_STEP of wound angle [m], by the guide's
+            readings and by the commanded feed, shape (2, PATH_SIZE).
+    """
+
+    marks: Marks  # Of P0 to Pn
+    candidates: Candidates  # For markers that are not known yet
+    paths: FloatArray
+
+
+@dataclass(kw_only=True)
+class TrackerState:
+    """The one mutable state of a tracker."""
+
+    run_rows: Rows  # Of RUN, shape (1,)
+    mark_rows: Rows  # Of MARK, shape (markers,)
+    candidate_rows: Rows  # Of CANDIDATE, shape (CANDIDATES,)
+    paths: FloatArray  # See `Tracks` [m], shape (2, PATH_SIZE)
+
+    @classmethod
+    def fresh(cls, marker_count: int) -> TrackerState:
+        """Return the state before the first frame."""
+        state = cls(
+            run_rows=np.zeros(1, dtype=RUN),
+            mark_rows=np.zeros(marker_count + 1, dtype=MARK),
+            candidate_rows=np.zeros(CANDIDATES, dtype=CANDIDATE),
+            paths=np.zeros((2, PATH_SIZE)),
+        )
+        run = state.run_rows
+        run["path_filled"] = 1
+        run["cylinder"]["read"] = math.nan
+        run["guide"]["reading"] = run["guide"]["zero"] = math.nan
+        run["guide"]["belief"] = BY_READINGS
+        return state
+
+    @property
+    def run(self) -> Run:
+        """What all markers have in common, as a view."""
+        return cast(Run, self.run_rows.view(np.recarray)[0])
+
+    @property
+    def marks(self) -> Marks:
+        """What is known of each marker, as a view."""
+        return by_field(self.mark_rows, Marks)
+
+    @property
+    def tracks(self) -> Tracks:
+        """Everything that is known of markers and cable, as views."""
+        return Tracks(self.marks, by_field(self.candidate_rows, Candidates), self.paths)
+
+    # What is asked for in every frame is read without a view.
+
+    @property
+    def started(self) -> bool:
+        """Whether there was a frame."""
+        return bool(self.run_rows["cylinder"]["started"][0])
+
+    @property
+    def time(self) -> float:
+        """Of the last frame [s]."""
+        return float(self.run_rows["cylinder"]["time"][0])
+
+    @property
+    def shift(self) -> float:
+        """See `Run` [rad]."""
+        return float(self.run_rows["shift"][0])
+
+    @property
+    def turned(self) -> float:
+        """Cylinder angle in the last frame as the camera sees it [rad]."""
+        return float(self.run_rows["cylinder"]["angle"][0]) + self.shift
+
+    @property
+    def path(self) -> FloatArray:
+        """That of `Tracks.paths` that is believed, shape (PATH_SIZE,)."""
+        believed = self.run_rows["guide"]["belief"][0] == BY_READINGS
+        path: FloatArray = self.paths[0 if believed else 1]
+        return path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Burst:
+    """What a burst of frames yields."""
+
+    angle: FloatArray  # Cylinder angle that was used [rad], shape (frames,)
+    rows: Rows  # Of SEEN, shape (frames, markers)
+
+    @classmethod
+    def empty(cls, frames: int, markers: int) -> Burst:
+        """Return room for a number of frames, nan everywhere and without flags."""
+        # Repeating bytes is four times as fast as filling rows with a record.
+        rows = np.frombuffer(bytearray(_UNSEEN * (frames * markers)), dtype=SEEN)
+        return cls(angle=np.full(frames, math.nan), rows=rows.reshape(frames, markers))
+
+    @property
+    def seen(self) -> Output:
+        """The rows by field, as a view."""
+        return by_field(self.rows, Output)

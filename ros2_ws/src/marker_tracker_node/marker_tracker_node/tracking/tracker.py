@@ -9,23 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
+from marker_tracker_node.detection.band import Band, solve_band
 from marker_tracker_node.detection.colour import ColourModel
+from marker_tracker_node.detection.gate import TABLE_SIZE, empty_gates
+from marker_tracker_node.tracking.checks.consistency import RunChecks
+from marker_tracker_node.tracking.checks.lay_check import guide_doubt, missing_markers
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.frame_update import update_burst
-from marker_tracker_node.tracking.guide_readings import guide_doubt
-from marker_tracker_node.tracking.lay_check import height_ratio, missing_markers
-from marker_tracker_node.tracking.motion_before import MotionBefore
+from marker_tracker_node.tracking.evidence import RunEvidence, UnnumberedBands
+from marker_tracker_node.tracking.frame.frame_update import update_burst
+from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
+from marker_tracker_node.tracking.frame.run_means import mean_variances
+from marker_tracker_node.tracking.machine_motion import MotionBefore
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
-from marker_tracker_node.tracking.run_evidence import RunEvidence
-from marker_tracker_node.tracking.run_means import mean_variances
 from marker_tracker_node.tracking.run_start import RunStart
 from marker_tracker_node.tracking.sightings import Sightings
-from marker_tracker_node.tracking.state import Output
-from marker_tracker_node.tracking.tracker_state import OutputRoom, TrackerState, setup_numbers
+from marker_tracker_node.tracking.state import Burst, TrackerState, fixed_numbers
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
+# Of a sighting that are kept as they are in `Output`.
+_ROWS = ("azimuth", "slope", "low", "high", "below", "above", "left", "right")
+_UNSEEN = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)
+# No machine comes so far [rad, m]; the search looks at every lap up to the present angle.
+_MOST_ANGLE, _MOST_GUIDE = 1.0e5, 100.0
 
 
 class Tracker:
@@ -37,7 +44,7 @@ class Tracker:
 
     Attributes:
         config: Machine, cable and nominal camera pose.
-        camera: What CameraInfo says.
+        camera: Content of CameraInfo.
         state: Of the run.
         beginnings: How often it began anew, azimuths before which are worth nothing.
         seen: Azimuths of the bands in the last frame of `track` [rad], nan where not measured.
@@ -56,7 +63,7 @@ class Tracker:
 
         Args:
             config: Machine, cable and camera pose.
-            camera: What CameraInfo says.
+            camera: Content of CameraInfo.
             colour: Of the markers; None to learn it from P0.
             remember: Whether to keep every sighting for `sightings`; 112 bytes a marker and frame.
             motion_before: Times [s], encoder readings [rad] and guide positions [m] of the run
@@ -67,12 +74,12 @@ class Tracker:
         self.state = TrackerState.fresh(config.marker_count)
         self._motion = MotionBefore(motion_before)
         self._setup = config.setup(camera.view(config.pose))
-        self._fixed = setup_numbers(self._setup)
+        self._fixed = fixed_numbers(self._setup)
         self._start = RunStart(config, camera, colour)
         self.beginnings = 0
-        self._memory: list[Output] | None = [] if remember else None
+        self._memory: list[Burst] | None = [] if remember else None
         self._ids = np.arange(config.marker_count + 1)
-        self._evidence = RunEvidence()
+        self._evidence, self._checks = RunEvidence(), RunChecks()
         self._frames = 0
         self._rejected = dict.fromkeys(FrameFault, 0)
         self._losses = 0
@@ -91,8 +98,8 @@ class Tracker:
 
     @property
     def zeroed(self) -> bool:
-        """Whether the picture of P0 has told the camera's turn."""
-        return self._start.zero.told
+        """Whether the picture of P0 has given the camera's turn."""
+        return self._start.zero.found
 
     @property
     def origin(self) -> float:
@@ -119,7 +126,7 @@ class Tracker:
             cylinder_angle: Encoder reading at t [rad], whole turns may be missing; None while
                 the encoder is out.
             guide_z: Guide position at t [m]; None to expect the commanded feed.
-            lead: How much further than the reading says P0 is expected [rad].
+            lead: How much further than by the reading P0 is expected [rad].
 
         Returns:
             Records of MARKER_DTYPE, shape (marker_count + 1,); shape (0,) for a refused frame,
@@ -136,7 +143,7 @@ class Tracker:
             np.asarray(frame)[None],
             np.array([[t], [angle - self.origin], [guide], [lead]]),
         )
-        self.seen = out.azimuth[0]
+        self.seen = out.rows["azimuth"][0]
         if not self._start.done:
             self._motion.add(t, angle, guide)
             if self._start.saw(t, out):
@@ -148,7 +155,7 @@ class Tracker:
         """Count a frame that is not used; return no records, shape (0,)."""
         self._rejected[fault] += 1
         self.seen = np.full(len(self._ids), np.nan)
-        return self._records(OutputRoom.empty(0, len(self._ids)).output).ravel()
+        return self._records(Burst.empty(0, len(self._ids))).ravel()
 
     def rebase(self, shift: float, *, forget: bool) -> None:
         """Take another azimuth of P0 at encoder angle zero.
@@ -157,10 +164,10 @@ class Tracker:
             shift: That azimuth [rad].
             forget: Whether what was found of P1 and later rests on wrong readings.
         """
-        self.state.run = self.state.run._replace(shift=shift)
+        self.state.run.shift = shift
         if forget:
-            self.state.tracks.marks.known[1:] = False
-            self.state.tracks.candidates.hits[:] = 0
+            self.state.mark_rows["known"][1:] = False
+            self.state.candidate_rows["hits"] = 0
 
     def process(
         self,
@@ -193,16 +200,17 @@ class Tracker:
         return self._records(self._advance(frames, readings))
 
     def estimates(self) -> Markers:
-        """Return what the run says of each marker so far, its mean over all frames."""
-        marks = self.state.tracks.marks
+        """Return what is known of each marker so far, its mean over all frames."""
+        marks = self.state.marks
         known = marks.known
-        out = OutputRoom.empty(1, len(known)).output
+        out = Burst.empty(1, len(known))
         out.angle[0] = self.state.run.cylinder.angle
-        out.theta[0, known] = marks.theta[known]
-        out.height[0, known] = (marks.height - marks.height[0])[known]
+        seen = out.seen
+        seen.theta[0, known] = marks.theta[known]
+        seen.height[0, known] = (marks.height - marks.height[0])[known]
         own = np.array([mean_variances(self._setup, marks, n) for n in range(len(known))])
-        out.sigma_theta[0, known], out.sigma_height[0, known] = np.sqrt(own + own[0])[known].T
-        out.flags[0, ~known] = MarkerFlag.NOT_WOUND
+        seen.sigma_theta[0, known], seen.sigma_height[0, known] = np.sqrt(own + own[0])[known].T
+        seen.marker_flags[0, ~known] = MarkerFlag.NOT_WOUND
         estimates: Markers = self._records(out)[0]
         return estimates
 
@@ -210,46 +218,43 @@ class Tracker:
         """Return every measured band so far, for `refine`.
 
         Raises:
-            ValueError: The tracker was not told to remember them.
+            ValueError: The tracker does not remember them.
         """
         if self._memory is None:
             raise ValueError("the tracker keeps no sightings: start it with remember=True")
-        nothing = OutputRoom.empty(0, len(self._ids)).output
-        seen = Output(*map(np.concatenate, zip(nothing, *self._memory, strict=True)))
-        frame, marker = np.nonzero(np.isfinite(seen.azimuth))
-        means = self.estimates()
-        rows = {name: getattr(seen, name)[frame, marker] for name in _ROWS}
+        bursts = [Burst.empty(0, len(self._ids)), *self._memory]
+        rows = np.concatenate([burst.rows for burst in bursts])
+        frame, marker = np.nonzero(np.isfinite(rows["azimuth"]))
+        measured, means = rows[frame, marker], self.estimates()
         return Sightings(
             marker=marker,
-            angle=seen.angle[frame],
-            z=seen.seen_height[frame, marker],
+            angle=np.concatenate([burst.angle for burst in bursts])[frame],
+            z=measured["seen_height"],
             pose=self.pose,
             mean_theta=means["theta"],
             mean_z=means["z"],
-            **rows,
+            **{name: measured[name] for name in _ROWS},
         )
 
     def report(self) -> TrackerReport:
         """Return counts and situation for diagnostics."""
-        cylinder = self.state.run.cylinder
+        cylinder, marks = self.state.run.cylinder, self.state.marks
         separation = math.nan if self.colour is None else self.colour.separation
         return TrackerReport(
             frames=self._frames,
             rejected=dict(self._rejected),
-            known=int(self.state.tracks.marks.known.sum()),
+            known=int(marks.known.sum()),
             measured=int(((self._flags & _UNSEEN) == 0).sum()),
             slipped=tuple(np.flatnonzero(self._flags & int(MarkerFlag.SLIPPED)).tolist()),
-            encoder_lost=cylinder.blind,
+            encoder_lost=bool(cylinder.blind),
             encoder_losses=self._losses,
             encoder_wraps=round(cylinder.wraps / (2.0 * math.pi)),
             colour_refusal=self._start.refusal,
             remarks=self._start.sentences,
             colour_separation=separation,
-            contradictions=self._evidence.judged(self._setup, self.state),
+            contradictions=self._checks.judged(self._evidence, self._setup, self.state),
             missing=missing_markers(self._setup, self.state),
-            guide_doubt=guide_doubt(
-                self._setup, self.state.run.guide, height_ratio(self._setup, self.state)
-            ),
+            guide_doubt=guide_doubt(self._setup, self.state),
         )
 
     def _fault(self, frame: ByteArray, t: float) -> FrameFault | None:
@@ -262,11 +267,8 @@ class Tracker:
             return FrameFault.WRONG_SIZE
         if not math.isfinite(t):
             return FrameFault.NOT_A_TIME
-        cylinder = self.state.run.cylinder
-        if cylinder.started and t == cylinder.time:
-            return FrameFault.DUPLICATE
-        if cylinder.started and t < cylinder.time:
-            return FrameFault.OUT_OF_ORDER
+        if self.state.started and t <= self.state.time:
+            return FrameFault.DUPLICATE if t == self.state.time else FrameFault.OUT_OF_ORDER
         return None
 
     def _require_burst(self, frames: ByteArray, times: FloatArray, angles: FloatArray) -> None:
@@ -280,27 +282,26 @@ class Tracker:
                 f"{len(frames)} frames need as many times and angles, got {times.shape} "
                 f"and {angles.shape}"
             )
-        cylinder = self.state.run.cylinder
-        first = cylinder.time if cylinder.started else -math.inf
+        first = self.state.time if self.state.started else -math.inf
         if len(times) and not (np.diff(times, prepend=first) > 0.0).all():
             raise ValueError(f"times must ascend from the last frame's {first} s")
 
     def _begin_anew(self) -> None:
         """Forget what was measured with another pose or zero of the encoder."""
         self.beginnings += 1
-        self._evidence = RunEvidence()
+        self._evidence, self._checks = RunEvidence(), RunChecks()
         self.state = TrackerState.fresh(self.config.marker_count)
         self._setup = self.config.setup(self.camera.view(self.pose))
-        self._fixed = setup_numbers(self._setup)
+        self._fixed = fixed_numbers(self._setup)
         if self._memory is not None:
             self._memory.clear()
 
-    def _advance(self, frames: ByteArray, readings: FloatArray) -> Output:
+    def _advance(self, frames: ByteArray, readings: FloatArray) -> Burst:
         """Take frames with their `readings`, see `update_burst`."""
-        room = OutputRoom.empty(len(frames), len(self._ids))
+        out = Burst.empty(len(frames), len(self._ids))
         palette = self._start.palette()
         state = self.state
-        if len(frames) and not state.run.cylinder.started:
+        if len(frames) and not state.started:
             self._motion.take_up(state, self._fixed, readings[0, 0], self.origin)
         # Frames from messages are read-only; one kind of array means one compilation.
         still = np.ascontiguousarray(frames).view()
@@ -310,40 +311,53 @@ class Tracker:
             before = not math.isnan(readings[1, 0]) or state.run.cylinder.blind
             self._losses += int((missing[1:] & ~missing[:-1]).sum()) + (not before)
         update_burst(
-            still, palette.tables, palette.colour_of, self._fixed, state.numbers, state.known,
-            state.marks, state.hits, state.candidates, state.paths, readings, room.angle,
-            room.flags, room.fields,
+            still, palette.tables, palette.colour_of, self._fixed, state.run_rows,
+            state.mark_rows, state.candidate_rows, state.paths, readings, out.angle, out.rows,
         )  # fmt: skip
-        out = room.output
         if self._memory is not None:
             self._memory.append(out)
         self._evidence.take(still, palette.any, self._fixed, state, readings, out)
         self._frames += len(frames)
         if len(frames):
-            self._flags = room.flags[-1]
+            self._flags = out.rows["marker_flags"][-1]
         return out
 
-    def _records(self, out: Output) -> Markers:
+    def _records(self, out: Burst) -> Markers:
         """Return records of shape (frames, markers)."""
+        rows = out.rows
         return wound_markers(
             ids=self._ids,
-            theta=out.theta,
-            z=out.height,
+            theta=rows["theta"],
+            z=rows["height"],
             radius=self.config.centreline_radius,
             cylinder_angle=cast(float, out.angle[:, None]),
-            sigma_theta=out.sigma_theta,
-            sigma_z=out.sigma_height,
-            flags=out.flags,
+            sigma_theta=rows["sigma_theta"],
+            sigma_z=rows["sigma_height"],
+            flags=rows["marker_flags"],
         )
-
-
-# Of a sighting that are kept as they are in `Output`.
-_ROWS = ("azimuth", "slope", "low", "high", "below", "above", "left", "right")
-_UNSEEN = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)
-# No machine comes so far [rad, m]; the search looks at every lap up to the present angle.
-_MOST_ANGLE, _MOST_GUIDE = 1.0e5, 100.0
 
 
 def _believed(value: float | None, most: float) -> float:
     """Return a reading, or nan where there is none that a machine could give."""
     return float(value) if value is not None and abs(value) <= most else math.nan
+
+
+def warm_up(config: TrackerConfig) -> None:
+    """Track one black picture of a plain camera and forget it."""
+    matrix = np.array([[900.0, 0.0, 32.0], [0.0, 900.0, 24.0], [0.0, 0.0, 1.0]])
+    camera = PinholeCamera.from_info(width=64, height=48, k=matrix, d=np.zeros(5))
+    # The search for P0 asks from Python.
+    solve_band(camera.view(config.pose), config.body, 0.0, 0.0, Band(0.5, 0.0, 0.0))
+    frame = np.zeros((48, 64, 3), dtype=np.uint8)
+    Tracker(config, camera).track(frame, 0.0, 0.0, 0.0)
+    setup = config.setup(camera.view(config.pose))
+    # P0's place and what lies between markers are asked from Python, once they are in sight.
+    predict_gate(setup, Band(azimuth=0.0, z=0.0, slope=0.0), empty_gates(1), 0)
+    frame.flags.writeable = False
+    UnnumberedBands().look(
+        frame,
+        np.zeros(TABLE_SIZE, dtype=np.uint8),
+        fixed_numbers(setup),
+        TrackerState.fresh(config.marker_count),
+        1.0,
+    )

@@ -1,1 +1,1 @@
-"""Subcommands of `winding`, one per file."""
+"""What does each subcommand of `winding` take, and what does it call? One per file."""

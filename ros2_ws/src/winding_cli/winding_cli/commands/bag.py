@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+import select
+import sys
 import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.console import result_console
-from winding_cli.commands.extras import need_extra
-from winding_cli.commands.output_path import check_output_folder, staged
-from winding_cli.commands.refusal import FAILED, refuse, refused
-from winding_cli.commands.ros_environment import joined
-from winding_cli.commands.space_key import space_key
-from winding_cli.commands.termination import end
+from winding_cli.terminal.console import Shown, record_table, result_console
+from winding_cli.terminal.output_path import check_output_folder, staged
+from winding_cli.terminal.record_options import Domain, Typed, spelled, with_options
+from winding_cli.terminal.refusal import FAILED, need_extra, refuse, refused
+from winding_cli.terminal.ros_environment import joined, plain_node
+from winding_cli.terminal.termination import end
 from winding_core.error_verdict import ErrorLimit
-from winding_core.lay_tolerance import LayTolerance
+from winding_core.lay.errors import LayTolerance
 from winding_core.units import MEGABYTE, MILLISECOND
+
+if TYPE_CHECKING:
+    from winding_cli.run.wanted_lay import Held
+    from winding_reports.records.identity import Origin
+
+_KEY_PERIOD = 0.1
 
 bag = typer.Typer(
     help="Look into recordings, check, recover, play, replay and export them.",
@@ -33,12 +40,9 @@ Source = Annotated[Path, typer.Argument(help="rosbag2 folder, or one .mcap or .d
 
 @bag.command()
 def info(source: Source) -> None:
-    """Say what a recording holds, and what never reached the recorder."""
-    from rich.table import Table
-
+    """Show what a recording holds, and what never reached the recorder."""
     from winding_recorder.bags.contents import contents
-    from winding_recorder.bags.failure import BagError
-    from winding_recorder.bags.notes import COMPLETE, RECOVERED
+    from winding_recorder.bags.description import COMPLETE, RECOVERED, BagError
 
     with refused(BagError, code=FAILED):
         content = contents(source)
@@ -54,28 +58,31 @@ def info(source: Source) -> None:
     wound = _wound(content.notes)
     if wound:
         console.print(f"wound: {wound}", highlight=False)
-    table = Table("topic", "type", box=None, padding=(0, 2))
-    for heading in ("messages", "Hz", "lost"):
-        table.add_column(heading, justify="right")
-    for topic in content.topics:
-        rate = (topic.messages - 1) / content.duration if content.duration > 0.0 else 0.0
-        table.add_row(
-            topic.name,
-            topic.type_name,
-            str(topic.messages),
-            f"{rate:.1f}" if topic.messages > 1 else "-",
-            "not counted" if topic.lost is None else str(topic.lost),
-        )
-    console.print(table)
+    duration = content.duration
+    columns = (
+        Shown("topic", lambda topic: topic.name),
+        Shown("type", lambda topic: topic.type_name),
+        Shown("messages", lambda topic: topic.messages),
+        Shown("Hz", lambda topic: _rate(topic.messages, duration), ".1f"),
+        Shown("lost", lambda topic: topic.lost, missing="not counted"),
+    )
+    console.print(record_table(columns, content.topics, words=2, box=None, padding=(0, 2)))
+
+
+def _rate(messages: int, duration: float) -> float | None:
+    """Return messages per second [1/s]; None of a single one."""
+    if messages <= 1:
+        return None
+    return (messages - 1) / duration if duration > 0.0 else 0.0
 
 
 def _wound(notes: Mapping[str, str]) -> str:
-    """Return what a recording says of the condition, as it would be typed."""
+    """Return the recorded condition, as it would be typed."""
     import json
 
-    from winding_core.condition import Condition
-    from winding_core.options import shown_values
-    from winding_recorder.bags.notes import PARAMETERS
+    from winding_core.cable.condition import Condition
+    from winding_core.parameters import shown_values
+    from winding_recorder.bags.description import PARAMETERS
 
     stated: dict[str, Any] = {}
     try:
@@ -91,7 +98,7 @@ def _wound(notes: Mapping[str, str]) -> str:
 def check(source: Source) -> None:
     """Look for damage: every checksum, message, count and stamp. Exit code 1 if there is any."""
     from winding_recorder.bags.check import check as look
-    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.description import BagError
 
     with refused(BagError, code=FAILED):
         verdict = look(source)
@@ -110,7 +117,7 @@ def recover(
     target: Annotated[Path, typer.Argument(help="New folder; the source is only read.")],
 ) -> None:
     """Make a readable recording out of one that was cut off or damaged."""
-    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.description import BagError
     from winding_recorder.bags.recover import recover as salvage
 
     check_output_folder(target, new=True)
@@ -138,18 +145,15 @@ def play(
     force: Annotated[
         bool, typer.Option("--force", help="Publish although the topics have publishers.")
     ] = False,
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
+    domain: Domain = None,
 ) -> None:
     """Publish a recording again: the same bytes, the same rhythm, and /clock.
 
     The space key pauses and goes on; so do bag_player/toggle_paused (std_srvs/Trigger) and
     bag_player/set_paused (std_srvs/SetBool).
     """
-    from winding_recorder.bags.failure import BagError
-    from winding_recorder.bags.pacing import Pacing
-    from winding_recorder.playback.player import Player
+    from winding_recorder.bags.description import BagError
+    from winding_recorder.playback.player import Pacing, Player
 
     with refused(ValueError):
         pacing = Pacing(rate, paused=start_paused)
@@ -186,18 +190,18 @@ def replay(
     ] = 1.0e-6,
     parameters: Annotated[
         Path | None,
-        typer.Option(help="ROS parameter file in place of what the recording says."),
+        typer.Option(help="ROS parameter file in place of the recorded parameters."),
     ] = None,
 ) -> None:
     """Feed recorded inputs to one node's work and compare its answers. Exit code 1 if they differ.
 
     No ROS graph is needed. Two replays of one recording give the same bytes.
     """
-    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.description import BagError
     from winding_recorder.playback.replay import REPLAYABLE
     from winding_recorder.playback.replay import replay as feed
     from winding_ros.graph import DEFAULT_NAMESPACE
-    from winding_ros.parameter_files import parameters_for
+    from winding_ros.runtime.parameter_files import parameters_for
 
     own = None
     if parameters is not None and not parameters.is_file():
@@ -242,11 +246,9 @@ def report(
 
     Exit code 1 if a limit that is given is not known to be kept.
     """
-    from winding_cli.commands.bag_report import write_recorded_report
-    from winding_cli.commands.wanted_lay import held_against
-    from winding_core.options import typed_values
-    from winding_core.parameters import build
-    from winding_recorder.bags.failure import BagError
+    from winding_cli.run.wanted_lay import held_against
+    from winding_core.parameters import build, typed_values
+    from winding_recorder.bags.description import BagError
 
     with refused(ValueError):
         held = held_against(judged)
@@ -269,7 +271,7 @@ def export(
 ) -> None:
     """Write a table for every topic; clouds give one row per point."""
     need_extra("tables", "winding bag export")
-    from winding_recorder.bags.failure import BagError
+    from winding_recorder.bags.description import BagError
     from winding_recorder.bags.tables import export as write
 
     check_output_folder(out, "--output", new=True)
@@ -286,29 +288,109 @@ def _names(text: str) -> frozenset[str]:
 @contextmanager
 def _player_node() -> Iterator[object]:
     """Yield a node that a thread spins."""
-    import rclpy
-    from rclpy.context import Context
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-    from rclpy.node import Node
+    from rclpy.executors import ExternalShutdownException
 
-    context = Context()
-    rclpy.init(context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    node = Node("bag_player", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
+    with plain_node("bag_player") as (node, executor):
 
-    def spin() -> None:
+        def spin() -> None:
+            with suppress(ExternalShutdownException):
+                executor.spin()
+
+        thread = threading.Thread(target=spin, name="bag_player", daemon=True)
+        thread.start()
         try:
-            executor.spin()
-        except ExternalShutdownException:
-            return
+            yield node
+        finally:
+            executor.shutdown()
+            thread.join()
 
-    thread = threading.Thread(target=spin, name="bag_player", daemon=True)
+
+def write_recorded_report(
+    source: Path, out: Path, held: Held, error_limit_pct: float, *, errors_held: bool
+) -> None:
+    """Write index.html and run.json of a recording into a folder, and print the results.
+
+    Args:
+        source: The recording.
+        out: New folder.
+        held: What a lay that was driven is held against.
+        error_limit_pct: What the errors of the lengths are held against [%].
+        errors_held: Whether the command fails where they do not keep it.
+
+    Raises:
+        BagError: The recording cannot be read, or has no condition of what was wound.
+    """
+    from winding_cli.run.delivery import deliver, flaw, seed_of
+    from winding_cli.run.record import run_record
+    from winding_core.cable.condition import Condition
+    from winding_core.run_options import LayWish
+    from winding_recorder.bags.contents import configuration_of
+    from winding_recorder.playback.recorded_buffer import recorded_run
+    from winding_ros import topics
+    from winding_supervisor.session.run_config import RunResult
+
+    run = recorded_run(source)
+    condition = configuration_of(Condition, run.parameters[topics.FEM], topics.FEM)
+    wish = _of(LayWish, run.parameters.get(topics.LAY_CONTROL, {}))
+    result = RunResult(
+        buffer=run.buffer,
+        wall_s=0.0,
+        ended=run.ended,
+        simulated=topics.RIG in run.parameters,
+        bags=(source,),
+    )
+    record = run_record(
+        condition,
+        result,
+        wish,
+        held.limit,
+        origin=_origin(run.origin),
+        seed=seed_of(run.parameters),
+        error_limit_pct=error_limit_pct,
+    )
+    deliver(record, out, out / "run.json", bags=(source,))
+    sentence = flaw(record, result, held=held.asked, errors_held=errors_held)
+    if sentence:
+        refuse(sentence, FAILED)
+
+
+def _origin(text: str) -> Origin | None:
+    """Return which run a recording is of; None where it does not name one."""
+    from winding_reports.records.identity import Origin
+
+    try:
+        return Origin.from_text(text) if text else None
+    except ValueError:
+        return None
+
+
+def _of(record: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    names = {item.name for item in fields(record)}
+    return {name: value for name, value in values.items() if name in names}
+
+
+@contextmanager
+def space_key(toggle: Callable[[], bool], stopped: threading.Event) -> Iterator[None]:
+    """Call `toggle` whenever the space key of the terminal is pressed."""
+    if not sys.stdin.isatty():
+        yield
+        return
+    import termios
+    import tty
+
+    def listen() -> None:
+        while not stopped.is_set():
+            ready, _, _ = select.select([sys.stdin], [], [], _KEY_PERIOD)
+            if ready and sys.stdin.read(1) == " ":
+                print("paused" if toggle() else "playing", file=sys.stderr, flush=True)
+
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin)
+    thread = threading.Thread(target=listen, name="keys", daemon=True)
     thread.start()
     try:
-        yield node
+        yield
     finally:
-        executor.shutdown()
+        stopped.set()
         thread.join()
-        node.destroy_node()
-        rclpy.try_shutdown(context=context)
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

@@ -2,27 +2,52 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winding_cli.commands.board_options import chosen_board
-from winding_cli.commands.output_path import check_output_file, staged
-from winding_cli.commands.refusal import refused
-from winding_core.units import MILLIMETRE
+from winding_cli.terminal.output_path import check_output_file, staged
+from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.refusal import refused
+from winding_core.parameters import build, parameter, typed_values
+from winding_core.units import LENGTH, MILLIMETRE, PLAIN
+
+if TYPE_CHECKING:
+    from marker_tracker_node.camera.calibration import Board
 
 
+@dataclass(frozen=True, kw_only=True)
+class BoardOptions:
+    """The calibration board, as it is typed."""
+
+    columns: int = parameter(14, "squares across", PLAIN, 3, 100)
+    rows: int = parameter(8, "squares down", PLAIN, 3, 100)
+    square: float = parameter(8.0e-3, "side of a square", LENGTH, 1.0e-4, 1.0)
+    marker: float = parameter(
+        6.0e-3, "side of a ChArUco marker; 0 for a plain chessboard", LENGTH, 0.0, 1.0
+    )
+    dictionary: str = parameter("DICT_4X4_250", "dictionary of the markers", PLAIN)
+
+    @staticmethod
+    def board(typed: Typed) -> Board:
+        """Return the board that was typed.
+
+        Raises:
+            ValueError: There is none of that kind.
+        """
+        from marker_tracker_node.camera.calibration import Board
+
+        wanted = build(BoardOptions, typed_values(BoardOptions, typed, spelled), owner="the board")
+        return Board(**{**vars(wanted), "marker": wanted.marker or None})
+
+
+@with_options(BoardOptions)
 def board(
-    out: Annotated[Path, typer.Argument(help="Picture to write, such as board.png.")],
+    typed: Typed,
     *,
-    columns: Annotated[int, typer.Option(help="Squares across.")] = 14,
-    rows: Annotated[int, typer.Option(help="Squares down.")] = 8,
-    square_mm: Annotated[float, typer.Option(help="Side of a square.")] = 8.0,
-    marker_mm: Annotated[
-        float, typer.Option(help="Side of a ChArUco marker; 0 for a plain chessboard.")
-    ] = 6.0,
-    dictionary: Annotated[str, typer.Option(help="Of the markers.")] = "DICT_4X4_250",
+    out: Annotated[Path, typer.Argument(help="Picture to write, such as board.png.")],
     dpi: Annotated[float, typer.Option(min=50.0, max=2400.0, help="Dots per inch.")] = 600.0,
 ) -> None:
     """Draw the board that `winding calibrate` looks for; print it at its true size."""
@@ -30,7 +55,7 @@ def board(
 
     check_output_file(out)
     with refused(ValueError):
-        drawn = chosen_board(columns, rows, square_mm, marker_mm, dictionary)
+        drawn = BoardOptions.board(typed)
         with staged(out) as place:
             width, height = write_board(place, drawn, dpi)
     print(

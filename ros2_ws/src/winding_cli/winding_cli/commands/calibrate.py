@@ -7,22 +7,18 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.commands.board_options import chosen_board
-from winding_cli.commands.output_path import check_output_file, staged
-from winding_cli.commands.refusal import refuse, refused
+from winding_cli.commands.board import BoardOptions
+from winding_cli.terminal.output_path import check_output_file, staged
+from winding_cli.terminal.record_options import Typed, with_options
+from winding_cli.terminal.refusal import refuse, refused
 
 
+@with_options(BoardOptions)
 def calibrate(
-    pictures: Annotated[list[Path], typer.Argument(help="Photographs, or folders of them.")],
+    typed: Typed,
     *,
+    pictures: Annotated[list[Path], typer.Argument(help="Photographs, or folders of them.")],
     out: Annotated[Path, typer.Option("--output", "--out", help="Camera YAML to write.")],
-    columns: Annotated[int, typer.Option(help="Squares across.")] = 14,
-    rows: Annotated[int, typer.Option(help="Squares down.")] = 8,
-    square_mm: Annotated[float, typer.Option(help="Side of a square.")] = 8.0,
-    marker_mm: Annotated[
-        float, typer.Option(help="Side of a ChArUco marker; 0 for a plain chessboard.")
-    ] = 6.0,
-    dictionary: Annotated[str, typer.Option(help="Of the markers.")] = "DICT_4X4_250",
     name: Annotated[str, typer.Option(help="Name of the camera.")] = "camera",
 ) -> None:
     """Fit camera matrix and distortion, and write the YAML that ROS tools read."""
@@ -41,8 +37,7 @@ def calibrate(
     check_output_file(out, "--output")
     with refused(OSError, ValueError):
         photographs = [read_picture(file) for file in files]
-        board = chosen_board(columns, rows, square_mm, marker_mm, dictionary)
-        result = fit(photographs, board)
+        result = fit(photographs, BoardOptions.board(typed))
     with staged(out) as place:
         write_camera(place, result.camera, name)
     print(

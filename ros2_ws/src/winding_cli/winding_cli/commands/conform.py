@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winding_cli.commands.condition_options import Typed, with_options
-from winding_cli.commands.console import result_console
-from winding_cli.commands.machine_options import machine_axes
-from winding_cli.commands.refusal import FAILED, refuse
-from winding_cli.commands.ros_environment import joined
-from winding_core.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
-from winding_core.machine_axes import MachineAxes
+from winding_cli.run.configuration import machine_axes
+from winding_cli.terminal.console import result_console
+from winding_cli.terminal.record_options import Domain, Typed, with_options
+from winding_cli.terminal.refusal import FAILED, refuse
+from winding_cli.terminal.ros_environment import joined
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
-    from winding_cli.conformance.judgement import Finding
+    from winding_cli.cell.driver_judgement import Finding
 
 
 @with_options(MachineAxes)
@@ -25,9 +25,7 @@ def conform(
     axes: Typed,
     *,
     namespace: Annotated[str, typer.Option(help="Namespace of the driver.")] = "winding",
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
+    domain: Domain = None,
     seconds: Annotated[float, typer.Option(min=0.5, help="How long to listen.")] = 3.0,
     camera: Annotated[
         bool, typer.Option("--camera/--no-camera", help="Whether the driver brings a camera.")
@@ -44,7 +42,7 @@ def conform(
     ),
     stop_within_s: Annotated[float, typer.Option(help="Longest time to standstill.")] = 1.5,
 ) -> None:
-    """Listen to a running driver and say, promise by promise, what it keeps."""
+    """Listen to a running driver and report, promise by promise, what it keeps."""
     for name, value in (
         ("omega-rad-s", omega_rad_s),
         ("feed-mm-s", feed_mm_s),
@@ -90,8 +88,8 @@ async def _probe(
     running: tuple[float, float] | None,
     stop_within: float,
 ) -> list[Finding]:
-    from winding_cli.conformance.probe import Probe
-    from winding_ros.async_client import AsyncClient
+    from winding_cli.cell.driver_probe import Probe
+    from winding_ros.client.async_client import AsyncClient
 
     client = AsyncClient(namespace)
     try:

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.refusal import refuse, refused
-from winding_cli.commands.ros_environment import check_namespace, joined
+from winding_cli.terminal.record_options import Domain, Namespace, Typed, spelled, with_options
+from winding_cli.terminal.refusal import refuse, refused
+from winding_cli.terminal.ros_environment import check_namespace, joined
 from winding_core.error_verdict import ErrorLimit
-from winding_core.lay_tolerance import LayTolerance
+from winding_core.lay.errors import LayTolerance
 
 
 @with_options(LayTolerance, ErrorLimit)
@@ -19,10 +19,8 @@ def dashboard(
     judged: Typed,
     errors: Typed,
     *,
-    namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
+    namespace: Namespace = "winding",
+    domain: Domain = None,
     host: Annotated[
         str, typer.Option(help="Address to serve on; others than loopback need a token.")
     ] = "127.0.0.1",
@@ -36,9 +34,8 @@ def dashboard(
     ] = None,
 ) -> None:
     """Serve the operator's page; Ctrl-C ends it."""
-    from winding_cli.commands.wanted_lay import held_against
-    from winding_core.options import typed_values
-    from winding_core.parameters import ParameterError, build
+    from winding_cli.run.wanted_lay import held_against
+    from winding_core.parameters import ParameterError, build, typed_values
     from winding_ros.environment import ros_arguments
 
     try:

@@ -5,35 +5,48 @@ from __future__ import annotations
 import os
 import tempfile
 from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
-from winding_cli.commands.console import result_console
-from winding_cli.commands.output_path import check_output_file, write_json
-from winding_cli.commands.refusal import FAILED, refuse
-from winding_cli.commands.termination import interruptible
+from winding_cli.terminal.console import Shown, record_table, result_console
+from winding_cli.terminal.output_path import check_output_file, write_json
+from winding_cli.terminal.record_options import Domain
+from winding_cli.terminal.refusal import FAILED, refuse
+from winding_cli.terminal.termination import interruptible
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from winding_cli.doctor.finding import Finding
 
 # The graph's default. Nothing here imports ROS: it may be what is wrong, and a middleware that
 # is not there ends the process that imports it.
 NAMESPACE = "winding"
 
+_COLOURS = {"OK": "green", "WARN": "yellow", "FAIL": "bold red"}
+
+
+def _level(finding: Finding) -> str:
+    return f"[{_COLOURS[finding.level]}]{finding.level}[/]"
+
+
+_COLUMNS = (
+    Shown("check", lambda finding: escape(finding.check)),
+    Shown("", _level),
+    Shown("found", lambda finding: escape(finding.found)),
+    Shown("what to do", lambda finding: escape(finding.advice)),
+)
+
 
 def doctor(
     json: Annotated[Path | None, typer.Option(help="Also write the findings to this file.")] = None,
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
+    domain: Domain = None,
 ) -> None:
     """Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL."""
     from winding_cli.doctor.examination import examine
-    from winding_supervisor.domain_lock import DomainError, chosen_domain, lock_folder
+    from winding_supervisor.session.domain_lock import DomainError, chosen_domain, lock_folder
 
     source = "ROS_DOMAIN_ID" if os.environ.get("ROS_DOMAIN_ID") else "ROS_DOMAIN_ID is not set"
     check_output_file(json, "--json")
@@ -65,26 +78,14 @@ def doctor(
         )
     found = Counter(str(finding.level) for finding in findings)
     counts = {level: found[level] for level in ("OK", "WARN", "FAIL")}
-    console.print(_table(findings))
+    console.print(record_table(_COLUMNS, findings, words=len(_COLUMNS)))
     console.print(f"{len(findings)} checks, {counts['FAIL']} failed, {counts['WARN']} warnings")
     if json is not None:
         record = {
             "domain": chosen,
             "counts": counts,
-            "checks": [finding.as_record() for finding in findings],
+            "checks": [asdict(finding) for finding in findings],
         }
         write_json(json, record)
     if counts["FAIL"]:
         raise typer.Exit(FAILED)
-
-
-def _table(findings: list[Finding]) -> Table:
-    from rich.table import Table
-    from rich.text import Text
-
-    style = {"OK": "green", "WARN": "yellow", "FAIL": "bold red"}
-    table = Table("check", "", "found", "what to do")
-    for finding in findings:
-        level = Text(str(finding.level), style[finding.level])
-        table.add_row(finding.check, level, Text(finding.found), Text(finding.advice))
-    return table

@@ -6,8 +6,13 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.commands.condition_options import spelled
-from winding_cli.commands.refusal import refused
+from winding_cli.terminal.record_options import spelled
+from winding_cli.terminal.refusal import refused
+from winding_core.parameters import Declaration, declarations
+from winding_ros.graph import PAGE, controlled, parameters_of
+from winding_ros.runtime.heartbeat import LEASE, PERIOD, heartbeat_topic
+from winding_ros.services import SERVICES
+from winding_ros.topics import TOPICS
 
 
 def graph(
@@ -26,10 +31,9 @@ def graph(
     namespace: Annotated[str, typer.Option(help="Namespace in the policy.")] = "winding",
 ) -> None:
     """Show the nodes, their topics and who listens."""
-    from winding_cli.output.interface_table import as_markdown
-    from winding_core.camera_placement import CameraPlacement
-    from winding_core.condition import Condition
-    from winding_core.machine_axes import MachineAxes
+    from winding_core.cable.condition import Condition
+    from winding_core.machine.axes import MachineAxes
+    from winding_core.run_options import CameraPlacement
     from winding_core.urdf import machine_urdf
     from winding_ros.graph import as_mermaid, as_text
     from winding_ros.security import sros2_policy
@@ -44,3 +48,71 @@ def graph(
         print(as_markdown())
     else:
         print(as_mermaid() if mermaid else as_text())
+
+
+def as_markdown() -> str:
+    """Return tables of topics, services and parameters."""
+    return "\n".join([*_topics(), "", *_services(), "", *_parameters()])
+
+
+def _topics() -> list[str]:
+    lines = [
+        "| topic | type | publisher | rate | QoS | recorded | what it says |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for topic in TOPICS:
+        rate = "on change" if topic.rate is None else f"{topic.rate:g} Hz"
+        durability = ", latched" if topic.latched else ""
+        lines.append(
+            f"| `{topic.name}` | `{topic.type_name}` | {topic.publisher} | {rate} "
+            f"| reliable, depth {topic.depth}{durability} | {'yes' if topic.recorded else 'no'} "
+            f"| {topic.description} |"
+        )
+    lines.append(
+        f"| `{heartbeat_topic('<node>')}` | `std_msgs/msg/Header` "
+        f"| every node, orchestrator, supervised page | {1.0 / PERIOD:g} Hz "
+        f"| reliable, depth 1, liveliness {LEASE:g} s | no "
+        "| signs of life; the stamp is wall time |"
+    )
+    return lines
+
+
+def _services() -> list[str]:
+    lines = ["| service | type | what it does |", "|---|---|---|"]
+    lines += [f"| `{item.name}` | `{item.type_name}` | {item.description} |" for item in SERVICES]
+    lines.append(
+        "| `<node>/change_state`, `<node>/get_state`, ... | `lifecycle_msgs/srv/*` "
+        "| lifecycle of every node |"
+    )
+    return lines
+
+
+def _parameters() -> list[str]:
+    lines = []
+    for spec in (*reversed(controlled()), PAGE):
+        lines += [
+            f"### Parameters of `{spec.name}`",
+            "",
+            "| parameter | type | default | range | meaning |",
+            "|---|---|---|---|---|",
+        ]
+        lines += [_parameter_row(item) for item in declarations(parameters_of(spec))]
+        lines.append("")
+    return lines[:-1]
+
+
+def _parameter_row(item: Declaration) -> str:
+    default = f"`{item.default}`" if item.default != "" else "empty"
+    return f"| `{item.name}` | {item.type_name} | {default} | {_range(item)} | {item.description} |"
+
+
+def _range(item: Declaration) -> str:
+    if item.choices is not None:
+        return ", ".join(f"`{choice}`" if choice else "empty" for choice in item.choices)
+    if item.low is None and item.high is None:
+        return ""
+    if item.high is None:
+        return f"at least {item.low:g}"
+    if item.low is None:
+        return f"at most {item.high:g}"
+    return f"{item.low:g} to {item.high:g}"

@@ -7,19 +7,35 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
-from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.console import result_console
-from winding_cli.commands.output_path import check_output_file, write_json
-from winding_cli.commands.refusal import FAILED, refuse, refused
+from winding_cli.terminal.console import Shown, record_table, result_console
+from winding_cli.terminal.output_path import check_output_file, write_json
+from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE
-from winding_study.runs.run_parameters import RunParameters
+from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.identification import TrackedRun
     from cable_fem_node.winding.winding_config import WindingConfig
     from winding_core.markers import Markers
+    from winding_study.identification.tensile import LawFit
+
+
+def _share(item: LawFit) -> str:
+    if item.law != "mooney_rivlin":
+        return "-"
+    return f"{item.share:.2f} +- {item.share_standard_error:.2f}"
+
+
+_LAWS = (
+    Shown("law", lambda item: item.law),
+    Shown("E, MPa", lambda item: item.young, ".4g", MEGAPASCAL),
+    Shown("standard error", lambda item: item.young_standard_error, ".2g", MEGAPASCAL),
+    Shown("C01 share", _share),
+    Shown("rms, kPa", lambda item: item.rms, ".3g", KILOPASCAL),
+    Shown("AICc", lambda item: item.aicc, ".1f"),
+)
 
 
 @with_options(RunParameters)
@@ -66,8 +82,8 @@ def identify(
 ) -> None:
     """Identify the cable's material from tracked markers by inverse winding, or from a test."""
     from cable_fem_node.identification import IdentificationError
-    from winding_recorder.bags.failure import BagError
-    from winding_study.identification.tables import SourceError
+    from winding_recorder.bags.description import BagError
+    from winding_study.identification.sources import SourceError
 
     if (tensile is None) == (not sources):
         refuse("give recordings or tables of markers, or --tensile with a stress-strain table")
@@ -92,7 +108,7 @@ def identify(
 
 
 def _runs(sources: list[Path], weights: list[float], typed: Typed) -> list[TrackedRun]:
-    from winding_study.identification.tables import SourceError
+    from winding_study.identification.sources import SourceError
 
     if weights and len(weights) != len(sources):
         raise SourceError(
@@ -114,8 +130,7 @@ def _run(source: Path, typed: Typed) -> TrackedRun:
     from cable_fem_node.identification import TrackedRun
     from winding_core.planned_inputs import planned_inputs
     from winding_recorder.bags.tables import topic_rows
-    from winding_study.identification.recorded import recorded_run
-    from winding_study.identification.tables import read_readings
+    from winding_study.identification.sources import read_readings, recorded_run
 
     if source.is_dir() or source.suffix in (".mcap", ".db3"):
         return recorded_run(
@@ -135,8 +150,8 @@ def _run(source: Path, typed: Typed) -> TrackedRun:
 def _recorded_config(source: Path, typed: Typed) -> WindingConfig:
     """Return what was wound: what was typed of it, else what the solver's node was set to."""
     from cable_fem_node.ros.parameters import FemParameters
-    from winding_recorder.bags.failure import BagError
-    from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
+    from winding_recorder.bags.contents import configuration_of, recorded_parameters
+    from winding_recorder.bags.description import BagError
     from winding_ros.topics import FEM
 
     if "case" in typed or "cylinder_diameter_mm" in typed:
@@ -160,7 +175,7 @@ def _rig(
     runs: list[TrackedRun], use: int | None, known: bool, fixing_mm: float, scatter_mm: float
 ) -> dict[str, Any]:
     from cable_fem_node.identification import KNOWN_TENSION, RigPrior, identify_rig
-    from winding_cli.output.rig_posterior import print_rig, rig_record
+    from winding_cli.offline.identified import print_rig, rig_record
 
     prior = dataclasses.replace(
         KNOWN_TENSION if known else RigPrior(),
@@ -174,7 +189,12 @@ def _rig(
 
 def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
     from cable_fem_node.identification import identify_modulus, with_young
-    from winding_cli.output.material import print_constants, print_fit, print_modulus, print_rest
+    from winding_cli.offline.identified import (
+        print_constants,
+        print_fit,
+        print_modulus,
+        print_rest,
+    )
     from winding_study.identification.constants import identify_constants
 
     used, law = _first(runs, use), runs[0].config.law
@@ -204,8 +224,8 @@ def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
 
 
 def _wound(run: TrackedRun, config: WindingConfig) -> Markers:
-    from cable_fem_node.winding.replay import replay
     from cable_fem_node.winding.rod_winding import RodWinding
+    from cable_fem_node.winding.run_ahead import replay
 
     model = RodWinding(config)
     replay(run.inputs, model)
@@ -213,28 +233,14 @@ def _wound(run: TrackedRun, config: WindingConfig) -> Markers:
 
 
 def _tensile(path: Path, parameters: RunParameters) -> dict[str, Any]:
-    from winding_study.documents.data_table import known
-    from winding_study.identification.tables import read_tensile_test
+    from winding_reports.documents.data_table import known
+    from winding_study.identification.sources import read_tensile_test
     from winding_study.identification.tensile import fit_laws, judgement
 
     poisson = parameters.poisson
     fits = fit_laws(read_tensile_test(path), poisson)
     console = result_console()
-    table = Table(title=f"Laws of {path.name}, best first")
-    for heading in ("law", "E, MPa", "standard error", "C01 share", "rms, kPa", "AICc"):
-        table.add_column(heading, justify="right")
-    for item in fits:
-        table.add_row(
-            item.law,
-            f"{item.young / MEGAPASCAL:.4g}",
-            f"{item.young_standard_error / MEGAPASCAL:.2g}",
-            f"{item.share:.2f} +- {item.share_standard_error:.2f}"
-            if item.law == "mooney_rivlin"
-            else "-",
-            f"{item.rms / KILOPASCAL:.3g}",
-            f"{item.aicc:.1f}",
-        )
-    console.print(table)
+    console.print(record_table(_LAWS, fits, title=f"Laws of {path.name}, best first"))
     console.print(judgement(fits), highlight=False)
     laws = [
         {name: known(value) for name, value in dataclasses.asdict(item).items()} for item in fits

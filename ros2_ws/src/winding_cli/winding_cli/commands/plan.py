@@ -3,27 +3,36 @@
 from __future__ import annotations
 
 import functools
+import math
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
-from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.console import result_console
-from winding_cli.commands.output_path import check_output_file, staged, write_json
-from winding_cli.commands.refusal import FAILED, refuse
+from lay_control_node.planning.lay_plan import FULL_TURN, csv_text, plan_record, plan_turns
+from winding_cli.terminal.console import Shown, known, record_table, result_console
+from winding_cli.terminal.output_path import check_output_file, staged, write_json
+from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.refusal import FAILED, refuse
 from winding_core.units import MILLIMETRE
-from winding_study.lay.plan_parameters import PlanParameters
-from winding_study.runs.run_parameters import RunParameters
+from winding_study.plans.plan_parameters import PlanParameters
+from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
     from lay_control_node.control.expected_landing import ExpectedLanding
     from lay_control_node.planning.lay_plan import LayPlan
-    from winding_core.condition import ResolvedCondition
-    from winding_core.lay_program import LayProgram
-    from winding_study.lay.solver_check import SolverLay
+    from winding_core.cable.condition import ResolvedCondition
+    from winding_core.lay.program import LayProgram
+    from winding_study.plans.solver_check import SolverLay
 
 STARTS = ("first", "together")
+# What a marker is asked to keep under control [rad]: the first one lands before any is measured.
+_FIRST, _LATER = 0.02 * FULL_TURN, 0.01 * FULL_TURN
 
 
 @with_options(RunParameters, PlanParameters)
@@ -76,11 +85,9 @@ def plan(
     ] = None,
     period_ms: Annotated[float, typer.Option(help="Time between rows of the CSV, in ms.")] = 10.0,
 ) -> None:
-    """Plan the machine's motion that lays a program, and say what is out of reach, and why."""
-    from cable_fem_node.dynamics.failure import SolverError
-    from lay_control_node.planning.plan_files import plan_record
+    """Plan the machine's motion that lays a program, and report what is out of reach, and why."""
+    from cable_fem_node.dynamics.state import SolverError
     from lay_control_node.planning.planner import plan_lay
-    from winding_cli.output.lay_plan import control_record, print_plan, solver_record, verdict
 
     for option, path in (("--picture", picture), ("--json", json_file), ("--csv", csv_file)):
         check_output_file(path, option)
@@ -103,7 +110,7 @@ def plan(
             together=start == "together",
         )
         if solver:
-            from winding_study.lay.solver_check import plan_with_solver
+            from winding_study.plans.solver_check import plan_with_solver
 
             planned, laid = plan_with_solver(lambda lag: plan_with(lag=lag), config)
         else:
@@ -136,7 +143,7 @@ def _check_options(
     turns: float | None,
 ) -> None:
     from lay_control_node.programs.points import MOST_TURNS
-    from winding_study.lay.plan_picture import PICTURE_KINDS
+    from winding_study.plans.plan_picture import PICTURE_KINDS
 
     if start not in STARTS:
         refuse(f"--start must be {' or '.join(STARTS)}, got {start!r}")
@@ -160,9 +167,8 @@ def _wanted(
     turns: float | None,
     markers_every_turn: bool,
 ) -> LayProgram:
-    from lay_control_node.planning.lay_plan import FULL_TURN
     from lay_control_node.programs import even_helix, read_program, with_markers_every_turn
-    from winding_core.lay_program import LayProgramError
+    from winding_core.lay.program import LayProgramError
 
     given = [file is not None, even, pitch_mm is not None]
     if sum(given) != 1:
@@ -188,7 +194,7 @@ def _controlled(planned: LayPlan) -> tuple[ExpectedLanding, ...]:
     """Return where wanted markers land if the lay is controlled; none without a brake."""
     from lay_control_node.control.control_parameters import ControlParameters
     from lay_control_node.control.expected_landing import expected_landings
-    from lay_control_node.control.wanted_program import WantedProgram
+    from lay_control_node.control.guide_law import WantedProgram
 
     limits, what, program = planned.limits, planned.what, planned.program
     if limits.brake is None or not program.markers:
@@ -205,13 +211,166 @@ def _write(
     picture: Path | None,
     period: float,
 ) -> None:
-    from lay_control_node.planning.plan_files import csv_text
-
     if csv_file is not None:
         with staged(csv_file) as place:
             place.write_text(csv_text(planned, period), encoding="utf-8")
     if picture is not None:
-        from winding_study.lay.plan_picture import write_plan_picture
+        from winding_study.plans.plan_picture import write_plan_picture
 
         with staged(picture) as place:
             write_plan_picture(planned, laid, place, picture.suffix.lower())
+
+
+def print_plan(
+    console: Console,
+    plan: LayPlan,
+    solver: SolverLay | None,
+    controlled: tuple[ExpectedLanding, ...] = (),
+) -> None:
+    """Print the lay turn by turn, the markers, and what is out of reach."""
+    console.print(_turns(plan, solver))
+    if any(math.isfinite(item.wanted) for item in plan.landings):
+        console.print(_markers(plan, solver, controlled))
+    planned, uncompensated = (value / MILLIMETRE for value in plan.rms())
+    worst, where = plan.worst
+    lines = [
+        f"off the program by {planned:.3g} mm rms after the first turn, uncompensated by "
+        f"{uncompensated:.3g} mm; at most {worst / MILLIMETRE:.3g} mm, at turn "
+        f"{where / FULL_TURN:.2f}"
+    ]
+    if solver is not None:
+        worst, where = solver.worst
+        lines.append(
+            f"by the solver {solver.rms() / MILLIMETRE:.3g} mm rms, at most "
+            f"{worst / MILLIMETRE:.3g} mm, at turn {where / FULL_TURN:.2f}"
+        )
+    lines.append(
+        f"the machine moves for {plan.motion.end:.4g} s; lag {plan.lag:.3g} rad, corners are "
+        f"rounded over {4.0 * plan.width:.3g} rad"
+    )
+    lines += [f"out of reach: {sentence}" for sentence in plan.sentences]
+    lines += list(_uncertain(controlled))
+    console.print("\n".join(lines), highlight=False, soft_wrap=True, markup=False)
+
+
+def verdict(plan: LayPlan, solver: SolverLay | None, tolerance_mm: float | None) -> str:
+    """Return why a tolerance [mm] is not kept; empty where it is, or where there is none."""
+    if tolerance_mm is None:
+        return ""
+    found = {"the lag law": plan.worst}
+    if solver is not None:
+        found["the solver"] = solver.worst
+    for name, (worst, where) in found.items():
+        if worst > tolerance_mm * MILLIMETRE:
+            return (
+                f"by {name} the cable would lie {worst / MILLIMETRE:.3g} mm off at turn "
+                f"{where / FULL_TURN:.2f}, the tolerance is {tolerance_mm:g} mm"
+            )
+    return ""
+
+
+def control_record(controlled: tuple[ExpectedLanding, ...]) -> list[dict[str, Any]]:
+    """Return where markers land under control as plain values."""
+    return [
+        {
+            "id": item.number,
+            "wanted_rad": item.wanted,
+            "expected_rad": known(item.expected),
+            "sigma_rad": known(item.sigma),
+            "misses_rad": known(item.misses),
+        }
+        for item in controlled
+    ]
+
+
+def _uncertain(controlled: tuple[ExpectedLanding, ...]) -> Iterator[str]:
+    """Yield which markers may miss their angles under control, and why."""
+    missing = [item for item in controlled if not item.misses <= _bar(item.number)]
+    for item in missing:
+        if not math.isfinite(item.misses):
+            yield f"under control P{item.number} may not land by the end"
+            continue
+        off, spread, at_most = (
+            100.0 * value / FULL_TURN
+            for value in (item.expected - item.wanted, 2.0 * item.sigma, item.misses)
+        )
+        yield (
+            f"under control P{item.number} lands {off:+.2g} % of a turn from its place, give or "
+            f"take {spread:.2g} % (two deviations), and by up to {at_most:.2g} % in an unusual rig"
+        )
+    if missing:
+        yield (
+            "under control the tension that reaches the cylinder is learnt from the markers that "
+            "land, and the pull changes no faster than friction holds what lies"
+        )
+
+
+def _bar(number: int) -> float:
+    return _FIRST if number == 1 else _LATER
+
+
+def solver_record(solver: SolverLay | None) -> dict[str, Any] | None:
+    """Return the solver's lay as plain values; None without it."""
+    if solver is None:
+        return None
+    worst, where = solver.worst
+    return {
+        "residual_rms_m": solver.rms(),
+        "residual_worst_m": worst,
+        "residual_worst_at_rad": where,
+        "theta_rad": solver.theta.tolist(),
+        "z_m": solver.z.tolist(),
+        "markers_rad": list(map(known, solver.markers)),
+    }
+
+
+def _turns(plan: LayPlan, solver: SolverLay | None) -> Table:
+    columns = [
+        Shown("turn", lambda row: row[0], ".2f", FULL_TURN),
+        Shown("wanted z, mm", lambda row: row[1], ".2f", MILLIMETRE),
+        Shown("planned, mm", lambda row: row[2], ".2f", MILLIMETRE),
+        Shown("off by, mm", lambda row: row[2] - row[1], ".3f", MILLIMETRE),
+        Shown("uncompensated off by, mm", lambda row: row[3] - row[1], ".2f", MILLIMETRE),
+    ]
+    if solver is not None:
+
+        def off(row: tuple[float, ...]) -> float:
+            return float(solver.z_at(np.array([row[0]]))[0]) - row[1]
+
+        columns.append(Shown("solver off by, mm", off, ".3f", MILLIMETRE))
+    return record_table(columns, plan_turns(plan), title=plan.program.name)
+
+
+def _markers(
+    plan: LayPlan, solver: SolverLay | None, controlled: tuple[ExpectedLanding, ...]
+) -> Table:
+    under_control = {item.number: item for item in controlled}
+
+    def reach(item: Any) -> str | None:
+        if not math.isfinite(item.earliest):
+            return None
+        return f"{_in_turns(item.earliest)} to {_in_turns(item.latest)}"
+
+    def controlled_place(item: Any) -> str:
+        found = under_control.get(item.number)
+        if found is None:
+            return ""
+        return f"{_in_turns(found.expected)} +- {2.0 * found.sigma / FULL_TURN:.4f}"
+
+    columns = [
+        Shown("marker", lambda item: f"P{item.number}"),
+        Shown("wanted", lambda item: item.wanted, ".4f", FULL_TURN),
+        Shown("planned", lambda item: item.predicted, ".4f", FULL_TURN),
+        Shown("pull, N", lambda item: item.pull, ".3f"),
+        Shown("in reach", reach),
+    ]
+    if solver is not None:
+        landed = solver.markers
+        columns.append(Shown("solver", lambda item: landed[item.number - 1], ".4f", FULL_TURN))
+    if under_control:
+        columns.append(Shown("under control, +- 2 sigma", controlled_place))
+    return record_table(columns, plan.landings, title="Markers, in turns")
+
+
+def _in_turns(angle: float) -> str:
+    return f"{angle / FULL_TURN:.4f}" if math.isfinite(angle) else "-"

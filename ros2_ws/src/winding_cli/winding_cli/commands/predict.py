@@ -2,32 +2,69 @@
 
 from __future__ import annotations
 
-import math
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
-from winding_cli.commands.cable_files import cable_files
-from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.console import progress_bar, result_console
-from winding_cli.commands.output_path import check_output_file, write_json
-from winding_cli.commands.refusal import refuse
-from winding_cli.output.solver_checks import checks_table, cost_sentences
-from winding_core.units import MILLIMETRE
-from winding_study.runs.run_parameters import RunParameters
+from winding_cli.terminal.console import (
+    Shown,
+    known,
+    marker_name,
+    progress_bar,
+    record_table,
+    result_console,
+)
+from winding_cli.terminal.output_path import (
+    check_output_file,
+    check_output_folder,
+    staged,
+    write_json,
+)
+from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.refusal import refuse
+from winding_core.units import MILLIMETRE, MILLIRADIAN
+from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
+    from cable_fem_node.dynamics.state import FloatArray
     from cable_fem_node.winding.discretisation import DiscretisationError
+    from cable_fem_node.winding.expected_cost import ExpectedCost
     from cable_fem_node.winding.prediction import Look, PlannedRun, Prediction
 
 # A run of so few steps takes seconds, and is not timed beforehand.
 _FEW_STEPS = 1.0e6
 # Processor time that is announced [s].
 _LONG_S = 5.0
+
+_MARKERS = (
+    Shown("marker", marker_name),
+    Shown("theta, rad", "theta_rad", ".3f"),
+    Shown("z, mm", "z_m", ".2f", MILLIMETRE),
+    Shown("S, mm", "s_m", ".2f", MILLIMETRE),
+    Shown("on the cylinder", lambda marker: "yes" if marker["wound"] else "no"),
+)
+_TURNS = (
+    Shown("turn", lambda turn: turn[0]),
+    Shown("cable used, mm", lambda turn: turn[1], ".2f", MILLIMETRE),
+    Shown("advance, mm", lambda turn: turn[2], ".2f", MILLIMETRE),
+)
+_ERRORS = (
+    Shown("marker", lambda error: f"P{error[0]}"),
+    Shown("theta, mrad", lambda error: error[1], "+.3f", MILLIRADIAN, "not wound"),
+    Shown("S, mm", lambda error: error[2], "+.4f", MILLIMETRE, "not wound"),
+)
+_CHECKS = (
+    Shown("check", lambda check: check.name.rstrip(",")),
+    Shown("value", lambda check: check.value, ".3g"),
+    Shown("doubtful above", lambda check: check.warned_from, ".3g"),
+    Shown("refused from", lambda check: check.refused_from, ".3g"),
+    Shown("verdict", lambda check: "doubtful" if check.warned else "ok"),
+)
 
 
 @with_options(RunParameters)
@@ -52,7 +89,7 @@ def predict(
         ),
     ] = None,
     pictures: Annotated[
-        int, typer.Option(help="How many times over the run --csv and --vtk tell; 2 or more.")
+        int, typer.Option(help="Times over the run that --csv and --vtk have; 2 or more.")
     ] = 201,
     richardson: Annotated[
         bool,
@@ -64,7 +101,7 @@ def predict(
     ] = False,
 ) -> None:
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
-    from cable_fem_node.dynamics.failure import SolverError
+    from cable_fem_node.dynamics.state import SolverError
 
     for option, file in (("--json", json_file), ("--csv", csv_file), ("--vtk", vtk_file)):
         check_output_file(file, option)
@@ -85,24 +122,24 @@ def predict(
         error_of = _discretisation(run, result) if richardson else None
     except (ValueError, SolverError) as error:
         refuse(error)
-    _print(result, run.element)
-    if error_of is not None:
-        result_console().print(_error_table(error_of))
+    record = _record(result, run.element) | _error_record(error_of)
+    _print(result, record)
     if json_file is not None:
-        write_json(json_file, _record(result, run.element) | _error_record(error_of))
+        write_json(json_file, record)
 
 
 def _print_checks(run: PlannedRun) -> None:
     from cable_fem_node.winding.expected_cost import expected_cost
 
     console = result_console()
-    console.print(checks_table(run.checks()))
+    title = "Whether the solver can be right about it"
+    console.print(record_table(_CHECKS, run.checks(), words=1, title=title))
     cost = expected_cost(run, time.process_time)
     console.print(cost_sentences(run, cost), highlight=False)
 
 
 def _announce(run: PlannedRun) -> None:
-    """Say on stderr what is worth doubting, and how long it takes where it takes long."""
+    """Print on stderr what is worth doubting, and how long it takes where it takes long."""
     from cable_fem_node.winding.expected_cost import expected_cost
 
     console = Console(stderr=True)
@@ -152,23 +189,6 @@ def _discretisation(run: PlannedRun, result: Prediction) -> DiscretisationError:
     return discretisation_error(run, result)
 
 
-def _error_table(error: DiscretisationError) -> Table:
-    table = Table(
-        title=f"Estimated discretisation error, elements of {error.segment / MILLIMETRE:.3g} mm "
-        f"against {error.finer_segment / MILLIMETRE:.3g} mm"
-    )
-    for column in ("marker", "theta, mrad", "S, mm"):
-        table.add_column(column, justify="right")
-    for n, (theta, s) in enumerate(zip(error.theta, error.s, strict=True), start=1):
-        known = math.isfinite(theta)
-        table.add_row(
-            f"P{n}",
-            f"{1.0e3 * theta:+.3f}" if known else "not wound",
-            f"{s / MILLIMETRE:+.4f}" if known else "not wound",
-        )
-    return table
-
-
 def _error_record(error: DiscretisationError | None) -> dict[str, Any]:
     if error is None:
         return {}
@@ -176,36 +196,20 @@ def _error_record(error: DiscretisationError | None) -> dict[str, Any]:
         "discretisation_error": {
             "segment_m": error.segment,
             "finer_segment_m": error.finer_segment,
-            "theta_rad": [value if math.isfinite(value) else None for value in error.theta],
-            "s_m": [value if math.isfinite(value) else None for value in error.s],
+            "theta_rad": list(map(known, error.theta)),
+            "s_m": list(map(known, error.s)),
         }
     }
 
 
-def _print(result: Prediction, element: str) -> None:
+def _print(result: Prediction, record: dict[str, Any]) -> None:
     console = result_console()
-    case = result.config.case
-    title = f"case {case.number}" if case.number else "own condition"
-    table = Table(title=f"Markers after {result.duration:g} s, {title}, {element}")
-    for column in ("marker", "theta, rad", "z, mm", "S, mm", "on the cylinder"):
-        table.add_column(column, justify="right")
-    for row in result.markers[1:]:
-        table.add_row(
-            f"P{row['id']}",
-            f"{row['theta']:.3f}",
-            f"{row['z'] / MILLIMETRE:.2f}",
-            f"{row['s'] / MILLIMETRE:.2f}",
-            "no" if row["flags"] else "yes",
-        )
-    console.print(table)
-    turns = Table(title="Turns")
-    for column in ("turn", "cable used, mm", "advance, mm"):
-        turns.add_column(column, justify="right")
-    for n, (used, pitch) in enumerate(
-        zip(result.cable_per_turn(), result.pitch_per_turn(), strict=True), start=1
-    ):
-        turns.add_row(str(n), f"{used / MILLIMETRE:.2f}", f"{pitch / MILLIMETRE:.2f}")
-    console.print(turns)
+    case = f"case {record['case']}" if record["case"] else "own condition"
+    title = f"Markers after {result.duration:g} s, {case}, {record['element']}"
+    console.print(record_table(_MARKERS, record["markers"], title=title))
+    per_turn = zip(record["cable_per_turn_m"], record["pitch_per_turn_m"], strict=True)
+    turns = ((n, *both) for n, both in enumerate(per_turn, start=1))
+    console.print(record_table(_TURNS, turns, title="Turns"))
     energy, tension = result.energy, result.cable["tension"]
     laid = max(2, result.arc.size)
     console.print(
@@ -221,6 +225,15 @@ def _print(result: Prediction, element: str) -> None:
         f"speed: {result.cpu_s_per_sim_s:.4f} CPU seconds per simulated second",
         highlight=False,
     )
+    if "discretisation_error" in record:
+        error = record["discretisation_error"]
+        per_marker = zip(error["theta_rad"], error["s_m"], strict=True)
+        errors = ((n, *both) for n, both in enumerate(per_marker, start=1))
+        title = (
+            f"Estimated discretisation error, elements of {error['segment_m'] / MILLIMETRE:.3g} mm "
+            f"against {error['finer_segment_m'] / MILLIMETRE:.3g} mm"
+        )
+        console.print(record_table(_ERRORS, errors, title=title))
 
 
 def _record(result: Prediction, element: str) -> dict[str, Any]:
@@ -264,3 +277,53 @@ def _record(result: Prediction, element: str) -> dict[str, Any]:
         "span_stretch": result.span_stretch,
         "cpu_s_per_sim_s": result.cpu_s_per_sim_s,
     }
+
+
+@contextmanager
+def cable_files(
+    csv_file: Path | None, vtk_file: Path | None, times: FloatArray, pictures: int
+) -> Iterator[Look]:
+    """Yield what looks at the model of a rod; the files are there when the body has ended.
+
+    Args:
+        csv_file: Table to write; None for none.
+        vtk_file: ParaView's collection to write, with a folder of its name beside it; None for
+            none.
+        times: All times of the run [s], ascending.
+        pictures: How many of them are written.
+    """
+    if csv_file is None and vtk_file is None:
+        yield lambda _model: None
+        return
+    from winding_reports.records.cable_series import CableFile, CableSampler, CableTable, VtkSeries
+
+    files: list[CableFile] = []
+    with ExitStack() as stack:
+        if csv_file is not None:
+            table = stack.enter_context(staged(csv_file))
+            target = stack.enter_context(table.open("w", encoding="utf-8", newline=""))
+            files.append(CableTable(target))
+        series: VtkSeries | None = None
+        if vtk_file is not None:
+            folder = vtk_file.with_suffix("")
+            check_output_folder(folder, "--vtk")
+            collection = stack.enter_context(staged(vtk_file))
+            series = VtkSeries(stack.enter_context(staged(folder)))
+            files.append(series)
+        yield CableSampler(files, times, pictures).look
+        if series is not None:
+            series.write_collection(collection, folder.name)
+
+
+def cost_sentences(run: PlannedRun, cost: ExpectedCost) -> str:
+    """Return the element and the step that a run is wound with, and what it takes."""
+    resolved = run.config.resolved
+    return (
+        f"elements of {resolved.segment / MILLIMETRE:.4g} mm, steps of {resolved.step:.3g} s, "
+        f"stretch {resolved.stretch:.5g} in the span, tension {resolved.tension:.4g} N there and "
+        f"{resolved.wound_tension(resolved.tension):.4g} N on the cylinder\n"
+        f"winding {run.duration:g} s takes about {cost.cpu_seconds:.2g} s of processor time "
+        f"({cost.steps} steps of {cost.elements:.0f} elements); up to a mass scaling of "
+        f"{cost.mass_scaling:g} the cable lies the same, which takes about "
+        f"{cost.scaled_cpu_seconds:.2g} s"
+    )

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.output_path import check_output_folder, staged
-from winding_cli.commands.refusal import refuse, refused
-from winding_core.marker_parameters import DOT, MarkerLook
-from winding_core.options import typed_values
-from winding_core.parameters import build
+from winding_cli.terminal.output_path import check_output_folder, staged
+from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.refusal import refuse, refused
+from winding_core.markers import DOT, MarkerLook
+from winding_core.parameters import build, typed_values
 
 if TYPE_CHECKING:
     from winding_rig_node.camera import Scene
@@ -39,9 +38,9 @@ def render(
     """Render the measured lay of a case: frames, motion.csv, truth.csv, camera.yaml."""
     import numpy as np
 
-    from winding_core.cases import paper_case
-    from winding_core.drive import DriveProfile
-    from winding_core.fleet_angle import PAPER_FREE_LENGTH
+    from winding_core.cable.cases import paper_case
+    from winding_core.helix import PAPER_FREE_LENGTH
+    from winding_core.machine.drive import DriveProfile
     from winding_rig_node.camera import (
         CablePath,
         CameraConfig,
@@ -51,8 +50,8 @@ def render(
         SensorNoise,
         paint_of_hue,
     )
-    from winding_rig_node.camera.sequence import write_sequence
-    from winding_rig_node.machine.lay import published_lay
+    from winding_rig_node.camera.pictures import write_sequence
+    from winding_rig_node.lay.known_lay import published_lay
 
     for option, number in (("--fps", fps), ("--duration-s", duration_s)):
         if not 0.0 < number < math.inf:

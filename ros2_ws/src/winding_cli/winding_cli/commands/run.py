@@ -1,4 +1,4 @@
-"""`winding run`: wind one case through the real graph and say what came out."""
+"""`winding run`: wind one case through the real graph and report what came out."""
 
 from __future__ import annotations
 
@@ -9,13 +9,8 @@ from typing import Annotated
 import typer
 
 from cable_fem_node.winding.winding_config import SolverParameters
-from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.machine_options import MachineOptions, machine_of
-from winding_cli.commands.option_panels import PANEL_OF_RUN
-from winding_cli.commands.output_path import check_output_file, check_output_folder
-from winding_cli.commands.refusal import refuse
-from winding_cli.commands.ros_environment import check_namespace, refuse_open
-from winding_cli.commands.run_checks import (
+from winding_cli.run.configuration import (
+    MachineOptions,
     case_label,
     check_camera,
     check_page_and_file,
@@ -23,24 +18,36 @@ from winding_cli.commands.run_checks import (
     given,
     lay_of,
     look_of,
+    machine_of,
+    page_parameters,
     recording_of,
 )
-from winding_cli.commands.run_delivery import DeliveryOptions, RunDelivery
-from winding_cli.commands.run_winding import wind
-from winding_cli.commands.wanted_lay import controlled_nodes, lead_of, tolerance_of, wish_of
-from winding_core.camera_clock import CameraClockParameters
-from winding_core.camera_pixels import CameraPixels
-from winding_core.camera_placement import CameraPlacement
-from winding_core.condition import Condition
+from winding_cli.run.wanted_lay import controlled_nodes, lead_of, tolerance_of, wish_of
+from winding_cli.terminal.output_path import check_output_file, check_output_folder
+from winding_cli.terminal.record_options import (
+    PANEL_OF_RUN,
+    Domain,
+    Namespace,
+    Typed,
+    spelled,
+    with_options,
+)
+from winding_cli.terminal.refusal import refuse
+from winding_cli.terminal.ros_environment import check_namespace, refuse_open
+from winding_core.cable.condition import Condition
 from winding_core.error_verdict import ErrorLimit
-from winding_core.lay_parameters import LayParameters
-from winding_core.lay_tolerance import LayTolerance
-from winding_core.lay_wish import LayWish
-from winding_core.machine_axes import MachineAxes
-from winding_core.marker_parameters import MarkerParameters
-from winding_core.operator_limits import OperatorLimits
-from winding_core.options import typed_values
-from winding_core.parameters import build
+from winding_core.lay.errors import LayTolerance
+from winding_core.machine.axes import MachineAxes
+from winding_core.markers import MarkerParameters
+from winding_core.parameters import build, typed_values
+from winding_core.run_options import (
+    CameraClockParameters,
+    CameraPixels,
+    CameraPlacement,
+    LayParameters,
+    LayWish,
+    OperatorLimits,
+)
 
 
 @with_options(
@@ -122,10 +129,8 @@ def run(
         Path | None, typer.Option(help="ROS parameter file for the nodes.")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the simulated sensors.")] = None,
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
-    namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
+    domain: Domain = None,
+    namespace: Namespace = "winding",
     dashboard: Annotated[
         bool,
         typer.Option("--dashboard", help="Serve the operator's page and wait for its Start."),
@@ -135,7 +140,7 @@ def run(
     ] = None,
     machine: Annotated[
         str,
-        typer.Option(help="simulated, or external: somebody else's driver, already running."),
+        typer.Option(help="simulated, or external: a driver that runs already."),
     ] = "simulated",
     camera: Annotated[
         bool, typer.Option("--camera/--no-camera", help="Whether an external machine has one.")
@@ -174,8 +179,8 @@ def run(
         wound = what.case
         # Refuses here what the solver's node would refuse only after its start.
         SolverParameters().config_of(what)
-        stated = {"case": condition.case, "duration": condition.duration}
-        values: dict[str, object] = {**typed_values(Condition, typed), **stated}
+        declared = {"case": condition.case, "duration": condition.duration}
+        values: dict[str, object] = {**typed_values(Condition, typed), **declared}
         tracker = {
             **typed_values(CameraClockParameters, clock, spelled),
             **typed_values(MarkerParameters, markers, spelled),
@@ -225,11 +230,12 @@ def run(
     if secure:
         refuse_open(namespace, dashboard=dashboard, lay_control=bool(wished))
     lay = lay_of(lay, published=wound.is_published, composed=bool(camera_source), wish=wished)
-    from winding_cli.commands.page_options import page_parameters
-    from winding_cli.output.origin import origin_here
-    from winding_recorder.bags.notes import ORIGIN
+    from winding_cli.run.delivery import DeliveryOptions, RunDelivery
+    from winding_cli.run.winding import wind
+    from winding_cli.terminal.origin import origin_here
+    from winding_recorder.bags.description import ORIGIN
     from winding_ros import topics
-    from winding_supervisor.run_config import RunConfig
+    from winding_supervisor.session.run_config import RunConfig
 
     origin = origin_here()
     simulated = given(

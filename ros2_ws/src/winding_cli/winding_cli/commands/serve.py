@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import contextlib
 import inspect
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from winding_cli.commands.output_path import check_output_folder
-from winding_cli.commands.ros_environment import check_namespace, joined
+from winding_cli.cell.goals import GoalError, Goals
 from winding_cli.commands.run import run
-from winding_cli.serving.goals import GoalError, Goals
-from winding_core.condition import Condition
-from winding_core.options import options
-from winding_core.parameters import ParameterError, refuse_unknown
+from winding_cli.terminal.output_path import check_output_folder
+from winding_cli.terminal.record_options import Domain, Namespace
+from winding_cli.terminal.ros_environment import check_namespace, joined, plain_node
+from winding_core.cable.condition import Condition
+from winding_core.parameters import ParameterError, options, refuse_unknown
 
 # Every goal gets them from the server.
 _OWN = ("output", "namespace", "domain", "dashboard", "dashboard_port")
@@ -27,31 +27,27 @@ _OWN = ("output", "namespace", "domain", "dashboard", "dashboard_port")
 def serve(
     *,
     output: Annotated[Path, typer.Option(help="Gets a folder for every goal.")] = Path("runs"),
-    namespace: Annotated[str, typer.Option(help="Namespace of the graph.")] = "winding",
-    domain: Annotated[
-        int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
-    ] = None,
+    namespace: Namespace = "winding",
+    domain: Domain = None,
 ) -> None:
     """Serve run/send_goal, run/cancel_goal and run/get_result until Ctrl-C."""
     check_namespace(namespace)
     check_output_folder(output, "--output")
     with joined(domain) as place:
-        import rclpy
-        from rclpy.context import Context
-
-        from winding_cli.serving.goal_node import GoalNode, spin
+        from winding_cli.cell.goal_node import GoalServer
+        from winding_ros.topics import RUN_SERVER
 
         command = [sys.executable, "-m", "winding_cli.cli", "run", "--namespace", namespace]
         goals = Goals([*command, "--domain", str(place.domain)], output, time.time_ns)
-        context = Context()
-        rclpy.init(context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
         print(f"waiting for goals on /{namespace}/run/send_goal; Ctrl-C ends", flush=True)
         try:
-            with contextlib.suppress(KeyboardInterrupt):
-                spin(GoalNode(namespace, context, goals, check_goal), context)
+            with suppress(KeyboardInterrupt), plain_node(RUN_SERVER, namespace) as (node, executor):
+                GoalServer(node, goals, check_goal)
+                while True:
+                    # A signal is only seen between two waits.
+                    executor.spin_once(timeout_sec=0.1)
         finally:
             goals.close()
-            rclpy.try_shutdown(context=context)
 
 
 def check_goal(wanted: Mapping[str, object]) -> None:

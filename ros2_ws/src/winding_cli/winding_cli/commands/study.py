@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winding_cli.commands.extras import evidence, need_extra
-from winding_cli.commands.output_path import check_output_file, check_output_folder
-from winding_cli.commands.refusal import refuse, refused
+from winding_cli.terminal.console import Shown, record_table, result_console
+from winding_cli.terminal.output_path import (
+    check_output_file,
+    check_output_folder,
+    staged,
+    write_json,
+)
+from winding_cli.terminal.refusal import evidence, need_extra, refuse, refused
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from winding_reports.documents.data_table import DataTable
+    from winding_reports.records.identity import Identity
+    from winding_study.paper.study_record import StudyRecord
 
 STORE = Path("runs") / "study"
 # A row or a range of rows.
@@ -84,9 +97,8 @@ def study(
 ) -> None:
     """Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models."""
     from cable_fem_node.winding.prediction import ELEMENTS
-    from winding_cli.commands import study_output
-    from winding_cli.commands.study_conduct import conduct
-    from winding_core.material_law import LAWS
+    from winding_cli.offline.study_conduct import conduct
+    from winding_core.cable.material_law import LAWS
     from winding_study.paper.study import StudyConfig
 
     if element not in ELEMENTS:
@@ -113,7 +125,7 @@ def study(
     if calibrate_rig:
         if lengths is not None or report is not None:
             refuse("--calibrate-rig winds nothing, so it has no --lengths and no --report")
-        study_output.calibrate(law, json)
+        _calibrate(law, json)
         return
     if fem == "published" and lengths is not None:
         refuse("--fem published winds nothing, so it has no --lengths")
@@ -136,15 +148,13 @@ def study(
         seeds=drawn,
         steps=steps,
     )
-    study_output.show(record)
-    study_output.deliver(
-        record, stored=stored, report=report, json=json, lengths=lengths, seeds=drawn
-    )
+    _show(record)
+    _deliver(record, stored=stored, report=report, json=json, lengths=lengths, seeds=drawn)
 
 
 def _cases(text: str | None) -> tuple[int, ...]:
     """Return the rows of Table 1 that are asked for, in order."""
-    from winding_core.published import published_conditions
+    from winding_core.cable.cases import published_conditions
 
     known = tuple(published_conditions())
     if text is None:
@@ -166,3 +176,122 @@ def _seeds(text: str) -> tuple[int, ...]:
     if not all(part.isdecimal() for part in parts) or len(set(parts)) != len(parts):
         refuse(f"seeds must be different whole numbers such as 0,1,2, got {text!r}")
     return tuple(int(part) for part in parts)
+
+
+def _show(record: StudyRecord) -> None:
+    """Print every cell, the means, the models and the verdict."""
+    console = result_console()
+    _print(console, record.cells_table())
+    _print(console, record.means_table())
+    for table in record.own_tables():
+        _print(console, table)
+    results = record.results
+    if results:
+        console.print(
+            f"{sum(result.cpu_seconds for result in results):.1f} CPU seconds; energy balance open "
+            f"by at most {max(result.energy_balance_pct for result in results):.2g} %; one guide "
+            "distance and the dead weight for all cases, nothing fitted.",
+            highlight=False,
+        )
+    console.print(record.verdict(), highlight=False)
+
+
+def _deliver(
+    record: StudyRecord,
+    *,
+    stored: int,
+    report: Path | None,
+    json: Path | None,
+    lengths: Path | None,
+    seeds: tuple[int, ...],
+) -> None:
+    """Write the files that were asked for, and report one that was there before.
+
+    Args:
+        record: What was found.
+        stored: How many of its cases were in the store.
+        report: Folder of the report; None for none.
+        json: File of all numbers; None for none.
+        lengths: File of the predicted lengths; None for none.
+        seeds: Of the networks.
+    """
+    from correction_node.models.dataset import format_lengths
+    from winding_cli.terminal.origin import origin_here
+    from winding_study.paper.study import predicted_lengths
+    from winding_study.paper.study_record import study_identity
+
+    identity = study_identity(record, origin_here(), seeds)
+    if json is not None:
+        _announce(json)
+        write_json(json, {"identity": identity.as_json(), **record.as_json()})
+    if lengths is not None:
+        _announce(lengths)
+        with staged(lengths) as place:
+            text = format_lengths(predicted_lengths(record.results))
+            place.write_text(text, encoding="utf-8")
+    if report is not None:
+        _report(record, report, stored, identity)
+
+
+def _calibrate(law: str | None, json: Path | None) -> None:
+    """Fit the rig's span tension and print it."""
+    from dataclasses import asdict
+
+    from rich.console import Console
+
+    from winding_study.paper.calibration import LAW, calibrate
+
+    console = result_console()
+    with Console(stderr=True).status("fitting five numbers thirteen times"):
+        fitted = calibrate(law or LAW)
+    units = {"offset": " (F0), N", "diameter_gain": " (b), N", "build_up_length": " (L_c), m"}
+    columns = (
+        Shown("number", lambda row: row[0].replace("_", " ") + units.get(row[0], "")),
+        Shown("value", lambda row: row[1], ".4f"),
+        Shown("standard error", lambda row: row[2], ".4f"),
+    )
+    numbers = asdict(fitted.tension)
+    rows = zip(numbers, numbers.values(), fitted.standard_errors, strict=True)
+    title = f"Span tension of the rig, fitted with law {fitted.law}"
+    console.print(record_table(columns, rows, words=1, title=title))
+    console.print(
+        f"theta, relative rms over {len(fitted.residuals_pct)} measured markers: "
+        f"{fitted.in_sample_rms_pct:.2f} % in-sample, "
+        f"{fitted.leave_one_case_out_rms_pct:.2f} % leave-one-case-out. The form of the law was "
+        "found on these very cells, so even the left-out number flatters it."
+    )
+    if json is not None:
+        _announce(json)
+        write_json(json, {"calibration": fitted.as_json()})
+
+
+def _report(record: StudyRecord, folder: Path, stored: int, identity: Identity) -> None:
+    from winding_study.paper.study_report import write_study
+
+    _announce(folder / "index.html")
+    with staged(folder) as place:
+        page = write_study(record, place, stored=stored, identity=identity)
+    print(f"Report: {folder / page.name}")
+
+
+def _announce(path: Path) -> None:
+    if path.exists():
+        print(f"{path} was there and is replaced", file=sys.stderr)
+
+
+def _print(console: Console, table: DataTable) -> None:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    means = table.mean_texts()
+    shown = Table(title=table.title, box=box.SIMPLE_HEAD, show_footer=bool(means), padding=(0, 1))
+    for index, (column, worded) in enumerate(zip(table.columns, table.worded, strict=True)):
+        shown.add_column(
+            Text(column.name.replace(": ", "\n")),
+            means[index] if means else "",
+            justify="left" if worded else "right",
+        )
+    for texts in table.texts():
+        shown.add_row(*texts)
+    console.print(shown)

@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
-from winding_cli.commands.console import progress_bar
-from winding_cli.commands.extras import need_extra
-from winding_cli.commands.output_path import check_output_file, check_output_folder, staged
-from winding_cli.commands.refusal import FAILED, refuse, refused
-from winding_cli.commands.termination import end, interruptible
-from winding_core.options import option_kinds
-from winding_study.runs.run_parameters import RunParameters
+from winding_cli.terminal.console import Shown, progress_bar, record_table, result_console
+from winding_cli.terminal.output_path import check_output_file, check_output_folder, staged
+from winding_cli.terminal.refusal import FAILED, need_extra, refuse, refused
+from winding_cli.terminal.termination import end, interruptible
+from winding_core.parameters import option_kinds
+from winding_core.units import MILLIMETRE
+from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.winding.prediction import PlannedRun
-    from winding_study.runs.run_store import Arrays, RunStore
-    from winding_study.sweep.axes import Value
+    from winding_study.run_store import Arrays, RunStore
     from winding_study.sweep.engines import Engine
-    from winding_study.sweep.spec import SweepSpec
+    from winding_study.sweep.outcome import Columns
+    from winding_study.sweep.spec import SweepSpec, Value
 
 STORE = Path("runs") / "sweeps"
 ENGINES = ("joblib", "dask")
+# Rows of the table that is printed.
+LONGEST = 24
 _GO_ON = "the same command goes on from there"
 
 # An unfinished file this old has no living writer [s].
@@ -34,19 +38,12 @@ ABANDONED = 3600.0
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """The runs of this call: places in the sweep, keys, inputs, and what to wind by key.
+    """The runs of this call: places in the sweep, keys, inputs, and what to wind by key."""
 
-    Attributes:
-        numbers: Place of each run in the whole sweep, from 1.
-        keys: Key of each run in the store.
-        inputs: What was varied, by name.
-        runs: What to wind, by key.
-    """
-
-    numbers: list[int]
-    keys: list[str]
-    inputs: list[dict[str, Value]]
-    runs: dict[str, PlannedRun]
+    numbers: list[int]  # Place of each run in the whole sweep, from 1
+    keys: list[str]  # Key of each run in the store
+    inputs: list[dict[str, Value]]  # What was varied, by name
+    runs: dict[str, PlannedRun]  # What to wind, by key
 
 
 def sweep(
@@ -80,9 +77,9 @@ def sweep(
     ] = False,
 ) -> None:
     """Wind every combination of parameters that a file describes and tabulate the results."""
-    from winding_study.runs.run_store import RunStore
+    from winding_study.run_store import RunStore
     from winding_study.sweep.campaign import Shard
-    from winding_study.sweep.table import SUFFIXES
+    from winding_study.sweep.outcome import SUFFIXES
 
     if out is not None and out.suffix not in SUFFIXES:
         refuse(f"--output must end in {' or '.join(SUFFIXES)}, got {out.name}")
@@ -110,8 +107,7 @@ def _engine(
     scheduler: str | None,
     tls: tuple[Path | None, Path | None, Path | None],
 ) -> Engine:
-    from winding_study.sweep.cluster import Certificates, DaskEngine
-    from winding_study.sweep.engines import JoblibEngine
+    from winding_study.sweep.engines import Certificates, DaskEngine, JoblibEngine
 
     if name not in ENGINES:
         raise ValueError(f"engine must be {' or '.join(ENGINES)}, got {name!r}")
@@ -133,10 +129,8 @@ def _engine(
 
 def _plan(path: Path, part: Any) -> tuple[tuple[str, ...], Plan]:
     """Check every run of a sweep and return this part of it."""
-    from winding_study.runs.run_store import run_key
-    from winding_study.runs.solver_version import solver_version
-    from winding_study.sweep.axes import SpecError
-    from winding_study.sweep.spec import parse_spec
+    from winding_study.run_store import run_key, solver_version
+    from winding_study.sweep.spec import SpecError, parse_spec
 
     try:
         spec = parse_spec(path.read_text(encoding="utf-8"), option_kinds(RunParameters))
@@ -236,9 +230,8 @@ def _kept(plan: Plan, store: RunStore) -> str:
 def _deliver(
     plan: Plan, results: dict[str, Arrays], varied: tuple[str, ...], out: Path | None
 ) -> None:
-    from winding_cli.commands.sweep_summary import print_summary
-    from winding_study.runs.solver_version import solver_version
-    from winding_study.sweep.table import table_columns, write_table
+    from winding_study.run_store import solver_version
+    from winding_study.sweep.outcome import table_columns, write_table
 
     columns = table_columns(plan.numbers, plan.keys, plan.inputs, results, solver=solver_version())
     print_summary(columns, varied)
@@ -251,3 +244,47 @@ def _deliver(
 
 def _say(sentence: str) -> None:
     typer.echo(f"winding: {sentence}", err=True)
+
+
+def print_summary(columns: Columns, varied: tuple[str, ...]) -> None:
+    """Print the first rows of a sweep's table and how many runs failed.
+
+    Args:
+        columns: The whole table.
+        varied: Inputs with more than one value; the others are not shown.
+    """
+    console = result_console()
+    rows = columns["run"].size
+    lengths = [name for name in columns if name.startswith("p") and name.endswith("_s_m")]
+
+    def of(name: str) -> Callable[[int], Any]:
+        return lambda row: columns[name][row]
+
+    def worded(name: str) -> Callable[[int], str]:
+        return lambda row: _text(columns[name][row])
+
+    def used(row: int) -> float:
+        per_turn = columns["cable_per_turn_m"][row]
+        return float(np.nanmean(per_turn)) if np.isfinite(per_turn).any() else np.nan
+
+    shown = (
+        Shown("run", of("run")),
+        *(Shown(name, worded(name)) for name in varied),
+        *(Shown(f"S{name.split('_')[0][1:]}, mm", of(name), ".2f", MILLIMETRE) for name in lengths),
+        Shown("stretch", of("stretch"), ".5f"),
+        Shown("cable a turn, mm", used, ".2f", MILLIMETRE),
+        Shown("balance, %", of("energy_balance_pct"), ".2g"),
+        Shown("status", lambda row: str(columns["status"][row])),
+    )
+    title = f"{rows} runs" + (f", the first {LONGEST}" if rows > LONGEST else "")
+    console.print(record_table(shown, range(min(rows, LONGEST)), title=title))
+    failed = int((columns["status"] != "ok").sum())
+    console.print(
+        f"{rows - failed} runs ok, {failed} failed; "
+        f"{np.nansum(columns['cpu_s']):.1f} CPU seconds of winding",
+        highlight=False,
+    )
+
+
+def _text(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -4,39 +4,36 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from winding_cli.commands.condition_options import Typed, spelled, with_options
-from winding_cli.commands.console import result_console
-from winding_cli.commands.output_path import check_output_file, staged, write_json
-from winding_cli.commands.refusal import FAILED, refuse, refused
-from winding_cli.output.tracking import COLUMNS, TrackedRecording
-from winding_core.camera_clock import CameraClockParameters
-from winding_core.camera_pixels import CameraPixels
-from winding_core.camera_placement import CameraPlacement
-from winding_core.condition import Condition
-from winding_core.image_formats import PixelReader
-from winding_core.marker_parameters import MarkerParameters
-from winding_core.options import typed_values
-from winding_core.parameters import build
-from winding_core.readings import AxisReading
+from marker_tracker_node.camera.image_formats import PixelReader
+from winding_cli.terminal.console import Shown, known, marker_name, record_table, result_console
+from winding_cli.terminal.output_path import check_output_file, staged, write_json
+from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.refusal import FAILED, refuse, refused
+from winding_core.cable.condition import Condition
+from winding_core.helix import curve_length
+from winding_core.lay.records import name_of
+from winding_core.machine.readings import AxisReading
+from winding_core.markers import MarkerParameters
+from winding_core.parameters import build, typed_values
+from winding_core.run_options import CameraClockParameters, CameraPixels, CameraPlacement
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+    from rich.table import Table
 
-    from marker_tracker_node import (
-        PinholeCamera,
-        PoseBelief,
-        Refinement,
-        Tracker,
-    )
+    from marker_tracker_node import LayReport, PinholeCamera, PoseBelief, Refinement, Tracker
     from marker_tracker_node.camera.recordings import Motion
+    from marker_tracker_node.tracking.checks.camera_clock import CameraClock
+    from marker_tracker_node.tracking.report import TrackerReport
     from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
     from winding_core.markers import Markers
 
@@ -84,12 +81,11 @@ def track(
 ) -> None:
     """Track a recording and print where every marker lies."""
     from marker_tracker_node import PoseBelief, Tracker
-    from marker_tracker_node.camera.bags import Recording, is_bag, read_bag
     from marker_tracker_node.camera.calibration import read_camera
-    from marker_tracker_node.camera.frame_sources import FrameSource
+    from marker_tracker_node.camera.frame_sources import FrameSource, Recording, is_bag, read_bag
     from marker_tracker_node.camera.recordings import read_motion, write_measurements
     from marker_tracker_node.lay.lay_follower import LayFollower, write_lay
-    from marker_tracker_node.tracking.camera_clock import ClockSettings
+    from marker_tracker_node.tracking.checks.camera_clock import ClockSettings
     from marker_tracker_node.tracking.config import TrackerConfig
     from marker_tracker_node.tracking.encoder_history import EncoderHistory
     from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
@@ -146,8 +142,8 @@ def track(
         lay=None if follower.lay is None else follower.lay.report(),
         remarks=tuple(frames.remarks()),
     )
-    for said in result.said():
-        result_console().print(said, soft_wrap=isinstance(said, str))
+    for item in result.shown():
+        result_console().print(item, soft_wrap=isinstance(item, str))
     if json_file is not None:
         write_json(json_file, result.record())
     report = tracker.report()
@@ -193,3 +189,192 @@ def _measure(
             )
         live.add_frame(t, frame)
         yield from live.measured(final=True)
+
+
+# Of a marker in run means and refinement: [rad], [m] and their standard deviations.
+COLUMNS = ("theta", "z", "sigma_theta", "sigma_z")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackedRecording:
+    """A recording that has been tracked.
+
+    Attributes:
+        means: Run means: theta [rad], z [m] and their deviations, shape (markers,) each.
+    """
+
+    report: TrackerReport  # Of the tracker on itself
+    means: dict[str, NDArray[np.float64]]
+    radius: float  # Of the laid cable's centreline [m]
+    fit: Refinement | None  # Markers and camera fitted over the run
+    unrefined: str  # Why there is no fit; empty if there is one or none was wanted
+    clock: CameraClock | None  # The camera's against the encoder's
+    lay: LayReport | None  # Every turn of cable, where that was wanted
+    remarks: tuple[str, ...]  # On the recording
+
+    def shown(self) -> Iterator[str | Table]:
+        """Yield what is printed."""
+        yield from (*self.remarks, *self.report.remarks)
+        report = self.report
+        refused = sum(report.rejected.values())
+        yield f"{report.frames} frames used, {refused} refused, {report.known} markers known"
+        yield from (
+            f"  {count} x {fault.value}" for fault, count in report.rejected.items() if count
+        )
+        yield from (f"the pictures contradict: {item.sentence}" for item in report.contradictions)
+        yield from report.doubts
+        if self.unrefined:
+            yield f"not refined: {self.unrefined}"
+        if self.fit is not None:
+            yield f"refined: {self.fit.residual:.2f} px, {_pose_change(self.fit)}"
+        columns = _columns("", "mean")
+        if self.fit is not None:
+            columns += _columns("refined ", "refined")
+        marker = Shown("marker", marker_name)
+        yield record_table((marker, *columns), self._markers(), words=len(columns) + 1)
+        yield from self._clock_sentences()
+        yield from self._lay_sentences()
+
+    def record(self) -> dict[str, Any]:
+        """Return the same as plain values, None for what is not known."""
+        report = self.report
+        return {
+            "healthy": report.healthy,
+            "frames": report.frames,
+            "rejected": {
+                fault.name.lower(): count for fault, count in report.rejected.items() if count
+            },
+            "known": report.known,
+            "markers": self._markers(),
+            "contradictions": [
+                {
+                    "number": item.number,
+                    "share": known(item.share),
+                    "sigma": known(item.sigma),
+                    "sentence": item.sentence,
+                }
+                for item in report.contradictions
+            ],
+            "doubts": list(report.doubts),
+            "remarks": [*self.remarks, *report.remarks],
+            "refinement": self._fit_record(),
+            "camera_clock": self._clock_record(),
+            "lay": self._lay_record(),
+        }
+
+    def _markers(self) -> list[dict[str, Any]]:
+        fit = None if self.fit is None else {name: getattr(self.fit, name) for name in COLUMNS}
+        return [
+            {
+                "id": n,
+                "mean": self._marker(self.means, n),
+                "refined": None if fit is None else self._marker(fit, n),
+            }
+            for n in range(len(self.means["theta"]))
+        ]
+
+    def _marker(self, values: dict[str, NDArray[np.float64]], n: int) -> dict[str, Any] | None:
+        theta, z, sigma_theta, sigma_z = (float(values[name][n]) for name in COLUMNS)
+        if not math.isfinite(theta):
+            return None
+        return {
+            "theta_rad": theta,
+            "z_m": z,
+            "s_m": float(curve_length(self.radius, theta, z)),
+            "sigma_theta_rad": known(sigma_theta),
+            "sigma_z_m": known(sigma_z),
+        }
+
+    def _fit_record(self) -> dict[str, Any] | None:
+        if self.fit is None:
+            return {"refused": self.unrefined} if self.unrefined else None
+        moved, sigma = self.fit.moved.tolist(), self.fit.sigma_pose.tolist()
+        return {
+            "residual_px": self.fit.residual,
+            "camera_tilt_rad": moved[:3],
+            "camera_moved_m": moved[3:],
+            "sigma_tilt_rad": sigma[:3],
+            "sigma_moved_m": sigma[3:],
+        }
+
+    def _clock_record(self) -> dict[str, Any] | None:
+        if self.clock is None:
+            return None
+        estimate = self.clock.estimate
+        known = math.isfinite(estimate.error)
+        return {
+            "offset_s": estimate.offset if known else None,
+            "error_s": estimate.error if known else None,
+            "corrected": self.clock.applied,
+            "said": [text for text in (self.clock.refusal, self.clock.warning) if text],
+        }
+
+    def _lay_record(self) -> dict[str, Any] | None:
+        lay = self.lay
+        if lay is None:
+            return None
+        return {
+            "places": len(lay.records),
+            "turns": len(set(lay.records["turn"].tolist())),
+            "free_length_m": known(lay.free_length),
+            "sigma_free_length_m": known(lay.sigma_free_length),
+            "defects": [
+                {"kind": name_of(item.flag), "first_rad": item.first, "last_rad": item.last}
+                for item in lay.defects
+            ],
+        }
+
+    def _clock_sentences(self) -> Iterator[str]:
+        if self.clock is None:
+            return
+        values = self.clock.values()
+        yield (
+            f"camera clock: {values['camera_clock_offset_ms']} ms ahead of the encoder's, error "
+            f"{values['camera_clock_offset_error_ms']} ms, "
+            f"{'corrected' if self.clock.applied else 'not corrected'}"
+        )
+        yield from filter(None, (self.clock.refusal, self.clock.warning))
+
+    def _lay_sentences(self) -> Iterator[str]:
+        lay = self.lay
+        if lay is None:
+            return
+        turns = len(set(lay.records["turn"].tolist()))
+        yield f"lay: {len(lay.records)} places of {turns} turns"
+        if math.isfinite(lay.free_length):
+            length, error = (x / MILLIMETRE for x in (lay.free_length, lay.sigma_free_length))
+            yield f"free length: {length:.1f} mm, error {error:.1f} mm"
+        for defect in lay.defects:
+            yield f"{name_of(defect.flag)}: {defect.first:.2f} to {defect.last:.2f} rad"
+
+
+def _columns(what: str, key: str) -> tuple[Shown, ...]:
+    """Return the columns of a marker's place in a record, its mean or refined one."""
+
+    def measured(name: str, form: str, unit: float = 1.0) -> Callable[[Any], str | None]:
+        def text(marker: Any) -> str | None:
+            place = marker[key]
+            if place is None:
+                return None
+            sigma = math.nan if place[f"sigma_{name}"] is None else place[f"sigma_{name}"]
+            return f"{place[name] / unit:{form}} ± {sigma / unit:{form}}"
+
+        return text
+
+    return (
+        Shown(f"{what}theta, rad", measured("theta_rad", ".4f")),
+        Shown(f"{what}z, mm", measured("z_m", ".3f", MILLIMETRE)),
+        Shown(f"{what}S, mm", lambda marker: (marker[key] or {}).get("s_m"), ".2f", MILLIMETRE),
+    )
+
+
+def _pose_change(fit: Refinement) -> str:
+    """Return how far the camera was moved, with standard deviations."""
+    parts = [
+        ", ".join(
+            f"{change / unit:.2f} ± {sigma / unit:.2f}"
+            for change, sigma in zip(fit.moved[axes], fit.sigma_pose[axes], strict=True)
+        )
+        for axes, unit in ((slice(0, 3), MILLIRADIAN), (slice(3, 6), MILLIMETRE))
+    ]
+    return f"camera turned by ({parts[0]}) mrad, moved by ({parts[1]}) mm"

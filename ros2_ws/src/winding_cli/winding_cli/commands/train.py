@@ -1,23 +1,41 @@
-"""`winding train`: fit the correction factor h to the measured lengths and say how good it is."""
+"""`winding train`: fit the correction factor h to the measured lengths and judge it."""
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winding_cli.commands.console import result_console
-from winding_cli.commands.extras import need_extra
-from winding_cli.commands.output_path import check_output_folder, staged
-from winding_cli.commands.refusal import refuse, refused
+from winding_cli.terminal.console import Shown, record_table, result_console
+from winding_cli.terminal.output_path import check_output_folder, staged
+from winding_cli.terminal.refusal import need_extra, refuse, refused
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from correction_node.models.dataset import DataSet
-    from correction_node.models.evaluation import Score
+
+
+def _pct(heading: str, name: str, missing: str = "") -> Shown:
+    return Shown(heading, lambda scored: getattr(scored[1], name), ".2f", missing=missing)
+
+
+_MODEL = Shown("model", lambda scored: scored[0])
+_COMPARED = (
+    _MODEL,
+    Shown("kind", lambda scored: scored[1].kind),
+    _pct("in-sample", "in_sample_pct"),
+    _pct("+-", "in_sample_spread_pct"),
+    _pct("leave one case out", "leave_one_case_out_pct"),
+    _pct("+-", "leave_one_case_out_spread_pct"),
+    _pct("worst case", "worst_case_pct"),
+    _pct("bound 12/13", "bound_pct"),
+)
+_TRAINED = (
+    _MODEL,
+    _pct("in-sample", "in_sample_pct"),
+    _pct("leave one case out", "leave_one_case_out_pct"),
+    _pct("worst case left out", "worst_case_pct"),
+)
 
 
 def train(
@@ -80,7 +98,8 @@ def train(
         learned = learn(data_set, model, TrainingConfig(steps=steps), status.update, seed=seed)
     with staged(out) as place:
         save_factor(learned.factor, place)
-    console.print(_table(learned.scores, data))
+    title = f"Mean error of a length, data '{data}', in % (Table 8's measure)"
+    console.print(record_table(_TRAINED, learned.scores.items(), words=1, title=title))
     console.print(verdict(model, learned.scores), soft_wrap=True)
     bound = learned.factor.bound
     console.print(
@@ -94,46 +113,13 @@ def train(
 
 def _compare(data_set: DataSet, steps: int) -> None:
     from rich.console import Console
-    from rich.table import Table
 
     from correction_node.training.comparison import compare_models
 
     with Console(stderr=True).status("learning") as status:
         scores = compare_models(data_set, steps=steps, progress=status.update)
-    table = Table(
-        title=f"Mean error of a length, data '{data_set.name}', in % (Table 8's measure); "
+    title = (
+        f"Mean error of a length, data '{data_set.name}', in % (Table 8's measure); "
         "+- is largest minus smallest over three seeds"
     )
-    for column in ("model", "kind"):
-        table.add_column(column, no_wrap=True)
-    for column in ("in-sample", "+-", "leave one case out", "+-", "worst case", "bound 12/13"):
-        table.add_column(column, justify="right")
-    for name, score in scores.items():
-        numbers = (
-            score.in_sample_pct,
-            score.in_sample_spread_pct,
-            score.leave_one_case_out_pct,
-            score.leave_one_case_out_spread_pct,
-            score.worst_case_pct,
-            score.bound_pct,
-        )
-        cells = ("" if n is None or math.isnan(n) else f"{n:.2f}" for n in numbers)
-        table.add_row(name, score.kind, *cells)
-    result_console().print(table)
-
-
-def _table(scores: dict[str, Score], data: str) -> Table:
-    from rich.table import Table
-
-    table = Table(title=f"Mean error of a length, data '{data}', in % (Table 8's measure)")
-    table.add_column("model")
-    for column in ("in-sample", "leave one case out", "worst case left out"):
-        table.add_column(column, justify="right")
-    for name, score in scores.items():
-        table.add_row(
-            name,
-            f"{score.in_sample_pct:.2f}",
-            f"{score.leave_one_case_out_pct:.2f}",
-            f"{score.worst_case_pct:.2f}",
-        )
-    return table
+    result_console().print(record_table(_COMPARED, scores.items(), words=2, title=title))

@@ -1,1 +1,1 @@
-"""What a machine must bring before it runs the graph: looked at, judged, told what to do."""
+"""Is this computer fit to run the graph, and what is to be done if it is not?"""

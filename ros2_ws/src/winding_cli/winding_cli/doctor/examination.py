@@ -12,11 +12,16 @@ from pathlib import Path
 import psutil  # type: ignore[import-untyped]
 
 from winding_cli.doctor import host, network
-from winding_cli.doctor.addresses import installed, judge_addresses
-from winding_cli.doctor.exchange import exchange, judge_exchange
 from winding_cli.doctor.finding import Finding, fail, warn
-from winding_cli.doctor.installation import WHEELS, import_all, judge_python, judge_wheels
-from winding_cli.doctor.variables import judge_variables
+from winding_cli.doctor.installation import (
+    WHEELS,
+    import_all,
+    installed,
+    judge_addresses,
+    judge_python,
+    judge_variables,
+    judge_wheels,
+)
 
 _CLOCK_LOOKS, _CLOCK_PERIOD = 20, 0.01
 _PORT_RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
@@ -63,9 +68,9 @@ def examine(
         lambda: network.judge_owners(domain, namespace, network.holders(locks, domain)),
     )
     yield from network.judge_loopback()
-    result = exchange(environment, domain, logs)
-    yield from judge_exchange(result)
-    yield network.judge_strangers(result.strangers)
+    result = network.exchange(environment, domain, logs)
+    yield from network.judge_exchange(result)
+    yield network.judge_others(result.others)
     yield host.judge_resolution(time.get_clock_info("monotonic").resolution)
     yield _looked("time of day", lambda: host.judge_date(time.time(), newest_installed()))
     yield host.judge_jumps(_clock_pairs())

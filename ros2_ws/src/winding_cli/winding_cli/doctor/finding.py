@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
 
 
@@ -16,23 +16,12 @@ class Level(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One line of the doctor's table.
+    """One line of the doctor's table."""
 
-    Attributes:
-        check: What was examined.
-        level: How it is.
-        found: What was found.
-        advice: What to do; empty when there is nothing to do.
-    """
-
-    check: str
-    level: Level
-    found: str
-    advice: str = ""
-
-    def as_record(self) -> dict[str, str]:
-        """Return the finding for a JSON file."""
-        return asdict(self)
+    check: str  # What was examined
+    level: Level  # How it is
+    found: str  # What was found
+    advice: str = ""  # What to do; empty when there is nothing to do
 
 
 def ok(check: str, found: str) -> Finding:
@@ -48,3 +37,10 @@ def warn(check: str, found: str, advice: str) -> Finding:
 def fail(check: str, found: str, advice: str) -> Finding:
     """Return a finding that the graph does not run with."""
     return Finding(check=check, level=Level.FAIL, found=found, advice=advice)
+
+
+def judged(check: str, found: str, advice: str, *, fine: bool, fails: bool = False) -> Finding:
+    """Return a finding that is fine, or else a failure or a warning with advice."""
+    if fine:
+        return ok(check, found)
+    return fail(check, found, advice) if fails else warn(check, found, advice)

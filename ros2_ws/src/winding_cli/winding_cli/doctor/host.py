@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from winding_cli.doctor.finding import Finding, fail, ok, warn
+from winding_cli.doctor.finding import Finding, fail, judged, ok, warn
 from winding_core.units import MILLISECOND
 
 _GIGABYTE, _MEGABYTE = 1.0e9, 1.0e6
@@ -49,11 +49,13 @@ def read_clocks(monotonic: Callable[[], float], wall: Callable[[], float]) -> Cl
 
 def judge_resolution(resolution: float) -> Finding:
     """Return whether the monotonic clock's resolution [s] serves a machine of 1 kHz."""
-    found = f"{1e9 * resolution:.0f} ns"
-    if resolution <= _FINE:
-        return ok("clock resolution", found)
-    judge = fail if resolution > _COARSE else warn
-    return judge("clock resolution", found, "choose another clock source, such as tsc or hpet")
+    return judged(
+        "clock resolution",
+        f"{1e9 * resolution:.0f} ns",
+        "choose another clock source, such as tsc or hpet",
+        fine=resolution <= _FINE,
+        fails=resolution > _COARSE,
+    )
 
 
 def judge_date(wall: float, newest: float) -> Finding:
@@ -81,13 +83,10 @@ def judge_jumps(pairs: Iterable[ClockPair]) -> Finding:
     found = (
         f"{drift / MILLISECOND:.3f} ms apart over {others[-1].monotonic - first.monotonic:.2f} s"
     )
-    if drift <= _JUMP:
-        return ok("clock jumps", found)
-    return warn(
-        "clock jumps",
-        found,
-        "something sets the clock; let it slew (chronyd), or latencies in /diagnostics are wrong",
+    advice = (
+        "something sets the clock; let it slew (chronyd), or latencies in /diagnostics are wrong"
     )
+    return judged("clock jumps", found, advice, fine=drift <= _JUMP)
 
 
 def judge_synchronisation(answer: str | None) -> Finding:
@@ -153,10 +152,8 @@ def judge_speed(bytes_per_second: float) -> Finding:
         f"{bytes_per_second / _MEGABYTE:.0f} MB/s written and synced; a recording in real time "
         f"brings {RECORDED_PER_SECOND / _MEGABYTE:.0f} MB/s"
     )
-    if bytes_per_second >= RECORDED_PER_SECOND:
-        return ok("disk speed", found)
     advice = "record onto a faster disk; what waits is kept in memory meanwhile"
-    return warn("disk speed", found, advice)
+    return judged("disk speed", found, advice, fine=bytes_per_second >= RECORDED_PER_SECOND)
 
 
 def judge_processors(count: int, load: float) -> Finding:
@@ -169,33 +166,29 @@ def judge_processors(count: int, load: float) -> Finding:
     found = f"{count} with {load:.1f} processes wanting them"
     if count < _PROCESSORS:
         return warn("processors", found, "runs are slower than real time; give the machine two")
-    if load > count:
-        return warn("processors", found, "runs and their supervision are late until others end")
-    return ok("processors", found)
+    advice = "runs and their supervision are late until others end"
+    return judged("processors", found, advice, fine=load <= count)
 
 
 def judge_memory(available: float) -> Finding:
     """Return whether available memory [bytes] holds the graph and the buffer of a run."""
     found = f"{available / _GIGABYTE:.1f} GB available"
-    if available < _MEMORY:
-        return warn("memory", found, f"the graph takes {_MEMORY / _GIGABYTE:.0f} GB; end others")
-    return ok("memory", found)
+    advice = f"the graph takes {_MEMORY / _GIGABYTE:.0f} GB; end others"
+    return judged("memory", found, advice, fine=available >= _MEMORY)
 
 
 def judge_open_files(limit: int) -> Finding:
     """Return whether a process may open as many files as the graph's busiest does."""
     found = f"{limit} for each process; the orchestrator of a run holds {_FILES_HELD}"
-    if limit >= _FILES_EASY:
-        return ok("open files", found)
-    judge = fail if limit < _FILES_NEEDED else warn
-    return judge("open files", found, "ulimit -n 1024, or LimitNOFILE=1024 in the unit")
+    advice = "ulimit -n 1024, or LimitNOFILE=1024 in the unit"
+    fine, fails = limit >= _FILES_EASY, limit < _FILES_NEEDED
+    return judged("open files", found, advice, fine=fine, fails=fails)
 
 
 def judge_receive_buffer(limit: int | None) -> Finding:
-    """Return whether sockets may be given a receive buffer [bytes]; None when nobody can tell."""
+    """Return whether sockets may be given a receive buffer [bytes]; None when it is unknown."""
     check = "net.core.rmem_max"
     if limit is None:
         return ok(check, "cannot tell")
-    if limit < _RECEIVE_BUFFER:
-        return warn(check, f"{limit} bytes", f"sysctl -w {check}={_RECEIVE_BUFFER}")
-    return ok(check, f"{limit} bytes")
+    advice = f"sysctl -w {check}={_RECEIVE_BUFFER}"
+    return judged(check, f"{limit} bytes", advice, fine=limit >= _RECEIVE_BUFFER)

@@ -1,4 +1,4 @@
-"""The Python that runs this and the wheels that the graph imports.
+"""The Python that runs this, the wheels that the graph imports, variables of ROS, addresses.
 
 As a program it imports the modules that its arguments name: an import may end its process.
 """
@@ -9,12 +9,25 @@ import importlib
 import json
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
 
 from winding_cli.doctor.finding import Finding, fail, ok, warn
+
+DISTRIBUTION = "cable-winding-twin"
+# A reserved domain (RFC 2606): the value stands in for one.
+STAND_IN = ".example"
+_CHECK = "addresses of the project"
+RMW = "rmw_fastrtps_cpp"
+_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+_PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+_UNWANTED = {
+    "ROS_LOCALHOST_ONLY": f"it is deprecated and overrides {_RANGE}",
+    "ROS_STATIC_PEERS": "nodes look for others on those machines too",
+    "ROS_DISCOVERY_SERVER": "nodes find each other only through it",
+}
 
 PYTHONS = ((3, 11), (3, 12), (3, 13))
 _PATIENCE = 180.0
@@ -50,15 +63,10 @@ WHEELS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Imported:
-    """How an import ended.
+    """How an import ended."""
 
-    Attributes:
-        error: Why it failed; empty when it did not.
-        remark: What speaks against this build of it.
-    """
-
-    error: str = ""
-    remark: str = ""
+    error: str = ""  # Why it failed; empty when it did not
+    remark: str = ""  # What speaks against this build of it
 
 
 def judge_python(version: tuple[int, ...]) -> Finding:
@@ -156,6 +164,95 @@ def _load_type_support(module: str) -> None:
     first.__class__.__import_type_support__()
     if first.__class__._TYPE_SUPPORT is None:
         raise ImportError(f"{module} has no type support for this middleware")
+
+
+def judge_addresses(facts: metadata.PackageMetadata | None) -> Finding:
+    """Return whether the project's maintainer and its sites have been filled in.
+
+    Args:
+        facts: Metadata of the installed distribution; None for a workspace, which colcon
+            installs package by package.
+    """
+    if facts is None:
+        return ok(_CHECK, "a workspace; each package.xml names its maintainer")
+    sites = [url.partition(", ") for url in facts.get_all("Project-URL") or ()]
+    (maintainer,) = facts.get_all("Maintainer-email") or ("",)
+    named = {"maintainer": maintainer} | {label: address for label, _, address in sites}
+    missing = [label for label, address in named.items() if not address or STAND_IN in address]
+    if not missing:
+        return ok(_CHECK, ", ".join(named))
+    return warn(
+        _CHECK,
+        f"to be filled in: {', '.join(missing)}",
+        "publisher: maintainers and [project.urls] in pyproject.toml; the graph needs none",
+    )
+
+
+def installed() -> metadata.PackageMetadata | None:
+    """Return the metadata of the installed distribution; None where there is none."""
+    try:
+        return metadata.metadata(DISTRIBUTION)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def judge_variables(
+    environment: Mapping[str, str], is_file: Callable[[str], bool]
+) -> list[Finding]:
+    """Return one finding for each variable that matters, as it was before the command set any.
+
+    Args:
+        environment: Variables by name.
+        is_file: Whether a path leads to a file.
+    """
+    return [
+        _middleware(environment.get("RMW_IMPLEMENTATION")),
+        _discovery_range(environment.get(_RANGE)),
+        *(
+            warn(name, f"{environment[name]!r}: {effect}", f"unset {name} unless you need it")
+            if name in environment
+            else ok(name, "not set")
+            for name, effect in _UNWANTED.items()
+        ),
+        _profiles(environment.get(_PROFILES), is_file),
+    ]
+
+
+def _middleware(value: str | None) -> Finding:
+    check = "RMW_IMPLEMENTATION"
+    if not value:
+        return ok(check, f"not set; {RMW} is the wheels' only one")
+    if value == RMW:
+        return ok(check, value)
+    return fail(check, f"{value}; the graph is made for {RMW}", f"unset {check}")
+
+
+def _discovery_range(value: str | None) -> Finding:
+    if not value:
+        return ok(_RANGE, "not set; the command keeps to this host")
+    if value == "LOCALHOST":
+        return ok(_RANGE, value)
+    if value in ("SUBNET", "SYSTEM_DEFAULT"):
+        return warn(
+            _RANGE,
+            f"{value}: other machines see the graph and may publish into it",
+            f"unset {_RANGE} unless they have to",
+        )
+    reason = "nodes do not find each other" if value == "OFF" else "no such range"
+    return fail(_RANGE, f"{value}: {reason}", f"unset {_RANGE}")
+
+
+def _profiles(value: str | None, is_file: Callable[[str], bool]) -> Finding:
+    if value is None:
+        return ok(_PROFILES, "not set; the command sets the graph's own")
+    if not value or not is_file(value):
+        effect = "is no file; Fast DDS complains and keeps to its defaults"
+        return warn(_PROFILES, f"{value!r} {effect}", f"unset {_PROFILES}")
+    return warn(
+        _PROFILES,
+        f"{value} takes the place of the graph's own, with its transports and leases",
+        f"unset {_PROFILES} unless you need it",
+    )
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.lay_records import LayRecords
+from winding_core.lay.records import LayRecords
 from winding_core.markers import MarkerFlag, Markers
 from winding_dashboard.drawings.palette import DANGER, INK, MEASURED, PAPER
 from winding_dashboard.state.camera_view import CameraView

@@ -36,19 +36,12 @@ _LEAST_WIDTH, _LEAST_DOT = 1.6, 3.5
 
 @dataclass(frozen=True, kw_only=True)
 class CableShape:
-    """The cable as dots.
+    """The cable as dots."""
 
-    Attributes:
-        points: In the lab frame, shape (n, 3) [m].
-        share: Of the tension between low and high, shape (n,).
-        low: Least tension [N].
-        high: Largest tension [N].
-    """
-
-    points: NDArray[np.float64]
-    share: NDArray[np.float64]
-    low: float
-    high: float
+    points: NDArray[np.float64]  # In the lab frame, shape (n, 3) [m]
+    share: NDArray[np.float64]  # Of the tension between low and high, shape (n,)
+    low: float  # Least tension [N]
+    high: float  # Largest tension [N]
 
 
 def cable_shape(cable: NDArray[np.void], count: int = CABLE_POINTS) -> CableShape | None:
@@ -75,15 +68,10 @@ def cable_shape(cable: NDArray[np.void], count: int = CABLE_POINTS) -> CableShap
 
 @dataclass(frozen=True, kw_only=True)
 class Sight:
-    """From where one looks.
+    """From where one looks."""
 
-    Attributes:
-        yaw: About the vertical, positive to the right [rad].
-        pitch: From above [rad].
-    """
-
-    yaw: float = math.radians(-14.0)
-    pitch: float = math.radians(18.0)
+    yaw: float = math.radians(-14.0)  # About the vertical, positive to the right [rad]
+    pitch: float = math.radians(18.0)  # From above [rad]
 
     @property
     def rows(self) -> NDArray[np.float64]:

@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cable_lay import cable_lay
-from winding_core.lay_errors import FULL_TURN, lay_errors
-from winding_core.lay_records import LayFlag, LayRecords, name_of
-from winding_core.lay_tolerance import FIRST_JUDGED
+from winding_core.lay.errors import FIRST_JUDGED, FULL_TURN, lay_errors
+from winding_core.lay.records import LayFlag, LayRecords, cable_lay, name_of
 from winding_core.units import MILLIMETRE
 from winding_dashboard.drawings.line_chart import Band, Curve, Ends, chart, ends_of, ticks
 from winding_dashboard.state.view_state import ViewState

@@ -30,45 +30,28 @@ def ticks(low: float, high: float, least: float) -> tuple[float, float, float]:
 
 
 class Ends(NamedTuple):
-    """Of an axis, in its unit.
+    """Of an axis, in its unit."""
 
-    Attributes:
-        low: Lower end.
-        high: Upper end.
-        step: Distance of its ticks.
-    """
-
-    low: float
-    high: float
-    step: float
+    low: float  # Lower end
+    high: float  # Upper end
+    step: float  # Distance of its ticks
 
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """One curve.
+    """One curve."""
 
-    Attributes:
-        points: [x, y] in the axes' units; None where there is no value.
-        style: CSS classes.
-        dots: Drawn as dots and not as a line.
-    """
-
-    points: Points
-    style: str
-    dots: bool = False
+    points: Points  # [x, y] in the axes' units; None where there is no value
+    style: str  # CSS classes
+    dots: bool = False  # Drawn as dots and not as a line
 
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """A range of the vertical axis between two places of the horizontal one.
+    """A range of the vertical axis between two places of the horizontal one."""
 
-    Attributes:
-        x: From and to, in the axis's unit.
-        y: From and to, in the axis's unit.
-    """
-
-    x: tuple[float, float]
-    y: tuple[float, float]
+    x: tuple[float, float]  # From and to, in the axis's unit
+    y: tuple[float, float]  # From and to, in the axis's unit
 
 
 def ends_of(curves: Sequence[Curve], least: float, *within: float) -> Ends:

@@ -18,36 +18,22 @@ _MOST_TICKS = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """One curve of a chart.
+    """One curve of a chart."""
 
-    Attributes:
-        column: Of the trace that it draws.
-        name: In the legend; empty for a bound of another curve.
-        style: CSS classes.
-    """
-
-    column: str
-    name: str
-    style: str
+    column: str  # Of the trace that it draws
+    name: str  # In the legend; empty for a bound of another curve
+    style: str  # CSS classes
 
 
 @dataclass(frozen=True, kw_only=True)
 class LiveChart:
-    """Curves of one trace over the time of the run.
+    """Curves of one trace over the time of the run."""
 
-    Attributes:
-        id: Of its element.
-        title: With the unit.
-        series: The curves.
-        scale: Factor from SI to the unit of the title.
-        least: Smallest height of the vertical axis, in that unit: noise stays small.
-    """
-
-    id: str
-    title: str
-    series: tuple[Series, ...]
-    scale: float = 1.0
-    least: float = 1.0
+    id: str  # Of its element
+    title: str  # With the unit
+    series: tuple[Series, ...]  # The curves
+    scale: float = 1.0  # Factor from SI to the unit of the title
+    least: float = 1.0  # Smallest height of the vertical axis, in that unit: noise stays small
 
     def drawing(self, trace: Trace, origin: float) -> str:
         """Return the inside of its SVG element; time counts from an origin [s]."""

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from winding_core.cable.wound_label import WoundLabel
 from winding_core.error_verdict import ErrorVerdict, judge_lengths
-from winding_core.lay_errors import turn_errors
-from winding_core.lay_tolerance import LayVerdict, judge
-from winding_core.operator_limits import OperatorLimits
-from winding_core.run_phase import RunPhase
-from winding_core.wound_label import WoundLabel
+from winding_core.lay.errors import LayVerdict, judge, turn_errors
+from winding_core.run_options import OperatorLimits
+from winding_core.status import RunPhase
 from winding_dashboard.page.numbers import DASH, seconds
 from winding_dashboard.state.marker_rows import MarkerRow
 from winding_dashboard.state.view_state import ViewState
@@ -27,17 +26,11 @@ _WORDS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """One part of the band.
+    """One part of the band."""
 
-    Attributes:
-        word: In large letters.
-        remark: Beneath it.
-        style: Of the word; empty for none.
-    """
-
-    word: str
-    remark: str
-    style: str = ""
+    word: str  # In large letters
+    remark: str  # Beneath it
+    style: str = ""  # Of the word; empty for none
 
 
 def state_cell(state: ViewState, now: float) -> Cell:

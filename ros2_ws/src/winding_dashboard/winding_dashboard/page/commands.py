@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from winding_core.condition import Condition
-from winding_core.lay_control_records import ControlMode
-from winding_core.run_phase import RunPhase
+from winding_core.cable.condition import Condition
+from winding_core.lay.records import ControlMode
+from winding_core.status import RunPhase
 
 START, STOP, RESET, EMERGENCY_STOP = "start", "stop", "reset", "emergency_stop"
 # What the controller of the lay is switched to.
@@ -34,15 +34,10 @@ class CommandError(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """What is wound, and whether the model follows what is found of it.
+    """What is wound, and whether the model follows what is found of it."""
 
-    Attributes:
-        condition: As every node takes it.
-        take_up: Whether the solver continues with the identified modulus.
-    """
-
-    condition: Condition
-    take_up: bool = False
+    condition: Condition  # As every node takes it
+    take_up: bool = False  # Whether the solver continues with the identified modulus
 
 
 class Graph(Protocol):

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from winding_core.condition import OWN, Condition
-from winding_core.options import options, shown_values, typed_declaration
-from winding_core.parameters import Declaration, Value, refuse_unknown
+from winding_core.cable.condition import OWN, Condition
+from winding_core.parameters import (
+    Declaration,
+    Value,
+    options,
+    refuse_unknown,
+    shown_values,
+    typed_declaration,
+)
 
 # Case and law are chosen from lists; everything else is typed.
 FIELDS = {

@@ -6,9 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from winding_core.lay_control_records import ControlBasis, ControlMode
-from winding_core.lay_errors import TurnError
-from winding_core.lay_tolerance import turn_state
+from winding_core.lay.errors import TurnError, turn_state
+from winding_core.lay.records import ControlBasis, ControlMode
 from winding_core.units import MILLIMETRE
 from winding_dashboard.page.numbers import DASH, PER_METRE, number
 from winding_dashboard.state.control_state import ControlState
@@ -31,17 +30,11 @@ _MODES = {
 
 @dataclass(frozen=True, kw_only=True)
 class TurnLine:
-    """One turn's row.
+    """One turn's row."""
 
-    Attributes:
-        cells: Number, and lengths in millimetres.
-        state: How the turn lies, in a word or two.
-        style: Of that.
-    """
-
-    cells: tuple[str, ...]
-    state: str
-    style: str
+    cells: tuple[str, ...]  # Number, and lengths in millimetres
+    state: str  # How the turn lies, in a word or two
+    style: str  # Of that
 
 
 def turn_lines(turns: Sequence[TurnError], tolerance: float) -> list[TurnLine]:

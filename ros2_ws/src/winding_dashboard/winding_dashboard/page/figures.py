@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from winding_core.material_report import MaterialReport
-from winding_core.readings import Quantity
+from winding_core.cable.material_report import MaterialReport
+from winding_core.machine.readings import Quantity
 from winding_dashboard.page.numbers import DASH, PER_METRE, number
 from winding_dashboard.state.view_state import ViewState
 
@@ -36,19 +36,12 @@ def material_sentence(material: MaterialReport | None) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """One big number.
+    """One big number."""
 
-    Attributes:
-        name: With its unit.
-        value: As text.
-        remark: Beneath it.
-        old: Whether its source has fallen silent while the machine's clock went on.
-    """
-
-    name: str
-    value: str
-    remark: str
-    old: bool = False
+    name: str  # With its unit
+    value: str  # As text
+    remark: str  # Beneath it
+    old: bool = False  # Whether its source has fallen silent while the machine's clock went on
 
 
 def figures(state: ViewState) -> list[Figure]:

@@ -17,21 +17,13 @@ _MOST = 50
 
 @dataclass(frozen=True, kw_only=True)
 class ListedRun:
-    """One run.
+    """One run."""
 
-    Attributes:
-        date: When it was begun, UTC; empty when it does not say.
-        condition: What was wound.
-        verdict: In words.
-        style: `good`, `not-good`, or empty where it cannot be judged.
-        report: Path of its page below the folder; empty without one.
-    """
-
-    date: str
-    condition: str
-    verdict: str
-    style: str
-    report: str
+    date: str  # When it was begun, UTC; empty when it does not say
+    condition: str  # What was wound
+    verdict: str  # In words
+    style: str  # `good`, `not-good`, or empty where it cannot be judged
+    report: str  # Path of its page below the folder; empty without one
 
 
 class RunList:

@@ -9,9 +9,9 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from winding_core.lay_control_records import ControlMode
-from winding_core.operator_limits import OperatorLimits
-from winding_core.options import typed_values
+from winding_core.lay.records import ControlMode
+from winding_core.parameters import typed_values
+from winding_core.run_options import OperatorLimits
 from winding_core.units import MILLIMETRE
 from winding_dashboard.page import commands
 from winding_dashboard.page.commands import Choice, CommandError, Graph

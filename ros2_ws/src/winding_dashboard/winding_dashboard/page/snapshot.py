@@ -14,10 +14,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from winding_core.lay_control_records import ControlMode
-from winding_core.lay_errors import turn_errors
-from winding_core.operator_limits import OperatorLimits
-from winding_core.options import shown_values
+from winding_core.lay.errors import turn_errors
+from winding_core.lay.records import ControlMode
+from winding_core.parameters import shown_values
+from winding_core.run_options import OperatorLimits
 from winding_dashboard.drawings.camera_overlay import camera_overlay, measured_count
 from winding_dashboard.drawings.cylinder_view import Sight, cylinder_drawing, tension_ends
 from winding_dashboard.drawings.lay_charts import control_drawings, defect_sentence, lay_drawing
@@ -55,15 +55,10 @@ Render = Callable[[str, dict[str, Any]], str]
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What one browser looks at.
+    """What one browser looks at."""
 
-    Attributes:
-        marker: Whose curve length is drawn; 0 for the newest marker's.
-        sight: From where the cylinder is looked at.
-    """
-
-    marker: int = 0
-    sight: Sight = field(default_factory=Sight)
+    marker: int = 0  # Whose curve length is drawn; 0 for the newest marker's
+    sight: Sight = field(default_factory=Sight)  # From where the cylinder is looked at
 
 
 class Snapshots:

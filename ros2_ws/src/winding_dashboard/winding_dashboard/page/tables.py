@@ -24,21 +24,13 @@ _FEWEST_ROWS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class NodeLine:
-    """One node's row.
+    """One node's row."""
 
-    Attributes:
-        name: Of the node.
-        lifecycle: State of it, or a dash.
-        level: In a word.
-        style: Of that word.
-        message: Its message in /diagnostics.
-    """
-
-    name: str
-    lifecycle: str
-    level: str
-    style: str
-    message: str
+    name: str  # Of the node
+    lifecycle: str  # State of it, or a dash
+    level: str  # In a word
+    style: str  # Of that word
+    message: str  # Its message in /diagnostics
 
 
 def node_lines(health: Health, now: float) -> list[NodeLine]:
@@ -70,27 +62,16 @@ def active_warnings(health: Health, now: float) -> list[tuple[str, str]]:
 
 @dataclass(frozen=True, kw_only=True)
 class MarkerLine:
-    """One marker's row; lengths in millimetres.
+    """One marker's row; lengths in millimetres."""
 
-    Attributes:
-        name: Pn.
-        ahead: Predicted before the run.
-        predicted: By the solver in step.
-        corrected: By the correction.
-        bounds: Of that.
-        measured: By the tracker.
-        difference: Of measured and corrected, in percent.
-        state: One word or two.
-    """
-
-    name: str
-    ahead: str
-    predicted: str
-    corrected: str
-    bounds: str
-    measured: str
-    difference: str
-    state: str
+    name: str  # Pn
+    ahead: str  # Predicted before the run
+    predicted: str  # By the solver in step
+    corrected: str  # By the correction
+    bounds: str  # Of that
+    measured: str  # By the tracker
+    difference: str  # Of measured and corrected, in percent
+    state: str  # One word or two
 
 
 def marker_lines(state: ViewState) -> list[MarkerLine]:

@@ -6,10 +6,10 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from winding_core.cases import paper_cases
-from winding_core.condition import Condition
-from winding_core.lay_control_records import ControlMode
-from winding_core.wound_label import WoundLabel
+from winding_core.cable.cases import paper_cases
+from winding_core.cable.condition import Condition
+from winding_core.cable.wound_label import WoundLabel
+from winding_core.lay.records import ControlMode
 from winding_dashboard.drawings.run_charts import CHARTS
 from winding_dashboard.page.condition_form import FIELDS, LAWS, OWN_FIELDS, hint, label
 from winding_dashboard.page.session import LIMIT_LABELS

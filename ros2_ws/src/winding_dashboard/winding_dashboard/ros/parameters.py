@@ -5,10 +5,9 @@ from __future__ import annotations
 import ipaddress
 from dataclasses import dataclass
 
-from winding_core.camera_placement import CameraPlacement
-from winding_core.machine_axes import MachineAxes
-from winding_core.operator_limits import OperatorLimits
+from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import ParameterError, parameter
+from winding_core.run_options import CameraPlacement, OperatorLimits
 
 # Sixteen characters of a random token are more than anybody can try over a network.
 MINIMUM_TOKEN = 16

@@ -10,21 +10,20 @@ from typing import Any
 
 from rclpy.node import Node
 
-from winding_core.cases import Case
-from winding_core.condition import Condition
-from winding_core.lay_control_records import ControlMode
-from winding_core.machine_axes import MachineAxes
+from winding_core.cable.cases import Case
+from winding_core.cable.condition import Condition
+from winding_core.lay.records import ControlMode
+from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import ParameterError, build, declarations
 from winding_dashboard.page import commands
 from winding_dashboard.page.commands import Choice, CommandError
 from winding_dashboard.state.health import SILENCE, Health
 from winding_ros import services, topics
-from winding_ros.graph import GRAPH, controlled, without_replay
-from winding_ros.graph_error import GraphError
-from winding_ros.lifecycle import LifecycleDriver
-from winding_ros.service_calls import ServiceCaller
+from winding_ros.client.async_client import ServiceCaller
+from winding_ros.client.lifecycle import LifecycleDriver
+from winding_ros.graph import GRAPH, GraphError, controlled, without_replay
+from winding_ros.message_guard import subscribers_of
 from winding_ros.services import Service
-from winding_ros.topic_status import subscribers_of
 
 NODES = tuple(spec.name for spec in GRAPH)
 _CONTROLLED = tuple(spec.name for spec in controlled())

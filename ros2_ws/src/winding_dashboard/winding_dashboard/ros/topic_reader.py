@@ -10,16 +10,16 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from winding_core.machine_axes import MachineAxes
+from winding_core.machine.axes import MachineAxes
 from winding_dashboard.ros.parameters import DashboardParameters
 from winding_dashboard.state.camera_view import CameraView
 from winding_dashboard.state.health import node_of
 from winding_dashboard.state.view_state import ViewState
 from winding_ros import topics
-from winding_ros.camera_messages import CameraReading
 from winding_ros.graph import PAGE
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import JointStateReader
+from winding_ros.messages.camera import CameraReading
+from winding_ros.messages.rig import JointStateReader
+from winding_ros.messages.serialised import MessageError
 from winding_ros.topic import Topic
 
 # The newest one is all that a look needs; a page must never hold up a publisher.
@@ -62,7 +62,7 @@ class TopicReader:
         }
         self._watched = [
             (_subscribe(node, topic), topic, notes.get(topic) or self._measured(topic))
-            for topic in PAGE.beside
+            for topic in PAGE.extra_subscriptions
         ]
         self._axes: MachineAxes = parameters
         self._decode = {topics.JOINT_STATES: JointStateReader(self._axes)}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.readings import ImageWindow
+from winding_core.machine.readings import ImageWindow
 
 FloatArray = NDArray[np.float64]
 
@@ -20,22 +20,16 @@ class CameraView:
     """A calibrated camera at a known place.
 
     Attributes:
-        matrix: Full-resolution K, shape (3, 3) [px].
-        distortion: plumb_bob k1, k2, p1, p2, k3, shape (5,).
-        window: Part of the sensor that pictures show, with its binning.
-        width: Full-resolution width [px].
-        height: Full-resolution height [px].
-        position: Of the camera in `winder_axis`, shape (3,) [m].
         tilt: Rotation vector from the nominal orientation about the camera's axes, shape (3,)
             [rad].
     """
 
-    matrix: FloatArray
-    distortion: FloatArray
-    window: ImageWindow
-    width: int
-    height: int
-    position: FloatArray
+    matrix: FloatArray  # Full-resolution K, shape (3, 3) [px]
+    distortion: FloatArray  # plumb_bob k1, k2, p1, p2, k3, shape (5,)
+    window: ImageWindow  # Part of the sensor that pictures show, with its binning
+    width: int  # Full-resolution width [px]
+    height: int  # Full-resolution height [px]
+    position: FloatArray  # Of the camera in `winder_axis`, shape (3,) [m]
     tilt: FloatArray
 
     @property

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from winding_core.lay_control_records import ControlBasis, ControlMode, LayControlRecords
-from winding_core.lay_errors import WantedLine
+from winding_core.lay.errors import WantedLine
+from winding_core.lay.records import ControlBasis, ControlMode, LayControlRecords
 from winding_core.status import Status
 from winding_dashboard.state.health import node_of
 

@@ -18,21 +18,13 @@ _MOST_PARTS = 16
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """The bag that is being recorded.
+    """The bag that is being recorded."""
 
-    Attributes:
-        bag: Name of its folder; empty when nothing is recorded.
-        messages: So many are in it.
-        size: Bytes of it on the disk.
-        lost: Messages that never arrived.
-        message: Its message in /diagnostics; empty when it is not heard.
-    """
-
-    bag: str = ""
-    messages: int = 0
-    size: int = 0
-    lost: int = 0
-    message: str = ""
+    bag: str = ""  # Name of its folder; empty when nothing is recorded
+    messages: int = 0  # So many are in it
+    size: int = 0  # Bytes of it on the disk
+    lost: int = 0  # Messages that never arrived
+    message: str = ""  # Its message in /diagnostics; empty when it is not heard
 
     @property
     def on(self) -> bool:
@@ -75,19 +67,12 @@ def size_text(size: int) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class NodeHealth:
-    """One row of the list of nodes.
+    """One row of the list of nodes."""
 
-    Attributes:
-        name: Node name.
-        lifecycle: State of the managed node; empty without an answer.
-        level: The worst of its components; STALE when it is not heard.
-        message: One sentence for each component.
-    """
-
-    name: str
-    lifecycle: str
-    level: Level
-    message: str
+    name: str  # Node name
+    lifecycle: str  # State of the managed node; empty without an answer
+    level: Level  # The worst of its components; STALE when it is not heard
+    message: str  # One sentence for each component
 
 
 class Health:

@@ -23,27 +23,16 @@ _STATES = (
 
 @dataclass(frozen=True, kw_only=True)
 class MarkerRow:
-    """One marker.
+    """One marker."""
 
-    Attributes:
-        id: n of Pn.
-        ahead: S_n that was predicted before the run [m].
-        predicted: S_n of the solver in step [m].
-        corrected: S_n of the correction [m].
-        low: Lower bound of it [m].
-        high: Upper bound of it [m].
-        measured: S_n of the tracker [m].
-        state: One word or two.
-    """
-
-    id: int
-    ahead: float = NAN
-    predicted: float = NAN
-    corrected: float = NAN
-    low: float = NAN
-    high: float = NAN
-    measured: float = NAN
-    state: str = "not wound"
+    id: int  # n of Pn
+    ahead: float = NAN  # S_n that was predicted before the run [m]
+    predicted: float = NAN  # S_n of the solver in step [m]
+    corrected: float = NAN  # S_n of the correction [m]
+    low: float = NAN  # Lower bound of it [m]
+    high: float = NAN  # Upper bound of it [m]
+    measured: float = NAN  # S_n of the tracker [m]
+    state: str = "not wound"  # One word or two
 
     @property
     def difference(self) -> float:

@@ -13,13 +13,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.lay_records import LAY_DTYPE, LayRecords
+from winding_core.cable.material_report import MaterialReport
+from winding_core.cable.wound_label import WoundLabel
+from winding_core.lay.records import LAY_DTYPE, LayRecords
+from winding_core.machine.readings import CABLE_TENSION, AxisReading, Quantity
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE, Markers
-from winding_core.material_report import MaterialReport
-from winding_core.readings import CABLE_TENSION, AxisReading, Quantity
-from winding_core.run_phase import STATUS, RunPhase
-from winding_core.status import Status
-from winding_core.wound_label import WoundLabel
+from winding_core.status import STATUS, RunPhase, Status
 from winding_dashboard.state.camera_view import CameraView
 from winding_dashboard.state.control_state import ControlState
 from winding_dashboard.state.health import RECORDER, SILENCE, Health, Recording, recording_of

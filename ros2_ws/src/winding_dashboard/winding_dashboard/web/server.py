@@ -23,7 +23,7 @@ from starlette.responses import (
 )
 from starlette.routing import Route
 
-from winding_core.lay_control_records import ControlMode
+from winding_core.lay.records import ControlMode
 from winding_dashboard.drawings.cylinder_view import Sight
 from winding_dashboard.page import commands
 from winding_dashboard.page.run_list import RunList
@@ -47,19 +47,12 @@ Lifespan = Callable[[Starlette], AbstractAsyncContextManager[None]]
 
 @dataclass(frozen=True, kw_only=True)
 class Served:
-    """What the server needs.
+    """What the server needs."""
 
-    Attributes:
-        session: Does what operators ask for.
-        snapshots: What is shown.
-        runs: Whose reports are served.
-        templates: Of the page.
-    """
-
-    session: OperatorSession
-    snapshots: Snapshots
-    runs: RunList
-    templates: Templates
+    session: OperatorSession  # Does what operators ask for
+    snapshots: Snapshots  # What is shown
+    runs: RunList  # Whose reports are served
+    templates: Templates  # Of the page
 
 
 def application(

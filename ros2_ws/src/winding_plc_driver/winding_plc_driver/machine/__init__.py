@@ -1,1 +1,1 @@
-"""What the driver knows without a network: mapping, joining, order, link, heartbeats."""
+"""What does the driver know without a network: mapping, values, samples, link and heartbeats?"""

@@ -56,7 +56,7 @@ class Link:
         self.reason = reason
 
     def stop_on_return(self, now: float) -> str:
-        """Return the stop that a machine is told when it is reached at a monotonic time [s].
+        """Return the stop that is sent when the machine is reached at a monotonic time [s].
 
         Empty when it may go on.
         """
@@ -66,7 +66,7 @@ class Link:
         return self.owed
 
     def stopped(self, stop: str) -> None:
-        """Note that the machine was told a stop; a stronger one may be owed meanwhile."""
+        """Note that a stop was sent; a stronger one may be owed meanwhile."""
         self._stopped = True
         if self.owed == stop:
             self.owed = ""
@@ -95,11 +95,11 @@ class Link:
         """
         if self.up:
             return ""
-        said = self.complaint(now)
+        sentence = self.complaint(now)
         if command not in _STOPS:
-            return said
+            return sentence
         self.owed = max(self.owed, command, key=("", *_STOPS).index)
-        return f"{said}; the machine is told to {self.owed} when the link returns"
+        return f"{sentence}; {self.owed} is sent when the link returns"
 
 
 class HeartbeatWatch:

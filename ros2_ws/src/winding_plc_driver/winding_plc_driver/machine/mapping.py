@@ -4,44 +4,37 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from winding_core.machine.readings import CABLE_TENSION, Quantity
 from winding_core.parameters import ParameterError, build, parameter, refuse_unknown
 from winding_core.yaml_text import YamlTextError, load_yaml
 
-# Factor to SI.
-UNITS = {
-    "rad": 1.0,
-    "deg": math.pi / 180.0,
-    "turn": 2.0 * math.pi,
-    "rad/s": 1.0,
-    "deg/s": math.pi / 180.0,
-    "rpm": math.pi / 30.0,
-    "m": 1.0,
-    "mm": 1e-3,
-    "um": 1e-6,
-    "m/s": 1.0,
-    "mm/s": 1e-3,
-    "m/min": 1.0 / 60.0,
-    "N": 1.0,
-    "mN": 1e-3,
-    "kN": 1e3,
+# Units of a value by the SI unit that it becomes, each with its factor; a quantity of a unit that
+# is missing here is read in that unit alone.
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "rad": {"rad": 1.0, "deg": math.pi / 180.0, "turn": 2.0 * math.pi},
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0},
+    "m": {"m": 1.0, "mm": 1e-3, "um": 1e-6},
+    "m/s": {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0},
+    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
 }
-ANGLE, CARRIAGE, TENSION = "angle", "carriage", "tension"
+ANGLE, CARRIAGE = "angle", "carriage"
 ANGULAR_SPEED, FEED_SPEED = "angular_speed", "feed_speed"
 START, STOP, QUICK_STOP = "start", "stop", "quick_stop"
 RESET, EMERGENCY_STOP = "reset", "emergency_stop"
-UNITS_OF = {
-    ANGLE: ("rad", "deg", "turn"),
-    CARRIAGE: ("m", "mm", "um"),
-    TENSION: ("N", "mN", "kN"),
-    ANGULAR_SPEED: ("rad/s", "deg/s", "rpm"),
-    FEED_SPEED: ("m/s", "mm/s", "m/min"),
+# SI units of the variables that make a joint state; every other variable is a `Quantity`.
+AXES: Mapping[str, str] = {
+    ANGLE: "rad",
+    CARRIAGE: "m",
+    ANGULAR_SPEED: "rad/s",
+    FEED_SPEED: "m/s",
 }
-_NEEDED = (ANGLE, CARRIAGE, TENSION)
+_NEEDED = (ANGLE, CARRIAGE, CABLE_TENSION.name)
+_FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
 COMMANDS = (START, STOP, QUICK_STOP, RESET, EMERGENCY_STOP)
 _NODE_ID = re.compile(r"(ns=\d+;|nsu=[^;]+;)?(i=\d+|[sgb]=.+)", re.DOTALL)
 
@@ -101,7 +94,7 @@ class Server:
 
 @dataclass(frozen=True, kw_only=True)
 class Variable:
-    """Where a number of the machine is, and how it becomes SI."""
+    """Node of a number of the machine, and its conversion to SI."""
 
     node: str = parameter("", "node id")
     unit: str = parameter("", "unit of the value")
@@ -113,39 +106,26 @@ class Variable:
     @property
     def factor(self) -> float:
         """Factor from the server's value to SI."""
-        return self.scale * UNITS[self.unit]
+        return self.scale * _FACTORS.get(self.unit, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class State:
-    """Where the machine's own state is.
+    """Where the machine's own state is."""
 
-    Attributes:
-        node: Node id of a number or text.
-        names: What a number means.
-        faults: Numbers and texts that are errors.
-    """
-
-    node: str
-    names: Mapping[int, str]
-    faults: tuple[int | str, ...]
+    node: str  # Node id of a number or text
+    names: Mapping[int, str]  # What a number means
+    faults: tuple[int | str, ...]  # Numbers and texts that are errors
 
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """A method to call, or a variable to write.
+    """A method to call, or a variable to write."""
 
-    Attributes:
-        object: Node id of the method's object; empty where a variable is written.
-        method: Node id of the method.
-        node: Node id of the variable; empty where a method is called.
-        value: What is written.
-    """
-
-    object: str = ""
-    method: str = ""
-    node: str = ""
-    value: bool | int = True
+    object: str = ""  # Node id of the method's object; empty where a variable is written
+    method: str = ""  # Node id of the method
+    node: str = ""  # Node id of the variable; empty where a method is called
+    value: bool | int = True  # What is written
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,41 +145,54 @@ class MachineMapping:
     """A mapping file.
 
     Attributes:
-        server: How the PLC is reached.
-        variables: By the names of UNITS_OF; speeds may be missing.
-        commands: By the names of COMMANDS, all of them.
-        state: The machine's own state; None where it tells none.
-        heartbeat: Node ids are empty where there is none.
+        variables: By the names of AXES and of quantities; speeds and quantities other than the
+            tension may be missing.
     """
 
-    server: Server
+    server: Server  # How the PLC is reached
     variables: Mapping[str, Variable]
-    commands: Mapping[str, Command]
-    state: State | None
-    heartbeat: Heartbeat
+    commands: Mapping[str, Command]  # By the names of COMMANDS, all of them
+    state: State | None  # The machine's own state; None where it tells none
+    heartbeat: Heartbeat  # Node ids are empty where there is none
 
     @property
     def axes(self) -> tuple[str, ...]:
         """Variables that a joint state is made of, positions first."""
-        return tuple(name for name in self.variables if name != TENSION)
+        return tuple(name for name in self.variables if name in AXES)
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Variables that are a quantity each."""
+        return tuple(name for name in self.variables if name not in AXES)
 
 
-def read_mapping(path: Path) -> MachineMapping:
-    """Return a mapping file's content; its file names count from its own folder.
+def read_mapping(path: Path, quantities: Collection[Quantity] = (CABLE_TENSION,)) -> MachineMapping:
+    """Return a mapping file's content.
+
+    Args:
+        path: The file; file names in it are relative to its folder.
+        quantities: That the graph has a topic for.
 
     Raises:
         MappingError: One sentence on the first thing that cannot be used.
     """
     try:
-        return parse_mapping(path.read_text(encoding="utf-8"), path.parent)
+        return parse_mapping(path.read_text(encoding="utf-8"), path.parent, quantities)
     except (OSError, UnicodeError) as error:
         raise MappingError(f"{path} cannot be read: {error}") from None
     except MappingError as error:
         raise MappingError(f"{path}: {error}") from None
 
 
-def parse_mapping(text: str, folder: Path) -> MachineMapping:
-    """Return the mapping that a text states.
+def parse_mapping(
+    text: str, folder: Path, quantities: Collection[Quantity] = (CABLE_TENSION,)
+) -> MachineMapping:
+    """Return the mapping of a YAML text.
+
+    Args:
+        text: The document.
+        folder: That its file names are relative to.
+        quantities: That the graph has a topic for.
 
     Raises:
         MappingError: One sentence on the first thing that cannot be used.
@@ -209,14 +202,17 @@ def parse_mapping(text: str, folder: Path) -> MachineMapping:
         refuse_unknown(
             top, ("server", "variables", "commands", "state", "heartbeat"), owner="the file"
         )
-        variables = _named(top, "variables", tuple(UNITS_OF), _NEEDED)
+        known = {**AXES, **{item.name: item.unit for item in quantities}}
+        variables = _named(top, "variables", tuple(known), _NEEDED)
         # A PLC without a quick stop is stopped as fast as it can.
         commands = _named(top, "commands", COMMANDS, (START, STOP, RESET, EMERGENCY_STOP))
         commands.setdefault(QUICK_STOP, commands[STOP])
         return MachineMapping(
             server=_server(_section(top.get("server"), "server"), folder),
             variables={
-                name: _variable(name, variables[name]) for name in UNITS_OF if name in variables
+                name: _variable(name, unit, variables[name])
+                for name, unit in known.items()
+                if name in variables
             },
             commands={name: _command(name, commands[name]) for name in COMMANDS},
             state=_state(_section(top["state"], "state")) if "state" in top else None,
@@ -266,8 +262,8 @@ def _server(values: dict[str, Any], folder: Path) -> Server:
     sources = bool(server.password_variable) + bool(server.password_file)
     if sources != bool(server.user):
         raise MappingError(
-            "a user needs one of password_variable and password_file, and nobody needs none, got "
-            f"user {server.user!r} with {sources} of them"
+            "a user needs one of password_variable and password_file, and an anonymous session "
+            f"neither, got user {server.user!r} with {sources} of them"
         )
     if bool(server.user_certificate) != bool(server.user_private_key):
         raise MappingError(
@@ -287,13 +283,14 @@ def _server(values: dict[str, Any], folder: Path) -> Server:
     return replace(server, **found)  # type: ignore[arg-type]
 
 
-def _variable(name: str, values: Any) -> Variable:
+def _variable(name: str, si_unit: str, values: Any) -> Variable:
     title = f"variable {name}"
     variable = build(Variable, _section(values, title), owner=title)
     _check_node_id(f"node of {title}", variable.node)
-    if variable.unit not in UNITS_OF[name]:
+    units = tuple(UNITS.get(si_unit, (si_unit,)))
+    if variable.unit not in units:
         raise MappingError(
-            f"unit of {title} must be one of {', '.join(UNITS_OF[name])}, got {variable.unit!r}"
+            f"unit of {title} must be one of {', '.join(units)}, got {variable.unit!r}"
         )
     if variable.scale == 0.0:
         raise MappingError(f"scale of {title} must not be 0")
@@ -337,3 +334,25 @@ def _heartbeat(values: dict[str, Any]) -> Heartbeat:
         if getattr(heartbeat, key):
             _check_node_id(f"{key} of heartbeat", getattr(heartbeat, key))
     return heartbeat
+
+
+def read_password(server: Server, environment: Mapping[str, str]) -> str:
+    """Return the user's password; empty where there is no user.
+
+    Raises:
+        MappingError: It is nowhere to be found.
+    """
+    if not server.user:
+        return ""
+    if server.password_variable:
+        if server.password_variable not in environment:
+            raise MappingError(
+                f"the password of user {server.user} is to be in the environment variable "
+                f"{server.password_variable}, which is not set"
+            )
+        return environment[server.password_variable]
+    try:
+        lines = Path(server.password_file).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeError) as error:
+        raise MappingError(f"the password file cannot be read: {error}") from None
+    return lines[0] if lines else ""

@@ -1,4 +1,4 @@
-"""Values as the server sent them become numbers in SI, each once, and what is amiss is counted."""
+"""Values and notifications as the server sent them: in SI, each once, in order, losses counted."""
 
 from __future__ import annotations
 
@@ -13,18 +13,15 @@ class ServerValue:
     """One value of a notification.
 
     Attributes:
-        title: What the mapping calls the variable.
-        value: As the server has it; None where it has none.
         stamp_ns: Source timestamp, or the server's where there is none [ns since 1970]; None
             without either.
-        bad: Name of the status when it is bad; empty otherwise.
         overflow: Whether the server dropped values before or after this one: its queue was full.
     """
 
-    title: str
-    value: object
+    title: str  # What the mapping calls the variable
+    value: object  # As the server has it; None where it has none
     stamp_ns: int | None
-    bad: str = ""
+    bad: str = ""  # Name of the status when it is bad; empty otherwise
     overflow: bool = False
 
 
@@ -77,3 +74,45 @@ class VariableReader:
             self._turns -= round((raw - self._raw) / span)
         self._raw = raw
         return raw + self._turns * span
+
+
+# Part 4 of OPC UA, 7.22: numbers begin with 1 and start again from 1.
+_NUMBERS = 2**32 - 1
+
+
+class SequenceNumbers:
+    """Follows the sequence numbers of one subscription.
+
+    Attributes:
+        gaps: Notifications that were sent and can no longer be had.
+        repeated: Notifications that came again, and were dropped.
+        fetched: Notifications that were missed and had from the server afterwards.
+    """
+
+    def __init__(self) -> None:
+        self.gaps = self.repeated = self.fetched = 0
+        self._next = 1
+
+    def restart(self) -> None:
+        """Begin with a new subscription."""
+        self._next = 1
+
+    def missing(self, number: int) -> list[int]:
+        """Return the numbers before one that have not come, oldest first."""
+        count = (number - self._next) % _NUMBERS
+        if count > _NUMBERS // 2:
+            return []
+        return [(self._next + k - 1) % _NUMBERS + 1 for k in range(count)]
+
+    def skip(self, number: int) -> None:
+        """Note that a notification can no longer be had."""
+        self.gaps += 1
+        self._next = number % _NUMBERS + 1
+
+    def take(self, number: int) -> bool:
+        """Note a notification with content; return whether it is new."""
+        if (number - self._next) % _NUMBERS > _NUMBERS // 2:
+            self.repeated += 1
+            return False
+        self._next = number % _NUMBERS + 1
+        return True

@@ -1,1 +1,1 @@
-"""The only place that speaks OPC UA."""
+"""How is the PLC reached? The only place that speaks OPC UA."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from asyncua import Client, ua
 
 from winding_plc_driver.machine.mapping import MachineMapping
-from winding_plc_driver.opcua.errors import RefusedError
+from winding_plc_driver.opcua.request import RefusedError
 
 _UNREADABLE = (
     ua.StatusCodes.BadNodeIdUnknown,

@@ -3,18 +3,70 @@
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path
 
 from asyncua import Client, ua
+from asyncua.crypto import security_policies, uacrypto
+from cryptography import x509
 
-from winding_plc_driver.machine.mapping import Command, MachineMapping
-from winding_plc_driver.opcua.errors import RefusedError, told
+from winding_plc_driver.machine.mapping import Command, MachineMapping, Server
 from winding_plc_driver.opcua.nodes import WRITE, Nodes
-from winding_plc_driver.opcua.request import ask
-from winding_plc_driver.opcua.security import identify, secure
+from winding_plc_driver.opcua.request import RefusedError, ask, in_one_sentence
 from winding_plc_driver.opcua.subscription import Subscription
 
+
+async def secure(client: Client, server: Server) -> None:
+    """Set a client's security policy; without one, nothing.
+
+    Raises:
+        UaError: A file cannot be read, or the server offers no such policy and mode.
+        OSError: The server cannot be reached.
+    """
+    if server.security_policy == "None":
+        return
+    _check_files(server.certificate, server.private_key, server.server_certificate)
+    certificate = await uacrypto.load_certificate(server.certificate)
+    client.application_uri = _application_uri(certificate) or client.application_uri
+    await client.set_security(
+        getattr(security_policies, f"SecurityPolicy{server.security_policy}"),
+        server.certificate,
+        server.private_key,
+        server_certificate=server.server_certificate or None,
+        mode=ua.MessageSecurityMode[server.security_mode],
+    )
+
+
+async def identify(client: Client, server: Server) -> None:
+    """Give a client the certificate of its user; without one, nothing.
+
+    Raises:
+        UaError: There is no such file.
+        ValueError: A file holds no certificate, or no key.
+    """
+    if server.user_certificate:
+        _check_files(server.user_certificate, server.user_private_key)
+        await client.load_client_certificate(server.user_certificate)
+        await client.load_private_key(Path(server.user_private_key))
+
+
+def _check_files(*paths: str) -> None:
+    for path in filter(None, paths):
+        if not Path(path).is_file():
+            raise ua.UaError(f"{path} is not a file")
+
+
+def _application_uri(certificate: x509.Certificate) -> str:
+    """Return the URI that a certificate is made out to, which a server compares; empty for none."""
+    try:
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName)
+    except x509.ExtensionNotFound:
+        return ""
+    uris = names.value.get_values_for_type(x509.UniformResourceIdentifier)
+    return uris[0] if uris else ""
+
+
 _CHANNEL_LIFETIME_S = 3600.0
-# For requests that nobody waits for but the driver [s]: an answer may bring a long queue.
+# For requests of the driver's own [s]: an answer may bring a long queue.
 _PATIENCE = 5.0
 # Part 4 of OPC UA, 5.5.2: a channel is renewed after three quarters of its lifetime.
 _RENEWAL = 0.75
@@ -55,7 +107,7 @@ class Session:
             RefusedError: It refuses user, certificate, session or mapping.
         """
         client = self._client
-        with told(f"the connection to {self._server.endpoint}", self._timeout):
+        with in_one_sentence(f"the connection to {self._server.endpoint}", self._timeout):
             if not self._secured:
                 await secure(client, self._server)
                 await identify(client, self._server)
@@ -71,7 +123,7 @@ class Session:
                 await client.create_session()
                 await self._activate()
         if not self.subscription.begun:
-            with told("the subscription", self._timeout):
+            with in_one_sentence("the subscription", self._timeout):
                 await self._nodes.find(client)
                 await self.subscription.begin()
 
@@ -101,20 +153,20 @@ class Session:
             RefusedError: The server does not renew it.
         """
         if asyncio.get_running_loop().time() > self._renewal:
-            with told("the renewal of the channel", self._timeout):
+            with in_one_sentence("the renewal of the channel", self._timeout):
                 await self._client.open_secure_channel(renew=True)
                 self._client.uaclient.revolve_security_token()
             self.renewed += 1
             self._set_renewal()
 
     async def call(self, name: str, command: Command) -> tuple[bool, str]:
-        """Return (whether the PLC did as told, one sentence).
+        """Return (whether the PLC executed it, one sentence).
 
         Raises:
             LinkError: The connection is lost, or there was no answer in time.
         """
         try:
-            with told(name, self._server.call_timeout_s):
+            with in_one_sentence(name, self._server.call_timeout_s):
                 if command.node:
                     await self._write(f"command {name}", command.value)
                     return True, f"{name}: {command.value} is written"
@@ -132,9 +184,9 @@ class Session:
         except RefusedError as error:
             return False, str(error)
         outputs = [item.Value for item in result.OutputArguments or []]
-        said = next((item for item in outputs if isinstance(item, str)), "")
+        message = next((item for item in outputs if isinstance(item, str)), "")
         done = next((item for item in outputs if isinstance(item, bool)), True)
-        return done, said or f"{name}: {'done' if done else 'the PLC says no'}"
+        return done, message or f"{name}: {'done' if done else 'the PLC refuses'}"
 
     async def beat(self, count: int) -> None:
         """Write the driver's counter.
@@ -143,7 +195,7 @@ class Session:
             LinkError: The connection is lost, or there was no answer in time.
             RefusedError: The server does not take it.
         """
-        with told("the driver's heartbeat", self._server.call_timeout_s):
+        with in_one_sentence("the driver's heartbeat", self._server.call_timeout_s):
             await self._write(WRITE, count)
 
     def _set_renewal(self) -> None:

@@ -8,11 +8,9 @@ from datetime import UTC, datetime, timedelta
 from asyncua import Client, ua
 
 from winding_plc_driver.machine.mapping import Server
-from winding_plc_driver.machine.reading import ServerValue
-from winding_plc_driver.machine.sequence import SequenceNumbers
-from winding_plc_driver.opcua.errors import LinkError, RefusedError, told
+from winding_plc_driver.machine.reading import SequenceNumbers, ServerValue
 from winding_plc_driver.opcua.nodes import Nodes
-from winding_plc_driver.opcua.request import ask
+from winding_plc_driver.opcua.request import LinkError, RefusedError, ask, in_one_sentence
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 # Part 4 of OPC UA, status codes: the bits that say that a value comes from a queue that was full.
@@ -93,7 +91,7 @@ class Subscription:
         limit = self._server.link_timeout_s
         while True:
             try:
-                with told("the subscription", limit):
+                with in_one_sentence("the subscription", limit):
                     request = ua.PublishRequest()
                     request.Parameters.SubscriptionAcknowledgements = self._acknowledgements
                     answer = await ask(self._client, request, ua.PublishResponse, limit)
@@ -110,7 +108,7 @@ class Subscription:
     async def _fetch(self, number: int, available: list[int]) -> list[ServerValue]:
         """Return the values of a notification that was missed, none when it cannot be had."""
         if number in available:
-            with told("a repetition", self._timeout):
+            with in_one_sentence("a repetition", self._timeout):
                 message = await self._client.uaclient.session.republish(self._id or 0, number)
             if message.SequenceNumber == number:
                 self.numbers.fetched += 1
@@ -138,7 +136,7 @@ class Subscription:
     async def _monitor(
         self, items: Sequence[int], *, filtered: bool
     ) -> list[ua.MonitoredItemCreateResult]:
-        """Return what the server says to the monitoring of watched variables, by their index."""
+        """Return the server's results for the monitoring of watched variables, by their index."""
         requests = []
         for k in items:
             parameters = ua.MonitoringParameters(
@@ -148,7 +146,7 @@ class Subscription:
                 DiscardOldest=True,
             )
             if filtered:
-                # A value that was sampled anew is told even where it is the same.
+                # A value that was sampled anew is reported even where it is the same.
                 parameters.Filter = ua.DataChangeFilter(
                     Trigger=ua.DataChangeTrigger.StatusValueTimestamp
                 )

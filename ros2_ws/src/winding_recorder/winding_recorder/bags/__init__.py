@@ -1,1 +1,1 @@
-"""Recordings: write, describe, check, recover, play, replay and export rosbag2 folders."""
+"""What is in a rosbag2 folder: written, checked, recovered, exported?"""

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import COMPLETE, LOST, YES, BagError
 from winding_recorder.bags.mcap_scan import Scan, scan, summary_damage
-from winding_recorder.bags.notes import COMPLETE, LOST, YES
 from winding_recorder.bags.reading import (
     Decoder,
     read_information,
@@ -22,7 +22,12 @@ from winding_recorder.bags.reading import (
     reason,
     storage_files,
 )
-from winding_recorder.bags.stamps import stamp_findings
+
+# Of the rhythm of a topic.
+_PERIODIC_SHARE = 0.9
+_TOLERANCE = 0.05
+_GAP = 1.5
+_FEW = 10
 
 
 @dataclass(kw_only=True)
@@ -30,14 +35,12 @@ class Verdict:
     """What a check found.
 
     Attributes:
-        findings: What is wrong, one sentence each.
-        remarks: What should be known, one sentence each.
         stamps: Bag times [ns] by topic, in the order they were stored.
         counts: Messages by file name.
     """
 
-    findings: list[str] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)
+    findings: list[str] = field(default_factory=list)  # What is wrong, one sentence each
+    remarks: list[str] = field(default_factory=list)  # What should be known, one sentence each
     stamps: dict[str, array[int]] = field(default_factory=lambda: defaultdict(lambda: array("q")))
     counts: dict[str, int] = field(default_factory=lambda: defaultdict(int))
 
@@ -154,7 +157,7 @@ def _check_messages(path: Path, messages: Messages, decoder: Decoder, verdict: V
 def _check_metadata(folder: Path, verdict: Verdict) -> None:
     try:
         information = read_information(folder)
-        stated = {
+        declared = {
             item["topic_metadata"]["name"]: int(item["message_count"])
             for item in information["topics_with_message_count"]
         }
@@ -168,27 +171,28 @@ def _check_metadata(folder: Path, verdict: Verdict) -> None:
     except (KeyError, TypeError, ValueError) as error:
         verdict.findings.append(f"metadata.yaml cannot be understood: {reason(error)}")
         return
-    for name in sorted(stated.keys() | verdict.stamps.keys()):
+    for name in sorted(declared.keys() | verdict.stamps.keys()):
         counted = len(verdict.stamps.get(name, ()))
-        if stated.get(name, 0) != counted:
+        if declared.get(name, 0) != counted:
             verdict.findings.append(
-                f"{name}: metadata.yaml says {stated.get(name, 0)} messages, there are {counted}"
+                f"{name}: metadata.yaml states {declared.get(name, 0)} messages, "
+                f"there are {counted}"
             )
     if total != verdict.messages:
         verdict.findings.append(
-            f"metadata.yaml says {total} messages in all, there are {verdict.messages}"
+            f"metadata.yaml states {total} messages in all, there are {verdict.messages}"
         )
     for name in sorted(files.keys() | verdict.counts.keys()):
         if files.get(name, 0) != verdict.counts.get(name, 0):
             verdict.findings.append(
-                f"{name}: metadata.yaml says {files.get(name, 0)} messages, "
+                f"{name}: metadata.yaml states {files.get(name, 0)} messages, "
                 f"there are {verdict.counts.get(name, 0)}"
             )
     first = min((min(stamps) for stamps in verdict.stamps.values()), default=0)
     last = max((max(stamps) for stamps in verdict.stamps.values()), default=0)
     if verdict.messages and (begin, length) != (first, last - first):
         verdict.findings.append(
-            f"metadata.yaml says {length * 1e-9:.6f} s from {begin * 1e-9:.6f} s, it is "
+            f"metadata.yaml states {length * 1e-9:.6f} s from {begin * 1e-9:.6f} s, it is "
             f"{(last - first) * 1e-9:.6f} s from {first * 1e-9:.6f} s"
         )
 
@@ -206,3 +210,45 @@ def _check_stamps(path: Path, verdict: Verdict) -> None:
     ]
     if notes.get(COMPLETE, YES) != YES:
         verdict.remarks.append(f"the recording ended early: {notes[COMPLETE]}")
+
+
+def stamp_findings(name: str, stamps: NDArray[np.int64], *, ordered: bool) -> list[str]:
+    """Return what is wrong with a topic's bag times, in the order they were stored.
+
+    A topic has a rhythm when nine of ten intervals are within 5 % of their median; then an
+    interval of more than one and a half medians is a gap.
+
+    Args:
+        name: The topic.
+        stamps: Bag times [ns], shape (n,).
+        ordered: Whether times must not go back; they may where several nodes publish.
+    """
+    findings = []
+    steps = np.diff(stamps)
+    back = np.flatnonzero(steps < 0)
+    if ordered and back.size:
+        findings.append(
+            f"{name}: time goes back {back.size} times, first after {stamps[back[0]] * 1e-9:.6f} s"
+        )
+    period = rhythm(stamps)
+    if period is not None:
+        gaps = np.flatnonzero(steps > _GAP * period)
+        if gaps.size:
+            missing = int(np.round(steps[gaps] / period - 1.0).sum())
+            findings.append(
+                f"{name}: {gaps.size} gaps, about {missing} messages of {1e9 / period:g} Hz, "
+                f"first after {stamps[gaps[0]] * 1e-9:.6f} s"
+            )
+    return findings
+
+
+def rhythm(stamps: NDArray[np.int64]) -> float | None:
+    """Return the period [ns] of a topic that has one."""
+    steps = np.diff(stamps)
+    if steps.size < _FEW:
+        return None
+    period = float(np.median(steps))
+    if period <= 0.0:
+        return None
+    regular = np.abs(steps - period) <= _TOLERANCE * period
+    return period if regular.mean() >= _PERIODIC_SHARE else None

@@ -2,55 +2,44 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
 from rosbags.highlevel import AnyReader
 
-from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.notes import LOST
+from winding_core.parameters import build, declarations
+from winding_recorder.bags.description import LOST, PARAMETERS, BagError
 from winding_recorder.bags.reading import opened, read_notes, reason, storage_files
+
+Configuration = TypeVar("Configuration")
 
 
 @dataclass(frozen=True, kw_only=True)
 class TopicContent:
-    """One topic of a recording.
+    """One topic of a recording."""
 
-    Attributes:
-        name: Full topic name.
-        type_name: Its type.
-        messages: How many there are.
-        lost: Messages that never reached the recorder; None where nobody counted.
-    """
-
-    name: str
-    type_name: str
-    messages: int
-    lost: int | None
+    name: str  # Full topic name
+    type_name: str  # Its type
+    messages: int  # How many there are
+    lost: int | None  # Messages that never reached the recorder; None where they were not counted
 
 
 @dataclass(frozen=True, kw_only=True)
 class Content:
-    """A recording.
+    """A recording."""
 
-    Attributes:
-        start: First bag time [s].
-        duration: Length [s].
-        files: Storage files with their sizes [bytes].
-        topics: By name.
-        notes: Texts beside the messages.
-    """
-
-    start: float
-    duration: float
-    files: Mapping[str, int]
-    topics: tuple[TopicContent, ...]
-    notes: Mapping[str, str]
+    start: float  # First bag time [s]
+    duration: float  # Length [s]
+    files: Mapping[str, int]  # Storage files with their sizes [bytes]
+    topics: tuple[TopicContent, ...]  # By name
+    notes: Mapping[str, str]  # Texts beside the messages
 
 
 def contents(path: Path) -> Content:
-    """Return what a recording says of itself.
+    """Return what a recording states about itself.
 
     Raises:
         BagError: It cannot be read.
@@ -61,7 +50,7 @@ def contents(path: Path) -> Content:
         try:
             return _content(reader, files, notes)
         except (TypeError, ValueError, AttributeError, OverflowError) as error:
-            # Only now does the reader use what metadata.yaml says of times and counts.
+            # The reader uses times and counts of metadata.yaml only here.
             raise BagError(f"cannot read {path}: {reason(error)}") from error
 
 
@@ -87,3 +76,36 @@ def _content(reader: AnyReader, files: Mapping[str, int], notes: Mapping[str, st
 
 def _count(text: str | None) -> int | None:
     return int(text) if text is not None and text.isdecimal() else None
+
+
+def recorded_parameters(path: Path, node: str) -> dict[str, Any]:
+    """Return the parameters that a recording states of a node.
+
+    Raises:
+        BagError: It states none.
+    """
+    text = read_notes(path).get(f"{PARAMETERS}{node}") if path.is_dir() else None
+    if text is None:
+        raise BagError(f"{path} does not say with what parameters {node} ran")
+    try:
+        values = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise BagError(f"the parameters of {node} in {path} are not JSON: {error}") from error
+    if not isinstance(values, dict):
+        raise BagError(f"the parameters of {node} in {path} are no mapping")
+    return values
+
+
+def configuration_of(
+    stated: type[Configuration], values: Mapping[str, Any], node: str
+) -> Configuration:
+    """Return a node's configuration from recorded parameters.
+
+    rclpy's own parameters, use_sim_time among them, do not change the work and are left out.
+
+    Raises:
+        ParameterError: A value is refused.
+    """
+    known = {item.name for item in declarations(stated)}
+    own = {name: value for name, value in values.items() if name in known}
+    return build(stated, own, owner=node)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from winding_recorder.bags.channel import Channel
-from winding_recorder.bags.sink import Sink
+from winding_recorder.bags.description import Channel
 
 # Readers seek to the beginning of a chunk, and a killed recorder loses the open one.
 CHUNK_BYTES = 256 * 1024
+_NEVER_FULL = 2**62
 COMPRESSIONS = ("none", "zstd")
 NOTES_BEFORE = "winding_run"
 NOTES_AFTER = "winding_recording"
@@ -20,19 +21,78 @@ _MESSAGE_OVERHEAD = 9 + 22
 _RECORD_OVERHEAD = 64
 
 
-@dataclass(frozen=True, kw_only=True)
-class BagConfig:
-    """How a recording is stored.
+class Sink:
+    """Collects bytes and stores them together; a store that fails leaves no half of them.
 
-    Attributes:
-        compression: Of the chunks, "none" or "zstd".
-        split_bytes: A file that has become so long is followed by a new one; 0 for one file.
-        chunk_bytes: Longest chunk; a longer message has a chunk of its own.
+    After a failure the bytes are still there, so that `flush` can be tried again once there is
+    room.
     """
 
-    compression: str = "none"
-    split_bytes: int = 0
-    chunk_bytes: int = CHUNK_BYTES
+    def __init__(self, path: Path) -> None:
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+        self._pending = bytearray()
+        self._stored = 0
+
+    @property
+    def stored(self) -> int:
+        """Bytes that the operating system has."""
+        return self._stored
+
+    @property
+    def pending(self) -> int:
+        """Bytes that wait for the next flush."""
+        return len(self._pending)
+
+    def write(self, data: bytes | bytearray | memoryview) -> int:
+        """Take bytes; nothing is stored yet."""
+        self._pending += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Return the position behind everything taken."""
+        return self._stored + len(self._pending)
+
+    def flush(self) -> None:
+        """Hand everything to the operating system.
+
+        Raises:
+            OSError: There is no room; the file is as long as before.
+        """
+        offset = self._stored
+        with memoryview(self._pending) as pending:
+            try:
+                while offset < self._stored + len(pending):
+                    offset += os.pwrite(self._descriptor, pending[offset - self._stored :], offset)
+            except OSError:
+                os.ftruncate(self._descriptor, self._stored)
+                raise
+        self._stored = offset
+        self._pending.clear()
+
+    def abandon(self) -> None:
+        """Close without storing what is left."""
+        os.close(self._descriptor)
+
+    def close(self) -> None:
+        """Store what is left and close.
+
+        Raises:
+            OSError: There is no room; the file ends with the last flush that succeeded.
+        """
+        try:
+            self.flush()
+            os.fsync(self._descriptor)
+        finally:
+            os.close(self._descriptor)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BagConfig:
+    """How a recording is stored."""
+
+    compression: str = "none"  # Of the chunks, "none" or "zstd"
+    split_bytes: int = 0  # A file that has become so long is followed by a new one; 0 for one file
+    chunk_bytes: int = CHUNK_BYTES  # Longest chunk; a longer message has a chunk of its own
 
     def __post_init__(self) -> None:
         if self.compression not in COMPRESSIONS:
@@ -62,16 +122,18 @@ class McapFile:
         self, path: Path, channels: Sequence[Channel], config: BagConfig, notes: Mapping[str, str]
     ) -> None:
         # A run without a bag needs no MCAP.
-        from winding_recorder.bags.mcap_stream import McapStream  # noqa: PLC0415
+        from mcap.writer import CompressionType, Writer  # noqa: PLC0415
 
         self._chunk_bytes = config.chunk_bytes
         self._sink = Sink(path)
-        self._writer = McapStream(
+        # Chunks end where `flush` ends them, which keeps what a full disk refused.
+        self._writer = Writer(
             self._sink,
-            profile="ros2",
-            library=_LIBRARY,
-            compression="" if config.compression == "none" else config.compression,
+            chunk_size=_NEVER_FULL,
+            compression=CompressionType[config.compression.upper()],
+            enable_data_crcs=True,
         )
+        self._writer.start(profile="ros2", library=_LIBRARY)
         self._writer.add_metadata(NOTES_BEFORE, dict(notes))
         self._schemas: dict[str, int] = {}
         self._open_bytes = self._described_bytes = 0
@@ -107,7 +169,9 @@ class McapFile:
         finally:
             self._open_bytes += size
             self._messages += 1
-            self._writer.add_message(self._channels[channel], stamp_ns, data, sequence & 0xFFFFFFFF)
+            self._writer.add_message(
+                self._channels[channel], stamp_ns, data, stamp_ns, sequence & 0xFFFFFFFF
+            )
         return full
 
     def flush(self) -> None:
@@ -151,12 +215,13 @@ class McapFile:
             self._describe(len(definition) + len(channel.type_name))
         qos = channel.profiles_text
         self._describe(len(channel.name) + len(qos) + len(channel.type_hash))
-        return self._writer.register_channel(
+        number: int = self._writer.register_channel(
             channel.name,
             _MESSAGE_ENCODING,
             self._schemas[channel.type_name],
             {"offered_qos_profiles": qos, "topic_type_hash": channel.type_hash},
         )
+        return number
 
     def _describe(self, size: int) -> None:
         self._described_bytes += size + 2 * _RECORD_OVERHEAD

@@ -25,16 +25,13 @@ class ScannedChunk:
     """One chunk.
 
     Attributes:
-        offset: Of its record [bytes].
         records: Schemas, channels and messages, in order; empty if it is damaged.
-        damage: What is wrong with it, or an empty text.
-        checked: Whether it has a CRC.
     """
 
-    offset: int
+    offset: int  # Of its record [bytes]
     records: list[Any] = field(default_factory=list)
-    damage: str = ""
-    checked: bool = True
+    damage: str = ""  # What is wrong with it, or an empty text
+    checked: bool = True  # Whether it has a CRC
 
     @property
     def messages(self) -> list[Message]:
@@ -47,26 +44,18 @@ class Scan:
     """What a pass over a file found outside its chunks; complete when the pass is over.
 
     Attributes:
-        end: Where the last whole record ends [bytes].
-        damage: Why the pass ended before the end magic, or an empty text.
-        finished: Whether the footer was reached.
-        data_checked: Whether the data section has a CRC.
         summary: Chunk indexes and message count of the summary, if there is one.
-        schemas: By id, from wherever they stand.
-        channels: By id, from wherever they stand.
-        notes: Metadata records by name.
-        loose: Messages outside chunks.
     """
 
-    end: int = 0
-    damage: str = ""
-    finished: bool = False
-    data_checked: bool = False
+    end: int = 0  # Where the last whole record ends [bytes]
+    damage: str = ""  # Why the pass ended before the end magic, or an empty text
+    finished: bool = False  # Whether the footer was reached
+    data_checked: bool = False  # Whether the data section has a CRC
     indexes: list[ChunkIndex] = field(default_factory=list)
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
-    notes: dict[str, dict[str, str]] = field(default_factory=dict)
-    loose: list[Message] = field(default_factory=list)
+    schemas: dict[int, Schema] = field(default_factory=dict)  # By id, from wherever they stand
+    channels: dict[int, Channel] = field(default_factory=dict)  # By id, from wherever they stand
+    notes: dict[str, dict[str, str]] = field(default_factory=dict)  # Metadata records by name
+    loose: list[Message] = field(default_factory=list)  # Messages outside chunks
 
 
 def scan(path: Path, result: Scan) -> Iterator[ScannedChunk]:
@@ -123,7 +112,7 @@ def summary_damage(path: Path) -> str:
         if crc == 0:
             return ""
         if not 0 < start < size:
-            return f"the footer says that the summary is at byte {start} of {size}"
+            return f"the footer places the summary at byte {start} of {size}"
         file.seek(start)
         covered = file.read(size - _FOOTER_BYTES - start) + footer[: 9 + 16]
     return "" if zlib.crc32(covered) == crc else "the CRC of the summary is wrong"

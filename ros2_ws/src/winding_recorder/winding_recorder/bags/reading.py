@@ -11,8 +11,7 @@ import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.metadata import METADATA
+from winding_recorder.bags.description import METADATA, BagError
 
 # libyaml's safe loader, where PyYAML was built with it, is ten times as fast.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -8,11 +8,9 @@ from pathlib import Path
 
 from rosbags.rosbag2.metadata import parse_qos
 
-from winding_recorder.bags.channel import Channel
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import COMPLETE, RECOVERED, BagError, Channel
 from winding_recorder.bags.mcap_file import NOTES_BEFORE, BagConfig
 from winding_recorder.bags.mcap_scan import Scan, ScannedChunk, scan, scan_by_index
-from winding_recorder.bags.notes import COMPLETE, RECOVERED
 from winding_recorder.bags.reading import read_notes, storage_files
 from winding_recorder.bags.writer import BagWriter
 
@@ -22,19 +20,12 @@ _Row = tuple[int, int, bytes, int]
 
 @dataclass(kw_only=True)
 class Salvage:
-    """What became of one file.
+    """What became of one file."""
 
-    Attributes:
-        name: The file.
-        kept: Messages kept.
-        bytes: Length of the file.
-        losses: What could not be kept, one sentence each.
-    """
-
-    name: str
-    kept: int = 0
-    bytes: int = 0
-    losses: list[str] = field(default_factory=list)
+    name: str  # The file
+    kept: int = 0  # Messages kept
+    bytes: int = 0  # Length of the file
+    losses: list[str] = field(default_factory=list)  # What could not be kept, one sentence each
 
 
 def recover(source: Path, target: Path) -> list[Salvage]:

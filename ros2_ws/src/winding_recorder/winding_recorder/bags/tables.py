@@ -11,7 +11,7 @@ import pyarrow as pa  # type: ignore[import-untyped]
 import pyarrow.csv as pa_csv  # type: ignore[import-untyped]
 import pyarrow.parquet as pa_parquet  # type: ignore[import-untyped]
 
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import BagError
 from winding_recorder.bags.reading import decoded, messages_of, opened, reason
 
 FORMATS = ("csv", "parquet")

@@ -2,18 +2,51 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from winding_recorder.bags.channel import Channel
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.description import (
+    METADATA,
+    BagError,
+    Channel,
+    Description,
+    Extent,
+    inner_text,
+)
 from winding_recorder.bags.mcap_file import BagConfig, McapFile
-from winding_recorder.bags.metadata import METADATA, Description, Extent, inner_text
-from winding_recorder.bags.reserve import Reserve
 
 _RESERVE = ".reserve"
+_RESERVE_STEP = 128 * 1024
 # metadata.yaml with its notes.
 _FOLDER_BYTES = 64 * 1024
+
+
+class Reserve:
+    """A file of zeros beside the recording; releasing it makes room for index and metadata."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._held = 0
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+
+    def hold(self, size: int) -> None:
+        """Keep at least so many bytes.
+
+        Raises:
+            OSError: There is no room for them.
+        """
+        if size > self._held:
+            wanted = -(-size // _RESERVE_STEP) * _RESERVE_STEP
+            os.posix_fallocate(self._descriptor, self._held, wanted - self._held)
+            self._held = wanted
+
+    def release(self) -> None:
+        """Give the room back; may be called again."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+            self._path.unlink()
 
 
 class BagWriter:

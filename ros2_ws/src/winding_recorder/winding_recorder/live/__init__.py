@@ -1,1 +1,1 @@
-"""Recording of a running graph."""
+"""How is a running graph recorded, on disk and in memory?"""

@@ -7,17 +7,33 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from winding_recorder.bags.channel import jazzy_channel
-from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.loss import LossCount
+from winding_recorder.bags.description import COMPLETE, LOST, YES, BagError, jazzy_channel
 from winding_recorder.bags.mcap_file import BagConfig
-from winding_recorder.bags.notes import COMPLETE, LOST, YES
 from winding_recorder.bags.writer import BagWriter
 from winding_ros import topics
-from winding_ros.polled import Taken
-from winding_ros.topic import Topic
+from winding_ros.topic import Taken, Topic
 
 Answer = Callable[[bool, str], None]
+
+
+class LossCount:
+    """Follows one publisher's sequence numbers, which DDS counts from 1.
+
+    A number that is not above the last one is a new publisher's; what it sent before is not
+    known to be lost. What is lost after the last message that arrived cannot be seen.
+    """
+
+    def __init__(self) -> None:
+        self.received = 0
+        self.lost = 0
+        self._last: int | None = None
+
+    def take(self, sequence: int) -> None:
+        """Count a message that arrived, and those that should have arrived before it."""
+        self.received += 1
+        if self._last is not None and sequence > self._last:
+            self.lost += sequence - self._last - 1
+        self._last = sequence
 
 
 class RecorderError(BagError):
@@ -44,7 +60,7 @@ class BagSeries:
         recorded: Topics.
         full_names: Of each, by its name.
         config: How a bag is stored.
-        notes: What a bag says of the run, by name.
+        notes: Texts about the run that a bag keeps, by name.
 
     Attributes:
         folders: Of all bags.
@@ -76,7 +92,7 @@ class BagSeries:
         self._closings: list[threading.Thread] = []
 
     def note(self, notes: Mapping[str, str]) -> None:
-        """Say more of the run, in the present bag and in those to come."""
+        """Add texts about the run, to the present bag and to those to come."""
         self._notes.append((time.monotonic_ns(), {**self._notes[-1][1], **notes}))
 
     @property
@@ -85,7 +101,7 @@ class BagSeries:
         return self._writer
 
     def begin(self, folder: Path) -> None:
-        """Begin a bag, with what latched topics have told before it.
+        """Begin a bag, with the last messages of latched topics from before it.
 
         Raises:
             RecorderError: The folder exists, or nothing can be written there.
@@ -127,13 +143,13 @@ class BagSeries:
             self._writer.write(self._index[topic.name], stamp_ns, taken.data, taken.number)
 
     def forget(self, before_ns: int) -> None:
-        """Forget what latched topics told before a time of arrival, monotonic [ns]."""
+        """Forget messages of latched topics from before a time of arrival, monotonic [ns]."""
         self._latched = {
             name: item for name, item in self._latched.items() if item[2].received_ns > before_ns
         }
 
     def end(self, failure: str = "") -> None:
-        """Close the bag, if there is one; a failure says why before the run's end."""
+        """Close the bag, if there is one; a failure is the reason for an end before the run's."""
         writer, self._writer = self._writer, None
         if writer is not None:
             self._close(writer, self._last_notes(failure))

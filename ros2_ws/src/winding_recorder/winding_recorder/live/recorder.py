@@ -5,36 +5,80 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rclpy.node import Node
 from std_msgs.msg import Header
+from std_srvs.srv import SetBool
 
 from winding_core.status import Level, Status
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.live.bag_series import BagSeries, RecorderError, free_folder
-from winding_recorder.live.record_service import RecordRequest, RecordService
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
-from winding_ros.diagnostic_messages import encode_diagnostics
 from winding_ros.environment import ros_arguments
 from winding_ros.message_guard import StampError
-from winding_ros.polled import PolledTopic, Taken
-from winding_ros.stamps import encode_stamp, serialised_stamp_ns
-from winding_ros.topic import Topic
+from winding_ros.messages.diagnostics import encode_diagnostics
+from winding_ros.messages.stamps import encode_stamp, serialised_stamp_ns
+from winding_ros.services import RECORD
+from winding_ros.topic import PolledTopic, Taken, Topic
 
 __all__ = ["BufferedMessage", "Recorder", "RecorderError", "RunBuffer"]
 
-# Progress follows the topics that come often enough to say how far storage has come.
+# Progress follows the topics that come often enough to show how far storage has come.
 _FAST_RATE = 100.0
 _ANSWER_PERIOD_NS = 20_000_000
 # The histories hold two seconds; a look in a while costs less than a wake-up for each message.
 _LOOK_PERIOD = 0.01
-# An open chunk is stored at least this often, and the recorder's state told (REP-107).
-_TELL_PERIOD_NS = 1_000_000_000
+# An open chunk is stored, and the recorder's state published, at least this often (REP-107).
+_REPORT_PERIOD_NS = 1_000_000_000
 # Messages of one topic come in order; a machine that is built anew begins at zero.
 _WENT_BACK_NS = 500_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordRequest:
+    """A request to turn the recording on or off.
+
+    Attributes:
+        answer: Takes whether it was done and a sentence; to be called once, from any thread.
+    """
+
+    on: bool  # Which of the two
+    answer: Callable[[bool, str], None]
+
+
+class RecordService:
+    """Takes requests between messages, so that they are in order with what is recorded.
+
+    Args:
+        node: It must not be spun.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._service = node.create_service(RECORD.type, RECORD.name, _called)
+
+    def take(self) -> Iterator[RecordRequest]:
+        """Yield the requests that wait."""
+        while True:
+            with self._service.handle:
+                request, header = self._service.handle.service_take_request(SetBool.Request)
+            if header is None:
+                return
+            yield RecordRequest(on=bool(request.data), answer=self._answering(header))
+
+    def _answering(self, header: Any) -> Callable[[bool, str], None]:
+        def answer(success: bool, message: str) -> None:
+            self._service.send_response(SetBool.Response(success=success, message=message), header)
+
+        return answer
+
+
+def _called(_request: Any, _response: Any) -> Any:
+    raise RuntimeError("the node of the recorder's service is spun")
 
 
 class Recorder:
@@ -42,16 +86,16 @@ class Recorder:
 
     Bag times are the messages' own stamps: simulated time, whatever the wall clock did. A disk
     that is full or broken ends the bag and not the run: the buffer and the answers go on, `error`
-    and /diagnostics say what happened.
+    and /diagnostics report what happened.
 
     Args:
-        node: Gives context and namespace to the recorder's own node, which nobody spins.
+        node: Gives context and namespace to the recorder's own node, which is added to no executor.
         bag: New folder, or None for the buffer alone.
         recorded: Topics.
         config: How the bag is stored.
-        notes: What the bag says of the run, by name.
+        notes: Texts about the run that the bag keeps, by name.
         further: Where bags go that the service recorder/record asks for, with a number where
-            there is one already; None serves nobody.
+            there is one already; None offers no service.
         on_demand: Topics that are taken only while a bag is being recorded.
 
     Attributes:
@@ -107,7 +151,7 @@ class Recorder:
         self._stored_ns: dict[str, int] = {}
         self._answered_ns = -_ANSWER_PERIOD_NS
         self._newest_ns = 0
-        self._told_ns = time.monotonic_ns()
+        self._reported_ns = time.monotonic_ns()
         self._unstamped = self._found = self._dealt_with = 0
         self._fast = tuple(
             topic.name
@@ -127,7 +171,7 @@ class Recorder:
         self._storer.start()
 
     def close(self) -> None:
-        """Store everything that has arrived and close the bag; `error` says if that failed.
+        """Store everything that has arrived and close the bag; a failure is in `error`.
 
         The context must still be valid.
         """
@@ -177,7 +221,7 @@ class Recorder:
             try:
                 stamp = serialised_stamp_ns(data)
             except StampError:
-                # A stranger may publish any bytes; without a stamp they have no place.
+                # External nodes may publish any bytes; without a stamp they have no place.
                 self._unstamped += 1
                 continue
             # Supervision looks at the buffer, which must not wait for a disk.
@@ -197,9 +241,9 @@ class Recorder:
     def _store(self) -> None:
         while True:
             try:
-                item = self._queue.get(timeout=1e-9 * _TELL_PERIOD_NS)
+                item = self._queue.get(timeout=1e-9 * _REPORT_PERIOD_NS)
             except queue.Empty:
-                self._tell(time.monotonic_ns())
+                self._report(time.monotonic_ns())
                 continue
             if item is None:
                 return
@@ -210,17 +254,17 @@ class Recorder:
                 self._store_one(topic, stamp, taken)
                 self._dealt_with += 1
             now = time.monotonic_ns()
-            if now - self._told_ns >= _TELL_PERIOD_NS:
-                self._tell(now)
+            if now - self._reported_ns >= _REPORT_PERIOD_NS:
+                self._report(now)
 
     def _store_one(self, topic: Topic, stamp: int, taken: Taken) -> None:
         if self._further is not None:
             self._follow_time(topic, stamp, taken.received_ns)
         if topic.publisher == topics.COMMANDER:
-            # A command's stamp says when it holds: now, or in a while.
+            # A command's stamp is the time from which it holds: now, or in a while.
             stamp = self._newest_ns
         elif topic.publisher == topics.EVERY_NODE:
-            # Strangers publish there too, and their clocks are their own.
+            # External nodes publish there too, by clocks of their own.
             stamp = min(stamp, self._newest_ns)
         self._newest_ns = max(self._newest_ns, stamp)
         try:
@@ -260,7 +304,7 @@ class Recorder:
             return
         self._last_ns = {topic.name: (stamp, received)}
         self._stored_ns.clear()
-        # What a new run was told beforehand holds in its bag, too.
+        # Latched messages that came before a new run belong into its bag, too.
         self.bags.forget(before)
         self._answered_ns, self._newest_ns = -_ANSWER_PERIOD_NS, 0
         if self.bags.writer is None:
@@ -277,8 +321,8 @@ class Recorder:
         self.bags.end(f"no: {error.strerror or error} at {self._newest_ns * 1e-9:.3f} s")
         self._publish_state()
 
-    def _tell(self, now: int) -> None:
-        self._told_ns = now
+    def _report(self, now: int) -> None:
+        self._reported_ns = now
         if self.bags.writer is not None:
             try:
                 self.bags.writer.flush()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from array import array
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
@@ -10,14 +11,14 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.machine_axes import MachineAxes
-from winding_core.readings import AxisReading
-from winding_recorder.live.thinned_history import StampRuns, ThinnedHistory
+from winding_core.history import History
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.readings import AxisReading
+from winding_core.run_inputs import INPUT_DTYPE, RunInputs
 from winding_ros import topics
-from winding_ros.cloud_messages import decode_cloud
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import JointStateReader
-from winding_ros.serialised import deserialised
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.rig import JointStateReader, decode_tension
+from winding_ros.messages.serialised import MessageError, deserialised
 from winding_ros.topic import Topic
 
 Reading = TypeVar("Reading")
@@ -31,19 +32,48 @@ _SLOPE_SAMPLES = 50
 
 
 class BufferedMessage(NamedTuple):
-    """One serialised message.
+    """One serialised message."""
 
-    Attributes:
-        stamp_ns: Its own stamp [ns].
-        sent_ns: Monotonic wall time at which its publisher sent it [ns].
-        received_ns: Monotonic wall time of its arrival [ns].
-        data: CDR bytes.
+    stamp_ns: int  # Its own stamp [ns]
+    sent_ns: int  # Monotonic wall time at which its publisher sent it [ns]
+    received_ns: int  # Monotonic wall time of its arrival [ns]
+    data: bytes  # CDR bytes
+
+
+class StampRuns:
+    """Every stamp of a topic, held as runs of equal steps: a steady topic takes no memory.
+
+    Args:
+        step_ns: The topic's period [ns].
     """
 
-    stamp_ns: int
-    sent_ns: int
-    received_ns: int
-    data: bytes
+    def __init__(self, step_ns: int) -> None:
+        self._step_ns = step_ns
+        self._first, self._last = array("q"), array("q")
+
+    def add(self, stamp_ns: int) -> None:
+        """Take a stamp [ns]."""
+        if self._last and stamp_ns - self._last[-1] == self._step_ns:
+            self._last[-1] = stamp_ns
+        else:
+            self._first.append(stamp_ns)
+            self._last.append(stamp_ns)
+
+    def without_last(self, count: int) -> StampRuns:
+        """Return runs of their own of all stamps but so many of the newest."""
+        runs = StampRuns(self._step_ns)
+        stamps = self.stamps()
+        for stamp in stamps[: len(stamps) - count].tolist():
+            runs.add(stamp)
+        return runs
+
+    def stamps(self) -> NDArray[np.int64]:
+        """Return all stamps [ns] in the order they came, shape (n,)."""
+        runs = [
+            np.arange(first, last + 1, self._step_ns, dtype=np.int64)
+            for first, last in zip(self._first, self._last, strict=True)
+        ]
+        return np.concatenate(runs) if runs else np.zeros(0, dtype=np.int64)
 
 
 class RunBuffer:
@@ -66,8 +96,8 @@ class RunBuffer:
         self.begun_ns = 0
         self._lock = threading.Lock()
         self._kept = kept = [topic for topic in recorded if topic not in _PICTURES]
-        self.messages: dict[str, ThinnedHistory[BufferedMessage]] = {
-            topic.name: ThinnedHistory(whole=_room(topic, _WHOLE_S), sample=_room(topic, _SAMPLE_S))
+        self.messages: dict[str, History[BufferedMessage]] = {
+            topic.name: History(newest=_room(topic, _WHOLE_S), older=_room(topic, _SAMPLE_S))
             for topic in kept
         }
         self._stamps = {
@@ -131,7 +161,7 @@ class RunBuffer:
     @property
     def thinned(self) -> bool:
         """Whether the run has become too long for all its messages."""
-        return any(reel.stride > 1 for reel in self.messages.values())
+        return any(history.stride > 1 for history in self.messages.values())
 
     def last(self, topic: Topic) -> BufferedMessage | None:
         """Return the newest message of a topic."""
@@ -211,3 +241,27 @@ class RunBuffer:
 
 def _room(topic: Topic, span: float) -> int:
     return max(round((topic.rate or 0.0) * span), _FEWEST)
+
+
+def buffered_inputs(buffer: RunBuffer, since: float = 0.0) -> RunInputs:
+    """Return the usable encoder samples with the tension that was the newest then.
+
+    The buffer of a long run is thinned. A model follows a cubic between samples, which a winding
+    machine leaves by less than its encoder's step.
+
+    Args:
+        buffer: Messages of the graph.
+        since: Leaves out what came before this monotonic wall time [s].
+    """
+    readings = list(buffer.axis_readings(since))
+    tensions = list(buffer.readings(topics.TENSION, decode_tension, since))
+    samples = np.full(len(readings), np.nan, dtype=INPUT_DTYPE)
+    samples["t"] = [t for t, _ in readings]
+    for name in ("cylinder_angle", "angular_speed", "carriage_position", "feed_speed"):
+        samples[name] = [getattr(reading, name) for _, reading in readings]
+    if tensions:
+        times = np.array([t for t, _ in tensions])
+        forces = np.array([force for _, force in tensions])
+        newest = np.searchsorted(times, samples["t"], side="right") - 1
+        samples["tension"] = np.where(newest >= 0, forces[np.maximum(newest, 0)], np.nan)
+    return RunInputs(samples=samples)

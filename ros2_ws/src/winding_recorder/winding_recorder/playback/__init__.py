@@ -1,1 +1,1 @@
-"""Recordings put back: onto topics, or through one node's message handler."""
+"""How does a recording run again: on topics, as a buffer, through one node's handler?"""

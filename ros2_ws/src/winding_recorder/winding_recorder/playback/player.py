@@ -16,10 +16,9 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 
-from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.pacing import Pacing
+from winding_recorder.bags.description import BagError
 from winding_recorder.bags.reading import messages_of, opened
-from winding_ros.stamps import encode_stamp
+from winding_ros.messages.stamps import encode_stamp
 from winding_ros.topics import CLOCK
 
 _CLOCK_PERIOD = 0.01
@@ -31,13 +30,61 @@ _DISCOVERY = 1.0
 _DEPTH = 1000
 
 
+class Pacing:
+    """Maps bag times to the wall clock.
+
+    Args:
+        rate: Bag seconds per wall second, positive.
+        paused: Whether time stands still at first.
+    """
+
+    def __init__(self, rate: float, *, paused: bool = False) -> None:
+        if not 0.0 < rate < float("inf"):
+            raise ValueError(f"rate must be positive and finite, got {rate:g}")
+        self._rate = rate
+        self._paused = paused
+        self._anchor: tuple[float, float] | None = None
+
+    @property
+    def paused(self) -> bool:
+        """Whether time stands still."""
+        return self._paused
+
+    def start(self, bag_time: float, now: float) -> None:
+        """Let bag time [s] be at `bag_time` at time `now` [s] of the clock."""
+        self._anchor = (bag_time, now)
+
+    def bag_time(self, now: float) -> float:
+        """Return the bag time [s] that has been reached.
+
+        Raises:
+            RuntimeError: Playback has not begun.
+        """
+        if self._anchor is None:
+            raise RuntimeError("playback has not begun")
+        bag_time, since = self._anchor
+        return bag_time if self._paused else bag_time + self._rate * (now - since)
+
+    def wait(self, bag_time: float, now: float) -> float | None:
+        """Return how long [s] until a bag time is reached; None while paused."""
+        if self._paused:
+            return None
+        return max(0.0, bag_time - self.bag_time(now)) / self._rate
+
+    def set_paused(self, paused: bool, now: float) -> None:
+        """Stop or go on; what passed on the wall clock in between does not count."""
+        if self._anchor is not None:
+            self._anchor = (self.bag_time(now), now)
+        self._paused = paused
+
+
 class Player:
     """Publishes the topics of a recording on a node, and /clock beside them.
 
     Services: ~/set_paused (std_srvs/SetBool) and ~/toggle_paused (std_srvs/Trigger).
 
     Args:
-        node: Spun by somebody else.
+        node: Spun by the caller.
         bag: The recording.
         pacing: Rate and pause.
         wanted: Full topic names; empty for all.

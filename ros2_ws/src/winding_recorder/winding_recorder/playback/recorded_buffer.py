@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from winding_core.machine_axes import MachineAxes
+from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import ParameterError
-from winding_recorder.bags.failure import BagError
-from winding_recorder.bags.notes import COMPLETE, ORIGIN, PARAMETERS, YES
+from winding_recorder.bags.contents import configuration_of, recorded_parameters
+from winding_recorder.bags.description import COMPLETE, ORIGIN, PARAMETERS, YES, BagError
 from winding_recorder.bags.reading import messages_of, opened, read_notes
-from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.message_guard import StampError
-from winding_ros.stamps import serialised_stamp_ns
+from winding_ros.messages.stamps import serialised_stamp_ns
 from winding_ros.topic import Topic
 
 _PICTURES = (topics.IMAGE, topics.PREVIEW)
@@ -26,19 +25,12 @@ _RECORDED = {topic.name.lstrip("/"): topic for topic in topics.TOPICS if topic n
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedRun:
-    """What a recording says of its run.
+    """A run as its recording has it."""
 
-    Attributes:
-        buffer: Its messages but the pictures.
-        parameters: Of every node that it states, by name.
-        ended: Why the recording ended before the run; empty for a whole one.
-        origin: Which run it was, as JSON text; empty where it does not say so.
-    """
-
-    buffer: RunBuffer
-    parameters: Mapping[str, Mapping[str, Any]]
-    ended: str
-    origin: str = ""
+    buffer: RunBuffer  # Its messages but the pictures
+    parameters: Mapping[str, Mapping[str, Any]]  # Of every node that it states, by name
+    ended: str  # Why the recording ended before the run; empty for a whole one
+    origin: str = ""  # Which run it was, as JSON text; empty where that was not recorded
 
 
 def recorded_run(path: Path) -> RecordedRun:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby, islice
 from operator import itemgetter
 from pathlib import Path
@@ -15,42 +16,127 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from rosbags.highlevel import AnyReader
 
-from winding_recorder.bags.comparison import Comparison, compare
-from winding_recorder.bags.failure import BagError
+from winding_recorder.bags.contents import configuration_of, recorded_parameters
+from winding_recorder.bags.description import BagError
 from winding_recorder.bags.reading import Decoder, messages_of, opened
-from winding_recorder.bags.recorded_parameters import configuration_of, recorded_parameters
+from winding_recorder.bags.tables import Row, rows_of
 from winding_ros import topics
 from winding_ros.graph import CORRECTION, FEM, TRACKER, parameters_of
-from winding_ros.message_error import MessageError
-from winding_ros.message_handler import Answer, MessageHandler
-from winding_ros.stamps import decode_stamp, serialised_stamp_ns
+from winding_ros.messages.serialised import MessageError
+from winding_ros.messages.stamps import decode_stamp, serialised_stamp_ns
+from winding_ros.runtime.message_handler import Answer, MessageHandler
 from winding_ros.topic import Topic
 
+Stream = Mapping[int, Sequence[bytes]]
 # What a person calls the node -> the node.
 REPLAYABLE = {"tracker": TRACKER, "fem": FEM, "correction": CORRECTION}
 DEFAULT_TOLERANCE = 1.0e-6
 _NANO = 1_000_000_000
-# Encoder samples of the last second before a node speaks belong to what it says [ns].
+# Encoder samples of the last second before a node's first message belong to it [ns].
 _BEFORE = _NANO
 # Stamps since the epoch, carried as seconds [ns].
 _ROUNDING = 1000
 
 
-@dataclass(frozen=True, kw_only=True)
-class Replay:
-    """What a replay gave.
+@dataclass(kw_only=True)
+class Comparison:
+    """Answers of a replay beside the recorded ones, for one topic.
 
     Attributes:
-        inputs: Messages that were put in.
-        refused: Those that the node's work refused.
-        digest: SHA-256 over all answers in order; equal for equal replays.
-        comparisons: With the recorded answers, by topic.
+        differences: Largest absolute difference by numeric field, in the field's unit.
+        excess: Largest difference over what the tolerance allows, by field; above 1 is too much.
+        mismatches: Fields of text, or numbers of rows, that differ, with how often.
     """
 
-    inputs: int
-    refused: int
-    digest: str
-    comparisons: tuple[Comparison, ...]
+    topic: str  # Full topic name
+    compared: int = 0  # Messages with the same stamp on both sides
+    identical: int = 0  # Those whose bytes are the same
+    missing: int = 0  # Recorded, but not given by the replay
+    extra: int = 0  # Given by the replay, but not recorded
+    differences: dict[str, float] = field(default_factory=dict)
+    excess: dict[str, float] = field(default_factory=dict)
+    mismatches: dict[str, int] = field(default_factory=lambda: defaultdict(int))
+
+    @property
+    def agrees(self) -> bool:
+        """Whether everything recorded came again, within the tolerance."""
+        return not (
+            self.missing
+            or self.extra
+            or self.mismatches
+            or any(not excess <= 1.0 for excess in self.excess.values())
+        )
+
+
+def compare(
+    topic: str, type_name: str, recorded: Stream, replayed: Stream, *, tolerance: float
+) -> Comparison:
+    """Compare messages of the same stamps.
+
+    Args:
+        topic: Full topic name.
+        type_name: Of both streams.
+        recorded: Stamp [ns] -> serialised messages, in order.
+        replayed: The same of the replay.
+        tolerance: Allowed difference, relative to the recorded value or to 1 if that is larger.
+    """
+    result = Comparison(topic=topic)
+    decoder = Decoder()
+    for stamp in sorted(recorded.keys() | replayed.keys()):
+        before, after = recorded.get(stamp, ()), replayed.get(stamp, ())
+        result.missing += max(0, len(before) - len(after))
+        result.extra += max(0, len(after) - len(before))
+        for one, other in zip(before, after, strict=False):
+            result.compared += 1
+            if one == other:
+                result.identical += 1
+            else:
+                _compare_rows(
+                    rows_of(stamp, decoder.decode(type_name, one)),
+                    rows_of(stamp, decoder.decode(type_name, other)),
+                    tolerance,
+                    result,
+                )
+    return result
+
+
+def _compare_rows(one: list[Row], other: list[Row], tolerance: float, result: Comparison) -> None:
+    if len(one) != len(other):
+        result.mismatches["rows"] += 1
+        return
+    for before, after in zip(one, other, strict=True):
+        for name in before.keys() | after.keys():
+            _compare_values(name, before.get(name), after.get(name), tolerance, result)
+
+
+def _compare_values(
+    name: str, before: object, after: object, tolerance: float, result: Comparison
+) -> None:
+    if not (isinstance(before, int | float) and isinstance(after, int | float)):
+        if before != after:
+            result.mismatches[name] += 1
+        return
+    if math.isnan(before) and math.isnan(after):
+        return
+    difference = abs(after - before)
+    excess = difference / (tolerance * max(1.0, abs(before))) if difference else 0.0
+    result.differences[name] = _worse(result.differences.get(name, 0.0), difference)
+    result.excess[name] = _worse(result.excess.get(name, 0.0), excess)
+
+
+def _worse(one: float, other: float) -> float:
+    # NaN on one side only is the worst of all, and stays.
+    return one if math.isnan(one) or one >= other else other
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay:
+    """What a replay gave."""
+
+    inputs: int  # Messages that were put in
+    refused: int  # Those that the node's work refused
+    digest: str  # SHA-256 over all answers in order; equal for equal replays
+    comparisons: tuple[Comparison, ...]  # With the recorded answers, by topic
 
     @property
     def agrees(self) -> bool:
@@ -69,7 +155,7 @@ def replay(
 
     Inputs go in by their stamps; those of one stamp in the order that the handler states. In
     the run, messages of different topics reached the node in the order of their arrival, which
-    nobody records.
+    is not recorded.
 
     Args:
         path: The recording.
@@ -103,7 +189,7 @@ def replay(
         first, last = _span(recorded)
         begun = handler.begin(decode_stamp(Time(sec=first // _NANO, nanosec=first % _NANO)))
         # What is wound ahead piece by piece, and was ended with the run, is not wound further.
-        run.answer(islice(begun, max(1, _said_at(recorded, first))))
+        run.answer(islice(begun, max(1, _count_at(recorded, first))))
         for topic, data in _inputs(reader, spec.inputs, links, first, last if open_ended else None):
             run.put(topic, data)
     if run.inputs == 0:
@@ -169,13 +255,13 @@ def _stream(reader: AnyReader, link: Any, decoder: Decoder) -> dict[int, list[by
 
 
 def _span(recorded: Mapping[str, Mapping[int, Any]]) -> tuple[int, int]:
-    """Return the stamps [ns] of the node's first word and of its last."""
-    said = [stream for stream in recorded.values() if stream]
-    return min(map(min, said), default=0), max(map(max, said), default=0)
+    """Return the stamps [ns] of the node's first message and of its last."""
+    streams = [stream for stream in recorded.values() if stream]
+    return min(map(min, streams), default=0), max(map(max, streams), default=0)
 
 
-def _said_at(recorded: Mapping[str, Mapping[int, Sequence[bytes]]], stamp: int) -> int:
-    """Return how many messages of a stamp [ns] that are told on change were recorded."""
+def _count_at(recorded: Mapping[str, Mapping[int, Sequence[bytes]]], stamp: int) -> int:
+    """Return how many messages of a stamp [ns] on topics without a rate were recorded."""
     on_change = {topic.name for topic in topics.TOPICS if topic.rate is None}
     return sum(len(stream.get(stamp, ())) for name, stream in recorded.items() if name in on_change)
 
@@ -187,20 +273,20 @@ def _inputs(
     first: int,
     last: int | None,
 ) -> Iterator[tuple[Topic, bytes]]:
-    """Yield the node's inputs in order; a real machine spoke long before the node was there.
+    """Yield the node's inputs in order; a real machine published long before the node was there.
 
     Args:
         reader: Of the recording.
         inputs: Topics, in the order in which the node takes those of one stamp.
         links: Of the recording, by topic.
-        first: Stamp of the node's first word [ns].
-        last: Stamp of its last word [ns], where inputs go on after it; None otherwise.
+        first: Stamp of the node's first message [ns].
+        last: Stamp of its last message [ns], where inputs go on after it; None otherwise.
     """
     # A tracker answers frames, and needs the encoder beyond the last of them.
     answered = topics.IMAGE.type_name if topics.IMAGE in inputs else None
     order = {links[topic.name].topic: k for k, topic in enumerate(inputs)}
 
-    def heard(kind: str, stamp: int) -> bool:
+    def relevant(kind: str, stamp: int) -> bool:
         if kind == topics.IMAGE.type_name and stamp < first - _ROUNDING:
             return False
         if last is not None and answered in (None, kind) and stamp > last + _ROUNDING:
@@ -210,7 +296,7 @@ def _inputs(
     messages = (
         (stamp, order[link.topic], data)
         for link, stamp, data in messages_of(reader, list(links.values()))
-        if heard(link.msgtype, stamp)
+        if relevant(link.msgtype, stamp)
     )
     for _, same in groupby(messages, key=itemgetter(0)):
         for _, k, data in sorted(same, key=itemgetter(1)):

@@ -1,6 +1,6 @@
-"""Simulated high-speed camera with exact ground truth; it shares no code with the tracker."""
+"""What does the simulated camera see? Exact ground truth; no code shared with the tracker."""
 
-from winding_rig_node.camera.cable_path import CablePath
+from winding_rig_node.camera.cable_path import CablePath, GrowingPath
 from winding_rig_node.camera.config import (
     CameraCalibration,
     CameraConfig,
@@ -8,11 +8,9 @@ from winding_rig_node.camera.config import (
     SensorNoise,
     Window,
 )
-from winding_rig_node.camera.growing_path import GrowingPath
-from winding_rig_node.camera.preview import encode_jpeg
+from winding_rig_node.camera.pictures import encode_jpeg
 from winding_rig_node.camera.renderer import Renderer
-from winding_rig_node.camera.scene import Paint, Scene, paint_of_hue
-from winding_rig_node.camera.surroundings import Patch, Surroundings
+from winding_rig_node.camera.scene import Paint, Patch, Scene, Surroundings, paint_of_hue
 
 __all__ = [
     "CablePath",

@@ -20,16 +20,15 @@ from winding_rig_node.camera.cable_section import (
     section,
     span_rise,
 )
-from winding_rig_node.camera.optics import Lens
-from winding_rig_node.camera.raster import Samples
-from winding_rig_node.camera.ribbon import (
+from winding_rig_node.camera.optics import Lens, RayRange, Sight, sight_of
+from winding_rig_node.camera.raster import (
+    Samples,
     begin,
     direction,
     draw_ribbon,
     draw_triangles,
     extend,
 )
-from winding_rig_node.camera.sight import RayRange, Sight, sight_of
 
 FloatArray = NDArray[np.float64]
 

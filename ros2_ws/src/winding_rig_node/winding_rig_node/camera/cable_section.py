@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from winding_core.compiling import called
 from winding_rig_node.camera.cable_path import path_height
-from winding_rig_node.camera.optics import Lens, project
+from winding_rig_node.camera.optics import HIDDEN_COSINE, Lens, project
 from winding_rig_node.camera.raster import COLUMN, GLOSS, NEAR, ROW, SHADE
-from winding_rig_node.camera.sight import HIDDEN_COSINE
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -21,31 +20,18 @@ FACETS = 10
 
 
 class Cable(NamedTuple):
-    """The cable at one instant; see `Scene`.
+    """The cable at one instant; see `Scene`."""
 
-    Attributes:
-        cylinder_radius: R [m].
-        cable_radius: r [m].
-        turned: Cylinder angle Theta [rad].
-        landing_z: Where it lands [m].
-        landing_lift: How high it lands on other turns [m].
-        guide_z: [m]
-        free_length: [m]
-        tail: Cable behind P0 [rad].
-        band_width: Of a marker along the cable [m].
-        step: Largest angle between sections [rad].
-    """
-
-    cylinder_radius: float
-    cable_radius: float
-    turned: float
-    landing_z: float
-    landing_lift: float
-    guide_z: float
-    free_length: float
-    tail: float
-    band_width: float
-    step: float
+    cylinder_radius: float  # R [m]
+    cable_radius: float  # r [m]
+    turned: float  # Cylinder angle Theta [rad]
+    landing_z: float  # Where it lands [m]
+    landing_lift: float  # How high it lands on other turns [m]
+    guide_z: float  # [m]
+    free_length: float  # [m]
+    tail: float  # Cable behind P0 [rad]
+    band_width: float  # Of a marker along the cable [m]
+    step: float  # Largest angle between sections [rad]
 
 
 class Lighting(NamedTuple):
@@ -75,23 +61,14 @@ class View(NamedTuple):
 
 
 class Place(NamedTuple):
-    """A point of the centre line.
+    """A point of the centre line."""
 
-    Attributes:
-        x: [m]
-        y: [m]
-        z: [m]
-        out_x: Of the unit vector away from the cylinder's axis.
-        out_y: Of the unit vector away from the cylinder's axis.
-        rise: dz per way along the cylinder's circumference, towards the guide.
-    """
-
-    x: float
-    y: float
-    z: float
-    out_x: float
-    out_y: float
-    rise: float
+    x: float  # [m]
+    y: float  # [m]
+    z: float  # [m]
+    out_x: float  # Of the unit vector away from the cylinder's axis
+    out_y: float  # Of the unit vector away from the cylinder's axis
+    rise: float  # dz per way along the cylinder's circumference, towards the guide
 
 
 @called

@@ -20,20 +20,13 @@ class Window:
 
     A binned pixel is the mean of binning x binning sensor pixels, so the centre of column i lies
     at the full-resolution column x_offset + binning (i + 1/2) - 1/2.
-
-    Attributes:
-        x_offset: First column.
-        y_offset: First row.
-        width: Columns, before binning.
-        height: Rows, before binning.
-        binning: Sensor pixels on a side of one pixel of the frame.
     """
 
-    x_offset: int = 0
-    y_offset: int = 393
-    width: int = 1920
-    height: int = 288
-    binning: int = 3
+    x_offset: int = 0  # First column
+    y_offset: int = 393  # First row
+    width: int = 1920  # Columns, before binning
+    height: int = 288  # Rows, before binning
+    binning: int = 3  # Sensor pixels on a side of one pixel of the frame
 
     def __post_init__(self) -> None:
         if self.binning < 1:
@@ -58,15 +51,10 @@ class Window:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorNoise:
-    """Noise of the sensor in grey levels of eight bits.
+    """Noise of the sensor in grey levels of eight bits."""
 
-    Attributes:
-        read: Standard deviation of a dark pixel.
-        shot: Variance added per grey level of signal.
-    """
-
-    read: float = 1.5
-    shot: float = 0.03
+    read: float = 1.5  # Standard deviation of a dark pixel
+    shot: float = 0.03  # Variance added per grey level of signal
 
     def __post_init__(self) -> None:
         for name in ("read", "shot"):
@@ -80,22 +68,17 @@ class Light:
     """How the scene is lit.
 
     Attributes:
-        gain: Exposure factor, 1 for the nominal light.
         direction: From the scene towards the lamp, in the lab frame; need not be a unit vector.
-        ambient: Share of the light without a direction.
-        highlight: Strength of the specular highlight on the cable, share of white.
-        gloss: Exponent of the highlight.
-        falloff: Relative loss of light from the middle of the window to its corners.
         flicker: Each frame's light is multiplied by a factor drawn between 1 / (1 + flicker) and
             1 + flicker.
     """
 
-    gain: float = 1.0
+    gain: float = 1.0  # Exposure factor, 1 for the nominal light
     direction: tuple[float, float, float] = (1.0, -0.25, 0.1)
-    ambient: float = 0.35
-    highlight: float = 0.08
-    gloss: float = 24.0
-    falloff: float = 0.12
+    ambient: float = 0.35  # Share of the light without a direction
+    highlight: float = 0.08  # Strength of the specular highlight on the cable, share of white
+    gloss: float = 24.0  # Exponent of the highlight
+    falloff: float = 0.12  # Relative loss of light from the middle of the window to its corners
     flicker: float = 0.0
 
     def __post_init__(self) -> None:
@@ -113,25 +96,15 @@ class Light:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraCalibration:
-    """Exactly what a sensor_msgs/CameraInfo says about a camera, in full-resolution pixels.
+    """Content of a sensor_msgs/CameraInfo, in full-resolution pixels."""
 
-    Attributes:
-        width: Columns of the full sensor.
-        height: Rows of the full sensor.
-        distortion_model: "plumb_bob".
-        d: Distortion k1, k2, p1, p2, k3, shape (5,).
-        k: Camera matrix, shape (3, 3).
-        roi: x_offset, y_offset, width, height.
-        binning: binning_x = binning_y.
-    """
-
-    width: int
-    height: int
-    distortion_model: str
-    d: NDArray[np.float64]
-    k: NDArray[np.float64]
-    roi: tuple[int, int, int, int]
-    binning: int
+    width: int  # Columns of the full sensor
+    height: int  # Rows of the full sensor
+    distortion_model: str  # "plumb_bob"
+    d: NDArray[np.float64]  # Distortion k1, k2, p1, p2, k3, shape (5,)
+    k: NDArray[np.float64]  # Camera matrix, shape (3, 3)
+    roi: tuple[int, int, int, int]  # x_offset, y_offset, width, height
+    binning: int  # binning_x = binning_y
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,41 +112,28 @@ class CameraConfig:
     """A camera at +x of the cylinder that looks along -x: image x is +z, image y is +y.
 
     Attributes:
-        width: Columns of the full sensor.
-        height: Rows of the full sensor.
-        focal: Focal length [px]; with the default pose 12.5 px/mm at the cylinder.
-        centre: Principal point, column and row [px].
         distortion: Brown-Conrady k1, k2, p1, p2, k3.
         position: Of the camera's centre in the lab frame [m].
         tilt: Rotation vector about the camera's own axes that turns it away from the nominal
             orientation [rad].
-        window: Region and binning that it delivers.
-        noise: Of the sensor.
-        light: On the scene.
-        supersampling: Samples per pixel and direction.
-        encoding: Of the delivered image; "bgr8".
-        exposure: Time in which the cylinder smears the picture [s].
-        exposure_samples: Instants that the smear is the mean of.
-        defocus: Standard deviation of the blur [px of the delivered image].
-        bayer: Whether each pixel sees one colour only and the others are interpolated.
     """
 
-    width: int = 1920
-    height: int = 1080
-    focal: float = 4900.0
-    centre: tuple[float, float] = (963.2, 536.6)
+    width: int = 1920  # Columns of the full sensor
+    height: int = 1080  # Rows of the full sensor
+    focal: float = 4900.0  # Focal length [px]; with the default pose 12.5 px/mm at the cylinder
+    centre: tuple[float, float] = (963.2, 536.6)  # Principal point, column and row [px]
     distortion: tuple[float, float, float, float, float] = (-0.12, 0.05, 4.0e-4, -3.0e-4, 0.0)
     position: tuple[float, float, float] = (0.4175, 0.0, 0.05)
     tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    window: Window = field(default_factory=Window)
-    noise: SensorNoise = field(default_factory=SensorNoise)
-    light: Light = field(default_factory=Light)
-    supersampling: int = 2
-    encoding: str = BGR8
-    exposure: float = 0.0
-    exposure_samples: int = 5
-    defocus: float = 0.0
-    bayer: bool = False
+    window: Window = field(default_factory=Window)  # Region and binning that it delivers
+    noise: SensorNoise = field(default_factory=SensorNoise)  # Of the sensor
+    light: Light = field(default_factory=Light)  # On the scene
+    supersampling: int = 2  # Samples per pixel and direction
+    encoding: str = BGR8  # Of the delivered image; "bgr8"
+    exposure: float = 0.0  # Time in which the cylinder smears the picture [s]
+    exposure_samples: int = 5  # Instants that the smear is the mean of
+    defocus: float = 0.0  # Standard deviation of the blur [px of the delivered image]
+    bayer: bool = False  # Whether each pixel sees one colour only and the others are interpolated
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.focal) and self.focal > 0.0):
@@ -212,7 +172,7 @@ class CameraConfig:
         return replace(self, window=whole)
 
     def calibration(self) -> CameraCalibration:
-        """Return what the camera's CameraInfo says."""
+        """Return the content of the camera's CameraInfo."""
         window = self.window
         return CameraCalibration(
             width=self.width,

@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_rig_node.camera.config import CameraConfig
-from winding_rig_node.camera.optics import sample_rays
-from winding_rig_node.camera.scene import Paint
-from winding_rig_node.camera.sight import RayRange
-from winding_rig_node.camera.surroundings import Surroundings
+from winding_rig_node.camera.optics import RayRange, sample_rays
+from winding_rig_node.camera.scene import Paint, Surroundings
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
@@ -25,13 +23,11 @@ class StaticView:
     Attributes:
         inverse_depth: Of the cylinder at each sample [1/m], zero beside it,
             shape (rows * s, columns * s).
-        radiance: Mean of each pixel without the cable, shape (rows, columns, 3).
-        rays: Through the window.
     """
 
     inverse_depth: SingleArray
-    radiance: SingleArray
-    rays: RayRange
+    radiance: SingleArray  # Mean of each pixel without the cable, shape (rows, columns, 3)
+    rays: RayRange  # Through the window
 
 
 def static_view(

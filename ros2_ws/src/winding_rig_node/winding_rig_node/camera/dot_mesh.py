@@ -24,17 +24,11 @@ PRINT_DEPTH = 2.0e-4
 
 
 class Dots(NamedTuple):
-    """Printed squares.
+    """Printed squares."""
 
-    Attributes:
-        theta: Wound angles of their middles [rad], nan for none, shape (n,).
-        torsion: Angle around the section from outside towards +z [rad], shape (n,).
-        size: Side [m].
-    """
-
-    theta: FloatArray
-    torsion: FloatArray
-    size: float
+    theta: FloatArray  # Wound angles of their middles [rad], nan for none, shape (n,)
+    torsion: FloatArray  # Angle around the section from outside towards +z [rad], shape (n,)
+    size: float  # Side [m]
 
 
 @compiled

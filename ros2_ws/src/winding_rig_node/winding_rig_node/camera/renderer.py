@@ -14,11 +14,9 @@ from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.cylinder_view import StaticView, static_view
 from winding_rig_node.camera.dot_mesh import Dots, draw_dots
 from winding_rig_node.camera.optics import lens_of, project_points
-from winding_rig_node.camera.raster import BLOCK, LABEL, NEAR, Samples
-from winding_rig_node.camera.resolve import resolve
-from winding_rig_node.camera.scene import Paint, Scene
+from winding_rig_node.camera.raster import BLOCK, LABEL, NEAR, Samples, resolve
+from winding_rig_node.camera.scene import Paint, Scene, Surroundings
 from winding_rig_node.camera.sensor import Noise, demosaiced, expose, falloff, noise_table
-from winding_rig_node.camera.surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]

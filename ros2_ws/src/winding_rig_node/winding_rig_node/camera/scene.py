@@ -1,4 +1,4 @@
-"""What stands before the camera at one instant: cylinder, cable, markers, guide."""
+"""What stands before the camera: cylinder, cable, markers, guide, and what disturbs the picture."""
 
 from __future__ import annotations
 
@@ -6,10 +6,15 @@ import colorsys
 import math
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from winding_rig_node.camera.cable_path import WoundPath
+from winding_rig_node.camera.config import CameraConfig
+
+SingleArray = NDArray[np.float32]
+ByteArray = NDArray[np.uint8]
 
 FloatArray = NDArray[np.float64]
 Colour = tuple[float, float, float]
@@ -31,8 +36,8 @@ class Paint:
 
     def of_markers(self, count: int) -> tuple[Colour, ...]:
         """Return the colour of each of a number of markers."""
-        told = self.markers or (self.marker,)
-        return (told + told[-1:] * count)[:count]
+        given = self.markers or (self.marker,)
+        return (given + given[-1:] * count)[:count]
 
 
 def paint_of_hue(hue: float) -> Colour:
@@ -50,38 +55,27 @@ class Scene:
     (R + r) (theta - cylinder_angle) before the contact line.
 
     Attributes:
-        cylinder_radius: R [m].
-        cable_radius: r [m].
-        cylinder_angle: Theta [rad].
-        path: Axial position of the wound cable; it may reach beyond Theta.
         marker_theta: Wound angle of each marker [rad], shape (m,), nan for one beyond the span.
-        guide_z: Axial position of the guide [m].
-        free_length: Distance of the guide before the contact line [m].
-        band_width: Of a marker's ring band along the cable [m].
         dot_size: Side of the square printed on the outside of the cable that a marker is instead
             of a ring band [m]; 0 for ring bands.
         torsion: By how much the cable is twisted about itself at each marker, which turns a dot
             towards +z [rad], shape (m,) or a number.
-        tail_angle: Cable clamped behind P0, opposite to the winding sense [rad].
-        cylinder_ends: Axial ends of the cylinder [m].
-        cylinder_speed: Turning speed [rad/s], for motion blur only.
-        paint: Colours.
     """
 
-    cylinder_radius: float
-    cable_radius: float
-    cylinder_angle: float
-    path: WoundPath
+    cylinder_radius: float  # R [m]
+    cable_radius: float  # r [m]
+    cylinder_angle: float  # Theta [rad]
+    path: WoundPath  # Axial position of the wound cable; it may reach beyond Theta
     marker_theta: FloatArray
-    guide_z: float
-    free_length: float
-    band_width: float = 6.0e-3
+    guide_z: float  # Axial position of the guide [m]
+    free_length: float  # Distance of the guide before the contact line [m]
+    band_width: float = 6.0e-3  # Of a marker's ring band along the cable [m]
     dot_size: float = 0.0
     torsion: FloatArray | float = 0.0
-    tail_angle: float = 0.5
-    cylinder_ends: tuple[float, float] = (-0.018, 0.118)
-    cylinder_speed: float = 0.0
-    paint: Paint = field(default_factory=Paint)
+    tail_angle: float = 0.5  # Cable clamped behind P0, opposite to the winding sense [rad]
+    cylinder_ends: tuple[float, float] = (-0.018, 0.118)  # Axial ends of the cylinder [m]
+    cylinder_speed: float = 0.0  # Turning speed [rad/s], for motion blur only
+    paint: Paint = field(default_factory=Paint)  # Colours
 
     def __post_init__(self) -> None:
         for name in ("cylinder_radius", "cable_radius", "free_length", "band_width"):
@@ -133,3 +127,99 @@ class Scene:
             axis=-1,
         )
         return np.where((way > 0.0)[:, None], free, wound)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patch:
+    """A flat rectangle fixed before the camera.
+
+    Attributes:
+        in_front: Whether it hides cylinder and cable, like a rod; otherwise it stands behind.
+    """
+
+    column: float  # Of its middle on the full sensor [px]
+    row: float  # Of its middle on the full sensor [px]
+    width: float  # [px]
+    height: float  # [px]
+    colour: Colour  # Radiance, blue-green-red
+    in_front: bool = False
+
+    def __post_init__(self) -> None:
+        if not (self.width > 0.0 and self.height > 0.0):
+            raise ValueError(f"patch size must be positive, got {self.width} x {self.height} px")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Surroundings:
+    """Everything that stands still around the cylinder.
+
+    Attributes:
+        photograph: Fills the backdrop, blue-green-red, uint8 of shape (any, any, 3); None for a
+            plain one.
+    """
+
+    patches: tuple[Patch, ...] = ()  # Decoys and rods
+    photograph: ByteArray | None = None
+
+    def __post_init__(self) -> None:
+        photo = self.photograph
+        if photo is not None and (
+            photo.dtype != np.uint8 or photo.ndim != 3 or photo.shape[2] != 3 or photo.size == 0
+        ):
+            raise ValueError(
+                f"photograph must be uint8 of shape (h, w, 3), got {photo.dtype} {photo.shape}"
+            )
+
+    def behind(self, config: CameraConfig, radiance: SingleArray) -> SingleArray:
+        """Return the backdrop with photograph and decoys, shape (rows, columns, 3).
+
+        Args:
+            config: The camera.
+            radiance: Plain backdrop of the same shape.
+        """
+        out = radiance.copy()
+        if self.photograph is not None:
+            window = config.window
+            whole = cv2.resize(
+                self.photograph, (config.width, config.height), interpolation=cv2.INTER_AREA
+            )
+            part = whole[
+                window.y_offset : window.y_offset + window.height,
+                window.x_offset : window.x_offset + window.width,
+            ]
+            rows, columns = window.shape
+            out[:] = cv2.resize(part, (columns, rows), interpolation=cv2.INTER_AREA)
+        for patch in self.patches:
+            if not patch.in_front:
+                _blend(out, coverage(config, patch), patch.colour)
+        return out
+
+    def cover(self, config: CameraConfig, radiance: SingleArray) -> SingleArray:
+        """Return a picture with everything that stands before the cable painted over it."""
+        front = [patch for patch in self.patches if patch.in_front]
+        if not front:
+            return radiance
+        out = radiance.copy()
+        for patch in front:
+            _blend(out, coverage(config, patch), patch.colour)
+        return out
+
+
+def coverage(config: CameraConfig, patch: Patch) -> SingleArray:
+    """Return which share of each pixel a patch covers, shape (rows, columns)."""
+    window = config.window
+    rows, columns = window.shape
+    across = _overlap(patch.column - window.x_offset, patch.width, columns, window.binning)
+    down = _overlap(patch.row - window.y_offset, patch.height, rows, window.binning)
+    return (down[:, None] * across[None, :]).astype(np.float32)
+
+
+def _overlap(middle: float, size: float, count: int, binning: int) -> NDArray[np.float64]:
+    edges = np.arange(count + 1) * binning - 0.5
+    first, last = middle - 0.5 * size, middle + 0.5 * size
+    shared = np.minimum(edges[1:], last) - np.maximum(edges[:-1], first)
+    return np.asarray(np.clip(shared / binning, 0.0, 1.0), dtype=float)
+
+
+def _blend(picture: SingleArray, share: SingleArray, colour: Colour) -> None:
+    picture += share[..., None] * (np.array(colour, dtype=np.float32) - picture)

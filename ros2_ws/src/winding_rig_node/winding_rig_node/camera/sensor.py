@@ -39,29 +39,21 @@ class Noise(NamedTuple):
     """Noise of one frame.
 
     Attributes:
-        read: Standard deviation of a dark pixel [grey levels].
-        shot: Variance per grey level of signal.
-        table: Standard normal numbers, shape (n,).
         offsets: Where each row starts to read the table, shape (rows,); a row needs 3 * columns
             numbers after it.
     """
 
-    read: float
-    shot: float
-    table: SingleArray
+    read: float  # Standard deviation of a dark pixel [grey levels]
+    shot: float  # Variance per grey level of signal
+    table: SingleArray  # Standard normal numbers, shape (n,)
     offsets: IndexArray
 
 
 class Falloff(NamedTuple):
-    """Light that reaches the sensor, the difference of two parts, 1 in the middle.
+    """Light that reaches the sensor, the difference of two parts, 1 in the middle."""
 
-    Attributes:
-        across: Part of each number of a row, shape (3 * columns,).
-        down: What a row loses, shape (rows,).
-    """
-
-    across: SingleArray
-    down: SingleArray
+    across: SingleArray  # Part of each number of a row, shape (3 * columns,)
+    down: SingleArray  # What a row loses, shape (rows,)
 
 
 def falloff(shape: tuple[int, int], loss: float) -> Falloff:

@@ -7,28 +7,20 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_rig_node.camera.cable_path import CablePath, WoundPath
-from winding_rig_node.camera.growing_path import GrowingPath
-from winding_rig_node.machine.driven_lay import LayView
-from winding_rig_node.machine.lay import CableLay
+from winding_rig_node.camera.cable_path import CablePath, GrowingPath, WoundPath
+from winding_rig_node.lay.known_lay import CableLay
+from winding_rig_node.lay.lay_law import LayView
 
 FloatArray = NDArray[np.float64]
 
 
 class SeenLay(NamedTuple):
-    """What a `Scene` needs of a lay; see there.
+    """What a `Scene` needs of a lay; see there."""
 
-    Attributes:
-        path: Axial position of the wound cable.
-        marker_theta: Wound angle of each marker [rad], shape (m,).
-        guide_z: Axial position of the guide's eye [m].
-        free_length: Distance of the eye before the contact line [m].
-    """
-
-    path: WoundPath
-    marker_theta: FloatArray
-    guide_z: float
-    free_length: float
+    path: WoundPath  # Axial position of the wound cable
+    marker_theta: FloatArray  # Wound angle of each marker [rad], shape (m,)
+    guide_z: float  # Axial position of the guide's eye [m]
+    free_length: float  # Distance of the eye before the contact line [m]
 
 
 class ShownLay(Protocol):
@@ -63,7 +55,7 @@ class KnownLay:
 
 
 class GrowingLay:
-    """A lay that is wound as the machine goes, told view by view.
+    """A lay that is wound as the machine goes, followed view by view.
 
     Args:
         first: Its first view.

@@ -1,1 +1,1 @@
-"""The simulated machine: motors, encoders, controllers, load cell, faults and the true lay."""
+"""Which machine winds: axes, sensors, phases, commands, plausibility and faults, without ROS?"""

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from winding_core.commands import AXES, AxisTarget, Interpolation, Motion
+from winding_core.machine.commands import AXES, AxisTarget, Interpolation, Motion
 
 # Rate at which the setpoint closes up to what is wanted [1/s].
 _CLOSING_RATE = 40.0
@@ -22,21 +22,13 @@ _REACHED = 1.0e-3
 
 @dataclass(frozen=True, kw_only=True)
 class MotionLimits:
-    """What a commander may ask of an axis.
+    """What a commander may ask of an axis."""
 
-    Attributes:
-        name: As a sentence names it.
-        speed: Largest speed [rad/s or m/s].
-        acceleration: Largest acceleration [rad/s^2 or m/s^2].
-        low: Start of its travel [rad or m].
-        high: End of its travel [rad or m].
-    """
-
-    name: str
-    speed: float
-    acceleration: float
-    low: float = -math.inf
-    high: float = math.inf
+    name: str  # As a sentence names it
+    speed: float  # Largest speed [rad/s or m/s]
+    acceleration: float  # Largest acceleration [rad/s^2 or m/s^2]
+    low: float = -math.inf  # Start of its travel [rad or m]
+    high: float = math.inf  # End of its travel [rad or m]
 
     @property
     def unit(self) -> str:
@@ -56,7 +48,7 @@ class Aim(Protocol):
         ...
 
     def unattended(self, t: float, timeout: float, rest: float) -> bool:
-        """Return whether nobody has repeated in time what the axis still moves for.
+        """Return whether the command that the axis still moves for was not repeated in time.
 
         Args:
             t: Now [s].
@@ -68,7 +60,7 @@ class Aim(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Planned:
-    """A trajectory: a plan with an end, the `course`, which nobody has to repeat."""
+    """A trajectory: a plan with an end, the `course`, which needs no repetition."""
 
     course: Interpolation
 
@@ -86,19 +78,14 @@ class Target:
     """The last of a stream of targets; between samples their rate carries on.
 
     Attributes:
-        target: What was commanded.
-        stamp: When it holds [s].
-        heard: When it came [s].
-        rate: Change of the commanded number per second.
-        period: Time between samples [s]; 0 when it is no sample of a stream.
         to_go: Distance from the axis to it [rad or m]; infinite before the first control step.
     """
 
-    target: AxisTarget
-    stamp: float
-    heard: float
-    rate: float = 0.0
-    period: float = 0.0
+    target: AxisTarget  # What was commanded
+    stamp: float  # When it holds [s]
+    heard: float  # When it came [s]
+    rate: float = 0.0  # Change of the commanded number per second
+    period: float = 0.0  # Time between samples [s]; 0 when it is no sample of a stream
     to_go: float = math.inf
 
     @classmethod

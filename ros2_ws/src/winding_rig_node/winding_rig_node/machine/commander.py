@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from winding_core.commands import (
+from winding_core.machine.commands import (
     CARRIAGE,
     CYLINDER,
     Command,
@@ -36,7 +36,7 @@ CARRIAGE_LIMITS = MotionLimits(name=CARRIAGE, speed=0.08, acceleration=0.5, low=
 
 
 class CommandError(ValueError):
-    """The machine cannot do what it is told; nothing has changed."""
+    """The machine cannot execute a command; nothing has changed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,19 +44,14 @@ class CommandLimits:
     """What a commander may ask of the machine.
 
     Attributes:
-        cylinder: Its axis.
-        carriage: Its axis.
-        low_tension: Smallest pull of the brake [N].
-        high_tension: Its largest pull [N].
-        brake_time: Time constant of the brake [s].
         timeout: How long a target holds that is not reached yet, and how old one may be [s].
     """
 
-    cylinder: MotionLimits = CYLINDER_LIMITS
-    carriage: MotionLimits = CARRIAGE_LIMITS
-    low_tension: float = 0.1
-    high_tension: float = 20.0
-    brake_time: float = 0.2
+    cylinder: MotionLimits = CYLINDER_LIMITS  # Its axis
+    carriage: MotionLimits = CARRIAGE_LIMITS  # Its axis
+    low_tension: float = 0.1  # Smallest pull of the brake [N]
+    high_tension: float = 20.0  # Its largest pull [N]
+    brake_time: float = 0.2  # Time constant of the brake [s]
     timeout: float = 0.5
 
     def __post_init__(self) -> None:
@@ -108,7 +103,7 @@ class Commander:
     def take(
         self, command: Command, now: float, standing: Mapping[str, CommandedAxis], pull: float
     ) -> None:
-        """Do what a command says from now on.
+        """Execute a command from now on.
 
         Args:
             command: The command.

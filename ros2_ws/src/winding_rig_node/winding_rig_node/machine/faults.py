@@ -54,13 +54,11 @@ class Fault:
     """One fault of one signal.
 
     Attributes:
-        target: Name of the signal.
-        kind: What is wrong.
-        amount: Factor, one value in so many, delay [s] or share lost; 0 where it says nothing.
+        amount: Factor, one value in so many, delay [s] or share lost; 0 for a kind without one.
     """
 
-    target: str
-    kind: FaultKind
+    target: str  # Name of the signal
+    kind: FaultKind  # What is wrong
     amount: float = 0.0
 
 
@@ -181,7 +179,7 @@ class Faults:
         return self._channels.get(target)
 
     def through(self, target: str, t: float, value: float) -> float | None:
-        """Return what a sensor says instead of `value` at time t [s]; None when it is silent."""
+        """Return a sensor's reading in place of `value` at time t [s]; None when it is silent."""
         channel = self._channels.get(target)
         if channel is None:
             return value

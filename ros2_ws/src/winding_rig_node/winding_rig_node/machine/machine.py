@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import astuple, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
-from winding_core.commands import AXES, Command
-from winding_core.readings import CABLE_TENSION, AxisReading
+from winding_core.machine.commands import AXES, Command
+from winding_core.machine.readings import CABLE_TENSION, AxisReading
 from winding_rig_node.machine.axis import (
     AxisConfig,
     AxisState,
@@ -27,9 +28,11 @@ from winding_rig_node.machine.machine_config import (
     LOAD_CELL_SIGNAL,
     SAMPLE_RATE,
     MachineConfig,
+    MachineState,
+    Phase,
+    PhaseError,
     sensor_limits,
 )
-from winding_rig_node.machine.machine_state import MachineState, Phase, PhaseError
 from winding_rig_node.machine.plausibility import AxisObservation, Plausibility
 from winding_rig_node.machine.setpoints import Setpoints
 
@@ -49,8 +52,8 @@ class Machine:
         faults: What is wrong with its sensors on purpose.
         plausibility: Judge of its sensors.
         commander: What outside commanders have asked for since the last start.
-        sensors: What each sensor beside the encoders said last, by the name of its quantity;
-            None when it said nothing that can be.
+        sensors: Last reading of each sensor beside the encoders, by the name of its quantity;
+            None when it was invalid.
     """
 
     def __init__(self, config: MachineConfig, rng: np.random.Generator) -> None:
@@ -131,7 +134,7 @@ class Machine:
             self._hurry(Phase.PROTECTIVE, reason)
 
     def command(self, command: Command) -> None:
-        """Do what an outside commander says; its axes leave the drive programme until a start.
+        """Execute an external command; its axes leave the drive programme until a start.
 
         Raises:
             CommandError: The machine does not wind, or cannot do that; nothing has changed.
@@ -204,7 +207,7 @@ class Machine:
             self._judge()
 
     def reading(self) -> AxisReading:
-        """Return what the encoders say now."""
+        """Return the encoders' readings now."""
         cylinder, carriage = self.state.cylinder.encoder, self.state.carriage.encoder
         return AxisReading(
             cylinder_angle=cylinder.position,
@@ -224,7 +227,7 @@ class Machine:
         )
 
     def tension(self) -> float | None:
-        """Return one load cell sample [N], or None when the load cell says nothing that can be.
+        """Return one load cell sample [N], or None when it is invalid.
 
         It is the pull on the cable with noise and the converter's steps.
         """
@@ -233,8 +236,8 @@ class Machine:
             self.plausibility.config = replace(self.plausibility.config, weight=force)
         noisy = force + self.config.force_noise * self._rng.standard_normal()
         step = self.config.force_resolution
-        said = self.faults.through(LOAD_CELL_SIGNAL, self.time, step * round(noisy / step))
-        return self.plausibility.tension(self.time, said)
+        reading = self.faults.through(LOAD_CELL_SIGNAL, self.time, step * round(noisy / step))
+        return self.plausibility.tension(self.time, reading)
 
     def _turns(self) -> bool:
         return self.state.cylinder.motor.speed != 0.0 or self.state.carriage.motor.speed != 0.0
@@ -277,8 +280,8 @@ class Machine:
 
     def _seen(self, index: int, position: float) -> float | None:
         """Return what an axis's encoder makes of its position, if that can be."""
-        said = self.faults.through(self._axes()[index][3], self.time, position)
-        return self.plausibility.position(index, self.time, said)
+        reading = self.faults.through(self._axes()[index][3], self.time, position)
+        return self.plausibility.position(index, self.time, reading)
 
     def _control(self) -> None:
         state = self.state
@@ -326,3 +329,19 @@ class Machine:
         )
         if reason is not None:
             self.protect(reason)
+
+
+def axis_trial(config: MachineConfig, seed: int = 0) -> NDArray[np.float64]:
+    """Drive both axes through a run.
+
+    Returns:
+        A row for each sample, shape (n, 9): time [s], then angle, speed, carriage position and
+        carriage speed as `AxisReading` has them, measured and then commanded.
+    """
+    machine = Machine(config, np.random.default_rng(seed))
+    machine.start()
+    rows = []
+    for _ in range(round(config.duration * SAMPLE_RATE)):
+        machine.step()
+        rows.append((machine.time, *astuple(machine.reading()), *astuple(machine.setpoints())))
+    return np.array(rows)

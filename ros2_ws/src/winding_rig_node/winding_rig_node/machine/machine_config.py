@@ -1,16 +1,23 @@
-"""What the machine is: rates, axes, sensors, and the limits of what these can say."""
+"""What the machine is: rates, axes, sensors and their limits; its state and the phases of a run."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from enum import Enum
 
-from winding_core.cases import Case
-from winding_core.drive import PAPER_FEED_SPEED, DriveProfile
-from winding_rig_node.machine.axis import AxisConfig, tuned_pid
+from winding_core.cable.cases import Case
+from winding_core.machine.drive import PAPER_FEED_SPEED, DriveProfile
+from winding_rig_node.machine.axis import (
+    CARRIAGE_ENCODER,
+    CARRIAGE_MOTOR,
+    CYLINDER_ENCODER,
+    CYLINDER_MOTOR,
+    AxisConfig,
+    AxisState,
+    tuned_pid,
+)
 from winding_rig_node.machine.commander import CommandLimits
-from winding_rig_node.machine.encoder import CARRIAGE_ENCODER, CYLINDER_ENCODER
-from winding_rig_node.machine.motor import CARRIAGE_MOTOR, CYLINDER_MOTOR
 from winding_rig_node.machine.plausibility import AxisLimits, PlausibilityConfig
 
 SAMPLE_RATE = 1000
@@ -38,26 +45,19 @@ class MachineConfig:
     """The machine and its load.
 
     Attributes:
-        case: What is wound.
-        drive: Target speeds.
-        duration: Drive time after which a run is finished [s].
-        cylinder: Rotating axis.
-        carriage: Traversing axis.
-        force_noise: One standard deviation of the load cell [N].
-        force_resolution: Step of its converter [N].
         settling_time: How long the encoders go on after a quick or protective stop [s], so that
             the readers see the machine stand.
         quick_stop_time: Time from full speed to standstill in a quick or protective stop [s].
         commands: What outside commanders may ask for.
     """
 
-    case: Case
-    drive: DriveProfile
-    duration: float
-    cylinder: AxisConfig = CYLINDER_AXIS
-    carriage: AxisConfig = CARRIAGE_AXIS
-    force_noise: float = 0.01
-    force_resolution: float = 0.001
+    case: Case  # What is wound
+    drive: DriveProfile  # Target speeds
+    duration: float  # Drive time after which a run is finished [s]
+    cylinder: AxisConfig = CYLINDER_AXIS  # Rotating axis
+    carriage: AxisConfig = CARRIAGE_AXIS  # Traversing axis
+    force_noise: float = 0.01  # One standard deviation of the load cell [N]
+    force_resolution: float = 0.001  # Step of its converter [N]
     settling_time: float = 0.1
     quick_stop_time: float = 0.3
     commands: CommandLimits = field(default_factory=CommandLimits)
@@ -66,7 +66,7 @@ class MachineConfig:
 def sensor_limits(
     config: MachineConfig, full_speeds: tuple[float, ...] | None = None
 ) -> PlausibilityConfig:
-    """Return what the sensors of a machine can say.
+    """Return the limits of a machine's sensors.
 
     Args:
         config: The machine.
@@ -89,6 +89,50 @@ def sensor_limits(
             ),
         ),
         weight=config.case.weight,
-        # Without noise a healthy load cell says the same for ever.
+        # Without noise a healthy load cell repeats one value for ever.
         still_tension=0.3 if config.force_noise > config.force_resolution else math.inf,
     )
+
+
+class Phase(Enum):
+    """What the machine is doing."""
+
+    IDLE = "idle"
+    WINDING = "winding"
+    STOPPING = "stopping"
+    FINISHED = "finished"
+    PROTECTIVE = "protective stop"
+    EMERGENCY = "emergency stop"
+
+
+class PhaseError(ValueError):
+    """The machine cannot do this in its present phase."""
+
+
+@dataclass(kw_only=True)
+class MachineState:
+    """Everything that changes.
+
+    Attributes:
+        origins: Where the drive programme's way begins, by axis, once the axis was commanded.
+    """
+
+    phase: Phase = Phase.IDLE  # What the machine does
+    sample: int = 0  # Number of encoder samples since the machine was switched on
+    drive_sample: int = 0  # Samples of the current run, the ramps of stops and starts included
+    fraction: float = 0.0  # Share of full speed that the setpoints ask for
+    fraction_rate: float = 0.0  # Its change per second [1/s]
+    full_speed_time: float = 0.0  # Time at full speed that covers the commanded way so far [s]
+    quick: bool = False  # Whether the present stop is a quick one
+    reason: str = ""  # Why the machine was stopped, where no stop was requested
+    stop_began: float | None = None  # When the last unplanned stop began, simulated time [s]
+    stood_at: float | None = None  # When both axes stood after it [s]
+    tension: float | None = None  # Last load cell sample [N]; None when it was invalid
+    origins: dict[str, float] = field(default_factory=dict)
+    cylinder: AxisState = field(default_factory=AxisState)  # Its axis, in radians
+    carriage: AxisState = field(default_factory=AxisState)  # Its axis, in metres
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the machine was switched on [s]."""
+        return self.sample / SAMPLE_RATE

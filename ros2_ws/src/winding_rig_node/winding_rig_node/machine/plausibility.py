@@ -1,4 +1,4 @@
-"""Does what the sensors say fit the machine? What cannot be is refused; what lasts stops it."""
+"""Do readings fit the machine? Invalid ones are refused; a persistent misfit stops the machine."""
 
 from __future__ import annotations
 
@@ -11,17 +11,11 @@ from winding_core.units import MILLISECOND
 
 @dataclass(frozen=True, kw_only=True)
 class AxisLimits:
-    """What one axis can do.
+    """What one axis can do."""
 
-    Attributes:
-        name: As a sentence names it.
-        full_speed: Speed of the run [rad/s or m/s].
-        resolution: Way per count of the encoder [rad or m].
-    """
-
-    name: str
-    full_speed: float
-    resolution: float
+    name: str  # As a sentence names it
+    full_speed: float  # Speed of the run [rad/s or m/s]
+    resolution: float  # Way per count of the encoder [rad or m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,41 +23,29 @@ class PlausibilityConfig:
     """Limits of the machine's sensors.
 
     Attributes:
-        axes: Cylinder and carriage.
-        weight: Dead weight on the cable [N].
-        patience: How long a limit may be exceeded [s].
-        overspeed: Largest speed, as a share of full speed.
         disagreement: Largest difference between measured speed and commanded speed, or the
             speed that the motor's voltage stands for, as a share of full speed. Twelve healthy
             cases stay below 0.05.
-        low_tension: Smallest tension, as a share of the weight.
-        high_tension: Largest tension, as a share of the weight.
-        still_tension: How long a load cell may say the very same [s]; noise moves a healthy one.
+        still_tension: How long a load cell may repeat one value [s]; noise moves a healthy one.
     """
 
-    axes: tuple[AxisLimits, ...]
-    weight: float
-    patience: float = 0.05
-    overspeed: float = 1.5
+    axes: tuple[AxisLimits, ...]  # Cylinder and carriage
+    weight: float  # Dead weight on the cable [N]
+    patience: float = 0.05  # How long a limit may be exceeded [s]
+    overspeed: float = 1.5  # Largest speed, as a share of full speed
     disagreement: float = 0.25
-    low_tension: float = 0.2
-    high_tension: float = 3.0
+    low_tension: float = 0.2  # Smallest tension, as a share of the weight
+    high_tension: float = 3.0  # Largest tension, as a share of the weight
     still_tension: float = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
 class AxisObservation:
-    """One axis at one moment, in its own units per second.
+    """One axis at one moment, in its own units per second."""
 
-    Attributes:
-        commanded: Speed setpoint.
-        measured: Speed that the encoder gives.
-        modelled: Speed that the motor's voltage stands for.
-    """
-
-    commanded: float
-    measured: float
-    modelled: float
+    commanded: float  # Speed setpoint
+    measured: float  # Speed that the encoder gives
+    modelled: float  # Speed that the motor's voltage stands for
 
 
 class Plausibility:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from winding_core.commands import CARRIAGE, CYLINDER
+from winding_core.machine.commands import CARRIAGE, CYLINDER
 from winding_rig_node.machine.axis import AxisState
 from winding_rig_node.machine.commanded_axis import CommandedAxis
 from winding_rig_node.machine.commander import Commander
-from winding_rig_node.machine.machine_config import MachineConfig
-from winding_rig_node.machine.machine_state import MachineState, Phase, PhaseError
+from winding_rig_node.machine.machine_config import MachineConfig, MachineState, Phase, PhaseError
 
 # Speed that an axis under commands is given per way behind its setpoint [1/s].
 _POSITION_GAIN = 8.0
@@ -19,7 +18,7 @@ class Setpoints:
     Args:
         config: The machine.
         state: Its state.
-        commander: Says which axes are under commands.
+        commander: Knows which axes are under commands.
     """
 
     def __init__(self, config: MachineConfig, state: MachineState, commander: Commander) -> None:
@@ -44,7 +43,7 @@ class Setpoints:
 
         Args:
             name: The axis.
-            measured: Position that its encoder says [rad or m].
+            measured: Position by its encoder [rad or m].
             dt: Control period [s].
             hurried: Whether the machine is on its way to a standstill that nothing may delay.
 

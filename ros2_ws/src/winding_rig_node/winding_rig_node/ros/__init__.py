@@ -1,1 +1,1 @@
-"""The rig's messages."""
+"""What does the rig exchange with the graph: parameters, commands, sensors, pictures, status?"""

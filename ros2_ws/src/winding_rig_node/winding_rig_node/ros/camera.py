@@ -10,24 +10,24 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import Case
-from winding_core.marker_parameters import DOT
-from winding_core.readings import ImageWindow
+from winding_core.cable.cases import Case
+from winding_core.machine.readings import ImageWindow
+from winding_core.markers import DOT
 from winding_rig_node.camera.config import CameraCalibration, CameraConfig, SensorNoise
-from winding_rig_node.camera.preview import encode_jpeg
+from winding_rig_node.camera.pictures import encode_jpeg
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Paint, Scene, paint_of_hue
 from winding_rig_node.camera.shown_lay import ShownLay
-from winding_rig_node.machine.driven_lay import DrivenLay, LayView
+from winding_rig_node.lay.lay_law import LayView, MotionLay
 from winding_rig_node.machine.faults import Faults
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SAMPLE_RATE
 from winding_rig_node.ros.outputs import due
 from winding_rig_node.ros.parameters import RigParameters
 from winding_ros import topics
-from winding_ros.camera_messages import CameraReading, decode_camera_info
-from winding_ros.message_error import MessageError
-from winding_ros.node_trace import now_ns
+from winding_ros.messages.camera import CameraReading, decode_camera_info
+from winding_ros.messages.serialised import MessageError
+from winding_ros.runtime.node_trace import now_ns
 
 CAMERA_SIGNAL = "camera"
 # A camera that falls behind by this many frames holds the machine's time.
@@ -42,19 +42,14 @@ class Exposure:
     """One frame that the camera has to take, and where the axes stand then.
 
     Attributes:
-        t: [s].
-        index: Of the frame, from 0.
-        cylinder_angle: [rad].
-        angular_speed: [rad/s].
-        guide_z: [m].
         lay: What the machine has wound by then; None for a lay that is known ahead.
     """
 
-    t: float
-    index: int
-    cylinder_angle: float
-    angular_speed: float
-    guide_z: float
+    t: float  # [s]
+    index: int  # Of the frame, from 0
+    cylinder_angle: float  # [rad]
+    angular_speed: float  # [rad/s]
+    guide_z: float  # [m]
     lay: LayView | None = None
 
 
@@ -112,7 +107,7 @@ class Camera:
                 f"the sensor has {present.width} x {present.height} pixels, the calibration is "
                 f"for {reading.width} x {reading.height}"
             )
-        # The window is the driver's own: a calibration says nothing about it.
+        # The window is the driver's own: a calibration does not change it.
         self.calibration = replace(reading, window=present.window)
 
     def expose(self, exposure: Exposure, going: Callable[[], bool]) -> None:
@@ -126,7 +121,7 @@ class Camera:
             return
 
     def run(self, going: Callable[[], bool]) -> None:
-        """Take exposures until told to stop; the loop of the camera's thread."""
+        """Take exposures until `going` ends; the loop of the camera's thread."""
         while True:
             try:
                 exposure, began = self._exposures.get(timeout=_POLL)
@@ -182,7 +177,7 @@ class Camera:
         )
 
 
-def exposure_of(machine: Machine, lay: DrivenLay | None) -> Exposure:
+def exposure_of(machine: Machine, lay: MotionLay | None) -> Exposure:
     """Return what a frame shows that is taken of a machine, and of the lay it winds, now."""
     return Exposure(
         t=machine.time,

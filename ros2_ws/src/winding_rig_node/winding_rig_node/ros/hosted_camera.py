@@ -10,20 +10,65 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from rcl_interfaces.srv import GetParameters
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 
-from winding_core.machine_axes import MachineAxes
-from winding_core.readings import AxisReading
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.readings import AxisReading
+from winding_core.parameters import build, declarations
 from winding_rig_node.camera.shown_lay import KnownLay
 from winding_rig_node.machine.machine_config import SAMPLE_RATE
-from winding_rig_node.ros.asked_parameters import asked_parameters
 from winding_rig_node.ros.camera import Camera, Exposure
+from winding_rig_node.ros.parameters import RigParameters
 from winding_ros import topics
-from winding_ros.camera_messages import CameraReading, encode_camera_info
-from winding_ros.message_error import MessageError
-from winding_ros.node_trace import now_ns
-from winding_ros.polled import PolledTopic
-from winding_ros.rig_messages import JointStateReader
+from winding_ros.messages.camera import CameraReading, encode_camera_info
+from winding_ros.messages.rig import JointStateReader
+from winding_ros.messages.serialised import MessageError
+from winding_ros.runtime.node_trace import now_ns
+from winding_ros.topic import PolledTopic
+
+# An answer is lost while client and server find each other, so the request is repeated.
+_ATTEMPTS = 20
+_PATIENCE = 0.5
+
+
+class SilentRigError(ValueError):
+    """The rig does not answer with its parameters."""
+
+
+def asked_parameters(node: Node) -> RigParameters:
+    """Return the present parameters of the rig in a node's namespace.
+
+    Args:
+        node: Asks; added to no executor.
+
+    Raises:
+        SilentRigError: The rig does not answer.
+        ParameterError: It answers with something else.
+    """
+    names = [item.name for item in declarations(RigParameters)]
+    client = node.create_client(GetParameters, f"{topics.RIG}/get_parameters")
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    try:
+        for _ in range(_ATTEMPTS):
+            if not client.wait_for_service(timeout_sec=_PATIENCE):
+                continue
+            answer = client.call_async(GetParameters.Request(names=names))
+            executor.spin_until_future_complete(answer, timeout_sec=_PATIENCE)
+            if answer.done():
+                values = map(parameter_value_to_python, answer.result().values)
+                given = dict(zip(names, values, strict=False))
+                return build(RigParameters, given, owner=topics.RIG)
+    finally:
+        executor.remove_node(node)
+        executor.shutdown()
+        node.destroy_client(client)
+    waited = _ATTEMPTS * _PATIENCE
+    raise SilentRigError(f"{topics.RIG} does not say within {waited:g} s what it is set to")
+
 
 _NAME = "winding_rig_camera"
 # The machine publishes bursts of 5 ms.
@@ -59,7 +104,7 @@ def open_camera(port: Port) -> Iterator[None]:
         port: Takes the frames, from a thread of the camera's own.
 
     Raises:
-        SilentRigError: The rig does not say what it winds.
+        SilentRigError: The rig does not answer with its parameters.
     """
     node = Node(_NAME, context=port.context, enable_rosout=False, start_parameter_services=False)
     closing = threading.Event()
@@ -106,7 +151,7 @@ class _Handover:
 
 
 def _usable(joints: PolledTopic, read: JointStateReader) -> Iterator[tuple[float, AxisReading]]:
-    """Yield what has arrived and says where the axes are; the tracker counts what does not."""
+    """Yield the usable joint states that have arrived; the tracker counts the others."""
     for taken in joints.take():
         with contextlib.suppress(MessageError):
             yield read(taken.data)

@@ -7,10 +7,9 @@ import threading
 import time
 from collections.abc import Callable
 
-from winding_rig_node.machine.driven_lay import DrivenLay
+from winding_rig_node.lay.lay_law import MotionLay
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_config import SAMPLE_RATE
-from winding_rig_node.machine.machine_state import Phase
+from winding_rig_node.machine.machine_config import SAMPLE_RATE, Phase
 from winding_rig_node.machine.pace import Pace
 from winding_rig_node.ros.camera import Camera, exposure_of
 from winding_rig_node.ros.outputs import Outputs
@@ -45,7 +44,7 @@ class MachineLoop:
         pace: Pace,
         outputs: Outputs,
         camera: Camera | None,
-        lay: DrivenLay | None,
+        lay: MotionLay | None,
         *,
         finished: Callable[[], None],
         warn: Callable[[str], None],
@@ -61,7 +60,7 @@ class MachineLoop:
             camera: Takes its pictures in a second thread; None for a camera elsewhere.
             lay: What the machine winds; None for a lay that is known ahead.
             finished: Called, from the machine's thread, when a run has reached its end.
-            warn: Receives the sentence of a stop that nobody asked for.
+            warn: Receives the sentence of a stop that was not requested.
             fail: Receives what ended a thread.
         """
         self.machine = machine
@@ -90,7 +89,7 @@ class MachineLoop:
         self._quit = False
         if self._lay is not None:
             # What was exposed last before a halt may not have reached the camera.
-            self._lay.path.tell_anew()
+            self._lay.renew_view()
         self._threads = [threading.Thread(target=self._guard(self._run), name="machine")]
         camera = self._camera
         if camera is not None:
@@ -155,7 +154,7 @@ class MachineLoop:
         if not self.running:
             return
         with self._changed:
-            self.machine.quick_stop("the node was told to end")
+            self.machine.quick_stop("the node ends")
             self._changed.notify_all()
             end = time.monotonic() + _REST_PATIENCE
             while self.machine.moving and not self._failed and time.monotonic() < end:
@@ -219,7 +218,7 @@ class MachineLoop:
         last_answer = time.monotonic()
         with self._changed:
             while self.machine.time + _SAMPLE_PERIOD > self.pace.limit + _ROUNDING:
-                # A machine that has to stand soon waits for nobody.
+                # A machine that has to stand soon waits for no reader.
                 if self._quit or self.machine.hurried:
                     break
                 self._check_supervisor()

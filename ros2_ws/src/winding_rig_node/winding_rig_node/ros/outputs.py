@@ -1,27 +1,29 @@
-"""What the rig publishes: encoded, and with the faults that are put in on purpose."""
+"""What the rig publishes: encoded, with the faults that are put in on purpose, and its status."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import astuple, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.readings import AxisReading, Quantity
+from winding_core.machine.readings import AxisReading, Quantity
+from winding_core.status import Level, Status
 from winding_rig_node.machine.faults import Faults, Values
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_config import SAMPLE_RATE
+from winding_rig_node.machine.machine_config import SAMPLE_RATE, Phase
+from winding_rig_node.machine.pace import Pace
 from winding_ros import graph, topics
-from winding_ros.camera_messages import (
+from winding_ros.messages.camera import (
     CameraReading,
     camera_info_template,
     encode_image,
     encode_preview,
 )
-from winding_ros.managed_node import ManagedNode
-from winding_ros.rig_messages import encode_clock, encode_joint_state, encode_quantity
+from winding_ros.messages.rig import encode_clock, encode_joint_state, encode_quantity
+from winding_ros.runtime.managed_node import ManagedNode
 from winding_ros.topic import Topic
 
 _MEASURED = tuple(
@@ -30,7 +32,7 @@ _MEASURED = tuple(
 
 
 class Outputs:
-    """What the rig says, topic by topic.
+    """Publications of the rig, topic by topic.
 
     Attributes:
         faults: What is wrong with the topics on purpose; a healthy topic costs nothing.
@@ -64,13 +66,13 @@ class Outputs:
     def joints(self, topic: Topic, t: float, reading: AxisReading) -> None:
         """Publish both axes, as measured or as commanded."""
         for stamp, values in self._through(topic, t, lambda: _axis_values(reading)):
-            said = reading if values is None else _axis_reading(values)
-            self._publish(topic, encode_joint_state(stamp, said))
+            sent = reading if values is None else _axis_reading(values)
+            self._publish(topic, encode_joint_state(stamp, sent))
 
     def measured(
         self, t: float, sample: int, sensors: Mapping[str, Callable[[], float | None]]
     ) -> None:
-        """Publish what the sensors say whose turn it is at a sample of the run."""
+        """Publish the sensors whose turn it is at a sample of the run."""
         for topic, quantity in _MEASURED:
             value = sensors[quantity.name]() if due(sample, topic) else None
             if value is not None:
@@ -79,18 +81,19 @@ class Outputs:
     def camera_info(self, t: float, calibration: CameraReading) -> None:
         """Publish the camera's calibration."""
         for stamp, values in self._through(topics.CAMERA_INFO, t, calibration.matrix.copy):
-            said = calibration
+            sent = calibration
             if values is not None:
-                said = replace(calibration, matrix=np.asarray(values, dtype=float).reshape(3, 3))
-            if said is not self._calibration:
-                self._calibration, self._info = said, camera_info_template(said)
+                matrix = np.asarray(values, dtype=float).reshape(3, 3)
+                sent = replace(calibration, matrix=matrix)
+            if sent is not self._calibration:
+                self._calibration, self._info = sent, camera_info_template(sent)
             self._publish(topics.CAMERA_INFO, bytes(self._info.stamped(stamp)))
 
     def image(self, t: float, frame: NDArray[np.uint8]) -> None:
         """Publish a frame, shape (height, width, 3), of time t [s]."""
         for stamp, values in self._through(topics.IMAGE, t, lambda: frame):
-            said = frame if values is None else np.asarray(values, dtype=np.uint8)
-            self._publish(topics.IMAGE, encode_image(stamp, said))
+            sent = frame if values is None else np.asarray(values, dtype=np.uint8)
+            self._publish(topics.IMAGE, encode_image(stamp, sent))
 
     def preview(self, t: float, jpeg: bytes) -> None:
         """Publish a compressed frame."""
@@ -104,8 +107,8 @@ class Outputs:
 
     def _measured(self, topic: Topic, quantity: Quantity, t: float, value: float) -> None:
         for stamp, values in self._through(topic, t, lambda: np.array([value])):
-            said = value if values is None else float(values[0])
-            self._publish(topic, encode_quantity(topic.type, quantity, stamp, said))
+            sent = value if values is None else float(values[0])
+            self._publish(topic, encode_quantity(topic.type, quantity, stamp, sent))
 
     def _through(
         self, topic: Topic, t: float, values: Callable[[], Values]
@@ -126,21 +129,59 @@ def due(sample: int, topic: Topic) -> bool:
 
 
 def _axis_values(reading: AxisReading) -> Values:
-    return np.array(
-        [
-            reading.cylinder_angle,
-            reading.angular_speed,
-            reading.carriage_position,
-            reading.feed_speed,
-        ]
-    )
+    return np.array(astuple(reading))
 
 
 def _axis_reading(values: Values) -> AxisReading:
-    angle, angular_speed, position, feed_speed = map(float, values)
-    return AxisReading(
-        cylinder_angle=angle,
-        angular_speed=angular_speed,
-        carriage_position=position,
-        feed_speed=feed_speed,
+    names = (item.name for item in fields(AxisReading))
+    return AxisReading(**dict(zip(names, map(float, values), strict=True)))
+
+
+def rig_status(machine: Machine, pace: Pace, faults: str, known_lay: str) -> Status:
+    """Return the machine's phase and time, and how far its readers are behind.
+
+    Args:
+        machine: The machine.
+        pace: What the readers have answered.
+        faults: The faults that are put in on purpose, as text.
+        known_lay: Name of the lay that the camera shows whatever is commanded; empty for none.
+    """
+    state = machine.state
+    commander = machine.commander
+    unseen = ""
+    if known_lay and (commander.axes or commander.brake is not None):
+        unseen = f"the camera shows lay {known_lay!r}, which does not follow commands"
+    level = Level.WARN if state.reason or faults or commander.refusal or unseen else Level.OK
+    if state.phase in (Phase.EMERGENCY, Phase.PROTECTIVE):
+        level = Level.ERROR
+    values = {
+        "time": f"{machine.time:.3f}",
+        "phase": state.phase.value,
+        "reason": state.reason,
+        "slowest": pace.slowest if pace.answered else "",
+    }
+    # Of simulated time: what waits on the way to a reader, and in it, is not longer.
+    values |= {
+        f"lead over {name} [s]": f"{max(machine.time - t, 0.0):.3f}"
+        for name, t in pace.answered.items()
+    }
+    refused = machine.plausibility.refused
+    values |= {f"refused {name}": str(count) for name, count in refused.items()}
+    if commander.axes:
+        values["commanded"] = ", ".join(commander.axes)
+    if commander.brake is not None:
+        values["brake [N]"] = f"{commander.brake.wanted:.3f}"
+    if commander.refused:
+        values |= {"refused commands": str(commander.refused), "refusal": commander.refusal}
+    if faults:
+        values["faults"] = faults
+    for name, moment in (("stop_began", state.stop_began), ("stood_at", state.stood_at)):
+        values |= {name: f"{moment:.3f}"} if moment is not None else {}
+    return Status(
+        name=topics.RIG,
+        level=level,
+        message=": ".join(
+            filter(None, (state.phase.value, state.reason or commander.refusal or unseen))
+        ),
+        values=values,
     )

@@ -6,13 +6,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from winding_core.condition import Condition
-from winding_core.marker_parameters import MarkerLook
+from winding_core.cable.condition import Condition
+from winding_core.markers import MarkerLook
 from winding_core.parameters import parameter
+from winding_rig_node.lay.known_lay import (
+    FEM,
+    PAPER,
+    CableLay,
+    HiddenCable,
+    published_lay,
+    simulated_lay,
+)
+from winding_rig_node.lay.lay_law import MOTION_LAYS
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS, CommandLimits
-from winding_rig_node.machine.lay import CableLay, HiddenCable, published_lay, simulated_lay
-
-DRIVEN = "driven"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +30,7 @@ class RigParameters(MarkerLook, Condition):
         "where the cable lies: the published measurement; what a cable with hidden properties "
         "makes of the drive programme; or what a rig with hidden properties makes of its own "
         "motion and pull, whatever is commanded",
-        choices=("paper", "fem", DRIVEN),
+        choices=(PAPER, FEM, *MOTION_LAYS),
     )
     speed: float = parameter(
         1.0,
@@ -116,16 +122,15 @@ class RigParameters(MarkerLook, Condition):
         """Whether the lay follows what the machine does, rather than its drive programme.
 
         Raises:
-            ValueError: The camera, which shows it, is elsewhere, or the cable's stress fades.
+            ValueError: The camera, which shows it, is elsewhere.
         """
-        if self.lay == DRIVEN:
-            self.resolved().case.material.refuse_fading(f"lay {DRIVEN!r}")
-        if self.lay == DRIVEN and self.camera_elsewhere:
+        follows = self.lay in MOTION_LAYS
+        if follows and self.camera_elsewhere:
             raise ValueError(
-                f"lay {DRIVEN!r} is shown by the rig's own camera alone: camera_elsewhere must be "
-                "false"
+                f"lay {self.lay!r} is shown by the rig's own camera alone: camera_elsewhere must "
+                "be false"
             )
-        return self.lay == DRIVEN
+        return follows
 
     def laid(self, rng: np.random.Generator) -> CableLay:
         """Return where the cable will lie that the drive programme lays.
@@ -134,7 +139,7 @@ class RigParameters(MarkerLook, Condition):
         """
         what = self.resolved()
         end = what.drive.positions(self.duration)[0]
-        if self.lay == "paper":
+        if self.lay == PAPER:
             return published_lay(what.case, what.drive, what.free_length, end)
         return simulated_lay(what.case, what.drive, HiddenCable.drawn(rng), end)
 

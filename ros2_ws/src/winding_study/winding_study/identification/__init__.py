@@ -1,1 +1,1 @@
-"""Materials told by several runs of a cable or by a tensile test: offline, no node needs them."""
+"""Which material follows from several runs of a cable, or from a tensile test?"""

@@ -8,47 +8,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
+from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.fit import Fit, fit
 from cable_fem_node.identification.modulus import PLAUSIBLE_YOUNG
 from cable_fem_node.identification.quasi_static import softest_young
 from cable_fem_node.identification.search import FitConfig
-from cable_fem_node.identification.tracked_run import TrackedRun
-from winding_core.material_law import MaterialLaw
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
+from winding_core.cable.material_law import MaterialLaw
 
 # C01 may be this share of C10 + C01 at most; beyond 1 the law softens in compression.
 _SHARES = (0.0, 0.95)
 _START_SHARE = 0.2
-# A share known less well than this says nothing: it could be any of those that are allowed.
+# A share known less well than this is not identified: any allowed one could be true.
 _SEPARABLE = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
 class ConstantsEstimate:
-    """Identified constants of the Neo-Hookean or Mooney-Rivlin law.
+    """Identified constants of the Neo-Hookean or Mooney-Rivlin law."""
 
-    Attributes:
-        law: "neo_hookean" or "mooney_rivlin".
-        c10: [Pa]
-        c01: [Pa], zero for Neo-Hookean.
-        standard_errors: Of C10 and C01 [Pa].
-        young: 4 (1 + nu) (C10 + C01) [Pa].
-        young_standard_error: [Pa]
-        share: C01 / (C10 + C01).
-        share_standard_error: Of it.
-        fit: The search behind it.
-    """
-
-    law: str
-    c10: float
-    c01: float
-    standard_errors: tuple[float, float]
-    young: float
-    young_standard_error: float
-    share: float
-    share_standard_error: float
-    fit: Fit
+    law: str  # "neo_hookean" or "mooney_rivlin"
+    c10: float  # [Pa]
+    c01: float  # [Pa], zero for Neo-Hookean
+    standard_errors: tuple[float, float]  # Of C10 and C01 [Pa]
+    young: float  # 4 (1 + nu) (C10 + C01) [Pa]
+    young_standard_error: float  # [Pa]
+    share: float  # C01 / (C10 + C01)
+    share_standard_error: float  # Of it
+    fit: Fit  # The search behind it
 
     @property
     def separable(self) -> bool:
@@ -88,7 +75,7 @@ def identify_constants(
 
     Raises:
         IdentificationError: Another law, fewer than two runs, or no fit.
-        AbandonedError: `going` said no.
+        AbandonedError: `going` returned false.
     """
     if law not in ("neo_hookean", "mooney_rivlin"):
         raise IdentificationError(

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.identification.failure import IdentificationError
-from winding_core.material_law import LAWS, MaterialLaw
+from cable_fem_node.dynamics.state import FloatArray
+from cable_fem_node.identification.tracked_run import IdentificationError
+from winding_core.cable.material_law import LAWS, MaterialLaw
 
 LEAST_POINTS = 3
 # C01 over C10 + C01.
@@ -23,15 +23,10 @@ _TIE = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class TensileTest:
-    """A measured stress-strain curve, in any order.
+    """A measured stress-strain curve, in any order."""
 
-    Attributes:
-        strain: Nominal strain, elongation over reference length, shape (n,), n >= 3.
-        stress: Nominal stress, force over reference section [Pa], shape (n,).
-    """
-
-    strain: FloatArray
-    stress: FloatArray
+    strain: FloatArray  # Nominal strain, elongation over reference length, shape (n,), n >= 3
+    stress: FloatArray  # Nominal stress, force over reference section [Pa], shape (n,)
 
     def __post_init__(self) -> None:
         if self.strain.shape != self.stress.shape or self.strain.ndim != 1:
@@ -59,22 +54,16 @@ class LawFit:
     """One law fitted to a tensile test.
 
     Attributes:
-        law: One of uniaxial.LAWS.
-        young: E [Pa].
-        young_standard_error: [Pa], from the scatter of the residuals.
-        share: C01 / (C10 + C01); zero for every law but Mooney-Rivlin.
-        share_standard_error: Of it.
-        rms: Root mean square of the residuals [Pa].
         aicc: Akaike's criterion for Gaussian residuals, corrected for few points; infinite where
             there are too few.
     """
 
-    law: str
-    young: float
-    young_standard_error: float
-    share: float
-    share_standard_error: float
-    rms: float
+    law: str  # One of uniaxial.LAWS
+    young: float  # E [Pa]
+    young_standard_error: float  # [Pa], from the scatter of the residuals
+    share: float  # C01 / (C10 + C01); zero for every law but Mooney-Rivlin
+    share_standard_error: float  # Of it
+    rms: float  # Root mean square of the residuals [Pa]
     aicc: float
 
     def material(self, poisson: float) -> MaterialLaw:
@@ -92,7 +81,7 @@ def fit_laws(test: TensileTest, poisson: float, laws: Sequence[str] = LAWS) -> t
 
     Args:
         test: Points.
-        poisson: nu, dimensionless; a test without lateral strain cannot tell it.
+        poisson: nu, dimensionless; a test without lateral strain does not give it.
         laws: Which.
     """
     fits = [_fitted(test, law, poisson) for law in laws]
@@ -107,7 +96,7 @@ def judgement(fits: Sequence[LawFit]) -> str:
     ties = [item.law for item in others if item.aicc - best.aicc < _TIE]
     if ties:
         return (
-            f"{best.law} fits best, but {', '.join(ties)} cannot be told from it: "
+            f"{best.law} fits best, but {', '.join(ties)} cannot be distinguished from it: "
             f"AICc differs by less than {_TIE:g}"
         )
     gap = min((item.aicc - best.aicc for item in others), default=math.inf)

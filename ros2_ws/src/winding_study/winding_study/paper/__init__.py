@@ -1,1 +1,1 @@
-"""The paper's twelve cases beside this project's numbers."""
+"""What are these numbers beside the paper's: its twelve cases, tables, models of h, report."""

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.cases import paper_case
-from winding_core.published import published_markers
-from winding_core.quasi_static import QuasiStaticLay
-from winding_core.tension import RigTension
-from winding_core.tension_fit import START, TensionFit, fit_rig_tension
+from winding_core.cable.cases import paper_case, published_markers
+from winding_core.lay.quasi_static import QuasiStaticLay
+from winding_core.machine.tension import START, RigTension, TensionFit, fit_rig_tension
 
 Array = NDArray[np.float64]
 
@@ -25,19 +23,14 @@ class Calibration:
     """A fitted span-tension law and how well it explains the measured angles.
 
     Attributes:
-        law: Material law of the cable.
-        tension: The fitted law.
-        standard_errors: Of its five numbers, in order, from the fit's curvature.
-        in_sample_rms_pct: Relative root mean square of theta, all cells fitted.
-        leave_one_case_out_rms_pct: The same, each case predicted from the other eleven.
         residuals_pct: Predicted over measured theta, minus one, by (case, marker), in sample.
     """
 
-    law: str
-    tension: RigTension
-    standard_errors: tuple[float, ...]
-    in_sample_rms_pct: float
-    leave_one_case_out_rms_pct: float
+    law: str  # Material law of the cable
+    tension: RigTension  # The fitted law
+    standard_errors: tuple[float, ...]  # Of its five numbers, in order, from the fit's curvature
+    in_sample_rms_pct: float  # Relative root mean square of theta, all cells fitted
+    leave_one_case_out_rms_pct: float  # The same, each case predicted from the other eleven
     residuals_pct: dict[tuple[int, int], float]
 
     def as_json(self) -> dict[str, Any]:

@@ -7,14 +7,14 @@ from dataclasses import asdict, dataclass
 from statistics import fmean
 from typing import Any
 
-from winding_core.published import (
+from winding_core.cable.cases import (
     Lay,
     PublishedMarker,
     length_error_pct,
     published_markers,
 )
 from winding_core.units import MILLIMETRE
-from winding_study.runs.case_result import CaseResult
+from winding_study.paper.case_result import CaseResult
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,35 +22,23 @@ class Cell:
     """One measured marker: predicted, measured, and how far apart.
 
     Attributes:
-        case: Row of Table 1.
-        marker: n of Pn.
-        original_m: n marker spacings.
-        theta_rad: Predicted wound angle.
-        z_m: Predicted axial position.
-        s_m: Predicted curve length.
-        theta_exp_rad: Measured wound angle.
-        z_exp_m: Measured axial position.
-        s_exp_m: Measured curve length.
-        error_pct: Table 7's measure of the length.
-        dz_mm: Predicted minus measured z of this marker.
         dz_path_mm: Predicted minus measured z at the measured theta; None where the path of the
             prediction is not known there.
-        dtheta_rad: Predicted minus measured theta.
     """
 
-    case: int
-    marker: int
-    original_m: float
-    theta_rad: float
-    z_m: float
-    s_m: float
-    theta_exp_rad: float
-    z_exp_m: float
-    s_exp_m: float
-    error_pct: float
-    dz_mm: float
+    case: int  # Row of Table 1
+    marker: int  # n of Pn
+    original_m: float  # n marker spacings
+    theta_rad: float  # Predicted wound angle
+    z_m: float  # Predicted axial position
+    s_m: float  # Predicted curve length
+    theta_exp_rad: float  # Measured wound angle
+    z_exp_m: float  # Measured axial position
+    s_exp_m: float  # Measured curve length
+    error_pct: float  # Table 7's measure of the length
+    dz_mm: float  # Predicted minus measured z of this marker
     dz_path_mm: float | None
-    dtheta_rad: float
+    dtheta_rad: float  # Predicted minus measured theta
 
 
 @dataclass(frozen=True, kw_only=True)

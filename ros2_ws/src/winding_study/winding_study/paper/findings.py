@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from correction_node.models.dataset import DataSet, join_experiment, load_data_set
+from correction_node.models.dataset import DataSet, LengthCell, join_experiment, load_data_set
 from correction_node.training.comparison import compare_models
 from correction_node.training.training import TrainingConfig
-from winding_core.drive import PAPER_DURATION
+from winding_core.machine.drive import PAPER_DURATION
+from winding_reports.documents.data_table import DataTable
+from winding_study.paper.case_result import CaseResult
 from winding_study.paper.comparison import Comparison, compare, compare_paper
 from winding_study.paper.study import StudyConfig, predicted_lengths
 from winding_study.paper.study_record import StudyRecord
-from winding_study.paper.study_tables import noise_table, within_table
-from winding_study.runs.case_result import CaseResult
-from winding_verification.correction.repeatability import accuracy_by_noise
-from winding_verification.correction.within_run_score import score_within_run
 
-# Of a length between repetitions, from a good camera to a poor one.
-NOISES = (0.0025, 0.005, 0.01, 0.02, 0.04)
+# Returns the tables of evidence, `within` and `noise` of a StudyRecord, from measured cells.
+Evidence = Callable[[Sequence[LengthCell]], tuple[DataTable, DataTable]]
 
 
 def beside_experiment(
@@ -47,6 +45,7 @@ def study_record(
     seeds: tuple[int, ...],
     steps: int | None,
     progress: Callable[[str], None],
+    evidence: Evidence | None = None,
 ) -> StudyRecord:
     """Return what a study found; models of h are learned when every measured marker is there.
 
@@ -58,6 +57,7 @@ def study_record(
         seeds: Of the models that start at random; none trains nothing.
         steps: Training steps of a network; None takes the usual number.
         progress: Called with one short sentence after each model.
+        evidence: Makes the tables of evidence; None where it is not installed.
     """
     if comparison.keys != compare_paper().keys:
         return StudyRecord(config=config, cases=cases, comparison=comparison, results=results)
@@ -74,6 +74,7 @@ def study_record(
     if seeds:
         steps = TrainingConfig().steps if steps is None else steps
         models = compare_models(data, seeds=seeds, steps=steps, progress=progress)
+    within, noise = (None, None) if evidence is None else evidence(even.cells)
     return StudyRecord(
         config=config,
         cases=cases,
@@ -81,6 +82,6 @@ def study_record(
         results=results,
         cells=data.cells if models else (),
         models=models,
-        within=within_table(score_within_run(even.cells)),
-        noise=noise_table(accuracy_by_noise(NOISES)),
+        within=within,
+        noise=noise,
     )

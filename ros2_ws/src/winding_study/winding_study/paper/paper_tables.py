@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from winding_core.cases import paper_case
-from winding_core.published import (
+from winding_core.cable.cases import (
     Lay,
     PublishedMarker,
     length_error_pct,
+    paper_case,
     published_markers,
     published_weights,
 )
 from winding_core.units import MEGAPASCAL, MILLIMETRE
-from winding_study.documents.data_table import Column, DataTable, Value
-from winding_study.runs.case_result import CaseResult
+from winding_reports.documents.data_table import Column, DataTable, Value
+from winding_study.paper.case_result import CaseResult
 
 Row = Mapping[str, Value]
 # h by (case, marker).

@@ -9,17 +9,15 @@ from dataclasses import dataclass, field
 
 import joblib
 
-from cable_fem_node.dynamics.failure import SolverError
+from cable_fem_node.dynamics.state import SolverError
 from cable_fem_node.winding.prediction import ELEMENTS, predict
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Case, paper_case
-from winding_core.drive import PAPER_DURATION, DriveProfile
-from winding_core.fleet_angle import PAPER_FREE_LENGTH
-from winding_core.published import published_conditions
-from winding_core.tension import DeadWeight, TensionLaw
-from winding_study.runs.case_result import CaseResult, from_arrays, result_of, to_arrays
-from winding_study.runs.run_store import RunStore, run_key
-from winding_study.runs.solver_version import solver_version
+from winding_core.cable.cases import Case, paper_case, published_conditions
+from winding_core.helix import PAPER_FREE_LENGTH
+from winding_core.machine.drive import PAPER_DURATION, DriveProfile
+from winding_core.machine.tension import DeadWeight, TensionLaw
+from winding_study.paper.case_result import CaseResult, from_arrays, result_of, to_arrays
+from winding_study.run_store import RunStore, run_key, solver_version
 
 PROCESSES = 2
 ROD_SEGMENT = 5.0e-3
@@ -36,25 +34,21 @@ class StudyConfig:
     """What all cases share.
 
     Attributes:
-        element: ``rod`` or ``solid``, the paper's C3D8R.
-        law: Material law.
         segment_length: Reference length of an element [m]; None takes 5 mm for the rod and a
             sixth of the cylinder's diameter for the solid.
         mass_scaling: Factor on the density; None takes 1 for the rod and 400 for the solid.
         free_length: Tangent span between cylinder and guide [m], one for all cases.
         tension_law: Span tension; the dead weight unless the rig is calibrated.
-        drive: Speeds over time.
-        duration: Simulated length of each run [s].
     """
 
-    element: str = "rod"
-    law: str = "linear"
+    element: str = "rod"  # ``rod`` or ``solid``, the paper's C3D8R
+    law: str = "linear"  # Material law
     segment_length: float | None = None
     mass_scaling: float | None = None
     free_length: float = PAPER_FREE_LENGTH
     tension_law: TensionLaw = field(default_factory=DeadWeight)
-    drive: DriveProfile = field(default_factory=DriveProfile)
-    duration: float = PAPER_DURATION
+    drive: DriveProfile = field(default_factory=DriveProfile)  # Speeds over time
+    duration: float = PAPER_DURATION  # Simulated length of each run [s]
 
     def __post_init__(self) -> None:
         if self.element not in ELEMENTS:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from correction_node.models.dataset import Array, LengthCell
-from correction_node.models.evaluation import cell_errors_pct
 from correction_node.training.comparison import (
     BASELINE,
     LEARNED,
@@ -16,14 +15,18 @@ from correction_node.training.comparison import (
     RIG_PROCESS,
     ModelScore,
 )
+from correction_node.training.evaluation import cell_errors_pct
 from correction_node.training.learners import NETWORK, RIG, RIG_NETWORK
-from winding_core.published import published_markers, published_weights
-from winding_study.documents.data_table import DataTable, known
+from winding_core.cable.cases import published_markers, published_weights
+from winding_core.machine.tension import DeadWeight
+from winding_core.units import MILLIMETRE
+from winding_reports.documents.data_table import DataTable, known
+from winding_reports.records.identity import Identity, Origin, Quantity
+from winding_study.paper.case_result import CaseResult
 from winding_study.paper.comparison import Comparison, compare_paper
 from winding_study.paper.paper_tables import Factors, paper_tables
-from winding_study.paper.study import StudyConfig
+from winding_study.paper.study import ROD_SEGMENT, StudyConfig
 from winding_study.paper.study_tables import cells_table, factors_table, means_table, models_table
-from winding_study.runs.case_result import CaseResult
 
 PUBLISHED = "paper's simulation"
 # Models over the rig's span-tension law.
@@ -35,19 +38,16 @@ class StudyRecord:
     """Everything that a study found.
 
     Attributes:
-        config: What was wound; None when the paper's simulation is the base.
-        cases: Rows of Table 1 that were asked for.
-        comparison: The base beside the experiment.
         results: Our cases; nothing when the paper's simulation is the base.
         cells: What the models of h learned from, in the order of their h; empty without models.
         models: Scores by name; empty when not all twelve cases were wound.
-        noise: K-NN accuracy in percent against simulated noise in percent.
-        within: How P3 and P4 of a run follow from its measured P1 and P2.
+        noise: K-NN accuracy in percent against simulated noise in percent; None without evidence.
+        within: How P3 and P4 of a run follow from its measured P1 and P2; None without evidence.
     """
 
-    config: StudyConfig | None
-    cases: tuple[int, ...]
-    comparison: Comparison
+    config: StudyConfig | None  # What was wound; None when the paper's simulation is the base
+    cases: tuple[int, ...]  # Rows of Table 1 that were asked for
+    comparison: Comparison  # The base beside the experiment
     results: tuple[CaseResult, ...] = ()
     cells: tuple[LengthCell, ...] = ()
     models: Mapping[str, ModelScore] = field(default_factory=dict)
@@ -148,40 +148,44 @@ class StudyRecord:
         }
 
     def verdict(self) -> str:
-        """Return what the numbers say, in a few sentences."""
+        """Return what follows from the numbers, in a few sentences."""
         mean, paper = self.comparison.mean_error_pct, self.paper.mean_error_pct
         count = len(self.comparison.cells)
         if self.config is None:
-            said = [f"The paper's simulation is {mean:.2f} % off over {count} measured lengths."]
+            sentences = [
+                f"The paper's simulation is {mean:.2f} % off over {count} measured lengths."
+            ]
         else:
-            said = [
+            sentences = [
                 f"Without any correction {self.who} is {mean:.2f} % off over {count} measured "
                 f"lengths, the paper's simulation {paper:.2f} %."
             ]
         best, learned = self.best_model, self.best_learned
         if best is None or learned is None:
-            return " ".join([*said, "No model of h was compared; that needs all twelve cases."])
+            return " ".join(
+                [*sentences, "No model of h was compared; that needs all twelve cases."]
+            )
         score, rival = self.models[learned], _lowest(self.models, (BASELINE,))
-        said.append(
+        sentences.append(
             f"On cases left out the best learned model is '{learned}': "
             f"{score.leave_one_case_out_pct:.2f} % (in-sample {score.in_sample_pct:.2f} %)"
         )
         if rival is None:
-            said[-1] += "."
+            sentences[-1] += "."
         else:
             plain = self.models[rival].leave_one_case_out_pct
             word = "wins" if best == rival else "loses"
-            said[-1] += f"; the best plain baseline, '{rival}', {word} with {plain:.2f} %."
+            sentences[-1] += f"; the best plain baseline, '{rival}', {word} with {plain:.2f} %."
         if learned in PHYSICAL:
-            said.append(
+            sentences.append(
                 "The form of that model's physics was chosen with all of these cells in view, so "
                 "its error on cases left out is optimistic for another rig."
             )
         printed = self.paper_updated_pct()
-        said.append(
+        sentences.append(
             f"The paper's network has {printed:.2f} %, in-sample only, on its own simulation."
         )
-        return " ".join(said)
+        return " ".join(sentences)
 
     def paper_updated_pct(self) -> float:
         """Return the mean of the printed Table 8 over the cells of the base."""
@@ -249,3 +253,71 @@ def _lowest(models: Mapping[str, ModelScore], kinds: Iterable[str]) -> str | Non
         if model.kind in wanted and math.isfinite(model.leave_one_case_out_pct)
     }
     return min(known, key=lambda name: known[name]) if known else None
+
+
+def study_identity(record: StudyRecord, origin: Origin, seeds: tuple[int, ...]) -> Identity:
+    """Return which study this was.
+
+    Args:
+        record: What was found.
+        origin: The process that made it.
+        seeds: Of the networks; none where no model was trained.
+    """
+    condition = {
+        "cases": Quantity(
+            value=", ".join(map(str, record.cases)), label="Cases", meaning="rows of Table 1"
+        ),
+        "base": Quantity(value=record.who, label="Base", meaning="what predicted the lengths"),
+    }
+    if record.config is not None:
+        condition |= _wound(record.config)
+    return Identity(origin=origin, seeds=seeds, condition=condition)
+
+
+def _wound(config: StudyConfig) -> dict[str, Quantity]:
+    drive = config.drive
+    return {
+        "element": Quantity(value=config.element, label="Element", meaning="finite element"),
+        "law": Quantity(value=config.law, label="Law", meaning="material law"),
+        "segment_mm": _element_length(config),
+        "mass_scaling": Quantity(
+            value=config.scaling, label="Mass scaling", meaning="factor on the density"
+        ),
+        "free_length_mm": Quantity(
+            value=config.free_length / MILLIMETRE,
+            unit="mm",
+            label="Free length",
+            meaning="tangent span between cylinder and guide",
+        ),
+        "tension": Quantity(
+            value="dead weight" if isinstance(config.tension_law, DeadWeight) else "rig",
+            label="Span tension",
+            meaning="what pulls the span",
+        ),
+        "omega_rad_s": Quantity(
+            value=drive.angular_speed,
+            unit="rad/s",
+            label="Cylinder speed",
+            meaning="cylinder speed after the ramp",
+        ),
+        "feed_mm_s": Quantity(
+            value=drive.feed_speed / MILLIMETRE,
+            unit="mm/s",
+            label="Carriage speed",
+            meaning="carriage speed after the ramp",
+        ),
+        "ramp_time_s": Quantity(
+            value=drive.ramp_time, unit="s", label="Ramp time", meaning="time of the speed ramp"
+        ),
+        "duration_s": Quantity(
+            value=config.duration, unit="s", label="Duration", meaning="simulated length of a run"
+        ),
+    }
+
+
+def _element_length(config: StudyConfig) -> Quantity:
+    label, meaning = "Element length", "reference length of an element"
+    if config.segment_length is None and config.element == "solid":
+        return Quantity(value="a sixth of the cylinder's diameter", label=label, meaning=meaning)
+    length = config.segment_length or ROD_SEGMENT
+    return Quantity(value=length / MILLIMETRE, unit="mm", label=label, meaning=meaning)

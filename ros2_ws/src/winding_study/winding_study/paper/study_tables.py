@@ -1,17 +1,13 @@
-"""The study's own tables, beside the paper's: models of h, factors, K-NN, within a run."""
+"""The study's own tables, beside the paper's: models of h, factors, means, every cell."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-from correction_node.live.neighbours import Noise
 from correction_node.training.comparison import ModelScore
-from winding_core.units import MILLIMETRE
-from winding_study.documents.data_table import Column, DataTable, Value
+from winding_reports.documents.data_table import Column, DataTable, Value
 from winding_study.paper.comparison import Comparison
-from winding_verification.correction.repeatability import LABEL, NoiseAccuracy
-from winding_verification.correction.within_run_score import WithinRunScore
 
 
 def models_table(models: Mapping[str, ModelScore]) -> DataTable:
@@ -69,66 +65,6 @@ def factors_table(factors: Mapping[int, Mapping[str, float]]) -> DataTable:
         note="Least squares is the minimum of Eq. 5 when every case has its own h; the network has "
         "the paper's form.",
     )
-
-
-def noise_table(found: Sequence[NoiseAccuracy]) -> DataTable:
-    """Return the K-NN's accuracy by simulated noise; every kind has the same noises."""
-    kinds = list(dict.fromkeys(entry.kind for entry in found))
-    shares = {(entry.noise, entry.kind): 100.0 * entry.accuracy for entry in found}
-    names = {Noise.RUN: "one error for a run", Noise.MARKER: "one error for each marker"}
-    return DataTable(
-        name="neighbours_simulated",
-        title="K-nearest neighbours: conditions named rightly, simulated, in %",
-        columns=(
-            Column(name="noise of a length, %"),
-            *(Column(name=names[kind], digits=1) for kind in kinds),
-        ),
-        rows=tuple(
-            (100.0 * noise, *(shares[noise, kind] for kind in kinds))
-            for noise in dict.fromkeys(entry.noise for entry in found)
-        ),
-        note=f"{LABEL[0].upper()}{LABEL[1:]}. Repeating a run makes all of its lengths longer or "
-        "shorter together; errors of each marker are shown beside it.",
-    )
-
-
-def within_table(score: WithinRunScore) -> DataTable:
-    """Return how the markers after the measured ones are predicted, beside plain rivals."""
-    given = " and ".join(f"P{n}" for n in range(1, score.measured + 1))
-    asked = " and ".join(f"P{n}" for n in score.by_marker_pct)
-    length = f"{score.build_up_length / MILLIMETRE:.0f} mm"
-    rows: list[tuple[Value, ...]] = [
-        (
-            "build-up law, its case left out",
-            score.held_out_pct,
-            score.worst.error_pct,
-            100.0 * score.coverage,
-            score.half_width_pct,
-        ),
-        ("build-up law, in-sample", score.in_sample_pct, None, None, None),
-    ]
-    rows += [(name, error, None, None, None) for name, error in score.rivals_pct.items()]
-    return DataTable(
-        name="within_run",
-        title=f"Within a run: {asked} from the measured {given}, in % of the length",
-        columns=(
-            Column(name="way"),
-            Column(name="mean error"),
-            Column(name="worst cell"),
-            Column(name="cells inside the bounds", digits=0),
-            Column(name="mean half-width of the bounds"),
-        ),
-        rows=tuple(rows),
-        note=f"One length of {length} is learned over cases; worst is P{score.worst.marker} of "
-        f"case {score.worst.case}. Rivals learn nothing. {_better(score)}",
-    )
-
-
-def _better(score: WithinRunScore) -> str:
-    rival = min(score.rivals_pct, key=lambda name: score.rivals_pct[name])
-    if score.rivals_pct[rival] <= score.held_out_pct:
-        return f"Here the plain rival '{rival}' is better than the law."
-    return "The law is better than both."
 
 
 def means_table(own: Comparison | None, paper: Comparison, who: str) -> DataTable:

@@ -1,1 +1,1 @@
-"""Many runs at once: what to vary, how to share the work, one table of what came out."""
+"""What comes out of many runs: what varies, who winds, one table?"""

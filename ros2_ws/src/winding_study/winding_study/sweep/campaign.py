@@ -6,21 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from cable_fem_node.winding.prediction import PlannedRun
-from winding_study.runs.run_store import Arrays, RunStore
+from winding_study.run_store import Arrays, RunStore
 from winding_study.sweep.engines import Engine
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shard:
-    """One of several disjoint parts of a sweep.
+    """One of several disjoint parts of a sweep."""
 
-    Attributes:
-        number: Which part, from 1.
-        count: How many parts there are.
-    """
-
-    number: int = 1
-    count: int = 1
+    number: int = 1  # Which part, from 1
+    count: int = 1  # How many parts there are
 
     def __post_init__(self) -> None:
         if not 1 <= self.number <= self.count:

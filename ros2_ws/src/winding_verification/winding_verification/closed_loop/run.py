@@ -1,4 +1,8 @@
-"""One run of the closed loop: machine, true cable, tracker and controller in one process."""
+"""One run of the closed loop: machine, true cable, tracker and controller in one process.
+
+The true cable is the rig's own lay or the explicit rod; what the tracker measures of it has the
+errors that were measured of the real one.
+"""
 
 from __future__ import annotations
 
@@ -7,28 +11,196 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.winding_config import WindingConfig
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.guide_law import WantedLay
 from lay_control_node.control.lay_controller import Setpoint
-from winding_core.commands import CARRIAGE, AxisTarget, JointTargets, TensionCommand
-from winding_core.condition import ResolvedCondition
-from winding_core.lay_control_records import ControlMode
-from winding_core.readings import AxisReading
+from winding_core.cable.cases import Case
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.records import LAY_DTYPE, ControlMode, LayRecords
+from winding_core.machine.commands import CARRIAGE, AxisTarget, JointTargets, TensionCommand
+from winding_core.machine.readings import AxisReading
+from winding_core.machine.tension import RigTension
+from winding_core.markers import MARKER_DTYPE, Markers
+from winding_rig_node.lay.driven_lay import DrivenLay
+from winding_rig_node.lay.lay_on import HiddenRig
 from winding_rig_node.machine.commander import CommandLimits
-from winding_rig_node.machine.hidden_rig import HiddenRig
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import MachineConfig
-from winding_verification.closed_loop.camera import CameraErrors, SimulatedTracker
-from winding_verification.closed_loop.truths import DrivenTruth, RodTruth, Truth
 
 Array = NDArray[np.float64]
 
-SAMPLE = 1.0e-3
 # Samples between commands, frames and lays.
 _COMMANDS, _FRAMES, _LAYS = 20, 5, 100
 _FULL_TURN = 2.0 * math.pi
+# A place is seen from here behind the contact line on, and a marker for this long [rad].
+_SEEN_FROM = 0.15
+_MARKER_SEEN = (0.05, 1.2)
+_PLACE = math.radians(5.0)
+_PLACES = 864
+
+# Samples of the machine between two advances of the rod.
+_ROD_STRIDE = 10
+
+
+class DrivenTruth:
+    """The lay of the simulated rig: it sticks where it lands.
+
+    Args:
+        case: What is wound.
+        hidden: What the rig does to it.
+    """
+
+    def __init__(self, case: Case, hidden: HiddenRig) -> None:
+        self._lay = DrivenLay(case, hidden)
+
+    def advance(self, t: float, reading: AxisReading, pull: float) -> None:
+        """Go on to a time [s], the axes as they truly stand, under a pull at the guide [N]."""
+        self._lay.advance(reading.cylinder_angle, reading.carriage_position, pull)
+
+    def z_at(self, theta: ArrayLike) -> Array:
+        """Return where the cable lies [m] at wound angles [rad], same shape."""
+        return self._lay.z_at(theta)
+
+    def marker_theta(self) -> Array:
+        """Return wound angles of P1 to the last marker [rad]; nan for one that has not landed."""
+        return self._lay.marker_theta[1:].copy()
+
+
+class RodTruth:
+    """The explicit rod with contact and friction, behind the same hidden rig.
+
+    Its law of the lag is its own: bending, inertia and slip are those of the finite elements.
+
+    Args:
+        case: What is wound.
+        hidden: What the rig does to it; its bending is the rod's own.
+        friction: Of cable on cylinder.
+    """
+
+    def __init__(self, case: Case, hidden: HiddenRig, friction: float) -> None:
+        self._hidden, self._radius = hidden, case.centreline_radius
+        self._rod = RodWinding(
+            WindingConfig(
+                case=case, friction=friction, law="neo_hookean", free_length=hidden.free_length
+            )
+        )
+        self._build_up = RigTension(
+            start_share=hidden.start_share, build_up_length=hidden.build_up_length
+        )
+        self._spacing = case.marker_spacing * np.arange(1, case.marker_count + 1)
+        self._diameter = case.cylinder_diameter
+        self._eye = 0.0
+        self._held = case.weight
+        self._samples = 0
+        self._path: tuple[Array, Array, Array] | None = None
+
+    def advance(self, t: float, reading: AxisReading, pull: float) -> None:
+        """Go on to a time [s], the axes as they truly stand, under a pull at the guide [N]."""
+        hidden = self._hidden
+        play = 0.5 * hidden.guide_play
+        carriage = reading.carriage_position
+        self._eye = min(max(self._eye, carriage - play), carriage + play)
+        band = hidden.brake_friction * pull
+        self._held = min(max(self._held, pull - band), pull + band)
+        self._samples += 1
+        if self._samples % _ROD_STRIDE:
+            return
+        final = hidden.load_share * self._held + hidden.drag
+        wound = self._radius * max(reading.cylinder_angle, 0.0)
+        moving = self._eye in (carriage - play, carriage + play)
+        self._rod.advance_to(
+            t,
+            AxisReading(
+                cylinder_angle=reading.cylinder_angle,
+                angular_speed=reading.angular_speed,
+                carriage_position=self._eye,
+                feed_speed=reading.feed_speed if moving else 0.0,
+            ),
+            self._build_up(final, self._diameter, wound),
+        )
+        self._path = None
+
+    def z_at(self, theta: ArrayLike) -> Array:
+        """Return where the cable lies [m] at wound angles [rad], same shape."""
+        _, wound, z = self._wound()
+        return np.asarray(np.interp(np.asarray(theta, dtype=float), wound, z, right=np.nan))
+
+    def marker_theta(self) -> Array:
+        """Return wound angles of P1 to the last marker [rad]; nan for one that has not landed."""
+        arc, wound, _ = self._wound()
+        return np.asarray(np.interp(self._spacing, arc, wound, right=np.nan))
+
+    def _wound(self) -> tuple[Array, Array, Array]:
+        if self._path is None:
+            self._path = self._rod.wound_path()
+        return self._path
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraErrors:
+    """Standard deviations of what the tracker measures (docs/vision.md)."""
+
+    frame_theta: float = 3.0e-3  # Of a marker's angle in one frame [rad]
+    frame_z: float = 1.2e-4  # Of its height in one frame [m]
+    marker_theta: float = 1.0e-3  # What all frames of a marker have in common [rad]
+    marker_z: float = 3.0e-5  # The same of its height [m]
+    lay_z: float = 3.0e-5  # Of a place of the cable [m], anew for each place
+    common_z: float = 3.0e-5  # What all places of a run have in common [m]
+
+
+class SimulatedTracker:
+    """Sees a lay with errors drawn at random, the same ones each time it looks at a place.
+
+    Args:
+        truth: The cable.
+        errors: How wrong it is.
+        rng: Of the errors.
+    """
+
+    def __init__(
+        self, truth: DrivenTruth | RodTruth, errors: CameraErrors, rng: np.random.Generator
+    ) -> None:
+        self._truth, self._errors, self._rng = truth, errors, rng
+        self._common = errors.common_z * rng.standard_normal()
+        self._of_markers: dict[int, tuple[float, float]] = {}
+        self._of_places = errors.lay_z * rng.standard_normal(_PLACES)
+
+    def markers(self, theta: float) -> Markers:
+        """Return the records of one frame with the cylinder at a wound angle [rad]."""
+        errors, rng = self._errors, self._rng
+        near, far = _MARKER_SEEN
+        at = self._truth.marker_theta()
+        seen = [n for n in range(at.size) if near < theta - at[n] < far]
+        records = np.zeros(len(seen), dtype=MARKER_DTYPE)
+        for record, n in zip(records, seen, strict=True):
+            if n not in self._of_markers:
+                own = rng.standard_normal(2)
+                self._of_markers[n] = (errors.marker_theta * own[0], errors.marker_z * own[1])
+            angle, height = self._of_markers[n]
+            frame = rng.standard_normal(2)
+            record["id"] = n + 1
+            record["theta"] = at[n] + angle + errors.frame_theta * frame[0]
+            record["z"] = (
+                float(self._truth.z_at(at[n])) + self._common + height + errors.frame_z * frame[1]
+            )
+            record["sigma_theta"], record["sigma_z"] = errors.frame_theta, errors.frame_z
+        return records
+
+    def lay(self, theta: float) -> LayRecords:
+        """Return the places of the newest twelve turns with the cylinder at a wound angle [rad]."""
+        last = int((theta - _SEEN_FROM) / _PLACE)
+        numbers = np.arange(max(1, last - _PLACES + 1), last + 1)
+        records = np.zeros(numbers.size, dtype=LAY_DTYPE)
+        records["theta"] = numbers * _PLACE
+        own = self._of_places[numbers % _PLACES]
+        records["z"] = self._truth.z_at(records["theta"]) + self._common + own
+        records["sigma_z"] = self._errors.lay_z
+        seen: LayRecords = records[np.isfinite(records["z"])]
+        return seen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,32 +208,20 @@ class ClosedRun:
     """What is run.
 
     Attributes:
-        what: Condition.
-        wanted: Lay that is wanted.
         markers: Wound angle at which a marker is wanted [rad], by marker.
-        end: Wound angle at which the run ends [rad].
-        truth: One of TRUTHS.
-        hidden: The rig.
         control: How the lay is controlled.
-        mode: DRIVE, or WATCH for the open loop.
-        sees_lay: Whether the tracker measures every turn, or markers alone.
-        errors: Of the tracker.
-        seed: Of the errors.
-        tracker_until: Time after which the tracker is dead [s].
     """
 
-    what: ResolvedCondition
-    wanted: WantedLay
+    what: ResolvedCondition  # Condition
+    wanted: WantedLay  # Lay that is wanted
     markers: Mapping[int, float] = field(default_factory=dict)
-    end: float
-    truth: str
-    hidden: HiddenRig
+    end: float  # Wound angle at which the run ends [rad]
+    truth: str  # rod, or driven: which cable is the true one
+    hidden: HiddenRig  # The rig
     control: ControlParameters = field(default_factory=ControlParameters)
-    mode: ControlMode = ControlMode.DRIVE
-    sees_lay: bool = True
-    errors: CameraErrors = field(default_factory=CameraErrors)
-    seed: int = 0
-    tracker_until: float = math.inf
+    mode: ControlMode = ControlMode.DRIVE  # DRIVE, or WATCH for the open loop
+    errors: CameraErrors = field(default_factory=CameraErrors)  # Of the tracker
+    seed: int = 0  # Of the errors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,21 +230,15 @@ class ClosedResult:
 
     Attributes:
         marker_theta: Wound angles of P1 and on [rad], shape (m,); nan for one that never landed.
-        marker_error: z less the wanted z there [m], shape (m,).
-        theta: Wound angles [rad], shape (n,).
-        z: Where the cable lies there [m].
-        error: z less the wanted z there [m], shape (n,).
-        setpoints: What was commanded, or would have been.
-        carriage: Carriage position at each setpoint [m].
     """
 
     marker_theta: Array
-    marker_error: Array
-    theta: Array
-    z: Array
-    error: Array
-    setpoints: tuple[Setpoint, ...]
-    carriage: Array
+    marker_error: Array  # z less the wanted z there [m], shape (m,)
+    theta: Array  # Wound angles [rad], shape (n,)
+    z: Array  # Where the cable lies there [m]
+    error: Array  # z less the wanted z there [m], shape (n,)
+    setpoints: tuple[Setpoint, ...]  # What was commanded, or would have been
+    carriage: Array  # Carriage position at each setpoint [m]
 
     def turn_rms(self) -> Array:
         """Return the root mean square of the error of each complete turn [m]."""
@@ -93,18 +247,15 @@ class ClosedResult:
         return np.array([math.sqrt(np.mean(self.error[turns == n] ** 2)) for n in whole])
 
 
-def truth_of(run: ClosedRun) -> Truth:
-    """Return the cable of a run."""
-    if run.truth == "rod":
-        return RodTruth(run.what.case, run.hidden, run.what.friction)
-    return DrivenTruth(run.what.case, run.hidden)
-
-
 def wind(run: ClosedRun) -> ClosedResult:
     """Wind a run until its end."""
     rng = np.random.default_rng((run.seed, 77))
     what, case = run.what, run.what.case
-    truth = truth_of(run)
+    truth = (
+        RodTruth(case, run.hidden, what.friction)
+        if run.truth == "rod"
+        else DrivenTruth(case, run.hidden)
+    )
     tracker = SimulatedTracker(truth, run.errors, rng)
     limits = CommandLimits()
     limits = replace(
@@ -137,10 +288,9 @@ def wind(run: ClosedRun) -> ClosedResult:
             ),
             machine.pull,
         )
-        seen = machine.time <= run.tracker_until
-        if seen and sample % _FRAMES == 0:
+        if sample % _FRAMES == 0:
             controller.take_markers(tracker.markers(reading.cylinder_angle))
-        if seen and run.sees_lay and sample % _LAYS == 0:
+        if sample % _LAYS == 0:
             controller.take_lay(tracker.lay(reading.cylinder_angle))
         if sample % _COMMANDS == 0:
             pull = machine.state.tension

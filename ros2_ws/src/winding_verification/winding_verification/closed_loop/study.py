@@ -13,19 +13,18 @@ from numpy.typing import NDArray
 
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.expected_landing import expected_landings
-from lay_control_node.control.guide_law import WantedLay
-from lay_control_node.control.wanted_program import WantedProgram
+from lay_control_node.control.guide_law import WantedLay, WantedProgram
 from lay_control_node.programs.simple_programs import even_helix
-from winding_core.condition import Condition, ResolvedCondition
-from winding_core.lay_control_records import ControlMode
-from winding_rig_node.machine.hidden_rig import HiddenRig
+from winding_core.cable.condition import Condition, ResolvedCondition
+from winding_core.lay.records import ControlMode
+from winding_rig_node.lay.lay_on import HiddenRig
 from winding_verification.closed_loop.run import ClosedRun, wind
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 _FULL_TURN = 2.0 * math.pi
-# The hidden cable is neo-Hookean, and that is no secret: the paper's rig is best told with it.
+# The law of the hidden cable is known to the controller: it describes the paper's rig best.
 _LAW = "neo_hookean"
 # Markers are wanted where this share of the weight lands them, in the middle of 0.3 to 1.5; a run
 # goes on for so many radians behind the last one.
@@ -41,20 +40,14 @@ class ClosedLoopConfig:
     """What is wound.
 
     Attributes:
-        cases: Rows of Table 1.
-        draws: Hidden rigs of each case.
-        truths: Of `TRUTHS`.
-        sees_lay: Whether every turn is measured, or markers alone.
-        first_seed: Of the hidden rigs.
-        brake: Whether a brake lands markers at angles that are within its reach.
+        truths: driven, rod or both: which cables are the true ones.
     """
 
-    cases: tuple[int, ...]
-    draws: int
+    cases: tuple[int, ...]  # Rows of Table 1
+    draws: int  # Hidden rigs of each case
     truths: tuple[str, ...] = ("driven", "rod")
-    sees_lay: bool = True
-    first_seed: int = 0
-    brake: bool = False
+    first_seed: int = 0  # Of the hidden rigs
+    brake: bool = False  # Whether a brake lands markers at angles that are within its reach
 
     def __post_init__(self) -> None:
         if self.draws < 1:
@@ -66,31 +59,21 @@ class ClosedLoopRow:
     """One run: what was hidden, and how far the cable lies from the even helix.
 
     Attributes:
-        case: Row of Table 1.
-        seed: Of the hidden rig.
-        truth: Of `TRUTHS`.
-        mode: closed or open.
-        marker_error: z less the helix at P1 and on [m], shape (m,); nan for one not landed.
-        turn_rms: Of each complete turn [m], shape (n,).
         marker_miss: Angle of P1 and on less the wanted one [rad], shape (m,); nan for one that has
             not landed, empty without a brake.
-        said_miss: How far each may miss as said beforehand, two deviations [rad]; shape as above.
-        free_length: Hidden [m].
-        estimated_length: At the end [m].
-        sigma_length: Of that [m].
     """
 
-    case: int
-    seed: int
-    truth: str
-    mode: str
-    marker_error: Array
-    turn_rms: Array
+    case: int  # Row of Table 1
+    seed: int  # Of the hidden rig
+    truth: str  # driven or rod
+    mode: str  # closed or open
+    marker_error: Array  # z less the helix at P1 and on [m], shape (m,); nan for one not landed
+    turn_rms: Array  # Of each complete turn [m], shape (n,)
     marker_miss: Array
-    said_miss: Array
-    free_length: float
-    estimated_length: float
-    sigma_length: float
+    expected_miss: Array  # Two deviations of each as predicted beforehand [rad]; shape as above
+    free_length: float  # Hidden [m]
+    estimated_length: float  # At the end [m]
+    sigma_length: float  # Of that [m]
 
     def record(self) -> dict[str, Any]:
         """Return the row for a file of JSON."""
@@ -102,7 +85,7 @@ class ClosedLoopRow:
             "marker_error_mm": [_known(1.0e3 * value) for value in self.marker_error],
             "turn_rms_mm": [_known(1.0e3 * value) for value in self.turn_rms],
             "marker_miss_turns": [_known(value / _FULL_TURN) for value in self.marker_miss],
-            "said_miss_turns": [_known(value / _FULL_TURN) for value in self.said_miss],
+            "said_miss_turns": [_known(value / _FULL_TURN) for value in self.expected_miss],
             "free_length_m": self.free_length,
             "estimated_free_length_m": self.estimated_length,
             "sigma_free_length_m": self.sigma_length,
@@ -175,12 +158,11 @@ def _wound(case: int, seed: int, truth: str, mode: str, config: ClosedLoopConfig
         hidden=hidden,
         control=control,
         mode=MODES[mode],
-        sees_lay=config.sees_lay,
         seed=seed,
     )
     result = wind(run)
     lay = result.setpoints[-1].lay
-    said = expected_landings(control, what, wanted, markers)
+    expected = expected_landings(control, what, wanted, markers)
     return ClosedLoopRow(
         case=case,
         seed=seed,
@@ -189,7 +171,7 @@ def _wound(case: int, seed: int, truth: str, mode: str, config: ClosedLoopConfig
         marker_error=result.marker_error,
         turn_rms=result.turn_rms(),
         marker_miss=np.array([result.marker_theta[n - 1] - angle for n, angle in markers.items()]),
-        said_miss=np.array([item.misses for item in said]),
+        expected_miss=np.array([item.misses for item in expected]),
         free_length=hidden.free_length,
         estimated_length=lay.free_length,
         sigma_length=lay.sigma_length,
@@ -236,7 +218,7 @@ def miss_summary(rows: list[ClosedLoopRow]) -> dict[str, Mapping[str, Array]]:
     """Return percentiles of how far markers missed their angles under control, by truth.
 
     The 50th, 95th and 100th percentile of |miss| by marker in turns, shape (3,) each, and for
-    every marker under `said` the share of runs within what was said beforehand, or within its
+    every marker under `expected` the share of runs within what was predicted, or within its
     bar, 0.02 turns of P1 and 0.01 of others, shape (1,).
     """
     found: dict[str, Mapping[str, Array]] = {}
@@ -246,13 +228,15 @@ def miss_summary(rows: list[ClosedLoopRow]) -> dict[str, Mapping[str, Array]]:
         parts: dict[str, Array] = {}
         for n in range(max(row.marker_miss.size for row in chosen)):
             pairs = [
-                (row.marker_miss[n], row.said_miss[n]) for row in chosen if row.marker_miss.size > n
+                (row.marker_miss[n], row.expected_miss[n])
+                for row in chosen
+                if row.marker_miss.size > n
             ]
-            miss, said = np.abs(np.array(pairs)).T / _FULL_TURN
+            miss, expected = np.abs(np.array(pairs)).T / _FULL_TURN
             known = np.isfinite(miss)
             parts[f"P{n + 1}"] = _percentiles(miss)
-            held = miss[known] <= np.maximum(said[known], MISS_BARS[min(n, 1)])
-            parts[f"P{n + 1} said"] = np.array([held.mean() if held.size else np.nan])
+            held = miss[known] <= np.maximum(expected[known], MISS_BARS[min(n, 1)])
+            parts[f"P{n + 1} expected"] = np.array([held.mean() if held.size else np.nan])
         found[truth] = parts
     return found
 

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 import typer
 
-from winding_cli.commands.console import result_console
-from winding_cli.commands.output_path import check_output_file, write_json
-from winding_cli.commands.refusal import FAILED, refuse, refused
-from winding_cli.commands.ros_environment import joined
+from winding_cli.terminal.console import result_console
+from winding_cli.terminal.output_path import check_output_file, write_json
+from winding_cli.terminal.refusal import FAILED, refuse, refused
+from winding_cli.terminal.ros_environment import joined
 
 
 def faults(
@@ -25,8 +25,8 @@ def faults(
     ] = None,
 ) -> None:
     """Kill, hold and mislead a running graph in every way of the table; exit 1 if it fails one."""
-    from winding_supervisor.domain_lock import DomainError, domain_lock
-    from winding_supervisor.interruption import Interruption, run_closing
+    from winding_supervisor.session.domain_lock import DomainError, domain_lock
+    from winding_supervisor.session.interruption import Interruption, run_closing
     from winding_verification.faults import campaign
 
     check_output_file(json, "--json")
@@ -35,7 +35,7 @@ def faults(
         refuse(f"no row of the fault table contains {only!r}")
 
     async def work(_stack: AsyncExitStack, _interruption: Interruption) -> list[Any]:
-        outcomes: list[Any] = await campaign.try_rows(names, place.folder, _tell)
+        outcomes: list[Any] = await campaign.try_rows(names, place.folder, _report)
         return outcomes
 
     with (
@@ -51,6 +51,6 @@ def faults(
         raise typer.Exit(FAILED)
 
 
-def _tell(outcome: Any) -> None:
-    words = "ok    " if outcome.passed else "FAILED"
-    print(f"{words}  {outcome.fault}", file=sys.stderr, flush=True)
+def _report(outcome: Any) -> None:
+    word = "ok    " if outcome.passed else "FAILED"
+    print(f"{word}  {outcome.fault}", file=sys.stderr, flush=True)

@@ -1,25 +1,26 @@
-"""`winding verify`: the solver's verification suite as a table."""
+"""`winding verify`: the solver's verification suite, or published experiments, as a table."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
+from rich.console import Console
 from rich.progress import MofNCompleteColumn, TimeElapsedColumn
 from rich.table import Table
 
-from winding_cli.commands.console import progress_bar, result_console
-from winding_cli.commands.output_path import check_output_file, write_json
-from winding_cli.commands.refusal import FAILED, refuse
-from winding_verification.commands.experiments import (
-    announce_compilation,
-    compare_external,
-    external_record,
-)
+from winding_cli.terminal.console import progress_bar, result_console
+from winding_cli.terminal.output_path import check_output_file, write_json
+from winding_cli.terminal.refusal import FAILED, refuse
 
 if TYPE_CHECKING:
+    from winding_verification.experiments.external_row import ExternalRow
     from winding_verification.solver.suite import Row
+
+_Row = TypeVar("_Row")
 
 
 def verify(
@@ -38,47 +39,100 @@ def verify(
     ] = None,
 ) -> None:
     """Compare the solver with closed forms and reference solutions; exit code 1 if one fails."""
-    from winding_verification.solver.suite import PROBLEMS, run_suite
-
     check_output_file(json_file, "--json")
-    if external is not None and not external.is_dir():
+    if external is None:
+        passed, records = _verify_suite(problems or [])
+    elif external.is_dir():
+        passed, records = _compare_external(external, problems or [])
+    else:
         refuse(f"--external: there is no folder {external}")
-    if external is not None:
-        rows = compare_external(external, problems or [])
-        if json_file is not None:
-            write_json(json_file, [external_record(row) for row in rows])
-        if not all(row.passed for row in rows):
-            raise typer.Exit(FAILED)
-        return
-    names = (
-        list(PROBLEMS) if not problems else [name.upper().replace("R", "r") for name in problems]
-    )
-    unknown = [name for name in names if name not in PROBLEMS]
-    if unknown:
-        refuse(f"no problem named {', '.join(unknown)}; there are {', '.join(PROBLEMS)}")
-    announce_compilation()
-    own: list[Row] = []
-    with progress_bar(MofNCompleteColumn(), TimeElapsedColumn()) as bar:
-        task = bar.add_task("verifying", total=len(names))
-        for name, found in run_suite(names):
-            own += found
-            bar.update(task, advance=1, description=f"verified {name}")
-    console = result_console()
-    console.print(_table(own))
-    failed = [row for row in own if not row.passed]
-    console.print(f"{len(own) - len(failed)} of {len(own)} quantities within their tolerance")
     if json_file is not None:
-        write_json(json_file, [_record(row) for row in own])
-    if failed:
+        write_json(json_file, records)
+    if not passed:
         raise typer.Exit(FAILED)
 
 
-def _table(rows: list[Row]) -> Table:
-    table = Table(title="Verification of the solver")
-    for column in ("problem", "quantity"):
+def _verify_suite(problems: Sequence[str]) -> tuple[bool, list[dict[str, Any]]]:
+    """Compute problems, all if none is named, and print them; return whether all pass, and rows."""
+    from winding_verification.solver.suite import PROBLEMS, run_problem
+
+    names = [name.upper().replace("R", "r") for name in problems] or list(PROBLEMS)
+    unknown = [name for name in names if name not in PROBLEMS]
+    if unknown:
+        refuse(f"no problem named {', '.join(unknown)}; there are {', '.join(PROBLEMS)}")
+    rows: list[Row] = []
+    for found in _computed("verifying", [(name, partial(run_problem, name)) for name in names]):
+        rows += found
+    console = result_console()
+    console.print(_suite_table(rows))
+    kept = sum(row.passed for row in rows)
+    console.print(f"{kept} of {len(rows)} quantities within their tolerance")
+    return kept == len(rows), [row.record() for row in rows]
+
+
+def _compare_external(folder: Path, names: Sequence[str]) -> tuple[bool, list[dict[str, Any]]]:
+    """Compute experiments, all if none is named, beside their published figures; return as above.
+
+    Args:
+        folder: Somewhere above their files.
+        names: Of experiments.
+    """
+    from cable_fem_node.dynamics.state import SolverError
+    from winding_verification.experiments.comparison import NAMES, found_work
+
+    unknown = [name for name in names if name not in NAMES]
+    if unknown:
+        refuse(f"no experiment named {', '.join(unknown)}; there are {', '.join(NAMES)}")
+    rows: list[ExternalRow] = []
+    try:
+        work, others = found_work(folder, names or NAMES)
+        for found in _computed("computing", work):
+            rows += found
+    except (ValueError, SolverError) as error:
+        refuse(error)
+    console = result_console()
+    console.print(_external_table(rows))
+    judged = [row for row in rows if row.bar is not None]
+    kept = sum(row.passed for row in judged)
+    console.print(f"{kept} of {len(judged)} quantities within their bar")
+    if others:
+        console.print(f"not compared: {', '.join(others)}", highlight=False)
+    return kept == len(judged), [row.record() for row in rows]
+
+
+def _computed(
+    verb: str, work: Sequence[tuple[str, Callable[[], Iterable[_Row]]]]
+) -> Iterator[Iterable[_Row]]:
+    """Yield the rows of each named piece of work, under a bar of progress."""
+    from cable_fem_node.dynamics.compile import is_compiled
+
+    if not is_compiled():
+        Console(stderr=True).print(
+            "compiling the solver's kernels: once after installation, a minute at most"
+        )
+    with progress_bar(MofNCompleteColumn(), TimeElapsedColumn()) as bar:
+        task = bar.add_task(verb, total=len(work))
+        for name, rows in work:
+            bar.update(task, description=f"{verb} {name}")
+            yield rows()
+            bar.update(task, advance=1)
+
+
+def _table(title: str, left: Sequence[str], right: Sequence[str]) -> Table:
+    table = Table(title=title)
+    for column in left:
         table.add_column(column)
-    for column in ("reference", "computed", "error", "tolerance", "pass"):
+    for column in right:
         table.add_column(column, justify="right")
+    return table
+
+
+def _suite_table(rows: list[Row]) -> Table:
+    table = _table(
+        "Verification of the solver",
+        ("problem", "quantity"),
+        ("reference", "computed", "error", "tolerance", "pass"),
+    )
     titled = ""
     for row in rows:
         if row.problem != titled:
@@ -89,29 +143,40 @@ def _table(rows: list[Row]) -> Table:
         table.add_row(
             "",
             f"{row.quantity} \\[{row.unit}]",
-            _short(row.reference),
-            _short(row.computed),
+            *(
+                f"{value:.6g}" if isinstance(value, int | float) else "array"
+                for value in (row.reference, row.computed)
+            ),
             f"{row.error:.2g}",
             f"{row.tolerance:.2g} {sign}",
-            "yes" if row.passed else "[red]NO[/red]",
+            _pass(row.passed),
         )
     return table
 
 
-def _short(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, int | float) else "array"
+def _external_table(rows: list[ExternalRow]) -> Table:
+    solvers = sorted({solver for row in rows for solver in row.published})
+    table = _table(
+        "Other people's experiments",
+        ("experiment", "variant", "quantity"),
+        (*(f"published: {solver}" for solver in solvers), "here", "bar", "pass"),
+    )
+    titled = ""
+    for row in rows:
+        if row.experiment != titled:
+            titled = row.experiment
+            table.add_section()
+        figures = (*(row.published.get(solver) for solver in solvers), row.computed)
+        table.add_row(
+            row.experiment,
+            row.variant,
+            row.quantity,
+            *("" if value is None else f"{value:.3g}" for value in figures),
+            "" if row.bar is None else f"{'>=' if row.at_least else '<='} {row.bar:.2g}",
+            "" if row.bar is None else _pass(row.passed),
+        )
+    return table
 
 
-def _record(row: Row) -> dict[str, Any]:
-    return {
-        "problem": row.problem,
-        "title": row.title,
-        "quantity": row.quantity,
-        "unit": row.unit,
-        "reference": row.reference,
-        "computed": row.computed,
-        "error": row.error,
-        "tolerance": row.tolerance,
-        "tolerance_kind": "relative" if row.relative else "absolute",
-        "pass": row.passed,
-    }
+def _pass(passed: bool) -> str:
+    return "yes" if passed else "[red]NO[/red]"

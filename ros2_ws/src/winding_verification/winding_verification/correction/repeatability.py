@@ -23,17 +23,11 @@ CAMPAIGNS = 20
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseAccuracy:
-    """Accuracy of K-NN at one repeatability. Simulated.
+    """Accuracy of K-NN at one repeatability. Simulated."""
 
-    Attributes:
-        noise: Relative standard deviation of a length between repetitions.
-        kind: What is common to a repetition.
-        accuracy: Share of the fresh repetitions whose case was named.
-    """
-
-    noise: float
-    kind: Noise
-    accuracy: float
+    noise: float  # Relative standard deviation of a length between repetitions
+    kind: Noise  # What is common to a repetition
+    accuracy: float  # Share of the fresh repetitions whose case was named
 
 
 def accuracy_by_noise(

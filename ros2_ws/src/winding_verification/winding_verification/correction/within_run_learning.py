@@ -21,19 +21,12 @@ _RESOLUTION = 1.0e-4
 
 @dataclass(frozen=True, kw_only=True)
 class RunTable:
-    """Runs as arrays: rows are cases, columns are P1, P2, ...
+    """Runs as arrays: rows are cases, columns are P1, P2, ..."""
 
-    Attributes:
-        cases: Row of Table 1, shape (m,).
-        spacing: Marker spacing [m], shape (m,).
-        predicted: S_FEM [m], shape (m, n).
-        measured: S_EXP [m], shape (m, n); NaN where the paper measured none.
-    """
-
-    cases: tuple[int, ...]
-    spacing: Array
-    predicted: Array
-    measured: Array
+    cases: tuple[int, ...]  # Row of Table 1, shape (m,)
+    spacing: Array  # Marker spacing [m], shape (m,)
+    predicted: Array  # S_FEM [m], shape (m, n)
+    measured: Array  # S_EXP [m], shape (m, n); NaN where the paper measured none
 
     def without(self, case: int) -> RunTable:
         """Return the table without one case."""

@@ -22,23 +22,14 @@ from winding_verification.correction.within_run_learning import (
 
 @dataclass(frozen=True, kw_only=True)
 class WithinRunCell:
-    """One predicted marker.
+    """One predicted marker."""
 
-    Attributes:
-        case: Row of Table 1.
-        marker: n of Pn.
-        s_exp: Measured [m].
-        s: Predicted with L_c from the other cases [m].
-        half_width: Of the interval around s, from the other cases [m].
-        error_pct: Table 7's measure, 100 |s_exp - s| / s.
-    """
-
-    case: int
-    marker: int
-    s_exp: float
-    s: float
-    half_width: float
-    error_pct: float
+    case: int  # Row of Table 1
+    marker: int  # n of Pn
+    s_exp: float  # Measured [m]
+    s: float  # Predicted with L_c from the other cases [m]
+    half_width: float  # Of the interval around s, from the other cases [m]
+    error_pct: float  # Table 7's measure, 100 |s_exp - s| / s
 
     @property
     def covered(self) -> bool:
@@ -51,28 +42,20 @@ class WithinRunScore:
     """The law within a run beside its plain rivals, in percent of the predicted length.
 
     Attributes:
-        measured: How many markers of each run are given, P1 first.
-        build_up_length: L_c [m] from all cases.
-        in_sample_pct: Mean error over the cells, L_c from all cases.
         held_out_pct: Mean error over the cells, L_c from the other eleven cases: the honest one.
-        by_marker_pct: The same by marker.
-        worst: The held-out cell with the largest error.
-        coverage: Share of the cells within their interval.
-        half_width_pct: Mean half-width of the intervals.
         rivals_pct: Mean error over the same cells of each plain rival, by name; nothing learned.
-        cells: Every held-out cell.
     """
 
-    measured: int
-    build_up_length: float
-    in_sample_pct: float
+    measured: int  # How many markers of each run are given, P1 first
+    build_up_length: float  # L_c [m] from all cases
+    in_sample_pct: float  # Mean error over the cells, L_c from all cases
     held_out_pct: float
-    by_marker_pct: dict[int, float]
-    worst: WithinRunCell
-    coverage: float
-    half_width_pct: float
+    by_marker_pct: dict[int, float]  # The same by marker
+    worst: WithinRunCell  # The held-out cell with the largest error
+    coverage: float  # Share of the cells within their interval
+    half_width_pct: float  # Mean half-width of the intervals
     rivals_pct: dict[str, float]
-    cells: tuple[WithinRunCell, ...]
+    cells: tuple[WithinRunCell, ...]  # Every held-out cell
 
 
 def score_within_run(cells: Sequence[LengthCell], measured: int = FEWEST) -> WithinRunScore:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 from winding_verification.experiments import cosserat_experiments as cosserat
+from winding_verification.experiments import elastic_capstan
+from winding_verification.experiments import held_cable_comparison as held
 from winding_verification.experiments.external_row import ExternalRow
+from winding_verification.experiments.motion_capture import cable_folders, read_cable
 from winding_verification.experiments.scenario import (
     ExternalFileError,
-    NothingFoundError,
     Scenario,
     read_scenario,
 )
@@ -23,6 +25,9 @@ EXPERIMENTS: dict[str, Callable[[Scenario], cosserat.Metrics]] = {
     "pendulum": cosserat.pendulum,
     "twist": cosserat.twist,
 }
+NAMES = (*EXPERIMENTS, held.NAME, elastic_capstan.NAME)
+# Name of an experiment, and what computes it.
+Work = tuple[str, Callable[[], Iterable[ExternalRow]]]
 
 # Greatest magnitude. The references leave out: bending in the catenary, which lifts the sag of a
 # short span by 0.8 %; the size of the swing, 2e-5 of the period; stretch and shear elsewhere.
@@ -50,26 +55,18 @@ def found_experiments(
         wanted: Names of EXPERIMENTS.
 
     Raises:
-        NothingFoundError: The folder holds none.
-        ExternalFileError: There is no such folder, or a file is no experiment.
+        ExternalFileError: A file is no experiment.
     """
-    if not folder.is_dir():
-        raise ExternalFileError(f"there is no folder {folder}")
     chosen: dict[tuple[str, str], tuple[bool, Path]] = {}
     others = set()
     for file in sorted(folder.rglob("experiment.json")):
-        name, values, of_the_solver = _told(file)
+        name, values, of_the_solver = _identity(file)
         if name not in wanted:
             others.add(name)
             continue
         before = chosen.get((name, values))
         if before is None or (before[0] and not of_the_solver):
             chosen[name, values] = (of_the_solver, file)
-    if not chosen:
-        raise NothingFoundError(
-            f"{folder} holds no experiment.json of {', '.join(wanted)}; it is to be a "
-            "results folder of cosseratbench, or one above it"
-        )
     return [file for _, (_, file) in sorted(chosen.items())], tuple(sorted(others))
 
 
@@ -94,8 +91,7 @@ def compare(file: Path) -> Iterator[ExternalRow]:
             bar=bar,
             at_least=at_least,
             published={
-                solver: _usable(metrics.get(quantity))
-                for solver, metrics in scenario.published.items()
+                solver: metrics.get(quantity) for solver, metrics in scenario.published.items()
             },
         )
 
@@ -115,14 +111,10 @@ def _lacks(scenario: Scenario) -> str:
         "pendulum": (("gravity", bool(scenario.gravity.any())),),
         "twist": (("a load on every rod", loaded), ("an end_motion of every rod", turned)),
     }
-    return " and ".join(what for what, told in needs[scenario.experiment] if not told)
+    return " and ".join(what for what, given in needs[scenario.experiment] if not given)
 
 
-def _usable(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
-def _told(file: Path) -> tuple[str, str, bool]:
+def _identity(file: Path) -> tuple[str, str, bool]:
     """Return an experiment's name, its parameters as text, whether it varies the solver alone."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
@@ -131,3 +123,49 @@ def _told(file: Path) -> tuple[str, str, bool]:
         return str(content["name"]), values, any(name in varied for name in _OF_THE_SOLVER)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise ExternalFileError(f"{file} is no experiment of cosseratbench: {error}") from error
+
+
+def found_work(folder: Path, wanted: Collection[str] = NAMES) -> tuple[list[Work], tuple[str, ...]]:
+    """Return what to compute, and the names of what is there and is not computed.
+
+    Args:
+        folder: Somewhere above the files.
+        wanted: Names of NAMES.
+
+    Raises:
+        ExternalFileError: The folder holds nothing of that, or a file is no experiment.
+    """
+    work: list[Work] = []
+    lacking = []
+    others: tuple[str, ...] = ()
+    scenarios = [name for name in wanted if name in EXPERIMENTS]
+    if scenarios:
+        files, others = found_experiments(folder, scenarios)
+        work += [(file.parent.name, partial(compare, file)) for file in files]
+        if not files:
+            lacking.append(
+                f"{folder} holds no experiment.json of {', '.join(scenarios)}; it is to be a "
+                "results folder of cosseratbench, or one above it"
+            )
+    if held.NAME in wanted:
+        cables = cable_folders(folder)
+        comparison = held.HeldCableComparison()
+        work += [(one.name, partial(comparison.compare, read_cable(one))) for one in cables]
+        if cables:
+            work.append(("all cables", comparison.reached))
+        else:
+            lacking.append(f"{folder} holds no runs of DEFORM (CABLE/train and CABLE/eval, *.pkl)")
+    if elastic_capstan.NAME in wanted:
+        tables = sorted(folder.rglob(elastic_capstan.TABLE))
+        work += [
+            (elastic_capstan.NAME, partial(elastic_capstan.compare_points, points))
+            for points in map(elastic_capstan.read_table, tables)
+        ]
+        if not tables:
+            lacking.append(
+                f"{folder} holds no {elastic_capstan.TABLE}, a table with the columns "
+                f"{', '.join(elastic_capstan.LIMITS)}"
+            )
+    if not work:
+        raise ExternalFileError("; ".join(lacking))
+    return work, others

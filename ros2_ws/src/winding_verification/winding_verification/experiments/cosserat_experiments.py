@@ -9,8 +9,7 @@ from numpy.polynomial import legendre
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.dynamics.surroundings import CylinderContact
+from cable_fem_node.dynamics.state import CylinderContact, FloatArray
 from cable_fem_node.winding.resolved_model import chord_radius
 from winding_verification.experiments.scenario import CLAMPED, FREE, Scenario, ScenarioRod
 from winding_verification.rod.rod import Rod
@@ -25,43 +24,43 @@ _GROWING = 0.05  # [1/s]
 
 def cantilever(scenario: Scenario) -> Metrics:
     """Relative error of the tip's deflection against Euler and Bernoulli."""
-    told = scenario.rods[0]
-    rod, _ = _built(told, 50)
+    spec = scenario.rods[0]
+    rod, _ = _built(spec, 50)
     equilibrium(rod, increments=2)
-    load = float(np.linalg.norm(told.load))
-    reference = load * told.length**3 / (3.0 * told.section.bending)
-    moved = (rod.nodes[-1] - told.line[-1]) @ told.load / load
+    load = float(np.linalg.norm(spec.load))
+    reference = load * spec.length**3 / (3.0 * spec.section.bending)
+    moved = (rod.nodes[-1] - spec.line[-1]) @ spec.load / load
     return {"tip_deflection_error": abs(float(moved) / reference - 1.0)}
 
 
 def catenary(scenario: Scenario) -> Metrics:
     """Largest distance from the elastic catenary in lengths, relative error of the sag."""
-    told = scenario.rods[0]
-    rod, _ = _built(told, 100)
+    spec = scenario.rods[0]
+    rod, _ = _built(spec, 100)
     rod.gravity[:] = scenario.gravity
     rod.settle(1.0e-5)
     up = -scenario.gravity / np.linalg.norm(scenario.gravity)
-    start, chord = told.line[0], told.line[-1] - told.line[0]
+    start, chord = spec.line[0], spec.line[-1] - spec.line[0]
     span = float(np.linalg.norm(chord))
-    x, z = elastic_catenary(told, float(np.linalg.norm(scenario.gravity)), span)
+    x, z = elastic_catenary(spec, float(np.linalg.norm(scenario.gravity)), span)
     place = rod.nodes - start
     along, height = place @ (chord / span), place @ up
     away = np.hypot(along[:, None] - x, height[:, None] - z).min(axis=1)
     return {
-        "shape_error": float(away.max()) / told.length,
+        "shape_error": float(away.max()) / spec.length,
         "sag_error": abs(float(height.min()) / float(z.min()) - 1.0),
     }
 
 
 def pendulum(scenario: Scenario) -> Metrics:
     """Relative error of the period, relative change of the swing; nothing is damped."""
-    told = scenario.rods[0]
-    rod, _ = _built(told, 100)
+    spec = scenario.rods[0]
+    rod, _ = _built(spec, 100)
     rod.gravity[:] = scenario.gravity
     frames = 200
     times = scenario.duration * np.arange(frames + 1) / frames
     down = scenario.gravity / np.linalg.norm(scenario.gravity)
-    off = told.line[-1] - told.line[0]
+    off = spec.line[-1] - spec.line[0]
     aside = off - (off @ down) * down
     aside /= np.linalg.norm(aside)
     swing = [float(rod.nodes[-1] @ aside)]
@@ -69,7 +68,7 @@ def pendulum(scenario: Scenario) -> Metrics:
         rod.advance(float(t) - rod.time)
         swing.append(float(rod.nodes[-1] @ aside))
     x = np.array(swing)
-    expected = hanging_period(told, float(np.linalg.norm(scenario.gravity)))
+    expected = hanging_period(spec, float(np.linalg.norm(scenario.gravity)))
     period = _fitted_period(times, x, expected)
     first, last = times <= period, times >= times[-1] - period
     change = (
@@ -86,9 +85,9 @@ def twist(scenario: Scenario) -> Metrics:
     growing rods that are nearest tells where growth would begin.
     """
     levels, rates = [], []
-    for told in scenario.rods:
-        levels.append(float(told.turn[-1]) / critical_twist(told))
-        rates.append(_growth(told, scenario.duration))
+    for spec in scenario.rods:
+        levels.append(float(spec.turn[-1]) / critical_twist(spec))
+        rates.append(_growth(spec, scenario.duration))
     s, level = np.array(rates), np.array(levels)
     growing = np.flatnonzero(np.isfinite(s) & (s > _GROWING))[:3]
     if growing.size < 3:
@@ -100,18 +99,18 @@ def twist(scenario: Scenario) -> Metrics:
 
 def capstan(scenario: Scenario) -> Metrics:
     """How far the light end rises at most [m]."""
-    told, obstacle = scenario.rods[0], scenario.obstacles[0]
-    elements = round(told.length / 2.5e-3)
-    nodes, reference = told.nodes(elements)
+    spec, obstacle = scenario.rods[0], scenario.obstacles[0]
+    elements = round(spec.length / 2.5e-3)
+    nodes, reference = spec.nodes(elements)
     turn = _onto_z(obstacle.axis)
     nodes = nodes @ turn.T
-    wrap = obstacle.radius + 0.5 * told.section.diameter
+    wrap = obstacle.radius + 0.5 * spec.section.diameter
     reach = chord_radius(wrap, float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).mean()))
     radius = np.hypot(nodes[:, 0], nodes[:, 1])
     # The file's points lie a hair off the cylinder, and nodes between them a hair less.
     near = (np.abs(radius - wrap) < 1.0e-3 * wrap) & (nodes @ (turn @ scenario.gravity) < 0.0)
     nodes[near, :2] *= (reach / radius[near])[:, None]
-    rod = Rod(nodes, told.section, reference=reference)
+    rod = Rod(nodes, spec.section, reference=reference)
     rod.gravity[:] = turn @ scenario.gravity
     rod.touch(CylinderContact(reach=reach, friction=obstacle.friction))
     rod.damping_rate = 5.0 if scenario.quasi_static else 0.0
@@ -121,16 +120,16 @@ def capstan(scenario: Scenario) -> Metrics:
     while rod.time < scenario.duration - 1.0e-9:
         rod.advance(min(0.01, scenario.duration - rod.time))
         highest = max(highest, start - float(rod.nodes[0] @ down))
-        if highest > 0.5 * told.length:
+        if highest > 0.5 * spec.length:
             break
     return {"slide": highest}
 
 
 def elastic_catenary(
-    told: ScenarioRod, gravity: float, span: float, points: int = 2001
+    spec: ScenarioRod, gravity: float, span: float, points: int = 2001
 ) -> tuple[FloatArray, FloatArray]:
     """Return (x, z) [m] of a limp elastic cable between two supports of one height."""
-    section, length = told.section, told.length
+    section, length = spec.section, spec.length
     weight = section.density * section.area * gravity
     stiffness = section.young * section.area
     s = np.linspace(0.0, length, points)
@@ -147,13 +146,13 @@ def elastic_catenary(
     return x(pull), z
 
 
-def hanging_period(told: ScenarioRod, gravity: float, terms: int = 40) -> float:
+def hanging_period(spec: ScenarioRod, gravity: float, terms: int = 40) -> float:
     """Return the period [s] of the slowest small swing of a hanging rod, pinned at the top.
 
     Galerkin's method with Legendre polynomials of the height over the free end; bending, and
     tension over the stretched length, as the benchmark has it.
     """
-    section, length = told.section, told.length
+    section, length = spec.section, spec.length
     u, weights = legendre.leggauss(2 * terms)
     mass = section.density * section.area
     # u runs from the free end (-1) to the pin (1).
@@ -172,14 +171,14 @@ def hanging_period(told: ScenarioRod, gravity: float, terms: int = 40) -> float:
     return 2.0 * math.pi / math.sqrt(squared)
 
 
-def critical_twist(told: ScenarioRod) -> float:
+def critical_twist(spec: ScenarioRod) -> float:
     """Return the twist [rad] at which a straight clamped rod under tension buckles (Greenhill).
 
     A sideways displacement w = x + i y obeys B w'''' - i M w''' - T w'' = 0 with w = w' = 0 at
     both ends; the least moment M with a solution is sought above the long rod's 2 sqrt(B T).
     """
-    section, length = told.section, told.length
-    tension = float(np.linalg.norm(told.load)) * length**2 / section.bending
+    section, length = spec.section, spec.length
+    tension = float(np.linalg.norm(spec.load)) * length**2 / section.bending
     low = 2.0 * math.sqrt(tension)
     moments = low + np.linspace(1.0e-6, 20.0, 4001)
     values = [_greenhill(m, tension) for m in moments]
@@ -209,37 +208,37 @@ def _greenhill(moment: float, tension: float) -> float:
     return float(((p0 * q1 - q0 * p1) / 1j).real / k)
 
 
-def _built(told: ScenarioRod, elements: int, *, framed: bool = False) -> tuple[Rod, FloatArray]:
-    nodes, reference = told.nodes(elements)
-    rod = Rod(nodes, told.section, reference=reference, twist=framed)
-    chord = told.line[-1] - told.line[0]
-    for side, node, held in (("start", 0, told.start), ("end", elements, told.end)):
+def _built(spec: ScenarioRod, elements: int, *, framed: bool = False) -> tuple[Rod, FloatArray]:
+    nodes, reference = spec.nodes(elements)
+    rod = Rod(nodes, spec.section, reference=reference, twist=framed)
+    chord = spec.line[-1] - spec.line[0]
+    for side, node, held in (("start", 0, spec.start), ("end", elements, spec.end)):
         if held == CLAMPED:
             rod.clamp(side, chord)
         elif held != FREE:
             rod.fix(node)
-    rod.apply(elements, told.load)
+    rod.apply(elements, spec.load)
     return rod, chord / np.linalg.norm(chord)
 
 
-def _growth(told: ScenarioRod, duration: float) -> float:
+def _growth(spec: ScenarioRod, duration: float) -> float:
     """Return the rate at which a rod strays while its twist is held [1/s]; nan if too few tell."""
     # The discrete rod buckles 1.7 to 2.2 % early with 50 elements, and 1 / n^2 of that with more.
-    rod, along = _built(told, 125, framed=True)
-    if told.slides:
+    rod, along = _built(spec, 125, framed=True)
+    if spec.slides:
         rod.release(rod.mass.size - 1, "xyz"[int(np.argmax(np.abs(along)))])
     # Two radians a second for a mode of some hertz: neither quick nor slow.
     rod.damping_rate = 5.0
-    held = float(told.turn_times[-1])
+    held = float(spec.turn_times[-1])
     period = 2.0e-3
     times, away = [], []
     for i in range(1, round(duration / period) + 1):
         t = period * i
         if t <= held + period:
-            rod.turn("end", float(np.interp(t, told.turn_times, told.turn)))
+            rod.turn("end", float(np.interp(t, spec.turn_times, spec.turn)))
         rod.advance(t - rod.time)
         if i % 25 == 0 and t >= held + _SETTLED_S:
-            off = rod.nodes - told.line[0]
+            off = rod.nodes - spec.line[0]
             sideways = off - np.outer(off @ along, along)
             times.append(t)
             away.append(float(np.linalg.norm(sideways, axis=1).max()))

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 from winding_verification.experiments.scenario import ExternalFileError
 
 FRAME_TIME = 0.01  # [s]
@@ -33,15 +33,12 @@ class CapturedCable:
     """The runs of one cable.
 
     Attributes:
-        name: Of its folder.
-        train: Runs to fit on, each (frames, markers, 3) [m].
-        held_out: Runs of the evaluation, the same.
         published: Least evaluation loss in the files beside it [m]; None if there is none.
     """
 
-    name: str
-    train: tuple[FloatArray, ...]
-    held_out: tuple[FloatArray, ...]
+    name: str  # Of its folder
+    train: tuple[FloatArray, ...]  # Runs to fit on, each (frames, markers, 3) [m]
+    held_out: tuple[FloatArray, ...]  # Runs of the evaluation, the same
     published: float | None
 
 
@@ -63,7 +60,7 @@ def read_cable(folder: Path) -> CapturedCable:
     """Return the runs of a cable.
 
     Raises:
-        ExternalFileError: A split is missing, or a file is no run; says the file and why.
+        ExternalFileError: A split is missing, or a file is no run; names the file and the cause.
     """
     splits = {}
     for split in ("train", "eval"):
@@ -78,12 +75,12 @@ def read_cable(folder: Path) -> CapturedCable:
         raise ExternalFileError(
             f"the runs in {folder} have {sorted(counts)} markers, not one number"
         )
-    records = folder.parent.parent / "loss_record"
+    losses = folder.parent.parent / "loss_record" / f"eval_loss_{folder.name}.pkl"
     return CapturedCable(
         name=folder.name,
         train=splits["train"],
         held_out=splits["eval"],
-        published=_least_loss(records / f"eval_loss_{folder.name}.pkl"),
+        published=min(_array(losses, 1).tolist(), default=None) if losses.is_file() else None,
     )
 
 
@@ -103,13 +100,6 @@ def read_run(file: Path) -> FloatArray:
     if not np.linalg.norm(np.diff(run, axis=1), axis=2).all():
         raise ExternalFileError(f"{file} is no run of DEFORM: two neighbouring markers coincide")
     return np.ascontiguousarray(run)
-
-
-def _least_loss(file: Path) -> float | None:
-    if not file.is_file():
-        return None
-    losses = _array(file, 1)
-    return float(losses.min()) if losses.size else None
 
 
 def _array(file: Path, axes: int) -> FloatArray:

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from cable_fem_node.dynamics.points import FloatArray
-from winding_verification.rod.rod_section import RodSection
+from cable_fem_node.dynamics.state import FloatArray
+from winding_verification.rod.rod import RodSection
 
 FREE, PINNED, CLAMPED = ENDS = ("free", "pinned", "clamped")
 # A Poisson's ratio of one half would make the bulk modulus infinite; GJ is within 1e-4 of it.
@@ -23,35 +23,19 @@ class ExternalFileError(ValueError):
     """A file does not say what such a file must say."""
 
 
-class NothingFoundError(ExternalFileError):
-    """A folder holds no file of the kinds that were asked for."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class ScenarioRod:
-    """One rod, straight when unstressed.
+    """One rod, straight when unstressed."""
 
-    Attributes:
-        line: Points of its centreline at the start (n, 3) [m].
-        arc: Unstressed distance along the rod to each of them (n,) [m], from 0.
-        section: Section and material.
-        start: How the first end is held, one of ENDS.
-        end: How the last end is held.
-        load: Dead force on the last end (3,) [N].
-        turn_times: When the last end's clamp has turned (m,) [s]; empty if it stands.
-        turn: By how much about the rod's own direction there (m,) [rad].
-        slides: Whether the last end's clamp may slide along the rod.
-    """
-
-    line: FloatArray
-    arc: FloatArray
-    section: RodSection
-    start: str
-    end: str
-    load: FloatArray
-    turn_times: FloatArray
-    turn: FloatArray
-    slides: bool
+    line: FloatArray  # Points of its centreline at the start (n, 3) [m]
+    arc: FloatArray  # Unstressed distance along the rod to each of them (n,) [m], from 0
+    section: RodSection  # Section and material
+    start: str  # How the first end is held, one of ENDS
+    end: str  # How the last end is held
+    load: FloatArray  # Dead force on the last end (3,) [N]
+    turn_times: FloatArray  # When the last end's clamp has turned (m,) [s]; empty if it stands
+    turn: FloatArray  # By how much about the rod's own direction there (m,) [rad]
+    slides: bool  # Whether the last end's clamp may slide along the rod
 
     @property
     def length(self) -> float:
@@ -67,17 +51,11 @@ class ScenarioRod:
 
 @dataclass(frozen=True, kw_only=True)
 class Obstacle:
-    """A fixed cylinder through the origin.
+    """A fixed cylinder through the origin."""
 
-    Attributes:
-        axis: Unit vector (3,).
-        radius: [m]
-        friction: Coulomb's coefficient.
-    """
-
-    axis: FloatArray
-    radius: float
-    friction: float
+    axis: FloatArray  # Unit vector (3,)
+    radius: float  # [m]
+    friction: float  # Coulomb's coefficient
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,23 +63,16 @@ class Scenario:
     """One variant of an experiment.
 
     Attributes:
-        experiment: Its name.
-        values: Its parameters.
-        rods: At least one.
-        obstacles: Fixed cylinders.
-        gravity: (3,) [m/s^2].
-        duration: [s]
-        quasi_static: Whether damping may be added.
         published: Metrics of other solvers beside it, by solver.
     """
 
-    experiment: str
-    values: Mapping[str, float]
-    rods: tuple[ScenarioRod, ...]
-    obstacles: tuple[Obstacle, ...]
-    gravity: FloatArray
-    duration: float
-    quasi_static: bool
+    experiment: str  # Its name
+    values: Mapping[str, float]  # Its parameters
+    rods: tuple[ScenarioRod, ...]  # At least one
+    obstacles: tuple[Obstacle, ...]  # Fixed cylinders
+    gravity: FloatArray  # (3,) [m/s^2]
+    duration: float  # [s]
+    quasi_static: bool  # Whether damping may be added
     published: Mapping[str, Mapping[str, float | None]]
 
     @property
@@ -114,19 +85,19 @@ def read_scenario(file: Path) -> Scenario:
     """Return the scenario of an experiment.json, with the results that lie beside it.
 
     Raises:
-        ExternalFileError: It is not one; says the file and what is wrong with it.
+        ExternalFileError: It is not one; names the file and the cause.
     """
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
-        told = content["scenario"]
+        entry = content["scenario"]
         scenario = Scenario(
             experiment=str(content["name"]),
             values={str(name): float(value) for name, value in content["values"].items()},
-            rods=tuple(_rod(rod) for rod in told["rods"]),
-            obstacles=tuple(_obstacle(item) for item in told.get("obstacles") or ()),
-            gravity=_vector(told["gravity"]),
-            duration=_positive("duration", told["duration"]),
-            quasi_static=bool(told["quasi_static"]),
+            rods=tuple(_rod(rod) for rod in entry["rods"]),
+            obstacles=tuple(_obstacle(item) for item in entry.get("obstacles") or ()),
+            gravity=_vector(entry["gravity"]),
+            duration=_positive("duration", entry["duration"]),
+            quasi_static=bool(entry["quasi_static"]),
             published=_published(file.parent),
         )
     except KeyError as error:
@@ -138,33 +109,36 @@ def read_scenario(file: Path) -> Scenario:
     return scenario
 
 
-def _rod(told: Mapping[str, Any]) -> ScenarioRod:
-    line = np.array(told["centerline"], dtype=float)
+def _rod(entry: Mapping[str, Any]) -> ScenarioRod:
+    line = np.array(entry["centerline"], dtype=float)
     if line.ndim != 2 or line.shape[0] < 2 or line.shape[1] != 3 or not np.isfinite(line).all():
         raise ValueError(f"a centerline must be finite with shape (n, 3), got {line.shape}")
     gaps = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    given = told.get("rest_arc_length")
+    given = entry.get("rest_arc_length")
     arc = np.concatenate([[0.0], np.cumsum(gaps)]) if given is None else np.array(given, float)
     if arc.shape != line.shape[:1] or arc[0] != 0.0 or not (np.diff(arc) > 0.0).all():
         raise ValueError("rest_arc_length must begin with 0 and ascend, one for each point")
-    material = told["material"]
+    material = entry["material"]
     young = _positive("youngs_modulus", material["youngs_modulus"])
     shear = _positive("shear_modulus", material["shear_modulus"])
     section = RodSection(
-        diameter=2.0 * _positive("radius", told["radius"]),
+        diameter=2.0 * _positive("radius", entry["radius"]),
         young=young,
         poisson=min(0.5 * young / shear - 1.0, _MOST_POISSON),
         density=_positive("density", material["density"]),
     )
-    start, end = (_one_of(ENDS, told[name]) for name in ("start", "end"))
+    start, end = entry["start"], entry["end"]
+    for held in (start, end):
+        if held not in ENDS:
+            raise ValueError(f"an end must be one of {', '.join(ENDS)}, got {held!r}")
     load = np.zeros(3)
-    for item in told["loads"]:
+    for item in entry["loads"]:
         if item["at"] != "end":
             raise ValueError(f"loads must act at the end, got {item['at']!r}")
         load += _vector(item["force"])
-    if told.get("start_motion") is not None:
+    if entry.get("start_motion") is not None:
         raise ValueError("start_motion must be null")
-    times, turn, slides = _motion(told.get("end_motion"), line[-1] - line[-2])
+    times, turn, slides = _motion(entry.get("end_motion"), line[-1] - line[-2])
     return ScenarioRod(
         line=line,
         arc=arc,
@@ -179,13 +153,13 @@ def _rod(told: Mapping[str, Any]) -> ScenarioRod:
 
 
 def _motion(
-    told: Mapping[str, Any] | None, direction: FloatArray
+    entry: Mapping[str, Any] | None, direction: FloatArray
 ) -> tuple[FloatArray, FloatArray, bool]:
-    if told is None:
+    if entry is None:
         return np.zeros(0), np.zeros(0), False
-    times = np.array(told["times"], dtype=float)
-    rotation = np.array(told["rotation"], dtype=float)
-    if np.any(np.array(told["displacement"], dtype=float)):
+    times = np.array(entry["times"], dtype=float)
+    rotation = np.array(entry["rotation"], dtype=float)
+    if np.any(np.array(entry["displacement"], dtype=float)):
         raise ValueError("an end may turn and not be displaced")
     if rotation.shape != (times.size, 3) or not (np.diff(times) > 0.0).all():
         raise ValueError("rotation must have three numbers for each of times, which ascend")
@@ -194,18 +168,18 @@ def _motion(
     # A rod that starts a little bent turns about its clamps' line, not its last piece.
     if not np.allclose(np.abs(turn), np.linalg.norm(rotation, axis=1), rtol=1.0e-3):
         raise ValueError("an end may turn about the rod's own direction alone")
-    slides = told.get("slides_along")
+    slides = entry.get("slides_along")
     return times, turn, slides is not None
 
 
-def _obstacle(told: Mapping[str, Any]) -> Obstacle:
-    axis = _vector(told["axis"])
-    if np.any(_vector(told["center"])):
+def _obstacle(entry: Mapping[str, Any]) -> Obstacle:
+    axis = _vector(entry["axis"])
+    if np.any(_vector(entry["center"])):
         raise ValueError("a cylinder must lie in the origin")
     return Obstacle(
         axis=axis / np.linalg.norm(axis),
-        radius=_positive("radius of a cylinder", told["radius"]),
-        friction=float(told["friction"]),
+        radius=_positive("radius of a cylinder", entry["radius"]),
+        friction=float(entry["friction"]),
     )
 
 
@@ -215,26 +189,21 @@ def _published(folder: Path) -> dict[str, dict[str, float | None]]:
         result = json.loads(file.read_text(encoding="utf-8"))
         metrics = result.get("metrics") or {}
         found[str(result["solver"])] = {
-            name: None if value is None else float(value) for name, value in metrics.items()
+            name: None if value is None or not math.isfinite(value) else float(value)
+            for name, value in metrics.items()
         }
     return found
 
 
-def _vector(told: Any) -> FloatArray:
-    vector = np.array(told, dtype=float)
+def _vector(entry: Any) -> FloatArray:
+    vector = np.array(entry, dtype=float)
     if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise ValueError(f"a vector must be three finite numbers, got {told}")
+        raise ValueError(f"a vector must be three finite numbers, got {entry}")
     return vector
 
 
-def _positive(name: str, told: Any) -> float:
-    value = float(told)
+def _positive(name: str, entry: Any) -> float:
+    value = float(entry)
     if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"{name} must be positive and finite, got {told}")
+        raise ValueError(f"{name} must be positive and finite, got {entry}")
     return value
-
-
-def _one_of(names: tuple[str, ...], told: Any) -> str:
-    if told not in names:
-        raise ValueError(f"an end must be one of {', '.join(names)}, got {told!r}")
-    return str(told)

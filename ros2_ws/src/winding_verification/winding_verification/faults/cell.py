@@ -11,31 +11,30 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
 from winding_core.status import Status
 from winding_recorder.live.recorder import Recorder
 from winding_ros import topics
-from winding_ros.async_client import AsyncClient
-from winding_ros.graph import GRAPH, pace_topics
-from winding_ros.graph_error import GraphError
-from winding_ros.message_error import MessageError
-from winding_ros.rig_messages import decode_joint_state
-from winding_supervisor.backoff import Backoff
-from winding_supervisor.event_log import EventLog
-from winding_supervisor.orchestrator import GraphConfig, Orchestrator
-from winding_supervisor.simulated_machine import SimulatedMachine
-from winding_supervisor.supervision import Supervisor, replay_parameters
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.graph import GRAPH, GraphError, pace_topics
+from winding_ros.messages.rig import decode_joint_state
+from winding_ros.messages.serialised import MessageError
+from winding_supervisor.machines.simulated_machine import SimulatedMachine
+from winding_supervisor.processes.node_process import Backoff
+from winding_supervisor.processes.orchestrator import GraphConfig, Orchestrator
+from winding_supervisor.watch.event_log import EventLog
+from winding_supervisor.watch.supervisor import Supervisor, replay_parameters
 
 CASE = 4
 # A new run begins when the present one has gone on for so long [s].
 _RUN_LENGTH = 30.0
 _LONG_ENOUGH = 20.0
 _PATIENCE = 60.0
-_POLL = 0.02
+_POLL = 0.01
 _FULL_SPEED = 1.74 * 0.95
 _UNHURRIED: Mapping[str, Any] = {
     "stand_timeout": _PATIENCE,
@@ -45,7 +44,26 @@ _PICTURES = (topics.IMAGE, topics.PREVIEW)
 
 
 class CellError(RuntimeError):
-    """The graph did not come to where a fault can be put in."""
+    """The graph did not reach a state in which a fault can be put in."""
+
+
+async def until(reached: Callable[[], Any], what: str, patience: float = _PATIENCE) -> Any:
+    """Wait until a predicate is true; return its value.
+
+    Args:
+        reached: Predicate.
+        what: It is waited for, for the error.
+        patience: Greatest wait [s].
+
+    Raises:
+        CellError: It does not become true in time.
+    """
+    end = time.monotonic() + patience
+    while not (value := reached()):
+        if time.monotonic() > end:
+            raise CellError(f"not within {patience:g} s: {what}")
+        await asyncio.sleep(_POLL)
+    return value
 
 
 class FaultCell:
@@ -62,6 +80,7 @@ class FaultCell:
         orchestrator: Its processes.
         client: The orchestrator's node.
         recorder: Whose buffer has everything but the pictures.
+        directory: New folder of logs and events.
         log: What supervision saw and did.
         supervision: The task that supervises the present run; it fails when the run ends.
     """
@@ -71,7 +90,7 @@ class FaultCell:
     ) -> None:
         (directory / "log").mkdir(parents=True)
         self.namespace = namespace
-        self._directory = directory
+        self.directory = directory
         self.log = EventLog(file=directory / "events.jsonl")
         self.client = AsyncClient(namespace)
         recorded = tuple(
@@ -112,7 +131,7 @@ class FaultCell:
         self._began = self._begun = 0.0
 
     def _replay(self, name: str) -> dict[str, object]:
-        file = self._directory / "log" / f"{name}_inputs.npy"
+        file = self.directory / "log" / f"{name}_inputs.npy"
         return replay_parameters(self.recorder.buffer, file, self._begun)
 
     @asynccontextmanager
@@ -139,65 +158,77 @@ class FaultCell:
 
     @property
     def rig(self) -> Status:
-        """What the machine says of itself."""
+        """Diagnostics of the machine."""
         return self.client.status(topics.RIG) or Status(name=topics.RIG)
 
-    async def until(
-        self, reached: Callable[[], Any], what: str, patience: float = _PATIENCE
-    ) -> Any:
-        """Wait for something.
+    async def until(self, reached: Callable[[], Any], what: str) -> Any:
+        """Wait until a predicate is true; return its value.
 
         Raises:
-            CellError: It does not happen within `patience` [s].
+            CellError: It does not become true in time, or supervision itself fails.
         """
-        end = time.monotonic() + patience
-        while not (value := reached()):
-            if self.supervision is not None and self.supervision.done():
+
+        def supervised() -> Any:
+            value = reached()
+            if not value and self.supervision is not None and self.supervision.done():
                 error = self.supervision.exception()
                 if error is not None and not isinstance(error, GraphError):
                     raise CellError(f"supervision failed: {error!r}") from error
-            if time.monotonic() > end:
-                raise CellError(f"not within {patience:g} s: {what}")
-            await asyncio.sleep(_POLL)
-        return value
+            return value
 
-    async def winding(self) -> None:
-        """Make sure that the machine winds at full speed, healthy and supervised."""
-        over = self.supervision is None or self.supervision.done() or self._run_time > _LONG_ENOUGH
+        return await until(supervised, what)
+
+    async def winding(self) -> float:
+        """Make the machine wind at full speed, healthy and supervised; return `t` then [s]."""
+        over = not self.goes_on() or self.t - self._began > _LONG_ENOUGH
         if over or self.rig.values.get("phase") != "winding":
             await self._again()
         await self.until(self.at_full_speed, "full speed")
-        await self.until(self._everybody_follows, "answers of every node")
+        await self.until(self._all_answer, "answers of every node")
+        return self.t
+
+    async def went_on(self, t: float) -> bool:
+        """Wait for half a second of simulated time after t [s]; return whether the run goes on."""
+        await self.until(lambda: self.t > t + 0.5, "the run goes on")
+        return self.goes_on()
+
+    async def stop(self, since: float) -> tuple[float, float]:
+        """Wait for an unplanned stop; return when it began and when both axes stood, monotonic [s].
+
+        The machine reports the simulated time from its motors, not from its encoders.
+
+        Args:
+            since: Simulated time before the stop [s].
+        """
+        stood = await self.until(lambda: self.stood(since), "standstill")
+        # Time may have been held before: what counts is the first sample of the stop.
+        return self.arrival(float(self.rig.values["stop_began"]) + 0.001), stood
 
     async def inject(self, text: str) -> str:
-        """Put faults in, or none; return why they were refused, or nothing."""
+        """Inject faults, or none; return why they were refused, empty if they were not."""
         return await self.set_parameter(topics.RIG, "inject_fault", text)
 
     async def set_parameter(self, node: str, name: str, value: str | float) -> str:
-        """Set a parameter of a node; return why that was refused, or nothing."""
-        stated = (
-            ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
-            if isinstance(value, str)
-            else ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
-        )
+        """Set a parameter of a node; return why it was refused, empty if it was not."""
+        parameter = Parameter(name, value=value).to_parameter_msg()
         answer = await self.client.call(
             SetParameters,
             f"/{self.namespace}/{node}/set_parameters",
-            SetParameters.Request(parameters=[Parameter(name=name, value=stated)]),
+            SetParameters.Request(parameters=[parameter]),
             _PATIENCE,
         )
         return str(answer.results[0].reason)
 
-    async def end_of_run(self, patience: float = _PATIENCE) -> str:
-        """Wait until supervision ends the run; return the sentence that says why.
+    async def end_of_run(self) -> str:
+        """Wait until supervision ends the run; return the sentence that gives the cause.
 
         Raises:
-            CellError: The run goes on for `patience` [s], or supervision itself failed.
+            CellError: The run goes on, or supervision itself failed.
         """
         assert self.supervision is not None
-        done, _ = await asyncio.wait({self.supervision}, timeout=patience)
+        done, _ = await asyncio.wait({self.supervision}, timeout=_PATIENCE)
         if not done:
-            raise CellError(f"the run goes on for {patience:g} s after the fault")
+            raise CellError(f"the run goes on for {_PATIENCE:g} s after the fault")
         error = self.supervision.exception()
         if not isinstance(error, GraphError):
             raise CellError(f"supervision failed: {error!r}") from error
@@ -222,25 +253,11 @@ class FaultCell:
         return came
 
     def stood(self, since: float) -> float | None:
-        """Return when both axes stood after an unplanned stop, monotonic [s]; None if not known.
-
-        The machine tells the simulated time from its motors, not from its encoders.
-
-        Args:
-            since: Simulated time before the stop [s].
-        """
+        """Return when both axes stood after a stop after `since` [s]; None if not known."""
         moment = self.rig.values.get("stood_at")
         if moment is None or float(moment) < since:
             return None
         return self.arrival(float(moment))
-
-    def stop_began(self, since: float) -> float | None:
-        """Return when that stop began, monotonic [s]; None if not known."""
-        moment = self.rig.values.get("stop_began")
-        if moment is None or float(moment) < since:
-            return None
-        # Time may have been held before: what counts is the first sample of the stop.
-        return self.arrival(float(moment) + 0.001)
 
     @property
     def speed(self) -> float:
@@ -253,15 +270,11 @@ class FaultCell:
                 deserialize_message(message.data, topics.JOINT_STATES.type)
             )
         except MessageError:
-            # The last that was said may be the fault itself.
+            # The newest message may be the fault itself.
             return 0.0
         return reading.angular_speed
 
-    @property
-    def _run_time(self) -> float:
-        return self.t - self._began
-
-    def _everybody_follows(self) -> bool:
+    def _all_answer(self) -> bool:
         return all(
             self.recorder.buffer.last_stamp(spec.answer) > self.t - 0.2
             for spec in GRAPH
@@ -291,14 +304,17 @@ class FaultCell:
         if topics.RIG not in dead:
             await self.inject("")
             await self._command("rig/quick_stop")
-            await self.until(self._stands, "standstill before a reset")
+            await self.until(
+                lambda: self.rig.values.get("phase") not in ("winding", "stopping"),
+                "standstill before a reset",
+            )
             await self._reset()
         await self.orchestrator.begin_anew()
         await self.until(
             lambda: self.rig.values.get("phase") == "idle" and not self.rig.values.get("reason"),
             "an idle machine",
         )
-        await self.until(self._nobody_complains, "healthy topics")
+        await self.until(self._topics_are_healthy, "healthy topics")
         self._began, self._begun = max(self.t, 0.0), time.monotonic()
         self.supervision = asyncio.create_task(self.supervisor.watch())
         await self._command("rig/start")
@@ -316,17 +332,14 @@ class FaultCell:
             try:
                 await self._command("rig/reset")
             except GraphError:
-                # It says idle a moment before the brakes hold.
+                # It reports idle a moment before the brakes hold.
                 if time.monotonic() > end:
                     raise
                 await asyncio.sleep(_POLL)
             else:
                 return
 
-    def _stands(self) -> bool:
-        return self.rig.values.get("phase") not in ("winding", "stopping")
-
-    def _nobody_complains(self) -> bool:
+    def _topics_are_healthy(self) -> bool:
         return all(
             (status := self.client.status(f"{spec.name}: topics")) is not None and status.level < 2
             for spec in GRAPH

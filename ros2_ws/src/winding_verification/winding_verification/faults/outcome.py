@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import asdict, dataclass
-
-import psutil  # type: ignore[import-untyped]
 
 CRASH_WITHIN = 0.3
 HANG_WITHIN = 1.2
@@ -21,35 +18,22 @@ _LOAD = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """One row of the table as it went.
+    """One row of the table as it went."""
 
-    Attributes:
-        fault: What was done.
-        injected_at: Simulated time of it [s].
-        detected_by: Who noticed; empty where nothing has to be noticed.
-        detected_after: Wall time from the fault to its detection [s].
-        detect_within: Its limit on a computer that is not saturated [s].
-        stood_after: Wall time from detection to standstill of both axes [s].
-        outcome: What happened then.
-        survived: Whether that is what had to happen, judged by states alone.
-        load: Processes that wanted each processor meanwhile, 1 or more.
-        idle: Share of the processors' time that nobody wanted meanwhile.
-    """
-
-    fault: str
-    outcome: str
-    survived: bool
-    injected_at: float = 0.0
-    detected_by: str = ""
-    detected_after: float | None = None
-    detect_within: float = math.inf
-    stood_after: float | None = None
-    load: float = 1.0
-    idle: float = 1.0
+    fault: str  # What was done
+    outcome: str  # What happened then
+    survived: bool  # Whether that is what had to happen, judged by states alone
+    injected_at: float = 0.0  # Simulated time of it [s]
+    detected_by: str = ""  # Part that noticed; empty where nothing has to be noticed
+    detected_after: float | None = None  # Wall time from the fault to its detection [s]
+    detect_within: float = math.inf  # Its limit on a computer that is not saturated [s]
+    stood_after: float | None = None  # Wall time from detection to standstill of both axes [s]
+    load: float = 1.0  # Runnable processes for each processor meanwhile, 1 or more
+    idle: float = 1.0  # Share of the processors' time that was idle meanwhile
 
     @property
     def saturated(self) -> bool:
-        """Whether the computer was so busy that its seconds say nothing of the graph."""
+        """Whether the computer was so busy that the graph's seconds were not its own."""
         return self.load > _LOAD or self.idle < _IDLE
 
     @property
@@ -79,20 +63,3 @@ class Outcome:
         if not math.isfinite(self.detect_within):
             record["detect_within"] = None
         return record | {"saturated": self.saturated, "passed": self.passed}
-
-
-class ProcessorWatch:
-    """Sees how busy the computer is from now on."""
-
-    def __init__(self) -> None:
-        self._before = psutil.cpu_times()
-
-    def idle(self) -> float:
-        """Return the share of the processors' time since then that nobody wanted."""
-        before, now = self._before, psutil.cpu_times()
-        total = sum(now) - sum(before)
-        return float((now.idle - before.idle) / total) if total > 0.0 else 1.0
-
-    def load(self) -> float:
-        """Return how many processes want each processor, 1 at least, mean of the last minute."""
-        return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))

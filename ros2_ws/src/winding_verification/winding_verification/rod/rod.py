@@ -3,24 +3,61 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cable_fem_node.dynamics.failure import DivergenceError
 from cable_fem_node.dynamics.model import ExplicitModel
-from cable_fem_node.dynamics.points import FloatArray
-from cable_fem_node.rod.rod_arrays import axial_response
-from cable_fem_node.rod.rod_kernels import stored_energy, turning_angle_squared
-from winding_core.material_law import TABLE_HIGH, TABLE_LOW
-from winding_verification.rod.rod_frames import frames_along, perpendicular
-from winding_verification.rod.rod_section import RodSection
-from winding_verification.rod.rod_step_kernels import (
+from cable_fem_node.dynamics.state import DivergenceError, FloatArray
+from cable_fem_node.rod.rod_kernels import empty_work, stored_energy, turning_angle_squared
+from cable_fem_node.rod.rod_records import axial_response
+from winding_core.cable.cases import Material
+from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW, MaterialLaw
+from winding_verification.rod.rod_kernels import (
     RodEnds,
     RodMesh,
+    RodScratch,
     advance_rod,
     rod_forces,
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RodSection:
+    """Round section and material of a rod."""
+
+    diameter: float  # Undeformed [m]
+    law: str = "linear"  # Axial law; bending and torsion are linear in E and G
+    young: float = Material.young  # E [Pa]
+    poisson: float = Material.poisson  # nu
+    density: float = Material.density  # [kg/m^3]
+    bending_factor: float = 1.0  # Factor on EI, e.g. 1e-3 for a cable that shall only pull
+
+    def __post_init__(self) -> None:
+        for name in ("diameter", "young", "density"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+
+    @property
+    def uniaxial(self) -> MaterialLaw:
+        """The axial law."""
+        return MaterialLaw(law=self.law, young=self.young, poisson=self.poisson)
+
+    @property
+    def area(self) -> float:
+        """[m^2]."""
+        return 0.25 * math.pi * self.diameter**2
+
+    @property
+    def bending(self) -> float:
+        """EI [N m^2], with the factor."""
+        return self.bending_factor * self.young * math.pi * self.diameter**4 / 64.0
+
+    @property
+    def torsion(self) -> float:
+        """GJ [N m^2]."""
+        return self.uniaxial.shear_modulus * math.pi * self.diameter**4 / 32.0
 
 
 class Rod(ExplicitModel):
@@ -106,11 +143,10 @@ class Rod(ExplicitModel):
         """
         side, node = _side(end, self.mass.size)
         self.fix(node)
+        self._ends.clamped[side] = 1.0
         own = self._ends.first if side == 0 else self._ends.last
         if direction is not None:
-            given = np.asarray(direction, dtype=float)
-            own[:] = given / np.linalg.norm(given)
-        self._ends.clamped[side] = 1.0
+            self.aim(end, direction)
         column = 0 if side == 0 else -1
         self._scratch.carried[:, column] = own
         self._scratch.director[:, column] = perpendicular(
@@ -263,10 +299,11 @@ class Rod(ExplicitModel):
         if not self.viscosity >= 0.0 or (self.viscosity > 0.0 and not mesh.framed):
             raise ValueError(f"viscosity must not be negative and needs twist: {self.viscosity} s")
         shortest = float(mesh.reference.min())
-        stretches = self.stretch()
-        tangent = max(self._law.tangent(1.0), *map(self._law.tangent, _extremes(stretches)))
+        stretch = self.stretch()
+        extremes = np.clip((stretch.min(), stretch.max()), TABLE_LOW + 1e-3, TABLE_HIGH - 1e-3)
+        tangent = max(self._law.tangent(1.0), *map(self._law.tangent, extremes.tolist()))
         lightest = float(self.mass[1:-1].min())
-        touch = self._touch_constants() if self._contact is not None else None
+        touch = self._contact_law() if self._contact is not None else None
         tension = max(float(np.abs(self.tension()).max()), 0.0)
         along = 4.0 * tangent * mesh.response.area / shortest
         across = 16.0 * mesh.bending / shortest**3 + 4.0 * tension / shortest
@@ -283,13 +320,7 @@ class Rod(ExplicitModel):
             step = min(step, _damped_step(across, viscous, lightest))
         step = min(step, 2.0 * math.sqrt(float(self.mass.min()) / max(ends, 1.0e-30)))
         if touch is not None:
-            # The dashpot acts on the velocity half a step ago.
-            ratio = (
-                0.5
-                * touch.normal_damping
-                / math.sqrt(touch.normal_stiffness * float(self.mass.min()))
-            )
-            step *= math.sqrt(1.0 + ratio**2) - ratio
+            step *= _lateness(touch.normal_stiffness, touch.normal_damping, float(self.mass.min()))
         if mesh.framed:
             twisting = 8.0 * mesh.torsion / shortest
             bent = float((self._scratch.curvature[:2] ** 2).sum(axis=0).max())
@@ -316,8 +347,8 @@ class Rod(ExplicitModel):
             self._mesh,
             self._ends,
             self._scratch,
-            self._surroundings(calming),
-            self._touch_constants(),
+            self._boundary_conditions(calming),
+            self._contact_law(),
             self.viscosity,
             self._ledger,
         )
@@ -331,16 +362,48 @@ class Rod(ExplicitModel):
 
 def _damped_step(stiffness: float, viscous: float, mass: float) -> float:
     """Return the critical step [s] of an oscillator whose dashpot acts half a step late."""
+    return 2.0 * math.sqrt(mass / stiffness) * _lateness(stiffness, viscous, mass)
+
+
+def _lateness(stiffness: float, viscous: float, mass: float) -> float:
+    """Return the factor on the critical step for a dashpot that acts half a step late."""
     ratio = 0.5 * viscous / math.sqrt(stiffness * mass)
-    return 2.0 * math.sqrt(mass / stiffness) * (math.sqrt(1.0 + ratio**2) - ratio)
-
-
-def _extremes(values: FloatArray) -> tuple[float, float]:
-    low, high = float(values.min()), float(values.max())
-    return max(low, TABLE_LOW + 1.0e-3), min(high, TABLE_HIGH - 1.0e-3)
+    return math.sqrt(1.0 + ratio**2) - ratio
 
 
 def _side(end: str, nodes: int) -> tuple[int, int]:
     if end not in ("start", "end"):
         raise ValueError(f"end must be 'start' or 'end', got {end!r}")
     return (0, 0) if end == "start" else (1, nodes - 1)
+
+
+def perpendicular(tangent: FloatArray, hint: FloatArray) -> FloatArray:
+    """Return the unit vector across a unit tangent that lies closest to a hint, all (3,)."""
+    part = hint - (hint @ tangent) * tangent
+    return np.asarray(part / np.linalg.norm(part))
+
+
+def frames_along(walled: FloatArray) -> RodScratch:
+    """Return frames without a twist of their own, and scratch, for tangents (3, elements + 2)."""
+    count = walled.shape[1] - 2
+    director = np.zeros((3, count + 2))
+    axis = np.eye(3)[int(np.argmin(np.abs(walled[:, 0])))]
+    director[:, 0] = perpendicular(walled[:, 0], axis)
+    for i in range(1, count + 2):
+        a, b, v = walled[:, i - 1], walled[:, i], director[:, i - 1]
+        turn = np.cross(a, b)
+        moved = v * (a @ b) + np.cross(turn, v) + turn * (turn @ v) / (1.0 + a @ b)
+        director[:, i] = perpendicular(b, moved)
+    return RodScratch(
+        director=director,
+        carried=walled.copy(),
+        angle=np.zeros(count + 2),
+        spin=np.zeros(count + 2),
+        own_twist=np.zeros(count + 1),
+        curvature=np.zeros((3, count + 1)),
+        work=empty_work(count + 1),
+        walled=walled.copy(),
+        walled_inverse=np.zeros(count + 2),
+        walled_force=np.zeros((3, count + 2)),
+        torque=np.zeros(count + 2),
+    )

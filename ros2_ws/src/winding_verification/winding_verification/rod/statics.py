@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from cable_fem_node.dynamics.failure import DivergenceError
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import DivergenceError, FloatArray
 from winding_verification.rod.rod import Rod
 
 
@@ -55,8 +54,12 @@ def stiffness(rod: Rod) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
     nodes3 = 3 * rod.mass.size
     for column, index in enumerate(unknown):
         delta = 1.0e-6 * length if index < nodes3 else 1.0e-6
-        ahead = _residual(rod, index, delta)[unknown]
-        behind = _residual(rod, index, -delta)[unknown]
+        _displace(rod, index, delta)
+        ahead = _residual(rod)[unknown]
+        _displace(rod, index, -delta)
+        _displace(rod, index, -delta)
+        behind = _residual(rod)[unknown]
+        _displace(rod, index, delta)
         matrix[:, column] = (behind - ahead) / (2.0 * delta)
     mass = np.concatenate([np.tile(rod.mass, 3), rod.spin_inertia if rod.framed else []])
     return matrix, mass[unknown], unknown
@@ -117,26 +120,23 @@ def _shift(rod: Rod, unknown: NDArray[np.intp], step: FloatArray) -> None:
     rod.internal_forces()
 
 
-def _residual(rod: Rod, index: int | None = None, delta: float = 0.0) -> FloatArray:
-    """Return the net forces, with one unknown displaced; the rod's frames stay as they are."""
-    scratch = rod._scratch
+def _displace(rod: Rod, index: int, delta: float) -> None:
+    """Displace one unknown, in [m] or [rad]."""
     nodes3 = 3 * rod.mass.size
-    frames = (scratch.director, scratch.carried, scratch.own_twist) if rod.framed else ()
+    if index < nodes3:
+        rod.points.position.reshape(-1)[index] += delta
+    else:
+        rod.spin_angles[index - nodes3] += delta
+
+
+def _residual(rod: Rod) -> FloatArray:
+    """Return the net forces; the rod's frames stay as they are."""
+    if not rod.framed:
+        return np.asarray(rod._net_forces().ravel())
+    scratch = rod._scratch
+    frames = (scratch.director, scratch.carried, scratch.own_twist)
     kept = [frame.copy() for frame in frames]
-    place = rod.points.position.reshape(-1)
-    if index is not None:
-        if index < nodes3:
-            place[index] += delta
-        else:
-            rod.spin_angles[index - nodes3] += delta
-    net = rod._net_forces().ravel()
-    if rod.framed:
-        net = np.concatenate([net, scratch.torque[1:-1]])
-    if index is not None:
-        if index < nodes3:
-            place[index] -= delta
-        else:
-            rod.spin_angles[index - nodes3] -= delta
+    net = np.concatenate([rod._net_forces().ravel(), scratch.torque[1:-1]])
     for frame, before in zip(frames, kept, strict=True):
         frame[:] = before
     return net

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from cable_fem_node.solid.solid_law import SolidLaw
-from winding_core.material_law import MaterialLaw
+from winding_core.cable.material_law import MaterialLaw
 from winding_core.units import MEGAPASCAL
-from winding_verification.solver.references import Values, given
+from winding_verification.solver.references import Values, given, rotation_about
 
 HYPERELASTIC = ("neo_hookean", "mooney_rivlin")
 
@@ -99,14 +99,7 @@ def hydrostatic() -> Values:
 def biot() -> Values:
     """M10: the linear law is linear in nominal strain, whatever the rotation."""
     law = SolidLaw()
-    turn = math.radians(40.0)
-    rotation = np.array(
-        [
-            [math.cos(turn), -math.sin(turn), 0.0],
-            [math.sin(turn), math.cos(turn), 0.0],
-            [0.0, 0.0, 1.0],
-        ]
-    )
+    rotation = rotation_about([0.0, 0.0, 1.0], math.radians(40.0))
     lateral = 1.0 - law.poisson * 0.12
     stress = law.first_piola(rotation @ np.diag([1.12, lateral, lateral]))
     back = rotation.T @ stress

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.points import FloatArray
+from cable_fem_node.dynamics.state import FloatArray
 
 Values = dict[str, float | list[float]]
 
 
 @cache
 def references() -> dict[str, dict[str, Any]]:
-    """Return the references by problem: title, source, quantities, what is given."""
-    text = files("cable_fem_node").joinpath("data", "verification.json").read_text("utf-8")
+    """Return the references by problem: title, source, what computes it, quantities, its data."""
+    text = files("winding_verification").joinpath("data", "verification.json").read_text("utf-8")
     data: dict[str, dict[str, Any]] = json.loads(text)
     return data
 
@@ -30,13 +30,18 @@ def given(problem: str, name: str) -> FloatArray:
     return np.asarray(references()[problem]["given"][name], dtype=float)
 
 
+def rotation_about(axis: Sequence[float], angle: float) -> FloatArray:
+    """Return the matrix (3, 3) that turns by an angle [rad] about an axis of any length."""
+    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+    return np.asarray(turn)
+
+
 def rotations() -> Iterator[FloatArray]:
     """Yield rotation matrices (3, 3) about a skew axis, from a degree to two turns."""
-    axis = np.array([1.0, 2.0, 3.0]) / math.sqrt(14.0)
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     for degrees in (1.0, 10.0, 90.0, 180.0, 360.0, 720.0):
-        a = math.radians(degrees)
-        yield np.eye(3) + math.sin(a) * cross + (1.0 - math.cos(a)) * cross @ cross
+        yield rotation_about([1.0, 2.0, 3.0], math.radians(degrees))
 
 
 def wave_record(times: NDArray[np.floating[Any]], way: Sequence[float]) -> Values:

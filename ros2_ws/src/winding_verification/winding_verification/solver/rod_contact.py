@@ -6,20 +6,19 @@ import math
 
 import numpy as np
 
-from cable_fem_node.dynamics.surroundings import CylinderContact
+from cable_fem_node.dynamics.state import CylinderContact
 from cable_fem_node.winding.resolved_model import chord_radius
-from winding_verification.rod.rod import Rod
-from winding_verification.rod.rod_section import RodSection
+from winding_verification.rod.rod import Rod, RodSection
 from winding_verification.solver.references import Values
-from winding_verification.solver.rod_statics import GRAVITY, line
+from winding_verification.solver.rods import GRAVITY, line
 
 LIMP = 1.0e-3
 
 
 def wrapped(
     section: RodSection, radius: float, wrap: float, tail: int, tension: float, per: float
-) -> tuple[Rod, float, int]:
-    """Return a stretched rod over a cylinder, the radius of its nodes, its first wound node.
+) -> tuple[Rod, float]:
+    """Return a stretched rod over a cylinder and the radius of its nodes.
 
     It comes from the -y side to azimuth 0, goes round by `wrap` and leaves straight; both tails
     have `tail` elements.
@@ -47,7 +46,7 @@ def wrapped(
     stretch = section.uniaxial.stretch_at(tension / section.area)
     rod = Rod(nodes, section, reference=lengths / stretch)
     rod.fix(range(nodes.shape[0]), "z")
-    return rod, reach, tail
+    return rod, reach
 
 
 def capstan() -> Values:
@@ -56,8 +55,8 @@ def capstan() -> Values:
     section = RodSection(diameter=2.0e-3, bending_factor=LIMP)
     values: Values = {}
     for turns, name in names.items():
-        wrap = turns * math.pi
-        rod, reach, tail = wrapped(section, 0.016, wrap, 15, 0.1, 1.0e-3)
+        wrap, tail = turns * math.pi, 15
+        rod, reach = wrapped(section, 0.016, wrap, tail, 0.1, 1.0e-3)
         last = rod.mass.size - 1
         rod.touch(CylinderContact(reach=reach, friction=0.1))
         rod.apply(0, (0.0, -0.1, 0.0))
@@ -77,18 +76,14 @@ def capstan() -> Values:
 
 def atwood() -> Values:
     """C03: two weights over the fixed cylinder stick below exp(mu pi), slide above it."""
-    return {
-        "acceleration_1.2": _atwood(0.1, 0.12),
-        "acceleration_1.25": _atwood(0.1, 0.125),
-        "acceleration_1.6": _atwood(0.1, 0.16),
-    }
+    return {f"acceleration_{10.0 * heavy:g}": _atwood(0.1, heavy) for heavy in (0.12, 0.125, 0.16)}
 
 
 def stored_tension() -> Values:
     """C05: a load raised after winding slips forward by ln(T2 / T1) / mu."""
     section = RodSection(diameter=2.0e-3, bending_factor=LIMP)
-    laid, raised, wrap = 1.962, 3.924, 12.0
-    rod, reach, tail = wrapped(section, 0.016, wrap, 10, laid, 1.5e-3)
+    laid, raised, wrap, tail = 1.962, 3.924, 12.0, 10
+    rod, reach = wrapped(section, 0.016, wrap, tail, laid, 1.5e-3)
     count = rod.mass.size
     inner = np.arange(count - tail - 1)
     rod.fix(inner[:11])
@@ -118,7 +113,7 @@ def normal_force() -> Values:
     """C06: a frictionless half turn presses with 2 T, T / (R + r) per length in its middle."""
     section = RodSection(diameter=4.0e-3, bending_factor=LIMP)
     radius, pull = 0.032, 1.962
-    rod, reach, _ = wrapped(section, radius, math.pi, 10, pull, 2.0e-3)
+    rod, reach = wrapped(section, radius, math.pi, 10, pull, 2.0e-3)
     last = rod.mass.size - 1
     rod.touch(CylinderContact(reach=reach, friction=0.0))
     rod.apply([0], (0.0, -pull, 0.0))
@@ -212,7 +207,7 @@ def drape() -> Values:
 
 def _atwood(light: float, heavy: float) -> float:
     section = RodSection(diameter=1.0e-3, young=6.4e8, bending_factor=LIMP * 0.1, density=5.0e3)
-    rod, reach, _ = wrapped(section, 0.0155, math.pi, 20, light * GRAVITY, 1.0e-3)
+    rod, reach = wrapped(section, 0.0155, math.pi, 20, light * GRAVITY, 1.0e-3)
     last = rod.mass.size - 1
     rod.mass[[0, last]] += light, heavy
     rod.fix([0, last], "x")

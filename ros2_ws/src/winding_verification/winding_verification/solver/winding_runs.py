@@ -8,10 +8,9 @@ import numpy as np
 
 from cable_fem_node.winding.prediction import Prediction, predict
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cases import Case, paper_case
-from winding_core.drive import DriveProfile
-from winding_core.fleet_angle import PAPER_FREE_LENGTH, FleetAngleLaw
-from winding_core.helix import curve_length
+from winding_core.cable.cases import Case, paper_case
+from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
+from winding_core.machine.drive import DriveProfile
 from winding_core.units import MILLIMETRE
 from winding_verification.solver.references import Values
 

@@ -1,0 +1,1 @@
+"""Do configuration, clocks, pose and guide fit what the pictures of the run show?"""

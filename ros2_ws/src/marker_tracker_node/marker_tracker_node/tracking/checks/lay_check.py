@@ -1,0 +1,167 @@
+"""Whether guide and markers fit the lay that is expected.
+
+A guide may dwell and go back, so its readings are believed until the markers lie elsewhere. What no
+guide can do is not believed at all.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.tracking.frame.laid_path import (
+    beside_path,
+    laid_cable,
+    lay_share,
+    mean_gap,
+    path_height,
+)
+from marker_tracker_node.tracking.state import (
+    BY_READINGS,
+    CONTRADICTED,
+    IMPOSSIBLE,
+    TRIED,
+    Guide,
+    Marks,
+    Run,
+    Setup,
+    TrackerState,
+)
+from winding_core.compiling import called
+
+FloatArray = NDArray[np.float64]
+
+# A guide that moves so many times as far as the feed, or as one turn beside the other, within a
+# tenth of a radian does not exist: its readings are millimetres.
+MOST_SCALE, JUDGED_AFTER = 50.0, 0.1
+# Travel over commanded travel in a turn or more: outside of this the markers decide.
+USUAL_SCALE = (0.7, 1.4)
+# So much farther from one path than from the other a marker lies on the other [m].
+CLEAR = 1.0e-3
+# The next marker is overdue when so many gaps and the part of a turn in sight are past [rad].
+OVERDUE_GAPS, IN_SIGHT = 1.3, 1.1
+# A marker is late when the next one is due as well and it has come past the camera once more.
+LATE_GAPS = 1.6
+# Cable lies beside the expected path by this much in consistent runs [m].
+USUALLY_BESIDE = 3.0e-3
+
+
+@called
+def judge_guide(
+    setup: Setup, run: Run, marks: Marks, paths: FloatArray
+) -> None:  # pragma: no cover
+    """Decide what is to be believed of the guide's readings.
+
+    Args:
+        setup: Machine and camera.
+        run: At this frame; belief of its guide written.
+        marks: The markers.
+        paths: See `Tracks`.
+    """
+    guide, filled, angle = run.guide, run.path_filled, run.cylinder.angle
+    turned = abs(guide.turned)
+    if guide.belief >= CONTRADICTED or turned < JUDGED_AFTER:
+        return
+    feed = setup.advance_per_radian
+    most = max(abs(feed), setup.body.cable_radius / math.pi) * turned * MOST_SCALE
+    if abs(guide.travel) > most:
+        _believe(guide, IMPOSSIBLE, angle)
+        return
+    expected = feed * guide.turned
+    least, largest = USUAL_SCALE
+    usual = min(least * expected, largest * expected) <= guide.travel
+    usual = usual and guide.travel <= max(least * expected, largest * expected)
+    if turned < 2.0 * math.pi or usual or not marks.known[0]:
+        return
+    last = marks.known.size - 1
+    while not marks.known[last]:
+        last -= 1
+    if last > 0:
+        by_readings = abs(beside_path(setup, guide, marks, paths, filled, 0, last))
+        by_feed = abs(beside_path(setup, guide, marks, paths, filled, 1, last))
+        if by_readings > by_feed + CLEAR:
+            _believe(guide, CONTRADICTED, angle)
+            return
+        if by_feed > by_readings + CLEAR and guide.belief == TRIED:
+            _believe(guide, BY_READINGS, angle)
+            return
+    due = marks.theta[last] + OVERDUE_GAPS * mean_gap(setup, marks, last) + IN_SIGHT
+    missing = last < marks.known.size - 1 and angle > due
+    if missing and angle > guide.since + 2.0 * math.pi:
+        _believe(guide, BY_READINGS if guide.belief == TRIED else TRIED, angle)
+
+
+@called
+def _believe(guide: Guide, belief: int, angle: float) -> None:  # pragma: no cover
+    """Take another belief in a guide's readings, decided at a cylinder angle [rad]."""
+    guide.belief = belief
+    guide.since = angle
+
+
+def guide_doubt(setup: Setup, state: TrackerState) -> str:
+    """Return what is wrong with the guide's readings in the last frame, empty if nothing."""
+    guide, ratio = state.run.guide, height_ratio(setup, state)
+    least, most = USUAL_SCALE
+    if guide.belief == BY_READINGS:
+        if not math.isfinite(guide.zero) or not (ratio < least or ratio > most):
+            return ""
+        return (
+            f"the guide's readings contradict the pictures: the cable lies {ratio:.2f} "
+            "times as far along the cylinder as they state"
+        )
+    expected = setup.advance_per_radian * guide.turned
+    scale = guide.travel / expected if expected else math.inf
+    if abs(scale) > MOST_SCALE:
+        why = "are they millimetres instead of metres?"
+        if scale < 0.0:
+            why = "are they millimetres instead of metres, and is their sign reversed?"
+    else:
+        why = "is their sign reversed?" if scale < 0.0 else "is their scale right?"
+    how = "no marker was found where they lead" if guide.belief == TRIED else "the cable lies so"
+    if guide.belief == IMPOSSIBLE:
+        how = "no guide moves so far"
+    return (
+        f"the guide's readings move {scale:.3g} times as far as the commanded feed, {why} "
+        f"The commanded feed is used instead: {how}"
+    )
+
+
+def missing_markers(setup: Setup, state: TrackerState) -> tuple[int, ...]:
+    """Return the numbers of the markers that should have been found long ago."""
+    marks, run = state.marks, state.run
+    known = np.flatnonzero(marks.known)
+    if not known.size or known[0] != 0:
+        return ()
+    last = int(known[-1])
+    gap = float(marks.theta[last]) / last if last else setup.expected_gap
+    due = marks.theta[last] + LATE_GAPS * gap + 2.0 * math.pi
+    late = [n for n in range(last) if not marks.known[n]]
+    if last + 1 < marks.known.size and run.cylinder.angle > due:
+        late.append(last + 1)
+    return tuple(late)
+
+
+def height_ratio(setup: Setup, state: TrackerState) -> float:
+    """Return the heights of the markers over those of the path; nan if they lie on it.
+
+    The path is that of the guide's readings as they are, without the offset that was fitted.
+    """
+    marks, run = state.marks, state.run
+    cable = laid_cable(state.tracks, run)
+    places = [n for n in range(1, marks.known.size) if marks.known[n]]
+    if not places or not marks.known[0]:
+        return math.nan
+    offset = run.guide.offset if run.guide.belief == BY_READINGS else 0.0
+    path = np.array(
+        [
+            path_height(cable, marks.theta[n])[0] - offset * lay_share(setup, marks.theta[n])
+            for n in places
+        ]
+    )
+    seen = marks.height[places] - marks.height[0]
+    square = float(path @ path)
+    if square == 0.0 or np.abs(seen - path).max() < USUALLY_BESIDE:
+        return math.nan
+    return float(path @ seen) / square

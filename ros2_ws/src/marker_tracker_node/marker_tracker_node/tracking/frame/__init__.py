@@ -1,0 +1,1 @@
+"""What does one frame change: where are markers expected, measured, found, and reported?"""

@@ -1,0 +1,409 @@
+"""Markers that are not known yet: sought along the laid cable, measured, confirmed, numbered."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_point
+from marker_tracker_node.detection.band import surface_point
+from marker_tracker_node.detection.colour_band import NEW_AREA, WHOLE_AREA
+from marker_tracker_node.detection.detectors import measure_mark
+from marker_tracker_node.detection.gate import (
+    ANY,
+    FIRST_COLOUR,
+    HIDDEN,
+    NO_IDENTITY,
+    OUT_OF_SIGHT,
+    TABLE_SIZE,
+    Gates,
+    Picture,
+    gate_moments,
+    in_gate,
+    seeking,
+    several_colours,
+    table_index,
+)
+from marker_tracker_node.tracking.frame.gate_prediction import (
+    Shutter,
+    axis_scale,
+    gate_visibility,
+    predict_gate,
+    separate_gates,
+    turned_since,
+)
+from marker_tracker_node.tracking.frame.laid_path import (
+    LEAST_GAP,
+    LaidCable,
+    band_beside_turns,
+    corrected_height,
+    known_around,
+    mean_gap,
+)
+from marker_tracker_node.tracking.state import CANDIDATES, Candidates, IndexArray, Marks, Setup
+from winding_core.compiling import called
+
+FloatArray = NDArray[np.float64]
+
+P0_REACH = 0.45
+# A marker proves itself on the free span, this far before it lands [rad].
+APPROACH = 0.25
+SAME_PLACE = 0.035
+PROOF_HITS = 3
+PROOF_ADVANCE = 0.1
+# A gap of this many expected ones or more hides a marker that was missed.
+SKIP = 0.4
+MAX_NODES = 2048
+# A search looks at one pixel in this length [m].
+SEARCH_GRAIN = 0.24e-3
+PEAKS = 3
+LEAST_PEAK = 0.35
+
+
+class Scan(NamedTuple):
+    """A frame in which unknown markers are sought."""
+
+    picture: Picture  # Frame and colours
+    setup: Setup  # Machine and camera
+    cable: LaidCable  # As laid so far
+    candidates: Candidates  # What was found in earlier frames
+    gates: Gates  # Of the markers; one more place is free for work
+    outcome: IndexArray  # What came of looking for each marker, shape (markers,)
+    turned: float  # Cylinder angle as the camera sees it [rad]
+    shutter: Shutter  # Of the frame
+
+
+@called
+def marker_number(
+    setup: Setup, marks: Marks, colour_of: IndexArray, theta: float, colour: int, identity: int
+) -> int:  # pragma: no cover
+    """Return the number of a marker found at a wound angle [rad], or -1 if there is none.
+
+    Among markers of several colours the nearest of its colour is meant: one of a colour of its
+    own is known by that alone. A mark that names its marker is that one, if the order of winding
+    allows it, and else no marker.
+
+    Args:
+        setup: Machine and camera.
+        marks: The markers.
+        colour_of: See `Palette`, shape (markers,).
+        theta: [rad]
+        colour: See `Picture`.
+        identity: See `Detection`.
+    """
+    count = marks.known.size
+    if not marks.known[0]:
+        first = colour == colour_of[0] and identity in (NO_IDENTITY, 0)
+        return 0 if abs(theta) < P0_REACH and first else -1
+    below, above = known_around(marks, theta)
+    if theta < marks.theta[0]:
+        return -1
+    if above < 0:
+        ratio = (theta - marks.theta[below]) / mean_gap(setup, marks, below)
+        number = below + max(int(math.floor(ratio + SKIP)), 1)  # noqa: RUF046
+        above = count
+    else:
+        share = (theta - marks.theta[below]) / (marks.theta[above] - marks.theta[below])
+        number = below + int(round(share * (above - below)))  # noqa: RUF046
+        number = min(max(number, below + 1), above - 1)
+    if identity != NO_IDENTITY:
+        return identity if below < identity < above else -1
+    if below < number < above and colour_of[number] == colour:
+        return number
+    best = -1
+    for n in range(below + 1, above):
+        if colour_of[n] == colour and (best < 0 or abs(n - number) < abs(best - number)):
+            best = n
+    return best
+
+
+@called
+def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma: no cover
+    """Measure a gathering of marker pixels as a band and remember it if it is one.
+
+    Args:
+        scan: What is sought where.
+        theta: Wound angle [rad].
+        shift: Of the pixels from the cable's middle along z [m].
+    """
+    setup, gates, turned = scan.setup, scan.gates, scan.turned
+    work = scan.outcome.size
+    height, slope = corrected_height(scan.cable, theta)
+    z = height + shift
+    share, colour, identity = 0.0, FIRST_COLOUR, NO_IDENTITY
+    for step in range(3):
+        late = turned_since(setup, scan.shutter, turned - theta, z)
+        band = band_beside_turns(setup, scan.cable, turned + late - theta, theta, z, slope)
+        expected = predict_gate(setup, band, gates, work)
+        if step == 0:
+            # The first look may be half a band off.
+            gates.ahead[work] *= 1.3
+            gates.behind[work] *= 1.3
+        if gate_visibility(setup, gates, work, scan.picture) != HIDDEN:
+            return
+        for n in range(work):
+            if scan.outcome[n] != OUT_OF_SIGHT:
+                separate_gates(gates, n, work)
+        colour = _colour_in_gate(scan.picture, gates, work)
+        found = measure_mark(
+            setup.detector, seeking(scan.picture, colour), setup.camera, setup.body, gates, work,
+            band, expected, 1.0, NEW_AREA,
+        )  # fmt: skip
+        if found.outcome == HIDDEN:
+            return
+        azimuth, z, share, identity = found.azimuth, found.z, found.share, found.identity
+        theta = turned + turned_since(setup, scan.shutter, azimuth, z) - azimuth
+    expected_z = corrected_height(scan.cable, theta)[0]
+    if abs(turned - theta) > 40.0 * math.pi or abs(z - expected_z) > setup.search_width:
+        return
+    if _lies_on_another_turn(scan, theta, z):
+        return
+    marks, colour_of = scan.cable.marks, scan.picture.colour_of
+    if (
+        theta > turned + APPROACH
+        or marker_number(setup, marks, colour_of, theta, colour, identity) < 0
+    ):
+        return
+    _remember(scan.candidates, theta, z, share, colour, identity, turned)
+
+
+@called
+def _colour_in_gate(picture: Picture, gates: Gates, n: int) -> int:  # pragma: no cover
+    """Return the colour of markers that most pixels of gate n have."""
+    best, most = FIRST_COLOUR, -1
+    if several_colours(picture):
+        for colour in range(FIRST_COLOUR, picture.tables.size // TABLE_SIZE):
+            count = gate_moments(seeking(picture, colour), gates, n)[0]
+            if count > most:
+                best, most = colour, count
+    return best
+
+
+@called
+def _lies_on_another_turn(scan: Scan, theta: float, z: float) -> bool:  # pragma: no cover
+    """Return whether the turn before or after fits a band's height [m] better than its own."""
+    off = abs(z - corrected_height(scan.cable, theta)[0])
+    for lap in (-1.0, 1.0):
+        other = theta + 2.0 * lap * math.pi
+        if 0.0 <= other <= scan.turned and abs(z - corrected_height(scan.cable, other)[0]) < off:
+            return True
+    return False
+
+
+@called
+def _remember(
+    candidates: Candidates,
+    theta: float,
+    z: float,
+    share: float,
+    colour: int,
+    identity: int,
+    turned: float,
+) -> None:  # pragma: no cover
+    """Add a sighting to the candidate of its place, or in place of the one seen longest ago."""
+    oldest = 0
+    for c in range(CANDIDATES):
+        if candidates.hits[c] == 0:
+            oldest = c
+            break
+        other = candidates.identity[c]
+        same = candidates.colour[c] == colour
+        same = same and (identity in (NO_IDENTITY, other) or other == NO_IDENTITY)
+        if same and abs(candidates.first[c] - theta) < SAME_PLACE:
+            candidates.identity[c] = max(identity, other)
+            candidates.hits[c] += 1
+            part = 1.0 / candidates.hits[c]
+            candidates.theta[c] += part * (theta - candidates.theta[c])
+            candidates.height[c] += part * (z - candidates.height[c])
+            candidates.area[c] += part * (share - candidates.area[c])
+            candidates.last[c] = turned
+            return
+        if candidates.last[c] < candidates.last[oldest]:
+            oldest = c
+    candidates.hits[oldest] = 1
+    candidates.colour[oldest] = colour
+    candidates.identity[oldest] = identity
+    candidates.first[oldest] = theta
+    candidates.theta[oldest] = theta
+    candidates.height[oldest] = z
+    candidates.area[oldest] = share
+    candidates.start[oldest] = turned
+    candidates.last[oldest] = turned
+
+
+@called
+def confirm_candidates(
+    setup: Setup, marks: Marks, candidates: Candidates, colour_of: IndexArray, shift: float
+) -> float:  # pragma: no cover
+    """Make markers of the candidates that moved with the cylinder; return the new shift [rad]."""
+    for c in range(CANDIDATES):
+        if candidates.hits[c] < PROOF_HITS:
+            continue
+        number = marker_number(
+            setup, marks, colour_of, candidates.theta[c], candidates.colour[c],
+            candidates.identity[c],
+        )  # fmt: skip
+        if number < 0 or marks.known[number]:
+            candidates.hits[c] = 0
+            continue
+        if number > 0 and candidates.last[c] - candidates.start[c] < PROOF_ADVANCE:
+            continue
+        if number == 0:
+            # Wound angles count from P0, wherever camera and encoder think that it is.
+            shift -= candidates.theta[c]
+            candidates.theta[c] = 0.0
+        marks.known[number] = True
+        marks.theta[number] = candidates.theta[c]
+        marks.height[number] = candidates.height[c]
+        # One that was covered in part is whole later on.
+        marks.area[number] = max(candidates.area[c], WHOLE_AREA[0])
+        marks.recent[number] = candidates.theta[c]
+        marks.reference[number] = candidates.theta[c]
+        marks.weight[number] = 1.0
+        marks.var_theta[number] = 0.0
+        marks.var_height[number] = 0.0
+        candidates.hits[c] = 0
+    return shift
+
+
+@called
+def acquire_markers(scan: Scan, shift: float) -> float:  # pragma: no cover
+    """Look where unknown markers may be; those that move with the cylinder become known.
+
+    Args:
+        scan: What is sought where.
+        shift: See `Run` [rad].
+
+    Returns:
+        The shift, measured from P0 where that has become known [rad].
+    """
+    turn = 2.0 * math.pi
+    usable = scan.setup.usable_azimuth
+    starts, ends = _wanted_ranges(scan)
+    for i in range(starts.size):
+        # The visible part of every turn between the two wound angles.
+        facing = scan.turned
+        lap = 0
+        while facing + usable >= starts[i]:
+            low, high = max(starts[i], facing - usable), min(ends[i], facing + usable)
+            if high > low:
+                _scan_turn(scan, low, high)
+            lap += 1
+            facing = scan.turned - lap * turn
+    return confirm_candidates(
+        scan.setup, scan.cable.marks, scan.candidates, scan.picture.colour_of, shift
+    )
+
+
+@called
+def _wanted_ranges(scan: Scan) -> tuple[FloatArray, FloatArray]:  # pragma: no cover
+    """Return the wound angles [rad] between which unknown markers may lie, first and last."""
+    marks = scan.cable.marks
+    markers = marks.known.size
+    starts, ends = np.empty(markers), np.empty(markers)
+    if not marks.known[0]:
+        starts[0], ends[0] = -P0_REACH, P0_REACH
+        return starts[:1], ends[:1]
+    count, last = 0, 0
+    for n in range(1, markers):
+        if marks.known[n]:
+            if n - last > 1:
+                gap = (marks.theta[n] - marks.theta[last]) / (n - last)
+                starts[count] = marks.theta[last] + 0.4 * gap
+                ends[count] = marks.theta[n] - 0.4 * gap
+                count += 1
+            last = n
+    if last < markers - 1:
+        starts[count] = marks.theta[last] + LEAST_GAP * mean_gap(scan.setup, marks, last)
+        ends[count] = scan.turned + APPROACH
+        count += 1
+    return starts[:count], ends[:count]
+
+
+@called
+def _scan_turn(scan: Scan, first: float, last: float) -> None:  # pragma: no cover
+    """Count marker pixels along one stretch of cable and verify where they gather."""
+    setup, body = scan.setup, scan.setup.body
+    scale = axis_scale(setup.camera)
+    stride = max(int(scale * SEARCH_GRAIN), 1)
+    step = stride / (scale * body.rho)
+    nodes = min(int((last - first) / step) + 1, MAX_NODES)
+    counts = np.zeros(nodes)
+    offsets = np.zeros(nodes)
+    for k in range(nodes):
+        counts[k], offsets[k] = _count_across(scan, first + k * step, scale, stride)
+    width = max(int(2.0 * body.half_band / (body.rho * step)), 1)
+    least = LEAST_PEAK * 4.0 * body.half_band * body.cable_radius * scale * scale
+    least /= stride * stride
+    for _ in range(PEAKS):
+        place, most = _densest_window(counts, width)
+        if most < least:
+            return
+        end = min(place + width, nodes)
+        theta = first + 0.5 * (place + end) * step
+        shift = offsets[place:end].sum() / most / scale
+        counts[place:end] = 0.0
+        offsets[place:end] = 0.0
+        verify_candidate(scan, theta, shift)
+
+
+@called
+def _count_across(
+    scan: Scan, theta: float, scale: float, stride: int
+) -> tuple[float, float]:  # pragma: no cover
+    """Count marker pixels of no known marker in the row across the cable at a wound angle.
+
+    Args:
+        scan: What is sought where.
+        theta: Wound angle [rad].
+        scale: Of the image [px/m].
+        stride: One in so many columns is looked at.
+
+    Returns:
+        Their number, and the sum of their distances from the cable's middle [px].
+    """
+    setup, body, pixels = scan.setup, scan.setup.body, scan.picture.pixels
+    rows, columns = pixels.shape[:2]
+    height, slope = corrected_height(scan.cable, theta)
+    x, y, z = surface_point(body.rho, body.cable_radius, scan.turned - theta, height, slope, 0.0)
+    a, b, _depth = plane_of_point(setup.camera, x, y, z)
+    column, row = pixel_of_plane(setup.camera, a, b)
+    v = int(round(row))  # noqa: RUF046
+    count, offset = 0.0, 0.0
+    table = seeking(scan.picture, ANY).table
+    if not 0 <= v < rows:
+        return count, offset
+    reach = setup.search_width * scale
+    left = max(math.ceil(column - reach), 0)
+    right = min(math.floor(column + reach), columns - 1)
+    for u in range(left, right + 1, stride):
+        index = table_index(pixels[v, u, 0], pixels[v, u, 1], pixels[v, u, 2])
+        if table[index] and not _claimed(scan, float(u), float(v)):
+            count += 1.0
+            offset += u - column
+    return count, offset
+
+
+@called
+def _claimed(scan: Scan, u: float, v: float) -> bool:  # pragma: no cover
+    """Return whether a pixel lies in the gate of a known marker."""
+    for n in range(scan.outcome.size):
+        if scan.outcome[n] != OUT_OF_SIGHT and in_gate(scan.gates, n, u, v):
+            return True
+    return False
+
+
+@called
+def _densest_window(counts: FloatArray, width: int) -> tuple[int, float]:  # pragma: no cover
+    """Return where the stretch of a given width that holds most begins, and what it holds."""
+    total, best, place = counts[:width].sum(), 0.0, 0
+    for k in range(counts.size):
+        if total > best:
+            best, place = total, k
+        total -= counts[k]
+        if k + width < counts.size:
+            total += counts[k + width]
+    return place, best

@@ -1,0 +1,174 @@
+"""Where the known bands are expected in a frame, and what they share of it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.detection.band import Band
+from marker_tracker_node.detection.gate import COVERED, OUT_OF_SIGHT, Gates, Picture
+from marker_tracker_node.tracking.frame.gate_prediction import (
+    TOUCH_REACH,
+    Shutter,
+    bands_touch,
+    gate_visibility,
+    gates_meet,
+    guarded,
+    predict_gate,
+    separate_gates,
+    turned_since,
+)
+from marker_tracker_node.tracking.frame.laid_path import (
+    LaidCable,
+    band_beside_turns,
+    corrected_height,
+    covered_by_span,
+    unknown_beside,
+)
+from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Setup
+from winding_core.compiling import called
+
+FloatArray = NDArray[np.float64]
+
+# A band so far out of sight [rad] may still show beside one that is in sight.
+NEAR_SIGHT = 0.4
+
+
+class Expected(NamedTuple):
+    """Where the known markers are expected in a frame, arrays of shape (markers,).
+
+    Attributes:
+        near: Whether its band is in sight, or so little beyond that it may touch one that is.
+    """
+
+    outcome: IndexArray  # What came of looking for the marker
+    near: FlagArray
+    pixels: FloatArray  # That its band should fill
+    touching: FlagArray  # Whether its band touches another
+    azimuth: FloatArray  # See `Band`, and so are the following
+    slope: FloatArray  # [m/rad]
+    low: FloatArray  # [rad]
+    high: FloatArray  # [rad]
+    below: FloatArray  # [m]
+    above: FloatArray  # [m]
+
+
+@called
+def empty_expected(count: int) -> Expected:  # pragma: no cover
+    """Return room for what is expected of a number of markers, all of them out of sight."""
+    return Expected(
+        outcome=np.full(count, OUT_OF_SIGHT),
+        near=np.zeros(count, dtype=np.bool_),
+        pixels=np.zeros(count),
+        touching=np.zeros(count, dtype=np.bool_),
+        azimuth=np.zeros(count),
+        slope=np.zeros(count),
+        low=np.zeros(count),
+        high=np.zeros(count),
+        below=np.zeros(count),
+        above=np.zeros(count),
+    )
+
+
+@called
+def expect_bands(
+    picture: Picture,
+    setup: Setup,
+    shutter: Shutter,
+    cable: LaidCable,
+    turned: float,
+    lead: float,
+    gates: Gates,
+    expected: Expected,
+) -> None:  # pragma: no cover
+    """Write where the known markers are expected, and the gates of those in sight.
+
+    Args:
+        picture: Frame and colours.
+        setup: Machine and camera.
+        shutter: Of the frame.
+        cable: As laid at the frame.
+        turned: Cylinder angle as the camera is expected to see it [rad].
+        lead: How much further P0 is expected [rad].
+        gates: Receives the gates.
+        expected: Receives the rest.
+    """
+    marks = cable.marks
+    count = marks.known.size
+    for n in range(count):
+        if not marks.known[n]:
+            continue
+        theta, z = marks.recent[n], marks.height[n]
+        azimuth = turned - theta
+        if n == 0:
+            azimuth += lead
+        elif azimuth < 0.0:
+            continue
+        away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
+        beyond = abs(away) > setup.usable_azimuth
+        if beyond and (
+            abs(away) > setup.usable_azimuth + NEAR_SIGHT or not _beside(setup, marks, n)
+        ):
+            continue
+        slope = corrected_height(cable, theta)[1]
+        azimuth += turned_since(setup, shutter, azimuth, z)
+        band = band_beside_turns(setup, cable, azimuth, theta, z, slope)
+        band = guarded(setup, band, False, unknown_beside(setup, cable, theta))
+        expected.near[n] = True
+        expected.pixels[n] = predict_gate(setup, band, gates, n)
+        if not beyond:
+            expected.outcome[n] = gate_visibility(setup, gates, n, picture)
+            if covered_by_span(setup, cable, band, theta):
+                expected.outcome[n] = COVERED
+        expected.azimuth[n], expected.slope[n] = azimuth, slope
+        expected.low[n], expected.high[n] = band.low, band.high
+        expected.below[n], expected.above[n] = band.below, band.above
+    for n in range(count):
+        for m in range(n + 1, count):
+            near = expected.near[n] and expected.near[m]
+            if not (near and gates_meet(gates, n, m, TOUCH_REACH)):
+                continue
+            if bands_touch(gates, n, m):
+                expected.touching[n] = expected.touching[m] = True
+            ahead = marks.height[m] >= marks.height[n]
+            _guard(setup, marks, n, not ahead, ahead, gates, expected)
+            _guard(setup, marks, m, ahead, not ahead, gates, expected)
+            separate_gates(gates, n, m)
+
+
+@called
+def _beside(setup: Setup, marks: Marks, n: int) -> bool:  # pragma: no cover
+    """Return whether another known marker lies so near along the cylinder that bands may meet."""
+    reach = 2.0 * (setup.body.cable_radius + setup.across_margin)
+    for m in range(marks.known.size):
+        if m != n and marks.known[m] and abs(marks.height[m] - marks.height[n]) < reach:
+            return True
+    return False
+
+
+@called
+def _guard(
+    setup: Setup,
+    marks: Marks,
+    n: int,
+    below: bool,
+    above: bool,
+    gates: Gates,
+    expected: Expected,
+) -> None:  # pragma: no cover
+    """Cut the band n and its gate off before the turn below or above; see `guarded`."""
+    band = Band(
+        expected.azimuth[n], marks.height[n], expected.slope[n],
+        expected.low[n], expected.high[n], expected.below[n], expected.above[n],
+    )  # fmt: skip
+    band = guarded(setup, band, below, above)
+    if band.low == expected.low[n] and band.high == expected.high[n]:
+        return
+    ahead, behind = gates.ahead[n], gates.behind[n]
+    expected.pixels[n] = predict_gate(setup, band, gates, n)
+    gates.ahead[n] = min(gates.ahead[n], ahead)
+    gates.behind[n] = min(gates.behind[n], behind)
+    expected.low[n], expected.high[n] = band.low, band.high

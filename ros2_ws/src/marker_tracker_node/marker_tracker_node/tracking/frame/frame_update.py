@@ -1,0 +1,219 @@
+"""One frame: from an image and an encoder reading to every marker's wound angle and height."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.detection.band import Band, moved_band
+from marker_tracker_node.detection.colour_band import WHOLE_AREA
+from marker_tracker_node.detection.detectors import measure_mark
+from marker_tracker_node.detection.gate import (
+    FIRST_COLOUR,
+    HIDDEN,
+    NO_IDENTITY,
+    NOTHING,
+    PARTLY,
+    TABLE_SIZE,
+    Gates,
+    Picture,
+    empty_gates,
+    gate_sides,
+    seeking,
+    several_colours,
+)
+from marker_tracker_node.tracking.checks.lay_check import judge_guide
+from marker_tracker_node.tracking.frame.acquisition import Scan, acquire_markers
+from marker_tracker_node.tracking.frame.expected_bands import (
+    Expected,
+    empty_expected,
+    expect_bands,
+)
+from marker_tracker_node.tracking.frame.gate_prediction import (
+    Shutter,
+    predict_gate,
+    shutter_of,
+    turned_since,
+)
+from marker_tracker_node.tracking.frame.laid_path import fit_offset, laid_cable
+from marker_tracker_node.tracking.frame.run_means import update_means, update_shift, write_results
+from marker_tracker_node.tracking.machine_motion import advance_machine, phase_lock
+from marker_tracker_node.tracking.state import (
+    FixedNumbers,
+    IndexArray,
+    Marks,
+    Output,
+    Rows,
+    Run,
+    Setup,
+    Tracks,
+    setup_of,
+)
+from winding_core.compiling import called, compiled
+
+FloatArray = NDArray[np.float64]
+ByteArray = NDArray[np.uint8]
+
+AREA_SHARE = 0.05
+JUMP_THETA = 0.12
+JUMP_HEIGHT = 1.5e-3
+REAIM = 0.4
+
+
+@compiled
+def update_burst(
+    frames: ByteArray,
+    tables: ByteArray,
+    colour_of: IndexArray,
+    fixed: FixedNumbers,
+    run_rows: Rows,
+    marks: Rows,
+    candidates: Rows,
+    paths: FloatArray,
+    readings: FloatArray,
+    angle: FloatArray,
+    out: Rows,
+) -> None:  # pragma: no cover
+    """Advance a tracker's state by every frame of a burst.
+
+    Args:
+        frames: Shape (k, rows, columns, 3).
+        tables: See `Palette`, shape ((2 + colours) 32768,).
+        colour_of: See `Palette`, shape (markers,).
+        fixed: See `fixed_numbers`.
+        run_rows: Of RUN, shape (1,), written in place as are the following.
+        marks: Of MARK, shape (markers,).
+        candidates: Of CANDIDATE, shape (CANDIDATES,).
+        paths: See `Tracks`, shape (2, PATH_SIZE).
+        readings: Ascending times [s], cylinder angles [rad], nan where missing, guide positions
+            [m], nan to expect the commanded feed, and how much further P0 is expected than encoder
+            and shift place it [rad], shape (4, k).
+        angle: Receives that of each frame [rad], shape (k,).
+        out: Receives what each frame yields, rows of SEEN, shape (k, markers).
+    """
+    setup, run, tracks = setup_of(fixed), run_rows[0], Tracks(marks, candidates, paths)
+    first = tables[FIRST_COLOUR * TABLE_SIZE : (FIRST_COLOUR + 1) * TABLE_SIZE]
+    for k in range(frames.shape[0]):
+        picture = Picture(frames[k], first, tables, colour_of)
+        advance_machine(setup, run, paths, readings[0, k], readings[1, k], readings[2, k])
+        judge_guide(setup, run, tracks.marks, paths)
+        _update_frame(picture, setup, run, readings[3, k], tracks, out, k)
+        angle[k] = run.cylinder.angle
+
+
+@called
+def _update_frame(
+    picture: Picture,
+    setup: Setup,
+    run: Run,
+    lead: float,
+    tracks: Tracks,
+    out: Output,
+    k: int,
+) -> None:  # pragma: no cover
+    """Measure the known markers of frame k and look for the others.
+
+    Args:
+        picture: Frame and colours.
+        setup: Machine and camera.
+        run: At the frame, as far as it is known without looking; written.
+        lead: How much further P0 is expected [rad].
+        tracks: Written in place.
+        out: Receives what the frame yields.
+        k: Number of the frame.
+    """
+    marks, cylinder = tracks.marks, run.cylinder
+    cable = laid_cable(tracks, run)
+    count = marks.known.size
+    turned = cylinder.angle + run.shift
+    gates = empty_gates(count + 1)
+    expected = empty_expected(count)
+    shutter = shutter_of(setup, cylinder.rate, picture.pixels.shape[0])
+    expect_bands(picture, setup, shutter, cable, turned, lead, gates, expected)
+    for n in range(count):
+        # Neither out of sight nor clipped.
+        if expected.outcome[n] == HIDDEN:
+            expected.outcome[n] = _measure(
+                picture, setup, shutter, marks, gates, n, expected, out, k
+            )
+    if cylinder.blind:
+        nudge = phase_lock(marks, out.azimuth[k], turned)
+        turned += nudge
+        cylinder.angle += nudge
+    update_shift(run, out.azimuth[k, 0], turned)
+    update_means(marks, expected.outcome, out, k, turned)
+    found = marks.known.sum()
+    if found < count:
+        lost = not marks.known[0]
+        scan = Scan(
+            picture,
+            setup,
+            cable,
+            tracks.candidates,
+            gates,
+            expected.outcome,
+            cylinder.angle + run.shift,
+            shutter,
+        )
+        run.shift = acquire_markers(scan, run.shift)
+        if lost and marks.known[0]:
+            # A turn from here on shows the other markers.
+            run.guide.since = cylinder.angle
+        if marks.known.sum() > found:
+            fit_offset(setup, run, marks, tracks.paths)
+    write_results(setup, marks, expected.outcome, expected.touching, turned, out, k)
+
+
+@compiled
+def _measure(
+    picture: Picture,
+    setup: Setup,
+    shutter: Shutter,
+    marks: Marks,
+    gates: Gates,
+    n: int,
+    expected: Expected,
+    out: Output,
+    k: int,
+) -> int:  # pragma: no cover
+    """Measure the known marker n in frame k and return what came of it."""
+    band = Band(
+        expected.azimuth[n], marks.height[n], expected.slope[n],
+        expected.low[n], expected.high[n], expected.below[n], expected.above[n],
+    )  # fmt: skip
+    pixels, place = expected.pixels[n], band
+    area = marks.area[n]
+    if several_colours(picture):
+        picture = seeking(picture, picture.colour_of[n])
+    azimuth, z, found = math.nan, math.nan, NOTHING
+    for attempt in range(2):
+        found = measure_mark(
+            setup.detector, picture, setup.camera, setup.body, gates, n, place, pixels, area,
+            WHOLE_AREA,
+        )  # fmt: skip
+        if found.outcome == HIDDEN or found.identity not in (NO_IDENTITY, n):
+            return HIDDEN
+        azimuth, z = found.azimuth, found.z
+        off = abs(azimuth - band.azimuth) * setup.body.rho
+        if attempt == 1 or off <= REAIM * setup.along_margin:
+            break
+        # Far from where it was expected the gate may have cut the band: look again.
+        place = moved_band(band, azimuth, z)
+        ahead, behind = gates.ahead[n], gates.behind[n]
+        pixels = predict_gate(setup, place, gates, n)
+        gates.ahead[n] = min(gates.ahead[n], ahead)
+        gates.behind[n] = min(gates.behind[n], behind)
+    if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > JUMP_HEIGHT:
+        return HIDDEN
+    marks.area[n] *= 1.0 + AREA_SHARE * (found.share - 1.0)
+    out.azimuth[k, n] = azimuth - turned_since(setup, shutter, azimuth, z)
+    out.seen_height[k, n], out.slope[k, n] = z, band.slope
+    out.low[k, n], out.high[k, n] = band.low, band.high
+    out.below[k, n], out.above[k, n] = band.below, band.above
+    if found.outcome == PARTLY:
+        out.sigma_theta[k, n], out.sigma_height[k, n] = found.azimuth_factor, found.z_factor
+    else:
+        out.left[k, n], out.right[k, n] = gate_sides(gates, n)
+    return found.outcome

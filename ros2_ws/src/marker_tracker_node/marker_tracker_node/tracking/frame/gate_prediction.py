@@ -1,0 +1,204 @@
+"""Where a band should appear in the picture: its gate, and what else reaches into that."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from marker_tracker_node.camera.pinhole import (
+    CameraView,
+    pixel_of_plane,
+    pixels_per_metre,
+    plane_of_point,
+)
+from marker_tracker_node.detection.band import Band, band_centroid, centre_point, surface_point
+from marker_tracker_node.detection.gate import (
+    CLIPPED,
+    HIDDEN,
+    OUT_OF_SIGHT,
+    Gates,
+    Picture,
+    gate_leaves_image,
+)
+from marker_tracker_node.tracking.state import Setup
+from winding_core.compiling import called, compiled
+
+RING_DEPTH = 0.65
+TOUCH_REACH = 1.5
+# Gates that overlap by less hold no pixels of each other's band [px].
+OVERLAP = 1.0
+# How far from a turn of the same colour a band is cut off [m, px of the picture].
+GUARD = 0.15e-3
+GUARD_PIXELS = 1.5
+# Half way to a turn so much farther than the gate reaches there is nothing to keep off [m].
+FAR_TURN = 1.0e-3
+
+
+@compiled
+def predict_gate(setup: Setup, band: Band, gates: Gates, n: int) -> float:  # pragma: no cover
+    """Write the gate of a band to place n and return the pixels that the band should fill."""
+    camera, body = setup.camera, setup.body
+    a, b, area = band_centroid(camera, body, band)
+    gates.column[n], gates.row[n] = pixel_of_plane(camera, a, b)
+    way = body.half_band / math.hypot(body.rho, band.slope)
+    u1, v1, depth = _surface_pixel(setup, band, way)
+    u2, v2, _ = _surface_pixel(setup, band, -way)
+    length = math.hypot(u1 - u2, v1 - v2)
+    gates.along_u[n], gates.along_v[n] = (u1 - u2) / length, (v1 - v2) / length
+    half = 0.5 * length
+    gates.half_band[n] = half
+    scale = pixels_per_metre(camera, depth)
+    # Seen from the side a ring is an ellipse: its edges lie behind the centroid by this much.
+    behind = RING_DEPTH * body.cable_radius * math.sin(max(band.azimuth, 0.0))
+    gates.ahead[n] = half + (setup.along_margin + max(behind, 0.0)) * scale
+    gates.behind[n] = half + (setup.along_margin + max(-behind, 0.0)) * scale
+    span = (body.cable_radius + setup.across_margin) * scale
+    low, lean = _territory_edge(setup, band, band.low, -band.below, gates, n)
+    gates.left[n], gates.left_lean[n] = (low, lean) if low > -span else (-span, 0.0)
+    high, lean = _territory_edge(setup, band, band.high, band.above, gates, n)
+    gates.right[n], gates.right_lean[n] = (high, lean) if high < span else (span, 0.0)
+    return float(area * camera.fx * camera.fy / (camera.binning * camera.binning))
+
+
+@called
+def _surface_pixel(
+    setup: Setup, band: Band, way: float
+) -> tuple[float, float, float]:  # pragma: no cover
+    """Return column, row [px] and depth [m] of the outside of the cable, `way` before a band."""
+    rho, r = setup.body.rho, setup.body.cable_radius
+    x, y, z = surface_point(rho, r, band.azimuth - way, band.z + band.slope * way, band.slope, 0.0)
+    a, b, depth = plane_of_point(setup.camera, x, y, z)
+    u, v = pixel_of_plane(setup.camera, a, b)
+    return u, v, depth
+
+
+@called
+def _territory_edge(
+    setup: Setup, band: Band, psi: float, distance: float, gates: Gates, n: int
+) -> tuple[float, float]:  # pragma: no cover
+    """Return where across gate n the band's territory ends [px], and its change along the gate.
+
+    That is where the band is cut off, or half way to a turn that does not reach it.
+    """
+    bounded = abs(psi) < math.pi
+    rho, r = setup.body.rho, setup.body.cable_radius
+    if not bounded and abs(distance) > 2.0 * (r + setup.across_margin + FAR_TURN):
+        return math.copysign(math.inf, distance), 0.0
+    reach = setup.body.half_band / math.hypot(rho, band.slope)
+    along_0, across_0, along_1, across_1 = 0.0, 0.0, 0.0, 0.0
+    for end in range(2):
+        way = (2.0 * end - 1.0) * reach
+        azimuth, z = band.azimuth - way, band.z + band.slope * way
+        if bounded:
+            x, y, z = surface_point(rho, r, azimuth, z, band.slope, psi)
+        else:
+            x, y, z = centre_point(rho, azimuth, z + 0.5 * distance)
+        a, b, _depth = plane_of_point(setup.camera, x, y, z)
+        u, v = pixel_of_plane(setup.camera, a, b)
+        du, dv = u - gates.column[n], v - gates.row[n]
+        along_0, across_0 = along_1, across_1
+        along_1 = du * gates.along_u[n] + dv * gates.along_v[n]
+        across_1 = gates.along_u[n] * dv - gates.along_v[n] * du
+    lean = (across_1 - across_0) / (along_1 - along_0)
+    return across_0 - lean * along_0, lean
+
+
+class Shutter(NamedTuple):
+    """How the cylinder turns while a frame is read, row by row."""
+
+    skew: float  # Angle from a row to the next, by the picture's rows [rad]
+    first: float  # Row that is read at the stamp
+
+
+@called
+def shutter_of(setup: Setup, rate: float, rows: int) -> Shutter:  # pragma: no cover
+    """Return the shutter of a frame with a number of rows, at a cylinder's speed [rad/s]."""
+    return Shutter(setup.row_time * rate, 0.0 if setup.row_time >= 0.0 else rows - 1.0)
+
+
+@called
+def turned_since(
+    setup: Setup, shutter: Shutter, azimuth: float, z: float
+) -> float:  # pragma: no cover
+    """Return by how much the cylinder turned from the stamp to the row of a band [rad]."""
+    if shutter.skew == 0.0:
+        return 0.0
+    x, y, height = centre_point(setup.body.rho, azimuth, z)
+    a, b, _depth = plane_of_point(setup.camera, x, y, height)
+    _column, row = pixel_of_plane(setup.camera, a, b)
+    return shutter.skew * (row - shutter.first)
+
+
+@compiled
+def axis_scale(camera: CameraView) -> float:  # pragma: no cover
+    """Return the scale of the image at the cylinder's axis [px/m]."""
+    return pixels_per_metre(camera, abs(camera.x))
+
+
+@called
+def guarded(setup: Setup, band: Band, below: bool, above: bool) -> Band:  # pragma: no cover
+    """Return a band cut off before it meets the turn on its -z side, on its +z side, or both.
+
+    Beside a turn whose band has the same colour the last pixels may belong to either, and those
+    beyond the band's own end are the farthest from its middle.
+    """
+    r = setup.body.cable_radius
+    guard = max(GUARD, GUARD_PIXELS / axis_scale(setup.camera))
+    low, high = band.low, band.high
+    if below and band.below < 2.0 * r + 2.0 * guard:
+        low = max(low, -math.asin(max(0.5 * (band.below - 2.0 * guard) / r, 0.0)))
+    if above and band.above < 2.0 * r + 2.0 * guard:
+        high = min(high, math.asin(max(0.5 * (band.above - 2.0 * guard) / r, 0.0)))
+    return Band(band.azimuth, band.z, band.slope, low, high, band.below, band.above)
+
+
+@called
+def gate_visibility(
+    setup: Setup, gates: Gates, n: int, picture: Picture
+) -> int:  # pragma: no cover
+    """Return OUT_OF_SIGHT, CLIPPED or HIDDEN (nothing found yet) for gate n."""
+    margin = setup.along_margin * axis_scale(setup.camera) - 1.0
+    partly, wholly = gate_leaves_image(gates, n, margin, picture)
+    if wholly:
+        return OUT_OF_SIGHT
+    return CLIPPED if partly else HIDDEN
+
+
+@called
+def _apart(gates: Gates, first: int, second: int) -> tuple[float, float]:  # pragma: no cover
+    """Return how far the middles of two gates lie apart along the first and across it [px]."""
+    du = gates.column[second] - gates.column[first]
+    dv = gates.row[second] - gates.row[first]
+    along = abs(du * gates.along_u[first] + dv * gates.along_v[first])
+    return along, abs(gates.along_u[first] * dv - gates.along_v[first] * du)
+
+
+@called
+def gates_meet(gates: Gates, first: int, second: int, room: float) -> bool:  # pragma: no cover
+    """Return whether two gates overlap, or lie less than `room` [px] apart."""
+    along, across = _apart(gates, first, second)
+    to_right = gates.column[second] > gates.column[first]
+    left, right = (first, second) if to_right else (second, first)
+    longest = max(gates.ahead[first], gates.behind[first]) + max(
+        gates.ahead[second], gates.behind[second]
+    )
+    return bool(across < gates.right[left] - gates.left[right] + room and along <= longest)
+
+
+@called
+def bands_touch(gates: Gates, first: int, second: int) -> bool:  # pragma: no cover
+    """Return whether two bands whose gates meet lie beside each other."""
+    along, _ = _apart(gates, first, second)
+    return bool(along < gates.half_band[first] + gates.half_band[second])
+
+
+@called
+def separate_gates(gates: Gates, first: int, second: int) -> None:  # pragma: no cover
+    """Keep two gates that overlap off each other's band along the cable."""
+    if not gates_meet(gates, first, second, -OVERLAP) or bands_touch(gates, first, second):
+        return
+    along, _ = _apart(gates, first, second)
+    for mine, other in ((first, second), (second, first)):
+        limit = along - gates.half_band[other]
+        gates.ahead[mine] = min(gates.ahead[mine], limit)
+        gates.behind[mine] = min(gates.behind[mine], limit)

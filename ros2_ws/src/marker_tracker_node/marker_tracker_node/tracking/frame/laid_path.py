@@ -1,0 +1,241 @@
+"""Where the laid cable should be: the fleet-angle law, drawn through the known markers."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.detection.band import Band
+from marker_tracker_node.tracking.state import (
+    BY_READINGS,
+    PATH_SIZE,
+    PATH_STEP,
+    Guide,
+    Marks,
+    Run,
+    Setup,
+    Tracks,
+)
+from winding_core.compiling import called
+
+FloatArray = NDArray[np.float64]
+
+TAIL = 0.5
+# Before the contact line the free span stands off the cylinder: within these azimuths [rad] it
+# hangs before the turn beside it, nearer to the line it lies beside that.
+SPAN_FIRST, SPAN_LAST = -1.3, -0.3
+# What the expected path may be wrong by before a turn has landed [m].
+SPAN_ROOM = 1.0e-3
+# A marker that is not known yet shows this far beside the place where it may be [rad].
+UNKNOWN_REACH = 0.4
+# The next marker is no nearer than this share of the mean gap.
+LEAST_GAP = 0.6
+# How far the guide may stand before the contact line when P0 lands, one deviation [m], and how far
+# a cable lies beside the path.
+OFFSET_SIGMA, LAY_SIGMA = 5.0e-3, 1.0e-3
+
+
+class LaidCable(NamedTuple):
+    """The cable on the cylinder as far as it is known."""
+
+    marks: Marks  # The markers
+    path: FloatArray  # One of `Tracks.paths`
+    filled: int  # Places of it that are filled
+
+
+@called
+def laid_cable(tracks: Tracks, run: Run) -> LaidCable:  # pragma: no cover
+    """Return the cable by what is believed of the guide."""
+    row = 0 if run.guide.belief == BY_READINGS else 1
+    return LaidCable(tracks.marks, tracks.paths[row], run.path_filled)
+
+
+@called
+def extend_paths(
+    setup: Setup, paths: FloatArray, run: Run, start: float, way: float
+) -> None:  # pragma: no cover
+    """Lay the expected paths up to a cylinder angle: dz/dtheta = (z_guide - z) / lag.
+
+    Args:
+        setup: Machine and camera.
+        paths: See `Tracks`; written.
+        run: At this frame; its filled places are written.
+        start: Cylinder angle in the last frame [rad].
+        way: Of the guide in the last frame [m].
+    """
+    angle, guide, count = run.cylinder.angle, run.guide, run.path_filled
+    share = 1.0 - math.exp(-PATH_STEP / setup.lag)
+    while count < PATH_SIZE and count * PATH_STEP <= angle:
+        middle = (count - 0.5) * PATH_STEP
+        part = (middle - start) / (angle - start) if angle > start else 1.0
+        place = way + (guide.way - way) * min(max(part, 0.0), 1.0)
+        read = place + guide.offset
+        paths[0, count] = paths[0, count - 1] + share * (read - paths[0, count - 1])
+        commanded = setup.advance_per_radian * middle
+        paths[1, count] = paths[1, count - 1] + share * (commanded - paths[1, count - 1])
+        count += 1
+    run.path_filled = count
+
+
+@called
+def path_height(cable: LaidCable, theta: float) -> tuple[float, float]:  # pragma: no cover
+    """Return expected z [m] and dz/dtheta [m/rad] at a wound angle."""
+    last = cable.filled - 1
+    place = theta / PATH_STEP
+    if place <= 0.0 or last < 1:
+        return 0.0, 0.0
+    low = min(int(place), last - 1)
+    slope = (cable.path[low + 1] - cable.path[low]) / PATH_STEP
+    return cable.path[low] + slope * (theta - low * PATH_STEP), slope
+
+
+@called
+def mean_gap(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cover
+    """Return the wound angle between markers [rad]: measured so far, or else expected."""
+    if last > 0:
+        return float((marks.theta[last] - marks.theta[0]) / last)
+    return setup.expected_gap
+
+
+@called
+def known_around(marks: Marks, theta: float) -> tuple[int, int]:  # pragma: no cover
+    """Return the numbers of the known markers below and above a wound angle, -1 for none."""
+    below, above = -1, -1
+    for n in range(marks.known.size):
+        if marks.known[n]:
+            if marks.theta[n] <= theta:
+                below = n
+            elif above < 0:
+                above = n
+    return below, above
+
+
+@called
+def corrected_height(cable: LaidCable, theta: float) -> tuple[float, float]:  # pragma: no cover
+    """Return expected z [m] and slope, drawn through the markers that are known already."""
+    height, slope = path_height(cable, theta)
+    marks = cable.marks
+    below, above = known_around(marks, theta)
+    if below < 0 and above < 0:
+        return height, slope
+    if below < 0:
+        below = above
+    first = marks.height[below] - path_height(cable, marks.theta[below])[0]
+    if above < 0 or above == below:
+        return height + first, slope
+    second = marks.height[above] - path_height(cable, marks.theta[above])[0]
+    tilt = (second - first) / (marks.theta[above] - marks.theta[below])
+    return height + first + tilt * (theta - marks.theta[below]), slope + tilt
+
+
+@called
+def band_beside_turns(
+    setup: Setup, cable: LaidCable, azimuth: float, theta: float, z: float, slope: float
+) -> Band:  # pragma: no cover
+    """Return a band with the turns of cable that lie beside it.
+
+    Args:
+        setup: Machine and camera.
+        cable: As laid so far.
+        azimuth: Of the band, unwrapped [rad].
+        theta: Of the band [rad].
+        z: Of the band [m].
+        slope: dz/dtheta there [m/rad].
+    """
+    below, above = math.inf, math.inf
+    lean = setup.body.rho / math.hypot(setup.body.rho, slope)
+    diameter = 2.0 * setup.body.cable_radius
+    turn = 2.0 * math.pi
+    if theta - turn > -TAIL:
+        away = (z - corrected_height(cable, theta - turn)[0]) * lean
+        below, above = _nearer(below, above, away)
+    if azimuth > turn - TAIL:
+        away = (corrected_height(cable, theta + turn)[0] - z) * lean
+        if known_around(cable.marks, theta + turn)[1] < 0:
+            # Beyond the last marker the path is only expected: no turn lies in the one before.
+            away = math.copysign(max(abs(away), diameter), away)
+        below, above = _nearer(below, above, -away)
+    low = -math.asin(below / diameter) if below < diameter else -math.pi
+    high = math.asin(above / diameter) if above < diameter else math.pi
+    return Band(azimuth, z, slope, low, high, below, above)
+
+
+@called
+def _nearer(below: float, above: float, away: float) -> tuple[float, float]:  # pragma: no cover
+    """Return the distances of the turns beside a band, one more so far to its -z side [m]."""
+    if away >= 0.0:
+        return min(below, away), above
+    return below, min(above, -away)
+
+
+@called
+def covered_by_span(
+    setup: Setup, cable: LaidCable, band: Band, theta: float
+) -> bool:  # pragma: no cover
+    """Return whether the cable that is about to land hangs before a band at a wound angle [rad]."""
+    before = band.azimuth - 2.0 * math.pi
+    if not SPAN_FIRST < before < SPAN_LAST:
+        return False
+    # The path goes on past the landing with the slope of the free span.
+    landing = theta + 2.0 * math.pi + before
+    way = landing + math.sin(-before)
+    distance = abs(corrected_height(cable, way)[0] - band.z)
+    return bool(distance < 2.0 * setup.body.cable_radius + SPAN_ROOM)
+
+
+@called
+def unknown_beside(setup: Setup, cable: LaidCable, theta: float) -> bool:  # pragma: no cover
+    """Return whether a marker that is not known yet may lie a turn behind a wound angle [rad]."""
+    marks = cable.marks
+    last = marks.known.size - 1
+    while last >= 0 and not marks.known[last]:
+        last -= 1
+    if last < 0 or last == marks.known.size - 1:
+        return False
+    least = marks.theta[last] + LEAST_GAP * mean_gap(setup, marks, last)
+    return bool(theta + 2.0 * math.pi + UNKNOWN_REACH > least)
+
+
+@called
+def lay_share(setup: Setup, theta: float) -> float:  # pragma: no cover
+    """Return the share of an offset of the guide that cable at a wound angle [rad] lies off."""
+    return 1.0 - math.exp(-max(theta, 0.0) / setup.lag)
+
+
+@called
+def beside_path(
+    setup: Setup, guide: Guide, marks: Marks, paths: FloatArray, filled: int, row: int, n: int
+) -> float:  # pragma: no cover
+    """Return how much farther from P0 marker n lies than on a path without any offset [m]."""
+    expected, _ = path_height(LaidCable(marks, paths[row], filled), marks.theta[n])
+    if row == 0:
+        expected -= guide.offset * lay_share(setup, marks.theta[n])
+    return float(marks.height[n] - marks.height[0] - expected)
+
+
+@called
+def fit_offset(setup: Setup, run: Run, marks: Marks, paths: FloatArray) -> None:  # pragma: no cover
+    """Fit the guide's offset to the known markers; shift the path of its readings by the change.
+
+    Args:
+        setup: Machine and camera.
+        run: Offset of its guide written.
+        marks: The markers.
+        paths: See `Tracks`; written.
+    """
+    guide, filled = run.guide, run.path_filled
+    if guide.belief != BY_READINGS or not marks.known[0]:
+        return
+    product, square = 0.0, (LAY_SIGMA / OFFSET_SIGMA) ** 2
+    for n in range(1, marks.known.size):
+        if marks.known[n]:
+            share = lay_share(setup, marks.theta[n])
+            product += share * beside_path(setup, guide, marks, paths, filled, 0, n)
+            square += share * share
+    offset = product / square
+    for k in range(1, filled):
+        paths[0, k] += (offset - guide.offset) * lay_share(setup, k * PATH_STEP)
+    guide.offset = offset

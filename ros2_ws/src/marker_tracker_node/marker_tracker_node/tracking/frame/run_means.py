@@ -1,0 +1,248 @@
+"""Run means of the known markers, and what a frame reports of each."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.camera.pinhole import pixels_per_metre
+from marker_tracker_node.detection.band import Body
+from marker_tracker_node.detection.gate import CLIPPED, COVERED, HIDDEN, PARTLY
+from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Output, Run, Setup
+from winding_core.compiling import called, compiled
+from winding_core.markers import MarkerFlag
+
+FloatArray = NDArray[np.float64]
+
+FLAG_OCCLUDED = int(MarkerFlag.OCCLUDED)
+FLAG_CLIPPED = int(MarkerFlag.CLIPPED)
+FLAG_TOUCHING = int(MarkerFlag.TOUCHING)
+FLAG_SLIPPED = int(MarkerFlag.SLIPPED)
+FLAG_NOT_WOUND = int(MarkerFlag.NOT_WOUND)
+FLAG_PREDICTED = int(MarkerFlag.PREDICTED)
+
+# Frames that a run mean remembers; without an end it could not follow a slip.
+MEMORY = 400.0
+REFERENCE_FRAMES = 20.0
+RECENT_SHARE = 0.1
+VARIANCE_SHARE = 0.05
+SHIFT_SHARE = 0.02
+# A wound angle that leans on the encoder carries the camera's tilt and counts less.
+ENCODER_TRUST = 0.2
+# One standard deviation of a band's middle in one frame [px]: the mask's bias, which depends on
+# light, colour and azimuth and is the same in the next frame, and what differs between frames.
+BIAS = 0.09
+SCATTER = 0.05
+# Where a neighbouring turn cuts a band off [px], and of a turn's place that is only expected.
+CUT = 0.12
+# Of z, where a thick cable is bent sharply: in so many r^2 / (R + r), r and R + r the radii of the
+# cable and of its bend.
+BENT = 0.045
+# What a run leaves of that, whose share of a band depends on its azimuth.
+BENT_OVER_RUN = 0.5
+# What of the bias is left over a run, in which a band is seen under every azimuth, along the cable
+# and across it [px].
+MEAN_BIAS_ALONG, MEAN_BIAS_ACROSS = 0.06, 0.06
+# A band is an ellipse from the side; nearer to the limb than this its scale changes no more.
+LEAST_FACING = 0.3
+
+
+@called
+def update_shift(run: Run, azimuth: float, turned: float) -> None:  # pragma: no cover
+    """Take a frame in which P0 may have been seen into the shift.
+
+    Args:
+        run: Shift and its weight written.
+        azimuth: Of P0 as seen [rad], nan where not.
+        turned: Cylinder angle as the camera is expected to see it [rad].
+    """
+    if run.cylinder.blind or not math.isfinite(azimuth):
+        return
+    run.shift_weight += 1.0
+    gain = max(1.0 / run.shift_weight, SHIFT_SHARE)
+    run.shift += gain * (azimuth - turned)
+
+
+@called
+def _factor(outcome: int, factor: float) -> float:  # pragma: no cover
+    """Return by how much the deviation of a mark exceeds that of one that is seen whole."""
+    return float(factor) if outcome == PARTLY else 1.0
+
+
+@called
+def _joint(one: float, other: float) -> float:  # pragma: no cover
+    """Return by how much the deviation of a difference of two measurements is larger."""
+    return 1.0 if one == other == 1.0 else math.sqrt(0.5 * (one * one + other * other))
+
+
+@called
+def update_means(
+    marks: Marks, outcome: IndexArray, out: Output, k: int, turned: float
+) -> None:  # pragma: no cover
+    """Take the bands measured in frame k into the run means; write their wound angles.
+
+    Args:
+        marks: The markers.
+        outcome: What came of looking for each, shape (markers,).
+        out: Holds azimuth and z as seen; receives the wound angle of what was measured.
+        k: Number of the frame.
+        turned: Cylinder angle as the camera sees it [rad].
+    """
+    with_p0 = math.isfinite(out.azimuth[k, 0])
+    base = out.azimuth[k, 0] if with_p0 else turned
+    trust = 1.0 if with_p0 else ENCODER_TRUST
+    first = _factor(outcome[0], out.sigma_theta[k, 0])
+    for n in range(marks.known.size):
+        if not math.isfinite(out.azimuth[k, n]):
+            continue
+        theta = base - out.azimuth[k, n]
+        out.theta[k, n] = theta
+        d_theta, d_height = theta - marks.theta[n], out.seen_height[k, n] - marks.height[n]
+        mine = trust
+        own_theta, own_height = d_theta, d_height
+        if outcome[n] == PARTLY or first > 1.0:
+            # What is seen in part counts less.
+            factor = _joint(_factor(outcome[n], out.sigma_theta[k, n]), first)
+            mine /= factor * factor
+            own_theta /= factor
+            own_height /= _factor(outcome[n], out.sigma_height[k, n])
+        marks.weight[n] = min(marks.weight[n] + mine, MEMORY)
+        part = mine / marks.weight[n]
+        marks.theta[n] += part * d_theta
+        marks.height[n] += part * d_height
+        marks.var_theta[n] += VARIANCE_SHARE * (own_theta * own_theta - marks.var_theta[n])
+        marks.var_height[n] += VARIANCE_SHARE * (own_height * own_height - marks.var_height[n])
+        marks.recent[n] += RECENT_SHARE * (theta - marks.recent[n])
+        if marks.weight[n] <= REFERENCE_FRAMES:
+            marks.reference[n] = marks.theta[n]
+
+
+@called
+def write_results(
+    setup: Setup,
+    marks: Marks,
+    outcome: IndexArray,
+    touching: FlagArray,
+    turned: float,
+    out: Output,
+    k: int,
+) -> None:  # pragma: no cover
+    """Write wound angle and height from P0, their deviations and the flags of frame k.
+
+    Args:
+        setup: Machine and camera.
+        marks: The markers.
+        outcome: What came of looking for each, shape (markers,).
+        touching: Whether its band touches another, shape (markers,).
+        turned: Cylinder angle as the camera sees it [rad].
+        out: Holds what was measured.
+        k: Number of the frame.
+    """
+    p0_seen = math.isfinite(out.seen_height[k, 0])
+    base = out.seen_height[k, 0] if p0_seen else marks.height[0]
+    facing = pixel_size(setup, 0.0)
+    mean_theta, mean_height = _mean_variances(setup, facing, marks, 0)
+    first = _factor(outcome[0], out.sigma_theta[k, 0])
+    from_theta, from_height = mean_theta, mean_height
+    if p0_seen:
+        from_theta, from_height = _bias_variances(setup, out, k, 0)
+        from_theta *= first * first
+        from_height *= _factor(outcome[0], out.sigma_height[k, 0]) ** 2
+    # A mark that is no ring moves around the section with the cable: P0's and its own both count.
+    twisted = 2.0 * (setup.torsion * setup.body.cable_radius) ** 2
+    for n in range(marks.known.size):
+        if not marks.known[n] or (n > 0 and turned < marks.recent[n]):
+            out.theta[k, n] = out.height[k, n] = math.nan
+            out.sigma_theta[k, n] = out.sigma_height[k, n] = math.nan
+            out.marker_flags[k, n] = FLAG_NOT_WOUND
+            continue
+        flags = 0
+        if math.isfinite(out.azimuth[k, n]):
+            part = _factor(outcome[n], out.sigma_theta[k, n])
+            part_z = _factor(outcome[n], out.sigma_height[k, n])
+            out.height[k, n] = out.seen_height[k, n] - base
+            own_theta, own_height = _bias_variances(setup, out, k, n)
+            own_theta *= part * part
+            own_theta += from_theta
+            own_theta += _joint(part, first) ** 2 * _scatter(marks.var_theta[n], facing[0])
+            own_height += _scatter(marks.var_height[n], facing[1])
+            own_height *= part_z * part_z
+            own_height += from_height
+        else:
+            flags |= FLAG_PREDICTED
+            out.theta[k, n] = marks.theta[n]
+            out.height[k, n] = marks.height[n] - marks.height[0]
+            own_theta, own_height = _mean_variances(setup, facing, marks, n)
+            own_theta += mean_theta
+            own_height += mean_height
+            if outcome[n] == CLIPPED:
+                flags |= FLAG_CLIPPED
+            if outcome[n] == HIDDEN or outcome[n] == COVERED:
+                flags |= FLAG_OCCLUDED
+        out.sigma_theta[k, n] = math.sqrt(own_theta)
+        out.sigma_height[k, n] = math.sqrt(own_height + twisted)
+        if touching[n]:
+            flags |= FLAG_TOUCHING
+        if abs(marks.recent[n] - marks.reference[n]) > setup.slip_limit:
+            flags |= FLAG_SLIPPED
+        out.marker_flags[k, n] = flags
+
+
+@called
+def _bias_variances(
+    setup: Setup, out: Output, k: int, n: int
+) -> tuple[float, float]:  # pragma: no cover
+    """Return what azimuth [rad^2] and z [m^2] of a band measured in frame k may have in common."""
+    angle, height = pixel_size(setup, out.azimuth[k, n])
+    cut = out.low[k, n] > -math.pi or out.high[k, n] < math.pi
+    pixels = frame_variance(cut)
+    return angle * angle * pixels, height * height * pixels + bent_height(setup.body) ** 2
+
+
+@called
+def _scatter(seen: float, pixel: float) -> float:  # pragma: no cover
+    """Return the variance between frames: as seen, and no less than pixels allow."""
+    return max(seen, (SCATTER * pixel) ** 2)
+
+
+@called
+def _mean_variances(
+    setup: Setup, facing: tuple[float, float], marks: Marks, n: int
+) -> tuple[float, float]:  # pragma: no cover
+    """Return the variances of a run mean, see `mean_variances`; facing is a pixel's size there."""
+    weight = max(marks.weight[n], 1.0)
+    return (
+        (MEAN_BIAS_ALONG * facing[0]) ** 2 + _scatter(marks.var_theta[n], facing[0]) / weight,
+        (MEAN_BIAS_ACROSS * facing[1]) ** 2
+        + (BENT_OVER_RUN * bent_height(setup.body)) ** 2
+        + _scatter(marks.var_height[n], facing[1]) / weight,
+    )
+
+
+@compiled
+def mean_variances(setup: Setup, marks: Marks, n: int) -> tuple[float, float]:  # pragma: no cover
+    """Return the variances of a run mean's azimuth [rad^2] and z [m^2], as seen by the camera."""
+    return _mean_variances(setup, pixel_size(setup, 0.0), marks, n)
+
+
+@called
+def pixel_size(setup: Setup, azimuth: float) -> tuple[float, float]:  # pragma: no cover
+    """Return the angle [rad] and the height [m] that a pixel covers at a band's azimuth."""
+    rho = setup.body.rho
+    facing = math.cos(azimuth)
+    height = 1.0 / pixels_per_metre(setup.camera, abs(setup.camera.x) - rho * facing)
+    return height / (rho * max(facing, LEAST_FACING)), height
+
+
+@called
+def frame_variance(cut: bool) -> float:  # pragma: no cover
+    """Return the variance of a band's middle in one frame that its scatter does not show [px^2]."""
+    return BIAS**2 + (CUT**2 if cut else 0.0)
+
+
+@called
+def bent_height(body: Body) -> float:  # pragma: no cover
+    """Return one deviation of z that a thick cable's bend adds in one frame, at any scale [m]."""
+    return BENT * body.cable_radius * body.cable_radius / body.rho

@@ -1,0 +1,206 @@
+"""How cylinder and guide advance with their readings, frame by frame and before the first one."""
+
+from __future__ import annotations
+
+import math
+from array import array
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.tracking.frame.laid_path import extend_paths
+from marker_tracker_node.tracking.state import (
+    Cylinder,
+    FixedNumbers,
+    Guide,
+    Marks,
+    Rows,
+    Run,
+    Setup,
+    TrackerState,
+    setup_of,
+)
+from winding_core.compiling import called, compiled
+
+FloatArray = NDArray[np.float64]
+
+# Bounds of what is expected of a cylinder whose encoder is out [rad/s, s].
+FASTEST = 100.0
+LONGEST_GUESS = 10.0
+RATE_SHARE = 0.3
+LOCK_GAIN = 0.5
+# The reading of a machine that has not turned so far [rad] tells the guide's place where P0 lands.
+STILL = 0.003
+# Slower than this the cylinder stands, and the guide may be put anywhere [rad/s].
+STANDING = 1.0e-3
+
+
+@compiled
+def lost_turns(step: float, expected: float) -> float:  # pragma: no cover
+    """Return the turns [rad] that an encoder lost by wrapping between two readings.
+
+    A step that a continuous encoder can have made, at any speed from standing to the present
+    one, is never a wrap: a machine may have paused, and nothing needs to be invented then.
+
+    Args:
+        step: Difference of the readings [rad].
+        expected: Step at the speed before [rad].
+    """
+    if min(expected, 0.0) - math.pi <= step <= max(expected, 0.0) + math.pi:
+        return 0.0
+    turn = 2.0 * math.pi
+    return turn * round((expected - step) / turn)
+
+
+@called
+def follow_encoder(cylinder: Cylinder, t: float, encoder: float) -> None:  # pragma: no cover
+    """Advance the cylinder to a frame: by the encoder without its wraps, or by its last speed.
+
+    Args:
+        cylinder: As in the last frame; written.
+        t: Time of the frame [s].
+        encoder: Angle [rad]; nan while it is missing.
+    """
+    blind = not math.isfinite(encoder)
+    if not cylinder.started:
+        cylinder.angle = 0.0 if blind else encoder
+        cylinder.rate = 0.0
+        cylinder.read = encoder
+    else:
+        passed = t - cylinder.time
+        expected = cylinder.angle + cylinder.rate * min(passed, LONGEST_GUESS)
+        if blind:
+            cylinder.angle = expected
+        else:
+            if math.isfinite(cylinder.read):
+                step = encoder + cylinder.wraps - cylinder.read
+                cylinder.wraps += lost_turns(step, expected - cylinder.read)
+            angle = encoder + cylinder.wraps
+            if not cylinder.blind:
+                rate = cylinder.rate
+                rate += RATE_SHARE * ((angle - cylinder.angle) / passed - rate)
+                cylinder.rate = min(max(rate, -FASTEST), FASTEST)
+            cylinder.angle = cylinder.read = angle
+    cylinder.time = t
+    cylinder.started = True
+    cylinder.blind = blind
+
+
+@called
+def phase_lock(marks: Marks, azimuths: FloatArray, turned: float) -> float:  # pragma: no cover
+    """Return the correction of a predicted cylinder angle by the markers in sight [rad].
+
+    P0 alone decides when it is in sight: all wound angles are counted from it.
+
+    Args:
+        marks: The markers.
+        azimuths: As seen in this frame [rad], nan where not, shape (markers,).
+        turned: Predicted angle as the camera sees it [rad].
+    """
+    total, weight = 0.0, 0.0
+    for n in range(azimuths.size):
+        if math.isfinite(azimuths[n]):
+            error = azimuths[n] + marks.theta[n] - turned
+            if n == 0:
+                total, weight = error, 1.0
+                break
+            total += error
+            weight += 1.0
+    return LOCK_GAIN * (total / weight) if weight > 0.0 else 0.0
+
+
+@called
+def follow_guide(
+    setup: Setup, guide: Guide, cylinder: Cylinder, step: float, reading: float
+) -> None:  # pragma: no cover
+    """Advance the guide to a frame: by its readings, whose zero is unknown, or by the feed.
+
+    Args:
+        setup: Machine and camera.
+        guide: As in the last frame; written.
+        cylinder: At this frame.
+        step: By how much it has turned since the last frame [rad].
+        reading: Of the guide [m]; nan for none, to expect the commanded feed.
+    """
+    way = guide.way + setup.advance_per_radian * step
+    if not math.isfinite(reading) or (cylinder.blind and not math.isfinite(guide.zero)):
+        guide.way = way
+        return
+    if not math.isfinite(guide.zero):
+        # P0 may have landed before: the feed was the commanded one then.
+        guide.zero = reading - way
+    elif abs(guide.turned) + abs(step) < STILL:
+        guide.turned += step
+        guide.zero = reading - way
+    else:
+        guide.turned += step
+        if abs(cylinder.rate) > STANDING:
+            guide.travel += reading - guide.reading
+        way = reading - guide.zero
+    guide.way = way
+    guide.reading = reading
+
+
+@called
+def advance_machine(
+    setup: Setup, run: Run, paths: FloatArray, t: float, encoder: float, reading: float
+) -> None:  # pragma: no cover
+    """Advance cylinder, guide and expected paths to an instant.
+
+    Args:
+        setup: Machine and camera.
+        run: Written, but for its shift.
+        paths: See `Tracks` [m], shape (2, PATH_SIZE); written.
+        t: [s]
+        encoder: Angle [rad], counted from P0 on; nan while it is missing.
+        reading: Of the guide [m]; nan where it is missing.
+    """
+    angle, way = run.cylinder.angle, run.guide.way
+    follow_encoder(run.cylinder, t, encoder)
+    follow_guide(setup, run.guide, run.cylinder, run.cylinder.angle - angle, reading)
+    extend_paths(setup, paths, run, angle, way)
+
+
+class MotionBefore:
+    """What the machine has done before the state is a fresh one.
+
+    Without it a guide that goes ahead of the commanded feed is taken for one whose zero is
+    elsewhere, and a long way for a wrap of the encoder.
+
+    Args:
+        earlier: Ascending times [s], encoder readings [rad] and guide positions [m], nan where
+            missing, before the first frame, shape (3, n); None for nothing.
+    """
+
+    def __init__(self, earlier: FloatArray | None) -> None:
+        self._earlier = np.empty((3, 0)) if earlier is None else earlier
+        self._frames = array("d")
+
+    def add(self, t: float, angle: float, guide: float) -> None:
+        """Take the readings of a frame, time [s], encoder [rad], guide [m]; nan where missing."""
+        self._frames.extend((t, angle, guide))
+
+    def take_up(self, state: TrackerState, fixed: FixedNumbers, t: float, origin: float) -> None:
+        """Advance a fresh state along the motion before a time.
+
+        Args:
+            state: Written in place.
+            fixed: See `fixed_numbers`.
+            t: Of the next frame [s].
+            origin: What the encoder reads where P0 lands [rad].
+        """
+        frames = np.array(self._frames).reshape(-1, 3).T
+        since = frames[0, 0] if frames.size else t
+        motion = np.hstack([self._earlier[:, self._earlier[0] < since], frames])
+        motion[1] -= origin
+        _follow_motion(fixed, state.run_rows, state.paths, motion)
+
+
+@compiled
+def _follow_motion(
+    fixed: FixedNumbers, run_rows: Rows, paths: FloatArray, motion: FloatArray
+) -> None:  # pragma: no cover
+    """Advance run and paths of a state; angles are counted from P0 on."""
+    setup, run = setup_of(fixed), run_rows[0]
+    for k in range(motion.shape[1]):
+        advance_machine(setup, run, paths, motion[0, k], motion[1, k], motion[2, k])

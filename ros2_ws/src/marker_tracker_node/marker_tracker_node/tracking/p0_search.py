@@ -1,0 +1,293 @@
+"""P0 in a picture: its colour where it must stand, and its band where it may pass."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.camera.pinhole import plane_of_pixel
+from marker_tracker_node.detection.band import Band, solve_band
+from marker_tracker_node.detection.colour import (
+    ColourModel,
+    ColourRefusedError,
+    colour_index,
+    hue_region,
+)
+from marker_tracker_node.detection.gate import empty_gates
+from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.frame.gate_prediction import axis_scale, predict_gate
+from marker_tracker_node.tracking.state import Setup
+from winding_core.helix import FleetAngleLaw
+
+FloatArray = NDArray[np.float64]
+ByteArray = NDArray[np.uint8]
+
+# How far P0 may appear from its place before the camera's pose was ever refined [m].
+SEARCH_REACH = 5.0e-3
+LEAST_AREA, MOST_AREA = 0.3, 1.7
+SATURATIONS = np.arange(0.45, 0.95, 0.05)
+NEAR_START = 0.3
+# A band is whole enough to be recognised by its colour.
+WHOLE_ENOUGH = 0.5
+# It stays at its place of the cylinder within this, as poorly as the camera's pose is known.
+SAME_ANGLE, SAME_HEIGHT = 0.08, 1.5e-3
+# It proves itself by moving with the cylinder as long as markers do.
+PROOF_SIGHTINGS, PROOF_ADVANCE = 4, 0.1
+TURN = 2.0 * math.pi
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Place:
+    """Where P0 should appear."""
+
+    column: float  # Of its band's centroid [px]
+    row: float  # Of its band's centroid [px]
+    reach: float  # How far from there it may be [px]
+    pixels: float  # That its band should fill
+
+    @classmethod
+    def predicted(cls, setup: Setup, angle: float) -> _Place:
+        """Return the place of P0 at azimuth `angle`, z = 0."""
+        gates = empty_gates(1)
+        pixels = predict_gate(setup, Band(azimuth=angle, z=0.0, slope=0.0), gates, 0)
+        (column,), (row,), (ahead,) = gates.column, gates.row, gates.ahead
+        return cls(
+            column=column,
+            row=row,
+            reach=ahead + SEARCH_REACH * axis_scale(setup.camera),
+            pixels=pixels,
+        )
+
+    def window(self, frame: ByteArray, reach: float) -> tuple[slice, slice]:
+        """Return the rows and columns of a frame within a distance [px]."""
+        rows, columns = frame.shape[:2]
+        top, bottom = int(self.row - reach), int(self.row + reach) + 1
+        left, right = int(self.column - reach), int(self.column + reach) + 1
+        return slice(max(top, 0), min(bottom, rows)), slice(max(left, 0), min(right, columns))
+
+
+def sample_colour(
+    frame: ByteArray, config: TrackerConfig, setup: Setup, angle: float
+) -> ColourModel:
+    """Learn the colour from P0, which stands at azimuth `angle` and z = 0.
+
+    Args:
+        frame: Shape (rows, columns, 3).
+        config: Machine and cable.
+        setup: Machine and camera for the kernels.
+        angle: Cylinder angle [rad].
+
+    Raises:
+        ColourRefusedError: P0 is not there, or its pixels define no colour.
+    """
+    if abs(angle) > NEAR_START:
+        raise ColourRefusedError(
+            f"P0 can be sampled within {NEAR_START} rad of the start only, the cylinder is at "
+            f"{angle:.2f} rad"
+        )
+    place = _Place.predicted(setup, angle)
+    inner, expected = place.window(frame, place.reach), place.pixels
+    patch = frame[inner]
+    index = colour_index(patch)
+    blob = np.zeros(patch.shape[:2], dtype=np.uint8)
+    for saturation in SATURATIONS:
+        prior = hue_region(config.marker_hue, config.marker_hue_tolerance, saturation)
+        blob = _largest_blob(prior[index])
+        # A cylinder of brass has the marker's hue and merges with it until only the marker is
+        # saturated enough.
+        if blob.sum() < MOST_AREA * expected:
+            break
+    if not LEAST_AREA * expected <= blob.sum() < MOST_AREA * expected:
+        raise ColourRefusedError(
+            f"P0 is not where it should be: {int(blob.sum())} pixels of its hue instead of "
+            f"{expected:.0f}"
+        )
+    core = cv2.erode(blob, np.ones((3, 3), np.uint8), borderValue=0).astype(bool)
+    if core.sum() < LEAST_AREA * expected:
+        core = blob.astype(bool)
+    _, wide = place.window(frame, 2.0 * place.reach)
+    outside = np.ones(frame.shape[:2], dtype=bool)
+    outside[inner] = cv2.dilate(blob, np.ones((7, 7), np.uint8)) == 0
+    # Markers on the free span stand above P0 and are no background.
+    outside[: inner[0].start, wide] = False
+    return ColourModel.from_samples(patch[core], frame[outside])
+
+
+def locate_marker(
+    frame: ByteArray,
+    colour: ColourModel,
+    setup: Setup,
+    angle: float,
+    area: tuple[float, float],
+) -> tuple[float, float]:
+    """Return where P0's band appears near its place at azimuth `angle`, z = 0 [px].
+
+    Args:
+        frame: Shape (rows, columns, 3).
+        colour: Of the markers.
+        setup: Machine and camera for the kernels.
+        angle: Azimuth of P0 [rad].
+        area: Least and most accepted share of the pixels that its band should fill.
+
+    Raises:
+        ColourRefusedError: Nothing of its size is there.
+    """
+    place = _Place.predicted(setup, angle)
+    inner, expected = place.window(frame, place.reach), place.pixels
+    blob = _largest_blob(colour.mask(frame[inner]).astype(np.uint8))
+    if not area[0] * expected <= blob.sum() <= area[1] * expected:
+        raise ColourRefusedError(
+            f"P0 is not where it should be: {int(blob.sum())} pixels of its colour instead of "
+            f"{expected:.0f}"
+        )
+    rows, columns = np.nonzero(blob)
+    return float(columns.mean() + inner[1].start), float(rows.mean() + inner[0].start)
+
+
+def _largest_blob(mask: ByteArray) -> ByteArray:
+    if mask.size == 0:
+        return mask
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    if count < 2:
+        return np.zeros_like(mask)
+    largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    return np.asarray(labels == largest, dtype=np.uint8)
+
+
+@dataclass(kw_only=True)
+class MovingBand:
+    """Something of the marker's hue that may move with the cylinder."""
+
+    offset: float  # Its azimuth less the encoder's angle [rad], within half a turn of zero
+    z: float  # As seen [m]
+    first: float  # Encoder angle when it was seen first [rad]
+    last: float  # The same when it was seen last [rad]
+    sightings: int = 1  # How often it was seen
+    samples: list[ByteArray] = field(default_factory=list)  # Pixels of it, blue-green-red
+
+    @property
+    def proven(self) -> bool:
+        """Whether it moves with the cylinder."""
+        moved = abs(self.last - self.first)
+        return self.sightings >= PROOF_SIGHTINGS and moved >= PROOF_ADVANCE
+
+
+class BandSearch:
+    """Follows what has the hue of a marker and lies where P0 passes, until it is P0."""
+
+    def __init__(self, config: TrackerConfig) -> None:
+        """Start with nothing seen."""
+        self._config = config
+        self._passing: list[MovingBand] = []
+        self._begun = math.nan
+        law = FleetAngleLaw(
+            advance_per_radian=config.advance_per_radian,
+            free_length=config.free_length,
+            radius=config.centreline_radius,
+        )
+        # Nearer to P0's place than to that of P1 on its first turn.
+        self._surely = 0.5 * float(law.z(config.expected_gap))
+
+    def add(self, frame: ByteArray, setup: Setup, angle: float) -> MovingBand | None:
+        """Take a frame and return P0, once it is known which of the bands it is.
+
+        Args:
+            frame: Shape (rows, columns, 3).
+            setup: Machine and camera.
+            angle: Reading of the encoder [rad].
+        """
+        if math.isnan(self._begun):
+            self._begun = angle
+        for azimuth, z, samples in bands_of_hue(frame, self._config, setup):
+            self._take(angle, azimuth, z, samples)
+        proven = [band for band in self._passing if band.proven]
+        if not proven:
+            return None
+        lowest = min(proven, key=lambda band: band.z)
+        if abs(lowest.z) < self._surely or abs(angle - self._begun) > TURN:
+            return lowest
+        return None
+
+    @property
+    def moving(self) -> bool:
+        """Whether something of the marker's hue has moved with the cylinder so far."""
+        return any(
+            band.sightings > 1 and abs(band.last - band.first) > SAME_ANGLE
+            for band in self._passing
+        )
+
+    def _take(self, angle: float, azimuth: float, z: float, samples: ByteArray) -> None:
+        offset = math.remainder(azimuth - angle, TURN)
+        for band in self._passing:
+            off = math.remainder(offset - band.offset, TURN)
+            if abs(off) < SAME_ANGLE and abs(z - band.z) < SAME_HEIGHT:
+                band.sightings += 1
+                share = 1.0 / band.sightings
+                band.offset = math.remainder(band.offset + share * off, TURN)
+                band.z += share * (z - band.z)
+                band.last = angle
+                band.samples = [*band.samples[-3:], samples]
+                return
+        recent = sorted(self._passing, key=lambda band: band.sightings)[-15:]
+        self._passing = [
+            *recent, MovingBand(offset=offset, z=z, first=angle, last=angle, samples=[samples])
+        ]  # fmt: skip
+
+
+def bands_of_hue(
+    frame: ByteArray, config: TrackerConfig, setup: Setup
+) -> list[tuple[float, float, ByteArray]]:
+    """Return azimuth [rad], z [m] and pixels of what looks like P0 anywhere in its pass.
+
+    Bands of later turns may touch that of P0 on the +z side: the first cable's width counts.
+    """
+    gates = empty_gates(1)
+    area = predict_gate(setup, Band(azimuth=0.0, z=0.0, slope=0.0), gates, 0)
+    scale = axis_scale(setup.camera)
+    wide = 2.0 * config.cable_radius * scale
+    reach = 0.5 * wide + SEARCH_REACH * scale
+    left = max(int(gates.column[0] - reach), 0)
+    right = int(gates.column[0] + reach) + 1
+    strip = frame[:, left:right]
+    if not strip.size:
+        return []
+    index = colour_index(strip)
+    for saturation in SATURATIONS:
+        mask = hue_region(config.marker_hue, config.marker_hue_tolerance, saturation)[index]
+        found = _bands(mask, strip, left, wide, area, setup)
+        if found:
+            return found
+    return []
+
+
+def _bands(
+    mask: ByteArray, strip: ByteArray, left: int, wide: float, area: float, setup: Setup
+) -> list[tuple[float, float, ByteArray]]:
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    found = []
+    for label in range(1, count):
+        first = int(stats[label, cv2.CC_STAT_LEFT])
+        part = labels == label
+        if stats[label, cv2.CC_STAT_WIDTH] > 1.4 * wide:
+            part[:, first + round(wide) :] = False
+        size = int(part.sum())
+        # Seen from the side a band is shorter.
+        if not 0.5 * WHOLE_ENOUGH * area <= size <= MOST_AREA * area:
+            continue
+        rows, columns = np.nonzero(part)
+        if rows.min() == 0 or rows.max() == mask.shape[0] - 1:
+            continue
+        a, b = plane_of_pixel(setup.camera, float(columns.mean()) + left, float(rows.mean()))
+        # What stands before the contact line may be cable that is not wound yet.
+        start = Band(azimuth=0.5, z=0.0, slope=0.0)
+        azimuth, z = solve_band(setup.camera, setup.body, a, b, start)
+        if not (-0.2 <= azimuth <= setup.usable_azimuth) or abs(z) > SEARCH_REACH:
+            continue
+        expected = predict_gate(setup, Band(azimuth=azimuth, z=z, slope=0.0), empty_gates(1), 0)
+        if WHOLE_ENOUGH * expected <= size <= MOST_AREA * expected:
+            found.append((azimuth, z, strip[part]))
+    return found

@@ -1,0 +1,1 @@
+"""How does a cell test its driver and order runs?"""

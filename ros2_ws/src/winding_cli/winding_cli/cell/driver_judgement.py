@@ -1,0 +1,158 @@
+"""What a machine's driver must provide, judged on what it published: no ROS in here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_core.units import MILLISECOND
+
+Array = NDArray[np.float64]
+
+# Slower encoders leave too much of a ramp between two samples.
+LOWEST_ENCODER_RATE_HZ = 40.0
+# The tracker interpolates the encoder over at most this gap.
+LONGEST_GAP_S = 0.1
+LOWEST_TENSION_RATE_HZ = 50.0
+LOWEST_FRAME_RATE_HZ = 25.0
+# Predictions, frames and encoder are put together by their stamps.
+CLOCK_TOLERANCE_S = 0.25
+# Share of the running speed below which an axis stands.
+STANDSTILL_SHARE = 0.01
+# Speed is compared with the change of position, which an encoder's steps make coarse.
+SPEED_TOLERANCE = 0.2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One promise of the interface and whether it was kept."""
+
+    promise: str  # What was asked
+    kept: bool  # Whether it was
+    measured: str  # What was seen, in words and numbers
+
+
+@dataclass(kw_only=True)
+class Heard:
+    """What was heard on one topic.
+
+    Attributes:
+        values: Content of each message; joint states as (angle [rad], angular speed [rad/s],
+            carriage position [m], feed speed [m/s]), tension as (force [N],), others empty.
+        refused: One sentence for each message that could not be decoded.
+    """
+
+    stamps: list[float] = field(default_factory=list)  # Stamp of each message [s]
+    values: list[tuple[float, ...]] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+
+
+def judge_stream(name: str, heard: Heard, lowest_rate: float) -> Iterator[Finding]:
+    """Yield findings on one topic: messages can be read, stamps run forward, often enough."""
+    stamps = np.array(heard.stamps)
+    yield Finding(
+        promise=f"{name}: every message can be read",
+        kept=not heard.refused and len(stamps) > 0,
+        measured=heard.refused[0] if heard.refused else f"{len(stamps)} messages",
+    )
+    if len(stamps) < 2:
+        return
+    steps = np.diff(stamps)
+    backwards = int((steps <= 0.0).sum())
+    yield Finding(
+        promise=f"{name}: stamps increase",
+        kept=backwards == 0,
+        measured=f"{backwards} of {len(steps)} do not",
+    )
+    rate = float((len(stamps) - 1) / max(stamps[-1] - stamps[0], 1.0e-9))
+    yield Finding(
+        promise=f"{name}: at least {lowest_rate:g} Hz by its stamps",
+        kept=rate >= lowest_rate,
+        measured=f"{rate:.1f} Hz",
+    )
+
+
+def judge_encoder(heard: Heard) -> Iterator[Finding]:
+    """Yield findings on rig/joint_states beyond those of any stream."""
+    stamps, values = np.array(heard.stamps), np.array(heard.values)
+    if len(stamps) < 3:
+        return
+    gap = float(np.diff(stamps).max())
+    yield Finding(
+        promise=f"rig/joint_states: no gap above {LONGEST_GAP_S / MILLISECOND:g} ms",
+        kept=gap <= LONGEST_GAP_S,
+        measured=f"largest {gap / MILLISECOND:.1f} ms",
+    )
+    span = stamps[-1] - stamps[0]
+    for name, position, velocity, unit in (
+        ("cylinder", 0, 1, "rad/s"),
+        ("carriage", 2, 3, "m/s"),
+    ):
+        moved = float(values[-1, position] - values[0, position]) / span
+        reported = float(np.trapezoid(values[:, velocity], stamps)) / span
+        largest = max(abs(moved), abs(reported))
+        yield Finding(
+            promise=f"rig/joint_states: {name} velocity is the rate of its position",
+            kept=largest == 0.0 or abs(moved - reported) <= SPEED_TOLERANCE * largest,
+            measured=f"position moves {moved:.4g} {unit}, velocity reports {reported:.4g} {unit}",
+        )
+
+
+def judge_tension(heard: Heard) -> Iterator[Finding]:
+    """Yield findings on rig/tension beyond those of any stream."""
+    force = np.array([value[0] for value in heard.values])
+    if len(force):
+        yield Finding(
+            promise="rig/tension: force.x pulls, in newton",
+            kept=bool((force > 0.0).all()),
+            measured=f"{force.min():.3f} to {force.max():.3f} N",
+        )
+
+
+def judge_camera(images: Heard, infos: Heard, encoder: Heard) -> Iterator[Finding]:
+    """Yield findings on frames: each with its calibration, each within the encoder's samples."""
+    frames, calibrations = set(images.stamps), set(infos.stamps)
+    # Of the two topics one is heard first, and the newest message may be ahead of its partner.
+    begin = max(min(frames, default=0.0), min(calibrations, default=0.0))
+    open_end = max(frames | calibrations, default=0.0)
+    alone = {t for t in frames ^ calibrations if begin <= t < open_end}
+    yield Finding(
+        promise="camera/camera_info: one for each frame, with its stamp",
+        kept=bool(frames and calibrations) and not alone,
+        measured=f"{len(alone)} of {len(frames)} frames differ",
+    )
+    if encoder.stamps and images.stamps:
+        first, last = encoder.stamps[0], encoder.stamps[-1]
+        earliest, latest = first - CLOCK_TOLERANCE_S, last + CLOCK_TOLERANCE_S
+        outside = [t for t in images.stamps if not earliest <= t <= latest]
+        yield Finding(
+            promise="camera/image_raw: stamped by the encoder's clock",
+            kept=not outside,
+            measured=f"{len(outside)} of {len(images.stamps)} frames lie outside",
+        )
+
+
+def judge_clock(streams: Sequence[Heard]) -> Finding:
+    """Return whether the newest stamps of all topics agree."""
+    newest = [heard.stamps[-1] for heard in streams if heard.stamps]
+    apart = max(newest) - min(newest) if newest else 0.0
+    return Finding(
+        promise=f"all topics: stamps from one clock, within {CLOCK_TOLERANCE_S:g} s",
+        kept=bool(newest) and apart <= CLOCK_TOLERANCE_S,
+        measured=f"{apart:.3f} s apart",
+    )
+
+
+def stands(value: tuple[float, ...], running: tuple[float, float]) -> bool:
+    """Return whether both axes stand, given (angle, speed, position, feed) and running speeds."""
+    return abs(value[1]) <= STANDSTILL_SHARE * abs(running[0]) and abs(
+        value[3]
+    ) <= STANDSTILL_SHARE * abs(running[1])
+
+
+def runs(value: tuple[float, ...], running: tuple[float, float]) -> bool:
+    """Return whether both axes wind at half their running speed [rad/s, m/s] or more."""
+    return value[1] >= 0.5 * running[0] and value[3] >= 0.5 * running[1]

@@ -1,0 +1,268 @@
+"""Listens to a driver, and with leave moves its machine, to find out whether it conforms."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.qos import ReliabilityPolicy
+from std_srvs.srv import Trigger
+
+from winding_cli.cell.driver_judgement import (
+    LOWEST_ENCODER_RATE_HZ,
+    LOWEST_FRAME_RATE_HZ,
+    LOWEST_TENSION_RATE_HZ,
+    Finding,
+    Heard,
+    judge_camera,
+    judge_clock,
+    judge_encoder,
+    judge_stream,
+    judge_tension,
+    runs,
+    stands,
+)
+from winding_core.machine.axes import MachineAxes, wrong_axis
+from winding_core.machine.drive import DriveProfile
+from winding_core.machine.readings import AxisReading
+from winding_ros import services, topics
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.messages.camera import decode_camera_info, decode_image
+from winding_ros.messages.rig import JointStateReader, decode_tension
+from winding_ros.messages.serialised import MessageError
+from winding_ros.topic import Topic
+
+RIG_SERVICES = (
+    services.START,
+    services.STOP,
+    services.QUICK_STOP,
+    services.EMERGENCY_STOP,
+    services.RESET,
+)
+_ANSWER_WITHIN = 5.0
+_POLL = 0.01
+_RAMP_S = 3.0
+
+
+class Probe:
+    """One look at a driver through the graph's own decoders.
+
+    Args:
+        client: A spinning node in the driver's namespace.
+        camera: Whether the driver brings a camera.
+        axes: Joints of the machine.
+    """
+
+    def __init__(self, client: AsyncClient, *, camera: bool, axes: MachineAxes) -> None:
+        self._client = client
+        self._camera = camera
+        wanted: dict[Topic, Callable[[Any], tuple[float, tuple[float, ...]]]] = {
+            topics.JOINT_STATES: _encoder(JointStateReader(axes)),
+            topics.TENSION: _tension,
+        }
+        if camera:
+            wanted |= {topics.IMAGE: _image, topics.CAMERA_INFO: _calibration}
+        self.heard = {topic.name: Heard() for topic in wanted}
+        self._topics = tuple(wanted)
+        for topic, decode in wanted.items():
+            topic.subscribe(client.node, self._note(topic.name, decode))
+
+    async def listen(self, seconds: float) -> None:
+        """Hear every topic for so long [s], counted from the first encoder sample.
+
+        Raises:
+            TimeoutError: Nothing comes on rig/joint_states.
+        """
+        await self._until(lambda: bool(self._encoder.stamps), 10.0, "sample on rig/joint_states")
+        await asyncio.sleep(seconds)
+
+    def findings(self) -> list[Finding]:
+        """Return what the streams heard so far say of the driver."""
+        encoder = self.heard[topics.JOINT_STATES.name]
+        tension = self.heard[topics.TENSION.name]
+        found = [self._offered(topic) for topic in self._topics]
+        found += judge_stream(topics.JOINT_STATES.name, encoder, LOWEST_ENCODER_RATE_HZ)
+        found += judge_encoder(encoder)
+        found += judge_stream(topics.TENSION.name, tension, LOWEST_TENSION_RATE_HZ)
+        found += judge_tension(tension)
+        if self._camera:
+            images, infos = self.heard[topics.IMAGE.name], self.heard[topics.CAMERA_INFO.name]
+            found += judge_stream(topics.IMAGE.name, images, LOWEST_FRAME_RATE_HZ)
+            found += judge_stream(topics.CAMERA_INFO.name, infos, LOWEST_FRAME_RATE_HZ)
+            found += judge_camera(images, infos, encoder)
+        found.append(judge_clock(tuple(self.heard.values())))
+        return found
+
+    async def services(self) -> list[Finding]:
+        """Return whether every service of the machine is there with its type."""
+        offered: dict[str, list[str]] = dict(self._client.node.get_service_names_and_types())
+        found = []
+        for service in RIG_SERVICES:
+            name = self._client.node.resolve_service_name(service.name)
+            kinds = offered.get(name, ["not there"])
+            found.append(
+                Finding(
+                    promise=f"{service.name}: a {service.type_name} service",
+                    kept=service.type_name in kinds,
+                    measured=", ".join(kinds),
+                )
+            )
+        return found
+
+    async def moves(self, running: tuple[float, float], stop_within: float) -> list[Finding]:
+        """Start, stop and emergency-stop the machine; it must be free to move.
+
+        Args:
+            running: Angular speed [rad/s] and feed speed [m/s] when it winds; it counts as winding
+                above half of both and as standing below a hundredth.
+            stop_within: Longest time from the answered request to standstill [s].
+        """
+        stood = self._encoder.values[-1]
+        found: list[Finding] = []
+        for stop in ("rig/stop", "rig/quick_stop", "rig/emergency_stop"):
+            found.append(await self._begins("rig/start", running))
+            if len(found) == 1:
+                found.append(self._axes(stood, running))
+            found.append(await self._ends(stop, running, stop_within))
+        refused = await self._ask("rig/start")
+        found.append(
+            Finding(
+                promise="rig/start after an emergency stop: refused until rig/reset",
+                kept=not refused.success,
+                measured=refused.message or "accepted",
+            )
+        )
+        reset = await self._ask("rig/reset")
+        found.append(
+            Finding(promise="rig/reset: accepted", kept=reset.success, measured=reset.message)
+        )
+        return found
+
+    def _axes(self, stood: tuple[float, ...], running: tuple[float, float]) -> Finding:
+        """Return whether both axes have moved the right way since they stood."""
+        now = self._encoder.values[-1]
+        wrong = wrong_axis(
+            AxisReading(
+                cylinder_angle=now[0] - stood[0],
+                angular_speed=now[1],
+                carriage_position=now[2] - stood[2],
+                feed_speed=now[3],
+            ),
+            _RAMP_S,
+            DriveProfile(angular_speed=running[0], feed_speed=running[1], ramp_time=0.0),
+        )
+        return Finding(
+            promise="rig/joint_states: positive in the direction of winding, in radians and metres",
+            kept=not wrong,
+            measured=wrong or f"{now[0] - stood[0]:.3g} rad and {now[2] - stood[2]:.3g} m",
+        )
+
+    @property
+    def _encoder(self) -> Heard:
+        return self.heard[topics.JOINT_STATES.name]
+
+    async def _begins(self, service: str, running: tuple[float, float]) -> Finding:
+        answer = await self._ask(service)
+        begun = time.monotonic()
+        promise = f"{service}: both axes wind within {_RAMP_S:g} s"
+        try:
+            await self._until(
+                lambda: runs(self._encoder.values[-1], running), _RAMP_S, "winding at half speed"
+            )
+        except TimeoutError as error:
+            return Finding(promise=promise, kept=False, measured=str(error))
+        return Finding(
+            promise=promise,
+            kept=answer.success,
+            measured=f"after {time.monotonic() - begun:.2f} s",
+        )
+
+    async def _ends(self, service: str, running: tuple[float, float], within: float) -> Finding:
+        answer = await self._ask(service)
+        begun = time.monotonic()
+        promise = f"{service}: standstill within {within:g} s"
+        try:
+            await self._until(
+                lambda: stands(self._encoder.values[-1], running), 4.0 * within, "standstill"
+            )
+        except TimeoutError as error:
+            return Finding(promise=promise, kept=False, measured=str(error))
+        took = time.monotonic() - begun
+        return Finding(
+            promise=promise, kept=answer.success and took <= within, measured=f"{took:.2f} s"
+        )
+
+    async def _ask(self, service: str) -> Any:
+        return await self._client.call(Trigger, service, Trigger.Request(), _ANSWER_WITHIN)
+
+    async def _until(self, reached: Callable[[], bool], seconds: float, what: str) -> None:
+        deadline = time.monotonic() + seconds
+        while not reached():
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"no {what} within {seconds:g} s")
+            await asyncio.sleep(_POLL)
+
+    def _offered(self, topic: Topic) -> Finding:
+        publishers = self._client.node.get_publishers_info_by_topic(
+            self._client.node.resolve_topic_name(topic.name)
+        )
+        reliable = [
+            end.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT for end in publishers
+        ]
+        return Finding(
+            promise=f"{topic.name}: one publisher, {topic.type_name}, reliable",
+            kept=len(publishers) == 1
+            and all(reliable)
+            and publishers[0].topic_type == topic.type_name,
+            measured=", ".join(
+                f"{end.node_name} ({end.topic_type}, {end.qos_profile.reliability.name.lower()})"
+                for end in publishers
+            )
+            or "no publisher",
+        )
+
+    def _note(
+        self, name: str, decode: Callable[[Any], tuple[float, tuple[float, ...]]]
+    ) -> Callable[[Any], None]:
+        heard = self.heard[name]
+
+        def note(message: Any) -> None:
+            try:
+                t, value = decode(message)
+            except MessageError as error:
+                heard.refused.append(str(error))
+                return
+            heard.values.append(value)
+            heard.stamps.append(t)
+
+        return note
+
+
+def _encoder(read: JointStateReader) -> Callable[[Any], tuple[float, tuple[float, ...]]]:
+    def decode(message: Any) -> tuple[float, tuple[float, ...]]:
+        t, reading = read(message)
+        return t, (
+            reading.cylinder_angle,
+            reading.angular_speed,
+            reading.carriage_position,
+            reading.feed_speed,
+        )
+
+    return decode
+
+
+def _tension(message: Any) -> tuple[float, tuple[float, ...]]:
+    t, force = decode_tension(message)
+    return t, (force,)
+
+
+def _image(message: Any) -> tuple[float, tuple[float, ...]]:
+    t, _ = decode_image(message)
+    return t, ()
+
+
+def _calibration(message: Any) -> tuple[float, tuple[float, ...]]:
+    t, _ = decode_camera_info(message)
+    return t, ()

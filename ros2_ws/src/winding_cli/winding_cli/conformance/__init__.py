@@ -1,1 +1,0 @@
-"""Does a machine's driver keep the contract?"""

@@ -1,0 +1,1 @@
+"""How is `winding run` configured, wound and delivered?"""

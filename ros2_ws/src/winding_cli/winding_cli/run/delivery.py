@@ -1,0 +1,302 @@
+"""What a run leaves is delivered: numbers, report, trace, tables; the flaw that fails a command."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.box import SIMPLE_HEAD
+
+from winding_cli.terminal.console import Shown, record_table, result_console
+from winding_cli.terminal.output_path import staged
+from winding_cli.terminal.refusal import FAILED, complain, refuse
+from winding_core.cable.condition import Condition
+from winding_core.parameters import Value, build, declarations
+from winding_core.run_options import OperatorLimits
+from winding_core.units import MILLIMETRE, MILLISECOND
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from winding_reports.records.identity import Origin
+    from winding_reports.records.run_record import RunRecord
+    from winding_reports.trace import LengthTrace
+    from winding_supervisor.session.run_config import RunConfig, RunResult
+
+_RIG = "winding_rig"
+_ORIGINS = {"camera": "exposure of the newest frame", "prediction": "encoder sample"}
+_RESULTS = (
+    Shown("marker", lambda row: f"P{row.id}"),
+    Shown("original\nmm", lambda row: row.original, ".2f", MILLIMETRE),
+    Shown("FEM\nmm", lambda row: row.s_fem, ".2f", MILLIMETRE),
+    Shown("tracked\nmm", lambda row: row.s_tracked, ".2f", MILLIMETRE),
+    Shown("h\n", lambda row: row.h, ".4f"),
+    Shown("corrected\nmm", lambda row: row.s_corrected, ".2f", MILLIMETRE),
+    Shown("published\nmm", lambda row: row.s_published, ".2f", MILLIMETRE),
+    Shown("error of\nFEM, %", lambda row: row.error_fem_pct, ".2f"),
+    Shown("error after\ncorrection, %", lambda row: row.error_corrected_pct, ".2f"),
+)
+_HOPS = (
+    Shown("where", lambda cost: cost.station),
+    Shown("what", lambda cost: cost.name),
+    Shown("median, ms", lambda cost: cost.median, ".2f", MILLISECOND),
+    Shown("p99, ms", lambda cost: cost.p99, ".2f", MILLISECOND),
+    Shown("share, %", lambda cost: cost.share, ".1f", 0.01),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeliveryOptions:
+    """Where what a run leaves goes, and what it is held against.
+
+    Attributes:
+        limits: Of that lay and of the corrected lengths, where no operator sets others.
+    """
+
+    report: Path | None  # Folder of the report; None for `report` in the run's folder
+    json: Path | None  # File of the numbers; None for `run.json` in the run's folder
+    trace: Path | None  # File of the trace, or None
+    wish: Mapping[str, Value]  # Parameters of the wanted lay, if there is one
+    limits: OperatorLimits
+    lay_held: bool  # Whether the user gave the lay's
+    errors_held: bool  # Whether the user gave the lengths'
+
+
+class RunDelivery:
+    """Delivers the runs of one command.
+
+    Args:
+        config: Of the command.
+        condition: Of the command line.
+        origin: Of the first run.
+        into: Where everything goes.
+    """
+
+    def __init__(
+        self, config: RunConfig, condition: Condition, origin: Origin, into: DeliveryOptions
+    ) -> None:
+        self._config, self._condition, self._into = config, condition, into
+        self._origin: Origin | None = origin
+        self._operated = config.page is not None
+        self._directory = config.directory
+        self._count = 0
+        self._flaws: list[str] = []
+
+    def begin(self, directory: Path) -> None:
+        """Take the folder that was made for the command."""
+        self._directory = directory
+
+    def deliver(self, result: RunResult) -> None:
+        """Write and print what a run leaves.
+
+        A disk that takes no more ends no session: the operator winds on, and the command fails at
+        its end.
+        """
+        if not self._operated:
+            self._deliver(self._condition, result)
+            return
+        # The condition of a machine with a driver of its own is the command line's in every run.
+        simulated = self._config.machine is None
+        condition = operated_condition(self._condition, result) if simulated else self._condition
+        if condition is None:
+            return
+        try:
+            self._deliver(condition, result)
+        except OSError as error:
+            complain(f"the report of run {self._count} could not be written: {error}")
+            self._flaws.append(str(error))
+
+    def end(self) -> None:
+        """End the command as its runs came out."""
+        if self._operated and not self._count:
+            print("the operator ended the run before anything was wound", flush=True)
+        if self._flaws:
+            refuse(self._flaws[-1], FAILED)
+
+    def _deliver(self, condition: Condition, result: RunResult) -> None:
+        from winding_cli.run.record import run_record
+
+        into = self._into
+        self._count += 1
+        parameters = self._config.parameters()
+        if result.wound:
+            parameters[_RIG] |= result.wound
+        limits = result.limits or into.limits
+        folder = self._folder()
+        record = run_record(
+            condition,
+            result,
+            into.wish,
+            limits.lay_tolerance,
+            origin=self._own_origin(),
+            seed=seed_of(parameters),
+            error_limit_pct=limits.error_limit_pct,
+        )
+        deliver(
+            record,
+            self._numbered(into.report) or folder / "report",
+            self._numbered(into.json) or folder / "run.json",
+            bags=result.bags,
+            trace=self._numbered(into.trace),
+            result=result,
+        )
+        found = flaw(record, result, held=into.lay_held, errors_held=into.errors_held)
+        if found:
+            self._flaws.append(found)
+
+    def _own_origin(self) -> Origin:
+        from winding_cli.terminal.origin import origin_here
+
+        origin, self._origin = self._origin, None
+        return origin or origin_here()
+
+    def _folder(self) -> Path:
+        """Return the folder of the present run: the first has the command's own."""
+        first = self._count == 1
+        return self._directory if first else self._directory / f"run-{self._count}"
+
+    def _numbered(self, path: Path | None) -> Path | None:
+        """Return where the first run's file would be, or that of the present run beside it."""
+        if path is None or self._count == 1:
+            return path
+        return path.with_name(f"{path.stem}-{self._count}{path.suffix}")
+
+
+def operated_condition(condition: Condition, result: RunResult) -> Condition | None:
+    """Return what the operator wound, as long as it was wound; None when nothing was.
+
+    Args:
+        condition: Of the command line.
+        result: Of the session.
+    """
+    reached = result.buffer.time
+    if not result.wound or reached <= 0.0:
+        return None
+    names = {item.name for item in declarations(type(condition))}
+    stated: Mapping[str, object] = {k: v for k, v in result.wound.items() if k in names}
+    wound = build(type(condition), stated, owner="the run")
+    return replace(wound, duration=min(wound.duration, reached))
+
+
+def deliver(
+    record: RunRecord,
+    report: Path,
+    json: Path,
+    *,
+    bags: tuple[Path, ...],
+    trace: Path | None = None,
+    result: RunResult | None = None,
+) -> None:
+    """Write the numbers of a run, its report and its trace; print its results and where they are.
+
+    Args:
+        record: Of the run.
+        report: Folder of the report.
+        json: File of the numbers.
+        bags: That were recorded.
+        trace: File of the trace for a viewer of Chrome's traces; None for none.
+        result: What the run left, for its trace.
+    """
+    from winding_reports.records.run_record import write_run_json
+    from winding_reports.run_report.report import write_report
+
+    with staged(json) as place:
+        write_run_json(record, place)
+    with staged(report) as place:
+        page = report / write_report(record, place).name
+    files = [("report", page), ("numbers", json), *(("bag", bag) for bag in bags)]
+    if trace is not None and result is not None:
+        _write_trace(record, result, trace)
+        files.append(("trace", trace))
+    _show(record)
+    for name, path in files:
+        result_console().print(f"{name}: {path}", soft_wrap=True)
+
+
+def _write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
+    from winding_reports.trace import write_chrome_trace
+
+    assert record.trace is not None
+    assert result.trace is not None
+    with staged(path) as place:
+        write_chrome_trace(record.trace, result.trace, place)
+
+
+def _show(record: RunRecord) -> None:
+    console = result_console()
+    console.print(results_table(record))
+    verdict = record.verdict
+    for sentence in filter(None, (verdict.sentence, verdict.held_out_sentence)):
+        console.print(sentence, highlight=False, soft_wrap=True)
+    if record.lay is not None:
+        console.print(f"lay: {record.lay.verdict.sentence}", highlight=False, soft_wrap=True)
+    if record.trace is not None:
+        console.print(*trace_tables(record.trace))
+
+
+def seed_of(parameters: Mapping[str, Mapping[str, object]]) -> int | None:
+    """Return the seed of the simulated sensors; None for a real machine.
+
+    Args:
+        parameters: By node.
+    """
+    from winding_ros import topics
+    from winding_ros.graph import RIG, parameters_of
+
+    if topics.RIG not in parameters:
+        return None
+    own = {item.name: item.default for item in declarations(parameters_of(RIG))}
+    seed = (own | dict(parameters[topics.RIG]))["seed"]
+    assert isinstance(seed, int)
+    return seed
+
+
+def flaw(record: RunRecord, result: RunResult, *, held: bool, errors_held: bool = False) -> str:
+    """Return the flaw of a run that came to its end; empty for none.
+
+    Args:
+        record: Of the run.
+        result: What it left.
+        held: Whether the user gave a tolerance, which a lay that was driven must then be known
+            to keep.
+        errors_held: Whether the user gave a limit of the errors, which they must then be known to
+            keep.
+    """
+    if result.recording_error is not None:
+        return f"the recording is incomplete: {result.recording_error}"
+    lay = record.lay
+    if held and lay is not None and lay.drove and not lay.verdict.kept:
+        return lay.verdict.sentence
+    if errors_held and not record.verdict.good:
+        return record.verdict.sentence
+    return ""
+
+
+def results_table(record: RunRecord) -> Table:
+    """Return every marker of a run: original, predicted, tracked, corrected, published, errors."""
+    name = f"case {record.case.number}" if record.case.number else "an own condition"
+    return _table(_RESULTS, record.rows, 1, f"Curve lengths of {name}")
+
+
+def trace_tables(trace: LengthTrace) -> list[Table]:
+    """Return what each hop of the ways to the corrected lengths takes."""
+    from winding_reports.trace import hop_costs
+
+    return [
+        _table(
+            _HOPS,
+            hop_costs(way),
+            2,
+            f"From the {_ORIGINS[way.name]} to the corrected length, {len(way.stamps)} of "
+            f"{trace.lengths} lengths",
+        )
+        for way in trace.ways
+    ]
+
+
+def _table(columns: tuple[Shown, ...], rows: Iterable[Any], words: int, title: str) -> Table:
+    return record_table(
+        columns, rows, words=words, title=title, box=SIMPLE_HEAD, title_justify="left"
+    )

@@ -1,0 +1,125 @@
+"""From the buffer of a run to what became of its wanted lay."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from functools import partial
+
+import numpy as np
+
+from lay_control_node.ros.parameters import LayControlParameters
+from winding_core.cable.cases import Case
+from winding_core.cable.condition import Condition
+from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, LayRecords, cable_lay
+from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
+from winding_core.parameters import Value, build
+from winding_recorder.live.run_buffer import RunBuffer
+from winding_reports.records.lay_outcome import LaidLine, LaidRun, LayOutcome, lay_outcome
+from winding_reports.records.run_record import MarkerSeries, WoundCable
+from winding_ros import topics
+from winding_ros.messages.clouds import decode_cloud
+from winding_study.paper.case_result import MOST_NODES
+
+# The cable is complete once it reaches P0 [rad].
+_BEGIN = 0.05
+
+
+def recorded_outcome(
+    buffer: RunBuffer,
+    condition: Condition,
+    tracked: MarkerSeries,
+    wish: Mapping[str, Value],
+    tolerance: float,
+) -> LayOutcome | None:
+    """Return what became of a run's lay; None for a run without a controller of it.
+
+    Args:
+        buffer: The run's messages.
+        condition: What was wound.
+        tracked: Markers of the camera.
+        wish: Parameters of the wanted lay.
+        tolerance: For every turn after the second [m].
+    """
+    control = [records for _, records in buffer.clouds(topics.LAY_CONTROL_STATE, LAY_CONTROL_DTYPE)]
+    if not control:
+        return None
+    what = condition.resolved()
+    radius = what.case.centreline_radius
+    run = LaidRun(
+        control=np.concatenate(control),
+        places=_last_lay(buffer),
+        predicted=_predicted(buffer, radius),
+        ahead=_ahead(buffer),
+        landed={
+            int(number): float(tracked.of(number).theta.mean()) for number in np.unique(tracked.id)
+        },
+    )
+    return lay_outcome(run, what, tolerance=tolerance, markers=_markers(condition, wish))
+
+
+def _last_lay(buffer: RunBuffer) -> LayRecords:
+    found: LayRecords = np.zeros(0, LAY_DTYPE)
+    for _, places in buffer.clouds(topics.TRACKED_LAY, LAY_DTYPE):
+        found = places if len(places) else found
+    return found
+
+
+def _predicted(buffer: RunBuffer, radius: float) -> LaidLine:
+    """Return the solver's whole cable; the newest message has its newest turns alone."""
+    readings = list(buffer.axis_readings())
+    stamps = np.array([t for t, _ in readings])
+    angles = np.array([reading.cylinder_angle for _, reading in readings])
+    theta, z = np.zeros(0), np.zeros(0)
+    for t, cable in reversed(list(buffer.clouds(topics.FEM_CABLE, CABLE_DTYPE))):
+        if not stamps.size:
+            break
+        further, height = cable_lay(cable, float(np.interp(t, stamps, angles)), radius)
+        older = further < (theta[0] if theta.size else np.inf)
+        if older.any():
+            theta = np.concatenate([further[older], theta])
+            z = np.concatenate([height[older], z])
+        if theta.size and theta[0] < _BEGIN:
+            break
+    return LaidLine(theta=theta, z=z)
+
+
+def _ahead(buffer: RunBuffer) -> LaidLine:
+    clouds = [markers for _, markers in buffer.clouds(topics.FEM_PREDICTION, MARKER_DTYPE)]
+    last = clouds[-1] if clouds else np.zeros(0, MARKER_DTYPE)
+    wound = last[is_wound(last)]
+    order = np.argsort(wound["theta"])
+    return LaidLine(theta=wound["theta"][order].astype(float), z=wound["z"][order].astype(float))
+
+
+def _markers(condition: Condition, wish: Mapping[str, Value]) -> Mapping[int, float]:
+    """Return where markers were wanted; an operator may have wound what has no such program."""
+    try:
+        wanted = build(LayControlParameters, {**asdict(condition), **wish}, owner="the run")
+        return wanted.wanted(condition.resolved()).markers
+    except ValueError:
+        return {}
+
+
+def last_cable(buffer: RunBuffer, case: Case) -> WoundCable | None:
+    """Return the cable as the solver published it last; None where it published none.
+
+    Of a long run that is the span and the newest turns.
+    """
+    cable = buffer.newest(topics.FEM_CABLE, partial(decode_cloud, dtype=CABLE_DTYPE))
+    markers = buffer.newest(topics.FEM_MARKERS, partial(decode_cloud, dtype=MARKER_DTYPE))
+    if cable is None or len(cable[1]) < 2:
+        return None
+    records = cable[1]
+    keep = np.unique(np.linspace(0, records.size - 1, min(records.size, MOST_NODES)).astype(int))
+    whole = float(records["s"][0]) < float(records["s"][1] - records["s"][0])
+    marks = {0: (0.0, 0.0)} if whole else {}
+    if markers is not None and whole:
+        wound = markers[1][is_wound(markers[1])]
+        marks |= {int(m["id"]): (float(m["theta"]), float(m["z"])) for m in wound}
+    return WoundCable(
+        case=case,
+        nodes=np.column_stack([records[axis][keep] for axis in "xyz"]).astype(float),
+        strain=records["strain"][keep].astype(float),
+        marks=marks,
+    )

@@ -1,0 +1,318 @@
+"""From the buffer of a run to the numbers of its report and its table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from correction_node.models.weights import load_factor, weights_directory
+from winding_cli.run.laid_cable import last_cable, recorded_outcome
+from winding_core.cable.cases import published_markers
+from winding_core.cable.condition import Condition, ResolvedCondition
+from winding_core.error_verdict import PAPER_LIMIT_PCT
+from winding_core.helix import curve_length
+from winding_core.machine.readings import AxisReading
+from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
+from winding_core.parameters import Value
+from winding_recorder.live.run_buffer import Reading, RunBuffer
+from winding_reports.records.identity import Identity, Origin, condition_quantities
+from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
+from winding_reports.trace import length_trace
+from winding_ros import topics
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.diagnostics import decode_case_votes, decode_diagnostics
+from winding_ros.messages.rig import decode_joint_state, decode_tension
+from winding_ros.topic import Topic
+from winding_supervisor.session.run_config import RunResult
+
+# A marker in one of these states was not measured in that frame.
+_UNSEEN = int(
+    MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED | MarkerFlag.OCCLUDED | MarkerFlag.CLIPPED
+)
+
+_THINNED = (
+    "The run was long: of what came before its last seconds, curves and means have every second "
+    "message, or every fourth, and so on. Nothing is missing from the counts of frames and samples."
+)
+
+
+def run_record(
+    condition: Condition,
+    result: RunResult,
+    wish: Mapping[str, Value],
+    tolerance: float,
+    *,
+    origin: Origin | None = None,
+    seed: int | None = None,
+    error_limit_pct: float = PAPER_LIMIT_PCT,
+) -> RunRecord:
+    """Return the record of a finished run.
+
+    Args:
+        condition: What was wound.
+        result: What the run left.
+        wish: Parameters of the wanted lay, if there was one.
+        tolerance: Of that lay, in every turn after the second [m].
+        origin: The process that made the run; None where a recording does not say.
+        seed: Of the simulated sensors; None for a real machine.
+        error_limit_pct: Largest error of a corrected length that counts as good [%].
+    """
+    buffer = result.buffer
+    what = condition.resolved()
+    case = what.case
+    measured = [(t - buffer.origin, reading) for t, reading in buffer.axis_readings()]
+    commanded = _in_run(buffer, topics.JOINT_COMMANDS, decode_joint_state)
+    tension = _in_run(buffer, topics.TENSION, decode_tension)
+    tracked = _series(buffer, topics.TRACKED_MARKERS, MARKER_DTYPE, unseen=_UNSEEN)
+    predicted = _series(buffer, topics.FEM_MARKERS, MARKER_DTYPE, unseen=MarkerFlag.NOT_WOUND)
+    corrected = _series(buffer, topics.CORRECTED_MARKERS, CORRECTED_DTYPE)
+    begin = round(1e9 * buffer.origin)
+    frames = buffer.stamps(topics.CAMERA_INFO) - begin
+    answered = buffer.stamps(topics.TRACKED_MARKERS) - begin
+    joints = buffer.stamps(topics.JOINT_STATES) - begin
+    published = published_markers(case.number) if case.is_published else ()
+    experiment = {item.marker: item.experiment.s for item in published if item.experiment}
+    final = _final_corrections(buffer)
+    factor = used_factor(_last_status(buffer, topics.CORRECTION), what)
+    reached = buffer.time
+    missing = _gaps
+    if result.simulated:
+        missing = partial(_missing, duration=reached if result.ended else condition.duration)
+    lay = recorded_outcome(buffer, condition, tracked, wish, tolerance)
+    return RunRecord(
+        case=case,
+        drive=what.drive,
+        cylinder_speed=_signal(measured, "angular_speed"),
+        carriage_speed=_signal(measured, "feed_speed"),
+        cylinder_setpoint=_signal(commanded, "angular_speed"),
+        carriage_setpoint=_signal(commanded, "feed_speed"),
+        tension=Signal(
+            t=np.array([t for t, _ in tension]), value=np.array([force for _, force in tension])
+        ),
+        predicted=predicted,
+        tracked=tracked,
+        corrected=corrected,
+        rows=tuple(
+            _row(
+                marker,
+                case.original_length(marker),
+                mean_length(tracked.of(marker), case.centreline_radius),
+                final.get(marker),
+                experiment.get(marker),
+                factor.held_out.get(marker),
+            )
+            for marker in range(1, case.marker_count + 1)
+        ),
+        frames=len(answered),
+        frames_lost=missing(frames, topics.CAMERA_INFO) + len(np.setdiff1d(frames, answered)),
+        joint_states=len(joints),
+        joint_states_lost=missing(joints, topics.JOINT_STATES),
+        # A recording does not say how long its run took.
+        wall_s=result.wall_s or None,
+        sim_s=reached,
+        ended=result.ended,
+        facts=_facts(buffer),
+        trace=None if result.trace is None else length_trace(result.trace),
+        lay=lay,
+        identity=Identity(
+            origin=origin,
+            seeds=() if seed is None else (seed,),
+            bags=tuple(str(bag.absolute()) for bag in result.bags),
+            weights=factor.weights,
+            weights_sha256=factor.sha256,
+            condition=condition_quantities(condition),
+        ),
+        error_limit_pct=error_limit_pct,
+        cable=last_cable(buffer, case),
+        notes=(
+            *_notes(published=case.is_published, controlled=lay is not None),
+            *([_THINNED] if buffer.thinned else []),
+        ),
+    )
+
+
+def mean_length(series: MarkerSeries, radius: float) -> float | None:
+    """Return the curve length [m] of a marker's mean place over all frames that show it."""
+    if series.t.size == 0:
+        return None
+    return curve_length(radius, float(series.theta.mean()), float(series.z.mean()))
+
+
+def _in_run(
+    buffer: RunBuffer, topic: Topic, decode: Callable[[Any], tuple[float, Reading]]
+) -> list[tuple[float, Reading]]:
+    """Return the readings of a topic, by the time since the run began."""
+    return [(t - buffer.origin, value) for t, value in buffer.readings(topic, decode)]
+
+
+def _signal(readings: list[tuple[float, AxisReading]], name: str) -> Signal:
+    return Signal(
+        t=np.array([t for t, _ in readings]),
+        value=np.array([getattr(reading, name) for _, reading in readings]),
+    )
+
+
+def _series(
+    buffer: RunBuffer, topic: Topic, dtype: np.dtype[np.void], unseen: int = 0
+) -> MarkerSeries:
+    stamps, rows = [], []
+    for t, markers in buffer.clouds(topic, dtype):
+        seen = markers[((markers["flags"] & unseen) == 0) & np.isfinite(markers["s"])]
+        rows.append(seen)
+        stamps.append(np.full(len(seen), t - buffer.origin))
+    joined = np.concatenate(rows) if rows else np.zeros(0, dtype=dtype)
+    return MarkerSeries(
+        t=np.concatenate(stamps) if stamps else np.zeros(0),
+        id=joined["id"].astype(np.int64),
+        theta=joined["theta"].astype(float),
+        z=joined["z"].astype(float),
+        s=joined["s"].astype(float),
+    )
+
+
+def _missing(stamps: NDArray[np.int64], topic: Topic, duration: float) -> int:
+    """Return how many of the instants 0, 1/rate, ... duration have no message."""
+    assert topic.rate is not None
+    instants = np.round(np.arange(int(duration * topic.rate + 1e-9) + 1) * (1e9 / topic.rate))
+    return len(np.setdiff1d(instants.astype(np.int64), stamps))
+
+
+def _gaps(stamps: NDArray[np.int64], _topic: Topic) -> int:
+    """Return how many messages the gaps between stamps would hold, at the usual period."""
+    steps = np.diff(stamps)
+    if len(steps) == 0:
+        return 0
+    return int(np.maximum(np.round(steps / np.median(steps)) - 1.0, 0.0).sum())
+
+
+def _final_corrections(buffer: RunBuffer) -> dict[int, np.void]:
+    last = buffer.newest(topics.CORRECTED_MARKERS, partial(decode_cloud, dtype=CORRECTED_DTYPE))
+    if last is None:
+        return {}
+    _, markers = last
+    return {int(marker["id"]): marker for marker in markers[is_wound(markers)]}
+
+
+def _row(
+    marker: int,
+    original: float,
+    tracked: float | None,
+    correction: np.void | None,
+    published: float | None,
+    held_out: float | None,
+) -> MarkerRow:
+    if correction is None:
+        return MarkerRow(id=marker, original=original, s_tracked=tracked, s_published=published)
+    return MarkerRow(
+        id=marker,
+        original=original,
+        s_fem=float(correction["s_fem"]),
+        s_tracked=tracked,
+        h=float(correction["h"]),
+        h_held_out=held_out,
+        s_corrected=float(correction["s"]),
+        s_low=float(correction["s_low"]),
+        s_high=float(correction["s_high"]),
+        s_published=published,
+    )
+
+
+def _facts(buffer: RunBuffer) -> dict[str, str]:
+    facts = {}
+    votes = buffer.newest(topics.CORRECTION_CASE, decode_case_votes)
+    if votes is not None and votes[1]:
+        case, share = next(iter(votes[1].items()))
+        facts["resembles"] = f"case {case}, {share:.0%} of the votes"
+    corrected = _last_status(buffer, topics.CORRECTION)
+    if "weights" in corrected:
+        facts["trained weight"] = corrected["weights"]
+        facts["its mean error over all cases"] = (
+            f"{corrected['in_sample_pct']} % in-sample, "
+            f"{corrected['leave_one_case_out_pct']} % with each case left out"
+        )
+    solver = _last_status(buffer, topics.FEM)
+    if "energy_balance_pct" in solver:
+        facts["solver's energy balance"] = f"open by {solver['energy_balance_pct']} %"
+    return facts
+
+
+def _last_status(buffer: RunBuffer, name: str) -> Mapping[str, str]:
+    """Return the values of the last diagnostics of a node."""
+    found: Mapping[str, str] = {}
+    for _, statuses in buffer.readings(topics.DIAGNOSTICS, decode_diagnostics):
+        for status in statuses:
+            if status.name == name:
+                found = status.values
+    return found
+
+
+def _notes(*, published: bool, controlled: bool) -> tuple[str, ...]:
+    tracked = (
+        "The tracked lengths are measured by the camera in this run: each marker's mean place "
+        "over all frames that show it."
+    )
+    if not published:
+        return (tracked, "The condition is not published: there is no experiment beside it.")
+    if controlled:
+        return (
+            tracked,
+            "The cable lies where the machine's own motion and pull laid it. The published "
+            "experiment was wound at a constant feed under a dead weight: it is no measure of a "
+            "lay that was controlled.",
+        )
+    return (
+        tracked,
+        "The machine lays the cable where the paper's experiment measured it, so the tracked "
+        "lengths test the camera and the tracker, not the solver.",
+        "The weight h was trained on all twelve published cases, this one among them: its error "
+        "here is in-sample. Held out is the prediction times the factor of a training that never "
+        "saw this case, without what was measured in this run.",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class UsedFactor:
+    """The learned factor of a run.
+
+    Attributes:
+        held_out: h by marker of the training that never saw the run's case; empty where there is
+            none.
+    """
+
+    weights: str = ""  # Shipped name or folder; empty for a run without a correction
+    sha256: str = ""  # Of its numbers; empty where the run did not say it
+    held_out: Mapping[int, float]
+
+
+def used_factor(status: Mapping[str, str], what: ResolvedCondition) -> UsedFactor:
+    """Return the factor that the correction's diagnostics name.
+
+    Args:
+        status: Values of the last diagnostics of the correction.
+        what: What was wound.
+    """
+    weights, digest = status.get("weights", ""), status.get("weights_sha256", "")
+    return UsedFactor(weights=weights, sha256=digest, held_out=_held_out(weights, digest, what))
+
+
+def _held_out(weights: str, digest: str, what: ResolvedCondition) -> dict[int, float]:
+    number = what.case.number
+    if not (digest and number):
+        return {}
+    try:
+        trained = load_factor(weights_directory(weights))
+    except (OSError, ValueError):
+        # A recording may outlive the folder of its weights.
+        return {}
+    if trained.card["weights_sha256"] != digest or trained.factor(what.case, what.law).outside:
+        return {}
+    found: Any = trained.card.get("h_left_out", {}).get(str(number), [])
+    measured = [row.marker for row in published_markers(number) if row.experiment]
+    if len(found) != len(measured):
+        return {}
+    return dict(zip(measured, map(float, found), strict=True))

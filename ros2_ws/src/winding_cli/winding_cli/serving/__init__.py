@@ -1,1 +1,0 @@
-"""Runs on request of a cell controller."""

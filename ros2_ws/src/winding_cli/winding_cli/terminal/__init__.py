@@ -1,0 +1,1 @@
+"""How does a command read its options, refuse, end, and print or write results?"""

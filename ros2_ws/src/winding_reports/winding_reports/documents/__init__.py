@@ -1,0 +1,1 @@
+"""What is every report made of: page, tables, style of pictures."""

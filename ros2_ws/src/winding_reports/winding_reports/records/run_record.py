@@ -1,0 +1,274 @@
+"""What a run of the graph leaves behind: time series, markers at the end, counters."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_core.cable.cases import Case, PublishedMarker, published_markers
+from winding_core.error_verdict import (
+    PAPER_LIMIT_PCT,
+    ErrorVerdict,
+    error_pct,
+    judge_lengths,
+)
+from winding_core.machine.drive import DriveProfile
+from winding_reports.records.identity import Identity
+from winding_reports.records.lay_outcome import LayOutcome, outcome_json
+from winding_reports.trace import LengthTrace, hop_costs
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WoundCable:
+    """A wound cable in the frame of the laboratory.
+
+    Attributes:
+        nodes: Centreline, P0 first [m], shape (n, 3), n at least 2.
+        strain: Nominal strain there, shape (n,).
+        marks: Wound angle [rad] and axial position [m] of the wound markers, relative to P0;
+            number 0 is P0, which is missing where the cable does not reach back to it.
+    """
+
+    case: Case  # What was wound
+    nodes: NDArray[np.float64] = field(compare=False, repr=False)
+    strain: NDArray[np.float64] = field(compare=False, repr=False)
+    marks: Mapping[int, tuple[float, float]]
+
+    def __post_init__(self) -> None:
+        if self.nodes.shape != (len(self.strain), 3) or len(self.strain) < 2:
+            raise ValueError(f"a cable needs two nodes or more, got shape {self.nodes.shape}")
+
+    @property
+    def wound_strain(self) -> NDArray[np.float64]:
+        """Strain of what lies on the cylinder, shape (k,)."""
+        distance = np.hypot(self.nodes[:, 0], self.nodes[:, 1])
+        loose = distance > 1.02 * self.case.centreline_radius
+        wound = int(np.argmax(loose)) if loose.any() else len(loose)
+        return self.strain[1 : max(2, wound)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """One quantity over time."""
+
+    t: Array  # Stamps [s], shape (n,)
+    value: Array  # In SI, shape (n,)
+
+    def __post_init__(self) -> None:
+        if self.t.shape != self.value.shape or self.t.ndim != 1:
+            raise ValueError(f"a signal needs one value per stamp, got {self.value.shape}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisSpeeds:
+    """Measured and wanted speeds of both axes in a run."""
+
+    drive: DriveProfile  # The wanted speeds
+    cylinder_speed: Signal  # Measured [rad/s]
+    carriage_speed: Signal  # Measured [m/s]
+    cylinder_setpoint: Signal  # Commanded [rad/s]
+    carriage_setpoint: Signal  # Commanded [m/s]
+
+    @property
+    def end(self) -> float:
+        """Time at which the run's time axes end [s]."""
+        return float(self.cylinder_speed.t[-1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkerSeries:
+    """Wound markers over time, one row per marker and message."""
+
+    t: Array  # Stamps [s], shape (n,)
+    id: NDArray[np.int64]  # Marker numbers, shape (n,)
+    theta: Array  # Wound angle [rad], shape (n,)
+    z: Array  # Axial position relative to P0 [m], shape (n,)
+    s: Array  # Curve length [m], shape (n,)
+
+    def __post_init__(self) -> None:
+        for name in ("id", "theta", "z", "s"):
+            if getattr(self, name).shape != self.t.shape:
+                raise ValueError(f"{name} needs one value per stamp")
+
+    def of(self, marker: int) -> MarkerSeries:
+        """Return the rows of one marker."""
+        mine = self.id == marker
+        return MarkerSeries(
+            t=self.t[mine], id=self.id[mine], theta=self.theta[mine], z=self.z[mine], s=self.s[mine]
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkerRow:
+    """One marker at the end of the run; None where there is no such number."""
+
+    id: int  # n of Pn
+    original: float  # n marker spacings [m]
+    s_fem: float | None = None  # Predicted curve length [m]
+    s_tracked: float | None = None  # Measured by the camera in this run [m]
+    h: float | None = None  # Correction factor
+    h_held_out: float | None = None  # The learned factor of a training that never saw this case
+    s_corrected: float | None = None  # h S_FEM [m]
+    s_low: float | None = None  # Lower end of its interval [m]
+    s_high: float | None = None  # Upper end of its interval [m]
+    s_published: float | None = None  # Measured in the paper's experiment [m]
+
+    @property
+    def error_fem_pct(self) -> float | None:
+        """Error of the prediction against the published experiment, Table 7's measure."""
+        return error_pct(self.s_published, self.s_fem)
+
+    @property
+    def error_corrected_pct(self) -> float | None:
+        """Error of the corrected prediction against the published experiment, as Table 8."""
+        return error_pct(self.s_published, self.s_corrected)
+
+    @property
+    def s_held_out(self) -> float | None:
+        """The prediction times the factor of a training that never saw this case [m]."""
+        if self.s_fem is None or self.h_held_out is None:
+            return None
+        return self.h_held_out * self.s_fem
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRecord(AxisSpeeds):
+    """A finished run.
+
+    Attributes:
+        facts: Short facts by name for the head of the report, such as the trained factor.
+        trace: The ways to its corrected lengths; None for a run that was not traced.
+        lay: What became of the wanted lay; None for a run without a controller of the lay.
+        error_limit_pct: Largest error of a corrected length that counts as good [%].
+        cable: The predicted cable at the end; None where the solver published none.
+    """
+
+    case: Case  # What was wound
+    tension: Signal  # Load cell [N]
+    predicted: MarkerSeries  # Markers of the solver in step
+    tracked: MarkerSeries  # Markers of the camera
+    corrected: MarkerSeries  # Markers after the correction factor
+    rows: tuple[MarkerRow, ...]  # P1, P2, ... at the end of the run
+    frames: int | None = None  # Camera frames tracked
+    frames_lost: int | None = None  # Camera frames that never reached the recorder
+    joint_states: int | None = None  # Encoder samples recorded
+    joint_states_lost: int | None = None  # Encoder samples that never reached the recorder
+    wall_s: float | None = None  # Wall time of the run [s]
+    sim_s: float | None = None  # Simulated time of the run [s]
+    ended: str = ""  # Why the run ended before its end; empty for one that came to its end
+    facts: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()  # Sentences on what the numbers are worth
+    trace: LengthTrace | None = None
+    lay: LayOutcome | None = None
+    identity: Identity = field(default_factory=Identity)  # Which run this was
+    error_limit_pct: float = PAPER_LIMIT_PCT
+    cable: WoundCable | None = None
+
+    @property
+    def marker_ids(self) -> tuple[int, ...]:
+        """The markers that the run is about."""
+        return tuple(row.id for row in self.rows)
+
+    @property
+    def published(self) -> tuple[PublishedMarker, ...]:
+        """The paper's markers of this case; none for another condition."""
+        return published_markers(self.case.number) if self.case.is_published else ()
+
+    @property
+    def verdict(self) -> ErrorVerdict:
+        """Whether the corrected lengths are good, against the best measure that there is.
+
+        The published experiment is no measure of a lay that was controlled.
+        """
+        published = self.case.is_published and self.lay is None
+        return judge_lengths(self.rows, self.error_limit_pct, published=published)
+
+    @property
+    def end(self) -> float:
+        """Time at which the run's time axes end [s]."""
+        stamps = [
+            float(series.t.max()) for series in (self.predicted, self.tracked) if series.t.size
+        ]
+        return max([self.sim_s or 0.0, *stamps]) or 1.0
+
+
+def run_json(record: RunRecord) -> dict[str, Any]:
+    """Return the run's numbers as JSON values; null where nothing was measured.
+
+    Of equal runs all but ``identity`` and ``wall_s`` is equal: a comparison leaves these two out.
+    """
+    return {
+        "identity": record.identity.as_json(),
+        "case": record.case.number,
+        "ended": record.ended or None,
+        "markers": [
+            {
+                "id": row.id,
+                "original_m": _number(row.original),
+                "s_fem_m": _number(row.s_fem),
+                "s_tracked_m": _number(row.s_tracked),
+                "h": _number(row.h),
+                "h_held_out": _number(row.h_held_out),
+                "s_corrected_m": _number(row.s_corrected),
+                "s_published_m": _number(row.s_published),
+                "error_fem_pct": _number(row.error_fem_pct),
+                "error_corrected_pct": _number(row.error_corrected_pct),
+                "error_held_out_pct": error_pct(row.s_published, row.s_held_out),
+            }
+            for row in record.rows
+        ],
+        "frames": record.frames,
+        "frames_lost": record.frames_lost,
+        "joint_states": record.joint_states,
+        "joint_states_lost": record.joint_states_lost,
+        "wall_s": _number(record.wall_s),
+        "sim_s": _number(record.sim_s),
+        "error_verdict": record.verdict.as_json(),
+        **({} if record.trace is None else {"trace": _trace_json(record.trace)}),
+        **({} if record.lay is None else _lay_json(record.lay)),
+    }
+
+
+def _lay_json(lay: LayOutcome) -> dict[str, Any]:
+    """Return the lay, and the verdict of the run where the controller drove."""
+    verdict = {"kept": lay.verdict.kept, "sentence": lay.verdict.sentence}
+    return {**({"verdict": verdict} if lay.drove else {}), "lay": outcome_json(lay)}
+
+
+def _trace_json(trace: LengthTrace) -> dict[str, Any]:
+    return {
+        "lengths": trace.lengths,
+        **{
+            way.name: [
+                {
+                    "station": cost.station or None,
+                    "hop": cost.name,
+                    "median_s": cost.median,
+                    "p99_s": cost.p99,
+                    "share": cost.share,
+                }
+                for cost in hop_costs(way)
+            ]
+            for way in trace.ways
+        },
+    }
+
+
+def write_run_json(record: RunRecord, path: Path) -> None:
+    """Write the run's numbers as strict JSON; missing folders are made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(run_json(record), indent=2, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)

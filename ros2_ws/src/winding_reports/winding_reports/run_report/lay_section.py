@@ -1,0 +1,256 @@
+"""The report's section on the lay of a controlled run: verdict, turns, pictures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+from winding_core.lay.errors import FIRST_JUDGED, FULL_TURN, TurnError, lay_errors, turn_state
+from winding_core.lay.records import ControlBasis
+from winding_core.units import MILLIMETRE
+from winding_reports.documents.page import MISSING
+from winding_reports.documents.picture import (
+    CORRECTED,
+    FAINT,
+    INK,
+    PAPER,
+    PREDICTED,
+    TRACKED,
+    Picture,
+    broken,
+    canvas,
+    picture,
+    thinned,
+)
+from winding_reports.records.lay_outcome import LayOutcome
+
+_BASES = {
+    ControlBasis.MEASURED: "the measured lay",
+    ControlBasis.MODEL: "the model, the tracker being lost",
+    ControlBasis.RAMP: "the plain ramp, the solver being lost",
+}
+# Of more turns every single one is no longer read off.
+_MOST_NAMED = 24
+# The lower picture shows so many tolerances; what is farther off is in the upper one.
+_SHOWN_TOLERANCES = 4.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaySection:
+    """What the section shows."""
+
+    verdict: str  # One sentence
+    style: str  # kept, broken or open
+    facts: dict[str, str]  # By name
+    turns: list[list[str]]  # A row of texts for each turn
+    landings: list[list[str]]  # A row of texts for each wanted marker
+    pictures: list[Picture]  # Of the lay and of its turns
+
+
+def lay_section(lay: LayOutcome) -> LaySection:
+    """Return the section of a run's lay."""
+    without = {turn.number: turn for turn in lay.without_turns}
+    return LaySection(
+        verdict=f"{lay.verdict.sentence[0].upper()}{lay.verdict.sentence[1:]}.",
+        style={True: "kept", False: "broken", None: "open"}[lay.verdict.kept],
+        facts=_facts(lay),
+        turns=[_row(turn, without.get(turn.number), lay.verdict.tolerance) for turn in lay.turns],
+        landings=[
+            [
+                f"P{landing.number}",
+                _turns(landing.wanted),
+                _turns(landing.landed),
+                _degrees(landing.landed - landing.wanted),
+            ]
+            for landing in lay.landings
+        ],
+        pictures=[outcome_picture(lay), *([turns_picture(lay)] if lay.turns else [])],
+    )
+
+
+def _facts(lay: LayOutcome) -> dict[str, str]:
+    achieved, without = lay.rms()
+    facts = {
+        "Controller": _mode(lay),
+        "Commands rested on": ", ".join(
+            f"{_BASES[basis]} {share:.0%}"
+            for basis, share in lay.basis_shares.items()
+            if share > 0.0
+        ),
+        "Guide held by a bound of the carriage": f"{lay.limited_share:.0%} of the run",
+        "Free length, estimated": f"{lay.free_length / MILLIMETRE:.1f} ± "
+        f"{lay.sigma_free_length / MILLIMETRE:.1f} mm",
+        "Share of the pull, estimated": f"{lay.load_share:.3f} ± {lay.sigma_load_share:.3f}",
+    }
+    if math.isfinite(achieved) and math.isfinite(without):
+        facts["After the second turn, rms"] = (
+            f"{achieved / MILLIMETRE:.3f} mm, without control {without / MILLIMETRE:.2f} mm"
+        )
+    return facts
+
+
+def _mode(lay: LayOutcome) -> str:
+    """Return what the controller did in the end, and what it did of the run."""
+    mode = lay.mode.name.lower()
+    if 0.0 < lay.drive_share < 1.0:
+        return f"{mode} in the end: it commanded {lay.drive_share:.0%} of the run"
+    return f"{mode}: it commanded {'the machine' if lay.drove else 'nothing'}"
+
+
+def _row(turn: TurnError, without: TurnError | None, tolerance: float) -> list[str]:
+    return [
+        str(turn.number),
+        f"{turn.wanted_z / MILLIMETRE:.2f}",
+        f"{turn.measured_z / MILLIMETRE:.2f}",
+        _signed(turn.mean),
+        f"{turn.rms / MILLIMETRE:.3f}",
+        _signed(turn.largest),
+        f"{turn.sigma_z / MILLIMETRE:.2f}",
+        MISSING if without is None else f"{without.mean / MILLIMETRE:.2f}",
+        turn_state(turn, tolerance),
+    ]
+
+
+def _signed(value: float) -> str:
+    # Minus zero is noise.
+    return f"{round(value / MILLIMETRE, 3) + 0.0:+.3f}"
+
+
+def _turns(angle: float) -> str:
+    return f"{angle / FULL_TURN:.4f}" if math.isfinite(angle) else MISSING
+
+
+def _degrees(angle: float) -> str:
+    return f"{math.degrees(angle):+.2f}" if math.isfinite(angle) else MISSING
+
+
+def outcome_picture(lay: LayOutcome) -> Picture:
+    """Return wanted, predicted and measured z over turns, and how far they are off."""
+    with canvas(5.6, rows=2, heights=(3, 2)) as (figure, (above, below)):
+        wanted = lay.wanted
+        _line(above, wanted.theta, wanted.z, FAINT, 4.0, "wanted")
+        _line(above, lay.without.theta, lay.without.z, PAPER, 1.2, "without control, lag law", "--")
+        if lay.ahead.theta.size:
+            above.scatter(
+                lay.ahead.theta / FULL_TURN,
+                lay.ahead.z / MILLIMETRE,
+                marker="D",
+                s=40,
+                facecolors="none",
+                edgecolors=PAPER,
+                label="without control, solver before the run",
+            )
+        _line(above, lay.predicted.theta, lay.predicted.z, PREDICTED, 1.4, "predicted in step")
+        _dots(above, lay.measured["theta"], lay.measured["z"], "measured")
+        above.set_title("axial position z, mm")
+        above.legend(loc="upper left")
+        _tolerance_band(below, lay)
+        below.axhline(0.0, color=FAINT, linewidth=0.8)
+        predicted = lay.predicted.z - wanted.at(lay.predicted.theta)
+        _line(below, lay.predicted.theta, predicted, PREDICTED, 1.4, "predicted in step")
+        off = lay_errors(lay.measured, wanted)
+        _dots(below, lay.measured["theta"], off, "measured")
+        _set_height(below, lay, off)
+        below.set_title("off the wanted lay, mm")
+        below.set_xlabel("wound turns")
+        for axes in (above, below):
+            axes.set_xlim(0.0, max(wanted.end / FULL_TURN, 1.0e-3))
+    limit = lay.verdict.tolerance / MILLIMETRE
+    return picture(
+        figure,
+        "The lay that was wanted and the lay that was made",
+        f"Dots are the places that the camera measured. The band is the tolerance of {limit:g} mm, "
+        f"from turn {FIRST_JUDGED} on. Without control the guide would go along the wanted lay "
+        "itself, at the paper's constant feed for an even helix, and the cable would land behind "
+        "it by the lag of the estimated free length.",
+    )
+
+
+def turns_picture(lay: LayOutcome) -> Picture:
+    """Return the largest error of every turn against the tolerance, and beside no control."""
+    tolerance = lay.verdict.tolerance / MILLIMETRE
+    with canvas(3.2, columns=2) as (figure, (achieved, both)):
+        numbers = np.array([turn.number for turn in lay.turns], dtype=float)
+        largest = np.array([abs(turn.largest) for turn in lay.turns]) / MILLIMETRE
+        judged = numbers >= FIRST_JUDGED
+        for chosen, colour, hatch, label in (
+            (~judged, "none", "////", "not judged"),
+            (judged & (largest <= tolerance), CORRECTED, "", "within"),
+            (judged & (largest > tolerance), PAPER, "xx", "off"),
+        ):
+            if chosen.any():
+                achieved.bar(
+                    numbers[chosen],
+                    largest[chosen],
+                    width=0.6,
+                    color=colour,
+                    edgecolor=FAINT if colour == "none" else colour,
+                    hatch=hatch,
+                    label=label,
+                )
+        achieved.set_title("largest error of each turn, mm")
+        without = {turn.number: abs(turn.largest) / MILLIMETRE for turn in lay.without_turns}
+        before = np.array([without.get(int(number), math.nan) for number in numbers])
+        both.bar(numbers - 0.2, before, width=0.38, color=PAPER, label="without control, lag law")
+        both.bar(numbers + 0.2, largest, width=0.38, color=PREDICTED, label="achieved")
+        both.set_yscale("log")
+        both.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        both.set_title("the same before and after, mm, logarithmic")
+        for axes in (achieved, both):
+            axes.axhline(tolerance, color=INK, linewidth=1.0, linestyle="--")
+            axes.set_xlabel("turn")
+            axes.xaxis.set_major_locator(MaxNLocator(_MOST_NAMED, integer=True))
+            axes.grid(visible=False, axis="x")
+        figure.legend(loc="outside lower center", ncols=5)
+    return picture(
+        figure,
+        "Every turn of the lay",
+        f"The place that lies farthest off in each turn; dashed is the tolerance of "
+        f"{tolerance:g} mm.",
+    )
+
+
+def _line(
+    axes: Axes,
+    theta: np.ndarray,
+    z: np.ndarray,
+    colour: str,
+    width: float,
+    label: str,
+    style: str = "-",
+) -> None:
+    if len(theta):
+        axes.plot(
+            *thinned(theta / FULL_TURN, np.asarray(z) / MILLIMETRE),
+            color=colour,
+            linewidth=width,
+            linestyle=style,
+            label=label,
+            solid_capstyle="butt",
+        )
+
+
+def _dots(axes: Axes, theta: np.ndarray, z: np.ndarray, label: str) -> None:
+    if len(theta):
+        turns, height = broken(np.asarray(theta) / FULL_TURN, np.asarray(z, float) / MILLIMETRE)
+        axes.plot(turns, height, color=TRACKED, marker=".", markersize=4, linestyle="", label=label)
+
+
+def _tolerance_band(axes: Axes, lay: LayOutcome) -> None:
+    begin = float(FIRST_JUDGED - 1)
+    end = lay.wanted.end / FULL_TURN
+    if end > begin:
+        limit = lay.verdict.tolerance / MILLIMETRE
+        axes.fill_between([begin, end], -limit, limit, color=CORRECTED, alpha=0.15, linewidth=0.0)
+
+
+def _set_height(axes: Axes, lay: LayOutcome, off: np.ndarray) -> None:
+    """Show the band well, and what was measured in judged turns whole."""
+    judged = lay.measured["theta"] >= FULL_TURN * (FIRST_JUDGED - 1)
+    known = np.abs(off[judged & np.isfinite(off)])
+    reach = 1.15 * max(known.max(initial=0.0), _SHOWN_TOLERANCES * lay.verdict.tolerance)
+    axes.set_ylim(-reach / MILLIMETRE, reach / MILLIMETRE)

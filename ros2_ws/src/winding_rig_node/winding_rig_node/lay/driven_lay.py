@@ -1,0 +1,197 @@
+"""The lay that the machine's own motion makes, whatever the axes and the brake do."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from winding_core.cable.cases import Case
+from winding_rig_node.lay.lay_law import LaidPath, LaidPoint, LayTruth, LayView
+from winding_rig_node.lay.lay_on import (
+    GRID_STEP,
+    Contact,
+    HiddenRig,
+    cable_of,
+    contact_at_start,
+    lay_on,
+)
+
+FloatArray = NDArray[np.float64]
+
+
+def drawn_lay(case: Case, rng: np.random.Generator) -> DrivenLay:
+    """Return the lay of a case on a rig that is drawn.
+
+    Raises:
+        ValueError: The cable's stress fades.
+    """
+    case.material.refuse_fading("lay 'driven'")
+    return DrivenLay(case, HiddenRig.drawn(rng))
+
+
+class DrivenLay:
+    """A cable that sticks where it lands, wound by any motion of both axes under any pull.
+
+    The eye of the guide follows the carriage with its play. A free span without bending stiffness
+    is straight and tangent to the lay at the contact line: z + L z' = eye, where z' is the lay's
+    rise per way rho Theta. With bending stiffness EI its end is bent over l = sqrt(EI / T), and
+    the moment there is that of the cable on the cylinder:
+
+        z + L z' + l (L - l) z'' = eye,
+
+    which is a lag of L - l and one of l in a row. Each step is the exact solution for an eye that
+    moves in proportion to the angle. Undeformed length is laid at hypot(rho, dz/dTheta) / lambda
+    per radian, lambda being the neo-Hookean stretch under the span's tension less
+    EI lambda / (2 rho^2) for bending (`winding_core.lay.quasi_static`).
+
+    A standing cylinder lays nothing. One that turns backwards takes cable off again: path,
+    length and markers beyond the contact line are forgotten, and what is wound from there on is
+    laid anew. Behind P0 the cable is clamped: there nothing is laid either.
+
+    Args:
+        case: What is wound.
+        hidden: What the rig does to it.
+
+    Attributes:
+        case: What is wound.
+        hidden: What the rig does to it.
+        path: Points of the lay, `GRID_STEP` or more apart; the contact line is beyond the last.
+        marker_theta: Wound angles of P0 to the last marker [rad], shape (marker_count + 1,);
+            nan for those that have not landed.
+    """
+
+    def __init__(self, case: Case, hidden: HiddenRig) -> None:
+        self.case = case
+        self.hidden = hidden
+        self._cable = cable_of(case, hidden)
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin anew with P0 at the contact line and the guide in the middle of its play."""
+        self.path = LaidPath()
+        self.marker_theta = np.full(self.case.marker_count + 1, math.nan)
+        self.marker_theta[0] = 0.0
+        self._contact = contact_at_start()
+        self._angle = self._carriage = 0.0
+
+    @property
+    def wound_angle(self) -> float:
+        """Wound angle behind P0 at the contact line [rad]."""
+        return max(self._angle, 0.0)
+
+    @property
+    def contact(self) -> Contact:
+        """The cable at the contact line now."""
+        return Contact(*self._contact.item())
+
+    @property
+    def z(self) -> float:
+        """Axial position of the cable at the contact line [m]."""
+        return float(self._contact["z"][0])
+
+    @property
+    def length(self) -> float:
+        """Undeformed cable from P0 to the contact line [m]."""
+        return float(self._contact["length"][0])
+
+    def advance(self, angle: float, carriage: float, pull: float) -> None:
+        """Go on to where both axes stand now.
+
+        Args:
+            angle: Of the cylinder [rad].
+            carriage: Its position [m].
+            pull: On the cable at the guide [N].
+
+        Raises:
+            ValueError: One of them is not finite.
+        """
+        if not math.isfinite(angle + carriage + pull):
+            raise ValueError(
+                f"a lay needs finite numbers, got {angle} rad, {carriage} m and {pull} N"
+            )
+        turned = angle - self._angle
+        if turned > GRID_STEP:
+            self._advance_in_parts(angle, carriage, pull)
+            return
+        if turned < 0.0:
+            self._take_back(angle)
+        self._angle, self._carriage = angle, carriage
+        if lay_on(self._contact, self._cable, self.marker_theta, angle, carriage, pull):
+            self.path.append(angle, self.z, self.length)
+
+    def z_at(self, theta: ArrayLike) -> FloatArray:
+        """Return the axial position [m] at wound angles [rad], same shape; nan beyond the lay."""
+        return self.path.along(theta, self._end)[0]
+
+    def length_at(self, theta: ArrayLike) -> FloatArray:
+        """Return the undeformed length since P0 [m] at wound angles [rad]; nan beyond the lay."""
+        return self.path.along(theta, self._end)[1]
+
+    def view(self) -> LayView:
+        """Return the lay as it is, by what has changed since the last view."""
+        contact = self.contact
+        return LayView(
+            growth=self.path.growth(),
+            theta=self.wound_angle,
+            z=contact.z,
+            slope=contact.slope,
+            eye=contact.eye,
+            free_length=self.hidden.free_length,
+            marker_theta=self._shown(contact),
+        )
+
+    def renew_view(self) -> None:
+        """Have the next view begin with P0."""
+        self.path.renew_growth()
+
+    def truth(self, turned: float) -> LayTruth:
+        """Return where the cable lies, up to its own contact line, and what the rig did to it."""
+        return self.path.truth(self._end, self.marker_theta, asdict(self.hidden))
+
+    @property
+    def _end(self) -> LaidPoint:
+        return LaidPoint(self.wound_angle, self.z, self.length)
+
+    def _shown(self, contact: Contact) -> FloatArray:
+        shown = self.marker_theta.copy()
+        if contact.next == shown.size:
+            return shown
+        span, wound = self.hidden.free_length, self.wound_angle
+        along = contact.span_stretch * span / math.hypot(span, contact.eye - contact.z)
+        for n in range(int(contact.next), shown.size):
+            way = along * (n * self.case.marker_spacing - contact.length)
+            if way > span:
+                break
+            shown[n] = wound + way / self.case.centreline_radius
+        return shown
+
+    def _advance_in_parts(self, angle: float, carriage: float, pull: float) -> None:
+        """Go on in small steps, the carriage in proportion to the angle."""
+        before, came = self._angle, self._carriage
+        parts = math.ceil((angle - before) / GRID_STEP)
+        for part in range(1, parts):
+            share = part / parts
+            self.advance(before + (angle - before) * share, came + (carriage - came) * share, pull)
+        self.advance(angle, carriage, pull)
+
+    def _take_back(self, angle: float) -> None:
+        """Take cable off until the contact line stands at a cylinder angle [rad] again."""
+        path, contact, end = self.path, self._contact, max(angle, 0.0)
+        if end >= self.wound_angle:
+            return
+        k = int(np.searchsorted(path.theta, end, side="left"))
+        after = np.array(path.point(k) if k < path.theta.size else self._end)
+        path.take_back(end)
+        before = np.array(path.point(-1))
+        slope = length_per_angle = 0.0
+        if end > 0.0:
+            _, slope, length_per_angle = (after - before) / (after[0] - before[0])
+        turned = end - before[0]
+        contact["z"], contact["slope"] = before[1] + turned * slope, slope
+        contact["length"] = before[2] + turned * length_per_angle
+        self.marker_theta[self.marker_theta > end] = math.nan
+        contact["next"] = np.isfinite(self.marker_theta).sum()
+        contact["last"] = before[0]

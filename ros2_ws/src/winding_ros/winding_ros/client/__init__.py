@@ -1,0 +1,1 @@
+"""How a program conducts the nodes of a graph: services, lifecycle, diagnostics."""

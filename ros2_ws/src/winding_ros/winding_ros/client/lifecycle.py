@@ -1,0 +1,205 @@
+"""Drives nodes from one lifecycle state to another, through lost answers and refusals."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
+from contextlib import asynccontextmanager
+from typing import Any
+
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+from winding_ros.client.async_client import ServiceCaller
+from winding_ros.graph import GraphError
+
+
+@asynccontextmanager
+async def deadline(timeout: float, sentence: str) -> AsyncIterator[None]:
+    """Raise TimeoutError with a sentence when the body takes longer than timeout [s]."""
+    try:
+        async with asyncio.timeout(timeout):
+            yield
+    except TimeoutError:
+        raise TimeoutError(sentence) from None
+
+
+CONFIGURE = Transition.TRANSITION_CONFIGURE
+ACTIVATE = Transition.TRANSITION_ACTIVATE
+DEACTIVATE = Transition.TRANSITION_DEACTIVATE
+CLEANUP = Transition.TRANSITION_CLEANUP
+# First starts import torch and compile kernels on a busy machine.
+START_TIMEOUT = 120.0
+CONFIGURE_TIMEOUT = 300.0
+# A transition without an answer for so long is looked after.
+ANSWER_PATIENCE = 5.0
+_ANSWER_TIMEOUT = 30.0
+_GOALS = {
+    CONFIGURE: State.PRIMARY_STATE_INACTIVE,
+    ACTIVATE: State.PRIMARY_STATE_ACTIVE,
+    DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
+    CLEANUP: State.PRIMARY_STATE_UNCONFIGURED,
+}
+# What leads back to unconfigured.
+_BACK = {
+    State.PRIMARY_STATE_ACTIVE: DEACTIVATE,
+    State.PRIMARY_STATE_INACTIVE: CLEANUP,
+}
+_SERVICES = {
+    "get_state": GetState,
+    "change_state": ChangeState,
+    "get_parameters": GetParameters,
+    "set_parameters_atomically": SetParametersAtomically,
+}
+
+
+class LifecycleDriver:
+    """Lifecycle and parameters of a graph's nodes, as a program outside their processes sets them.
+
+    Args:
+        calls: Calls the nodes' services.
+        namespace: Of the graph.
+        reason: Returns why a node refused a transition just now.
+    """
+
+    def __init__(
+        self,
+        calls: ServiceCaller,
+        namespace: str,
+        reason: Callable[[str], Awaitable[str]],
+    ) -> None:
+        self._calls = calls
+        self._namespace = f"/{namespace.strip('/')}".rstrip("/")
+        self._reason = reason
+
+    def unserved(self, nodes: Iterable[str]) -> str:
+        """Return which node cannot be driven now, as a sentence; empty when all can."""
+        for node in nodes:
+            for service, type_ in _SERVICES.items():
+                if not self._calls.ready(type_, self._name(node, service)):
+                    return f"{node} does not serve {service} in {self._namespace or '/'}"
+        return ""
+
+    async def state(self, node: str, timeout: float = _ANSWER_TIMEOUT) -> State:
+        """Return a node's lifecycle state.
+
+        Raises:
+            TimeoutError: It does not answer within timeout [s].
+        """
+        answer = await self._call(node, "get_state", GetState.Request(), timeout)
+        return answer.current_state
+
+    async def change(self, node: str, transition: int, timeout: float = CONFIGURE_TIMEOUT) -> None:
+        """Ask for a transition until the node is where it leads, for up to timeout [s].
+
+        An answer can be lost while client and server find each other. Then the node's state
+        tells what became of the request; it answers when the transition is over.
+
+        Raises:
+            GraphError: It refused.
+            TimeoutError: It is not there in time.
+        """
+        late = f"{node} did not finish transition {transition} in {timeout:g} s"
+        async with deadline(timeout, late):
+            while True:
+                response = await self.request(node, transition, ANSWER_PATIENCE)
+                if response is None:
+                    if (await self.state(node, timeout)).id == _GOALS[transition]:
+                        return
+                elif response.success:
+                    return
+                else:
+                    raise GraphError(f"{node}: {await self._reason(node)}")
+
+    async def request(self, node: str, transition: int, timeout: float) -> Any | None:
+        """Ask for a transition once; return the response, None without one in timeout [s]."""
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return await self._calls.try_call(
+            ChangeState, self._name(node, "change_state"), request, timeout
+        )
+
+    async def take_down(self, node: str) -> None:
+        """Bring a node back to unconfigured, from wherever it is.
+
+        Raises:
+            GraphError, TimeoutError: As `change` does.
+        """
+        while (transition := _BACK.get((await self.state(node)).id)) is not None:
+            await self.change(node, transition)
+
+    async def renew(self, nodes: Iterable[str]) -> None:
+        """Pause and resume the nodes that are active, so that they begin a new run.
+
+        Raises:
+            GraphError, TimeoutError: As `change` does.
+        """
+        for node in nodes:
+            if (await self.state(node)).id == State.PRIMARY_STATE_ACTIVE:
+                await self.change(node, DEACTIVATE)
+                await self.change(node, ACTIVATE)
+
+    async def rebuild(
+        self,
+        nodes: Sequence[str],
+        values: Mapping[str, Mapping[str, object]],
+        tell: Callable[[str], None],
+    ) -> None:
+        """Take every node down, set its parameters, and bring all up again.
+
+        Args:
+            nodes: Their names in the order of activation: listeners first, the machine last.
+            values: Parameters by node.
+            tell: Takes one sentence for each stage.
+
+        Raises:
+            GraphError: A node refused; those after it are left as they were.
+            TimeoutError: A node does not answer.
+        """
+        tell("taking the nodes down")
+        for node in reversed(nodes):
+            await self.take_down(node)
+        for node in nodes:
+            await self.set_parameters(node, values.get(node, {}))
+        tell("building the models; the prediction of the run takes some seconds")
+        await asyncio.gather(*(self.change(node, CONFIGURE) for node in nodes))
+        tell("switching on")
+        for node in nodes:
+            await self.change(node, ACTIVATE)
+
+    async def parameters(
+        self, node: str, names: Sequence[str], timeout: float = _ANSWER_TIMEOUT
+    ) -> dict[str, object]:
+        """Return what parameters of a node are set to; those that it does not have are left out.
+
+        Raises:
+            TimeoutError: It does not answer.
+        """
+        request = GetParameters.Request(names=names)
+        answer = await self._call(node, "get_parameters", request, timeout)
+        return dict(zip(names, map(parameter_value_to_python, answer.values), strict=False))
+
+    async def set_parameters(self, node: str, values: Mapping[str, object]) -> None:
+        """Set parameters all at once.
+
+        Raises:
+            GraphError: The node refused them.
+            TimeoutError: It does not answer.
+        """
+        request = SetParametersAtomically.Request(
+            parameters=[
+                Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+            ]
+        )
+        answer = await self._call(node, "set_parameters_atomically", request, _ANSWER_TIMEOUT)
+        if not answer.result.successful:
+            raise GraphError(f"{node}: {answer.result.reason}")
+
+    def _name(self, node: str, service: str) -> str:
+        return f"{self._namespace}/{node}/{service}"
+
+    async def _call(self, node: str, service: str, request: Any, timeout: float) -> Any:
+        return await self._calls.call(
+            _SERVICES[service], self._name(node, service), request, timeout
+        )

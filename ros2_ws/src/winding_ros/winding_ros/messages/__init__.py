@@ -1,0 +1,1 @@
+"""How readings, records and frames are encoded as ROS messages, and decoded again."""

@@ -1,0 +1,289 @@
+"""Readings of the machine as messages, and back; where their numbers stand in the bytes."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from functools import cache, reduce
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from winding_core.machine.axes import AxisReader, JointSample, MachineAxes
+from winding_core.machine.readings import CABLE_TENSION, AxisReading, Quantity
+from winding_ros.messages.cdr import CdrError, CdrReader, Template, number_at, serialised
+from winding_ros.messages.serialised import MessageError, deserialised
+from winding_ros.messages.stamps import decode_stamp, serialised_stamp
+
+CYLINDER_JOINT = "cylinder_joint"
+CARRIAGE_JOINT = "carriage_joint"
+BASE_FRAME = "winder_axis"
+_PLAIN_AXES = MachineAxes()
+_DOUBLE = struct.Struct("<d")
+_NUMBERS = {"double": _DOUBLE, "float": struct.Struct("<f")}
+
+
+def encode_joint_state(t: float, reading: AxisReading) -> bytes:
+    """Return both axes as the CDR bytes of a JointState stamped t [s]."""
+    template, (cylinder, carriage), (fast, slow) = _joint_state_template()
+    into, message = _DOUBLE.pack_into, template.stamped(t)
+    into(message, cylinder, reading.cylinder_angle)
+    into(message, carriage, reading.carriage_position)
+    into(message, fast, reading.angular_speed)
+    into(message, slow, reading.feed_speed)
+    return bytes(message)
+
+
+@cache
+def _joint_state_template() -> tuple[Template, tuple[int, int], tuple[int, int]]:
+    """Return the message, and where its positions and velocities stand."""
+    message = JointState(
+        name=[CYLINDER_JOINT, CARRIAGE_JOINT], position=[0.0, 0.0], velocity=[0.0, 0.0]
+    )
+    message.header.frame_id = BASE_FRAME
+    template = Template.of(message)
+    layout = JointStateLayout.of(template.data, (CYLINDER_JOINT, CARRIAGE_JOINT))
+    fast, slow = layout.velocities
+    assert fast is not None
+    assert slow is not None
+    return template, layout.positions, (fast, slow)
+
+
+def decode_joint_state(message: JointState) -> tuple[float, AxisReading]:
+    """Return (t [s], reading) of a JointState in radians and metres, whatever its joints' order.
+
+    Raises:
+        MessageError: A joint or a velocity is missing, or a number is not finite.
+    """
+    sample = decode_joint_sample(message, _PLAIN_AXES)
+    reading = AxisReader(_PLAIN_AXES).read(sample)
+    if math.isnan(sample.cylinder_speed) or math.isnan(sample.carriage_speed):
+        raise MessageError(_incomplete(message, _PLAIN_AXES, "position and velocity"))
+    return sample.t, reading
+
+
+def decode_joint_sample(message: JointState, axes: MachineAxes) -> JointSample:
+    """Return both joints of a JointState in their own units; a velocity may be missing.
+
+    Raises:
+        MessageError: A joint is missing or a number is not finite.
+    """
+    names = list(message.name)
+    try:
+        cylinder, carriage = names.index(axes.cylinder_joint), names.index(axes.carriage_joint)
+        positions = (message.position[cylinder], message.position[carriage])
+    except (ValueError, IndexError):
+        raise MessageError(_incomplete(message, axes, "position")) from None
+    velocity = message.velocity
+    speeds = tuple(
+        velocity[joint] if joint < len(velocity) else math.nan for joint in (cylinder, carriage)
+    )
+    _check_finite(*positions, *speeds)
+    return JointSample(
+        t=decode_stamp(message.header.stamp),
+        cylinder=positions[0],
+        carriage=positions[1],
+        cylinder_speed=speeds[0],
+        carriage_speed=speeds[1],
+    )
+
+
+class JointStateReader:
+    """Decodes the joint states of one machine, one after the other.
+
+    Messages of one driver look alike: only the first is taken apart as a message object.
+
+    Args:
+        axes: Of the machine.
+    """
+
+    def __init__(self, axes: MachineAxes) -> None:
+        self.axes = axes
+        self._joints = (axes.cylinder_joint, axes.carriage_joint)
+        self._reader = AxisReader(axes)
+        self._layout: JointStateLayout | None = None
+
+    def __call__(self, message: bytes | JointState) -> tuple[float, AxisReading]:
+        """Return (t [s], reading) of a JointState or of its CDR bytes.
+
+        Raises:
+            MessageError: They are none, a joint is missing or a number is not finite.
+        """
+        if isinstance(message, bytes):
+            sample = self._sample(message)
+        else:
+            sample = decode_joint_sample(message, self.axes)
+        return sample.t, self._reader.read(sample)
+
+    def _sample(self, data: bytes) -> JointSample:
+        layout = self._layout
+        if layout is None or not layout.fits(data):
+            sample = decode_joint_sample(deserialised(data, JointState), self.axes)
+            try:
+                self._layout = JointStateLayout.of(data, self._joints)
+            except CdrError:
+                self._layout = None
+            return sample
+        t, cylinder, carriage, fast, slow = layout.numbers(data)
+        _check_finite(cylinder, carriage, fast, slow)
+        return JointSample(
+            t=t, cylinder=cylinder, carriage=carriage, cylinder_speed=fast, carriage_speed=slow
+        )
+
+
+def _check_finite(cylinder: float, carriage: float, *speeds: float) -> None:
+    # A velocity that is not a number is one that the driver does not measure.
+    if not (math.isfinite(cylinder) and math.isfinite(carriage)) or any(map(math.isinf, speeds)):
+        raise MessageError(f"joint state must be finite, got {(cylinder, carriage, *speeds)}")
+
+
+def _incomplete(message: JointState, axes: MachineAxes, wanted: str) -> str:
+    return (
+        f"joint state needs {wanted} of {axes.cylinder_joint} and {axes.carriage_joint}, "
+        f"got names {list(message.name)}, {len(message.position)} positions, "
+        f"{len(message.velocity)} velocities"
+    )
+
+
+def encode_quantity(type_: type, quantity: Quantity, t: float, value: float) -> bytes:
+    """Return one number of a sensor as the CDR bytes of a message of a type, stamped t [s]."""
+    template, place, number = _quantity_template(type_, quantity)
+    message = template.stamped(t)
+    number.pack_into(message, place, float(value))
+    return bytes(message)
+
+
+@cache
+def _quantity_template(type_: type, quantity: Quantity) -> tuple[Template, int, struct.Struct]:
+    """Return the message, and where and how its number stands."""
+    message: Any = type_()
+    message.header.frame_id = quantity.sensor
+    without = serialised(message)
+    *path, last = quantity.field.split(".")
+    owner = reduce(getattr, path, message)
+    setattr(owner, last, 1.0)
+    number = _NUMBERS[owner.get_fields_and_field_types()[last]]
+    place = number_at(without, serialised(message), number.size)
+    return Template.of(message), place, number
+
+
+def decode_quantity(quantity: Quantity, message: Any) -> tuple[float, float]:
+    """Return (t [s], value) of a sensor's message.
+
+    Raises:
+        MessageError: The value is not finite.
+    """
+    value = float(reduce(getattr, quantity.field.split("."), message))
+    if not math.isfinite(value):
+        raise MessageError(f"{quantity.name} must be finite, got {value} {quantity.unit}")
+    return decode_stamp(message.header.stamp), value
+
+
+def encode_tension(t: float, force: float) -> bytes:
+    """Return the load cell's force [N] along the cable as a wrench's CDR bytes, stamped t [s]."""
+    return encode_quantity(WrenchStamped, CABLE_TENSION, t, force)
+
+
+def decode_tension(message: bytes | WrenchStamped) -> tuple[float, float]:
+    """Return (t [s], force [N]) of a load cell's message or of its CDR bytes.
+
+    Raises:
+        MessageError: The force is not finite, or the bytes are none of its messages.
+    """
+    if not isinstance(message, bytes):
+        return decode_quantity(CABLE_TENSION, message)
+    try:
+        reader = CdrReader(message)
+        reader.skip(4, 2)
+        reader.string()
+        # The force along the cable is a wrench's first number.
+        (force,) = _DOUBLE.unpack_from(message, reader.skip(8, 6))
+    except CdrError:
+        return decode_quantity(CABLE_TENSION, deserialised(message, WrenchStamped))
+    if not math.isfinite(force):
+        raise MessageError(f"tension must be finite, got {force} N")
+    return serialised_stamp(message), force
+
+
+def encode_clock(t: float) -> bytes:
+    """Return simulated time t [s] as the CDR bytes of a Clock."""
+    return bytes(_clock_template().stamped(t))
+
+
+@cache
+def _clock_template() -> Template:
+    return Template.of(Clock())
+
+
+def decode_clock(message: Clock) -> tuple[float, None]:
+    """Return simulated time [s], and nothing beside it."""
+    return decode_stamp(message.clock), None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JointStateLayout:
+    """Where the numbers of two joints stand in the messages of one driver."""
+
+    size: int  # Of a message [bytes].
+    fixed: tuple[tuple[slice, bytes], ...]  # What does not change: names and counts.
+    positions: tuple[int, int]  # Offsets of both positions.
+    # Offsets of both velocities; None for joints without.
+    velocities: tuple[int | None, int | None]
+
+    @classmethod
+    def of(cls, data: bytes, joints: tuple[str, str]) -> JointStateLayout:
+        """Return the layout of a message that has both joints and their positions.
+
+        Raises:
+            CdrError: The bytes are of another representation.
+            ValueError: A joint or its position is missing.
+        """
+        reader = CdrReader(data)
+        reader.skip(4, 2)
+        reader.string()
+        # Between the fields there may be anything.
+        begin = reader.skip(4, 0)
+        spans, names = [(begin, begin + 4)], []
+        for _ in range(reader.u32()):
+            begin = reader.skip(4, 0)
+            names.append(reader.string())
+            spans.append((begin, reader.offset))
+        count = reader.skip(4, 0)
+        first, positions = reader.doubles()
+        spans.append((count, count + 4))
+        count = reader.skip(4, 0)
+        second, velocities = reader.doubles()
+        spans.append((count, count + 4))
+        places = tuple(names.index(joint) for joint in joints)
+        if max(places) >= positions:
+            raise ValueError(f"{positions} positions of {len(names)} joints")
+        cylinder, carriage = places
+        return cls(
+            size=len(data),
+            fixed=tuple((slice(begin, end), data[begin:end]) for begin, end in spans),
+            positions=(first + 8 * cylinder, first + 8 * carriage),
+            velocities=(
+                second + 8 * cylinder if cylinder < velocities else None,
+                second + 8 * carriage if carriage < velocities else None,
+            ),
+        )
+
+    def fits(self, data: bytes) -> bool:
+        """Return whether a message has this layout."""
+        return len(data) == self.size and all(data[where] == what for where, what in self.fixed)
+
+    def numbers(self, data: bytes) -> tuple[float, float, float, float, float]:
+        """Return stamp [s], both positions and both velocities; nan for a velocity not measured."""
+        at = _DOUBLE.unpack_from
+        one, other = self.positions
+        fast, slow = self.velocities
+        return (
+            serialised_stamp(data),
+            at(data, one)[0],
+            at(data, other)[0],
+            float("nan") if fast is None else at(data, fast)[0],
+            float("nan") if slow is None else at(data, slow)[0],
+        )

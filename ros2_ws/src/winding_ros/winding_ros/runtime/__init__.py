@@ -1,0 +1,1 @@
+"""How a node runs in its process: parameters, inputs, outputs, signs of life."""

@@ -1,1 +1,0 @@
-"""Plans of a lay: what the machine can do, the solver's word on it, and a picture."""

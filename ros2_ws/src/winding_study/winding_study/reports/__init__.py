@@ -1,1 +1,0 @@
-"""Reports of a run and of a study, with their pictures."""

@@ -1,1 +1,0 @@
-"""Runs wound ahead: planned, stored, recorded."""

@@ -1,1 +1,0 @@
-"""Where the time goes between an exposure and a corrected length."""

@@ -1,0 +1,131 @@
+"""The simulated machine as its topics show it: time, phase, and whether its axes stand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from std_srvs.srv import Trigger
+
+from winding_core.machine.incoming_readings import stands
+from winding_recorder.live.run_buffer import RunBuffer
+from winding_ros import services, topics
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.client.lifecycle import START_TIMEOUT
+from winding_ros.graph import GraphError
+from winding_ros.messages.rig import decode_joint_state
+from winding_ros.messages.serialised import MessageError, deserialised
+from winding_ros.topic import Topic
+
+_MOVING = ("winding", "stopping")
+_STOP_TIMEOUT = 2.0
+
+
+class SimulatedMachine:
+    """The rig node of this graph.
+
+    Args:
+        client: Has the newest diagnostics; calls its services.
+        buffer: Has the newest encoder samples.
+        duration: Simulated length of its run [s].
+    """
+
+    name = topics.RIG
+    sensors: tuple[Topic, ...] = (
+        topics.CLOCK,
+        topics.JOINT_STATES,
+        topics.TENSION,
+        topics.CAMERA_INFO,
+    )
+    simulated = True
+
+    def __init__(self, client: AsyncClient, buffer: RunBuffer, duration: float) -> None:
+        self.end: float | None = duration
+        self._client = client
+        self._buffer = buffer
+
+    @property
+    def t(self) -> float:
+        """Simulated time of the newest encoder sample [s]."""
+        return max(self._buffer.last_stamp(topics.JOINT_STATES), 0.0)
+
+    @property
+    def when(self) -> str:
+        """The present time of the run in words."""
+        return f"at {self.t:.3f} s of simulated time"
+
+    @property
+    def moving(self) -> bool:
+        """Whether its phase is one in which the axes move."""
+        return self._phase in _MOVING
+
+    @property
+    def built(self) -> bool:
+        """Whether there is a machine at all; an unconfigured rig has none."""
+        return self._phase is not None
+
+    @property
+    def standing(self) -> bool:
+        """Whether both axes stand, by their encoders or, failing these, by the machine's phase."""
+        message = self._buffer.last(topics.JOINT_STATES)
+        if message is None:
+            return True
+        try:
+            _, reading = decode_joint_state(deserialised(message.data, topics.JOINT_STATES.type))
+        except MessageError:
+            return self._client.status(topics.RIG) is not None and not self.moving
+        return stands(reading)
+
+    def parameters(self) -> Mapping[str, object]:
+        """Return nothing: its axes begin at zero, in radians and metres."""
+        return {}
+
+    def complaint(self) -> str:
+        """Return why it has stopped by itself, to follow its name, or nothing."""
+        status = self._client.status(topics.RIG)
+        stopped = status is not None and status.values.get("reason")
+        return f"is in {status.message}" if status is not None and stopped else ""
+
+    async def stand(self) -> None:
+        """Return at once: its node is started with the others, and stands."""
+
+    async def ready(self) -> None:
+        """Return at once: time waits for its start."""
+
+    async def begun(self) -> None:
+        """Return at once: time begins with its start."""
+
+    async def leave(self) -> str:
+        """Return at once: its node brings it to rest when it ends."""
+        return ""
+
+    async def start(self) -> None:
+        """Let it wind, or wind on.
+
+        Raises:
+            GraphError: It refused.
+            TimeoutError: It does not answer.
+        """
+        response = await self._client.call(
+            Trigger, self._name(services.START.name), Trigger.Request(), START_TIMEOUT
+        )
+        if not response.success:
+            raise GraphError(f"{services.START.name} was refused: {response.message}")
+
+    async def quick_stop(self) -> str:
+        """Ask it to come to rest; return how that failed, or nothing."""
+        service = services.QUICK_STOP.name
+        try:
+            answer = await self._client.call(
+                Trigger, self._name(service), Trigger.Request(), _STOP_TIMEOUT
+            )
+        except TimeoutError:
+            return f"{topics.RIG} did not answer to {service}"
+        return "" if answer.success else f"{topics.RIG} refused {service} ({answer.message})"
+
+    def _name(self, service: str) -> str:
+        return str(self._client.node.resolve_service_name(service))
+
+    @property
+    def _phase(self) -> str | None:
+        status = self._client.status(topics.RIG)
+        return None if status is None else status.values.get("phase")

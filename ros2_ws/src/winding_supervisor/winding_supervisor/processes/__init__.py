@@ -1,0 +1,1 @@
+"""How are the nodes of a graph started, brought up, matched and ended?"""

@@ -1,0 +1,131 @@
+"""Endpoints of the graph: has every publisher its subscribers, has a topic a second publisher?"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Collection, Iterable
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from winding_ros import topics
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.graph import NodeSpec, expected_subscribers
+from winding_ros.message_guard import UNKNOWN_NODE, Rivals
+from winding_ros.runtime.endpoints import contestants
+from winding_ros.runtime.heartbeat import heartbeat_topic
+from winding_ros.topic import Topic
+
+PATIENCE = 30.0
+# An external subscriber that cannot be reached is not waited for any longer.
+_EXTERNAL_PATIENCE = 5.0
+_POLL = 0.02
+
+
+class Discovery:
+    """Compares the subscriber counts of publishers with what the graph promises.
+
+    A publisher knows how many subscribers it has, not who they are. Those from outside the
+    graph, such as an operator's page, are counted out: they must not stand for a node that is
+    missing still.
+
+    Args:
+        client: Knows the counts that nodes report, and who subscribes.
+        recorded: Topics that the recorder listens to.
+        graph: The nodes.
+    """
+
+    def __init__(
+        self, client: AsyncClient, recorded: frozenset[str], graph: tuple[NodeSpec, ...]
+    ) -> None:
+        self._client = client
+        self._recorded = recorded
+        self._expected = expected_subscribers(recorded, graph)
+        self._nodes = frozenset(spec.name for spec in graph)
+
+    async def complete(self) -> None:
+        """Wait until no subscriber is missing.
+
+        Raises:
+            TimeoutError: Who is missing, as a sentence.
+        """
+        begin = time.monotonic()
+        while missing := self.missing(external=time.monotonic() - begin < _EXTERNAL_PATIENCE):
+            if time.monotonic() - begin > PATIENCE:
+                raise TimeoutError(
+                    f"not every subscriber found its publisher in {PATIENCE:g} s: {missing[0]}"
+                )
+            await asyncio.sleep(_POLL)
+
+    def missing(self, *, external: bool = True) -> list[str]:
+        """Return one sentence for each publisher that lacks subscribers.
+
+        Args:
+            external: Whether those from outside the graph are counted out.
+        """
+        found = []
+        for node, counts in self._expected.items():
+            for topic, count in counts.items():
+                matched = self._client.matched(node, topic)
+                if matched < count or (external and matched < count + self._outsiders(topic)):
+                    found.append(f"{node} {topic} has {matched} of {count} subscribers")
+        return found
+
+    def _outsiders(self, name: str) -> int:
+        topic = next(topic for topic in topics.TOPICS if topic.name == name)
+        # A recorder that takes pictures on demand comes and goes, too.
+        own = self._nodes | {topics.RECORDER} if name in self._recorded else self._nodes
+        return outsiders(self._client, topic, own)
+
+
+def outsiders(client: AsyncClient, topic: Topic, own: Collection[str]) -> int:
+    """Return how many subscribers a topic's publisher can have beside those of its own graph.
+
+    Args:
+        client: Knows who subscribes.
+        topic: Of the graph.
+        own: Names of the graph's nodes that may subscribe.
+    """
+    node = client.node
+    namespace = node.get_namespace().rstrip("/")
+    return sum(
+        found.node_name != UNKNOWN_NODE
+        and (found.node_namespace.rstrip("/") != namespace or found.node_name not in own)
+        and _reaches(topic, found.qos_profile)
+        for found in node.get_subscriptions_info_by_topic(node.resolve_topic_name(topic.name))
+    )
+
+
+def _reaches(topic: Topic, subscriber: QoSProfile) -> bool:
+    """Return whether a subscriber can match a topic's publisher, which is reliable.
+
+    The graph reports a deadline of eternity as one that the publisher does not keep, so rclpy's
+    own comparison is of no use here.
+    """
+    return topic.latched or subscriber.durability != DurabilityPolicy.TRANSIENT_LOCAL
+
+
+class RivalWatch:
+    """Counts the publishers of every topic that may have one.
+
+    Args:
+        node: Knows the graph.
+        nodes: Names of the nodes that give signs of life.
+    """
+
+    def __init__(self, node: Node, nodes: Iterable[str]) -> None:
+        self._node = node
+        # A robot_state_publisher publishes the same as the orchestrator.
+        shared = (topics.EVERY_NODE, topics.ORCHESTRATOR)
+        own = [topic.name for topic in topics.TOPICS if topic.publisher not in shared]
+        signs = [heartbeat_topic(name) for name in (*nodes, topics.ORCHESTRATOR)]
+        self._rivals = {name: Rivals() for name in (*own, *signs)}
+
+    def look(self, now: float) -> tuple[str, str] | None:
+        """Return which topic is contested at monotonic time `now` [s], and by whom, or None."""
+        for name, before in self._rivals.items():
+            self._rivals[name] = after = before.look(name, contestants(self._node, name), now)
+            if after.sentence:
+                return name, after.sentence.removeprefix(f"{name} ")
+        return None

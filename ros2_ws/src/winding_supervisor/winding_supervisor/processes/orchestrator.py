@@ -1,0 +1,253 @@
+"""Start the graph's processes, drive them to active, watch them, stop them in reverse."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from winding_core.parameters import declarations
+from winding_ros import topics
+from winding_ros.client.async_client import AsyncClient
+from winding_ros.client.lifecycle import (
+    ACTIVATE,
+    ANSWER_PATIENCE,
+    CONFIGURE_TIMEOUT,
+    DEACTIVATE,
+    START_TIMEOUT,
+    LifecycleDriver,
+    deadline,
+)
+from winding_ros.graph import GRAPH, GraphError, NodeSpec, parameters_of, without_replay
+from winding_ros.runtime.parameter_files import parameters_for
+from winding_supervisor.processes.discovery import PATIENCE, Discovery
+from winding_supervisor.processes.members import AttachedNode, Member, configure, exit_error
+from winding_supervisor.processes.node_process import node_process
+
+# A successor may hang as its predecessor did; one that replays a long run only takes long.
+_RESTART_PATIENCE = (20.0, 60.0, CONFIGURE_TIMEOUT)
+_POLL = 0.02
+_FORGETTING = 0.5
+# The answer to a transition may overtake the sentence on the node's own output.
+_REFUSAL_PATIENCE = 5.0
+_FAREWELL_PATIENCE = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraphConfig:
+    """How a graph is run."""
+
+    namespace: str  # Without slashes around it
+    log_directory: Path  # Folder of the nodes' output
+    parameters: Mapping[str, Mapping[str, object]]  # Node name -> parameter name -> value
+    parameters_file: Path | None = None  # Parameter file of the user, given to every node
+    recorded: frozenset[str] = frozenset()  # Topics that the recorder of this process listens to
+    attach: bool = False  # Whether the nodes run elsewhere, such as in a container each
+    graph: tuple[NodeSpec, ...] = GRAPH  # The nodes, those first that only listen
+    sim_time: bool = True  # Whether the nodes' time is the simulated machine's
+
+
+class Orchestrator:
+    """Runs one graph; every wait is for a state, none for a time."""
+
+    def __init__(self, config: GraphConfig, client: AsyncClient) -> None:
+        self.config = config
+        self._client = client
+        self._transitions = LifecycleDriver(client, config.namespace, self._reason)
+        self.processes: list[Member] = [self._process(spec) for spec in config.graph]
+        self._active: set[str] = set()
+        self._matching = Discovery(client, config.recorded, config.graph)
+        # What the nodes were found to be set to, for those that are started again.
+        self._adopted: dict[str, dict[str, object]] = {}
+
+    async def start(self) -> None:
+        """Start every process."""
+        for process in self.processes:
+            await process.start()
+
+    async def bring_up(self) -> None:
+        """Configure all nodes, activate them sinks first, wait until all are matched."""
+        await self._while_alive(self._configure_all())
+        for process in self.processes:
+            await self._while_alive(
+                self._transitions.change(process.spec.name, ACTIVATE, START_TIMEOUT)
+            )
+            self._active.add(process.spec.name)
+        await self._while_alive(self._matched())
+
+    def process(self, name: str) -> Member:
+        """Return a node's present process."""
+        return next(process for process in self.processes if process.spec.name == name)
+
+    def pids(self) -> dict[str, int]:
+        """Return the process ids of the nodes that run."""
+        return {
+            process.spec.name: process.pid
+            for process in self.processes
+            if process.started and process.return_code is None
+        }
+
+    async def restart(
+        self, name: str, extra: Mapping[str, object], late: Callable[[str], object]
+    ) -> None:
+        """Kill what is left of a node, start it anew and bring it to active.
+
+        A successor that hangs is killed and followed by another, which is given more time.
+
+        Args:
+            name: The node.
+            extra: Parameters beside those that it was started with.
+            late: Takes what became of a successor that is given up, to follow the node's name.
+
+        Raises:
+            GraphError, TimeoutError: It does not come up again.
+        """
+        for attempt, patience in enumerate(_RESTART_PATIENCE, start=1):
+            sentence = f"was not active again {patience:g} s after it was started"
+            try:
+                async with deadline(patience, f"{name} {sentence}"):
+                    await self._replace(name, extra)
+            except TimeoutError:
+                if attempt == len(_RESTART_PATIENCE):
+                    raise
+                late(sentence)
+            else:
+                return
+
+    async def _replace(self, name: str, extra: Mapping[str, object]) -> None:
+        old = self.process(name)
+        self._active.discard(name)
+        await old.kill()
+        new = self._process(old.spec, {**self._adopted.get(name, {}), **extra})
+        self.processes[self.processes.index(old)] = new
+        await new.start()
+        await self._while_alive(configure(self._transitions, new), [new])
+        await self._while_alive(self._transitions.change(name, ACTIVATE, CONFIGURE_TIMEOUT), [new])
+        self._active.add(name)
+
+    async def rematch(self, names: Collection[str]) -> None:
+        """Wait until the graph has forgotten killed processes and matches their successors."""
+        async with deadline(PATIENCE, f"the graph does not forget a killed {names}"):
+            while any(self._client.present(name) != 1 for name in names):
+                await asyncio.sleep(_POLL)
+        # Each process forgets for itself, a little earlier or later than this one.
+        await asyncio.sleep(_FORGETTING)
+        await self._while_alive(self._matched())
+
+    async def adopt_parameters(self) -> dict[str, dict[str, object]]:
+        """Return what every node is set to now; a node that is restarted gets the same.
+
+        A node that does not answer keeps what was known of it.
+        """
+        for process in self.processes:
+            name = process.spec.name
+            stated = [item.name for item in declarations(parameters_of(process.spec))]
+            with contextlib.suppress(TimeoutError):
+                values = await self._transitions.parameters(name, stated, ANSWER_PATIENCE)
+                if len(values) == len(stated):
+                    self._adopted[name] = values
+        return dict(self._adopted)
+
+    async def bring_up_anew(self, parameters: Mapping[str, Mapping[str, object]]) -> None:
+        """Take every node down and bring it up with other parameters; one that has ended, too.
+
+        Raises:
+            GraphError, TimeoutError: A node refuses, or does not come up.
+        """
+        self.config = replace(self.config, parameters=parameters)
+        self._adopted = {}
+        for process in tuple(self.processes):
+            if process.started and process.return_code is not None:
+                await self._replace(process.spec.name, {})
+        fresh = without_replay(self.config.graph)
+        values = {name: {**parameters.get(name, {}), **fresh.get(name, {})} for name in self._names}
+        await self._while_alive(self._transitions.rebuild(self._names, values, lambda _: None))
+        await self._while_alive(self._matched())
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(process.spec.name for process in self.processes)
+
+    async def begin_anew(self) -> None:
+        """Let every node but the rig begin a new run: what it knew of the last one is gone."""
+        names = (spec.name for spec in self.config.graph if spec.name != topics.RIG)
+        await self._while_alive(self._transitions.renew(names))
+
+    async def first_death(self, among: Sequence[Member] = ()) -> Member:
+        """Wait until a process ends, of some or of all; return it."""
+        watched = among or self.processes
+        tasks = {asyncio.create_task(process.ended()): process for process in watched}
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+        return tasks[done.pop()]
+
+    async def stop(self) -> None:
+        """Stop every process: the active ones in order, the rig first, then the others at once."""
+        for process in reversed(self.processes):
+            if process.return_code is not None or process.spec.name not in self._active:
+                continue
+            await self._transitions.request(process.spec.name, DEACTIVATE, _FAREWELL_PATIENCE)
+            if isinstance(process, AttachedNode):
+                # One that has gone is not waited for.
+                with contextlib.suppress(TimeoutError, GraphError):
+                    await process.let_go()
+            else:
+                await process.stop()
+        await asyncio.gather(*(process.stop() for process in self.processes if process.started))
+
+    async def kill(self) -> None:
+        """End every process that is left, whatever state it is in."""
+        for process in self.processes:
+            if process.started:
+                await process.kill()
+
+    def _process(self, spec: NodeSpec, extra: Mapping[str, object] | None = None) -> Member:
+        namespace = self.config.namespace
+        values = {"use_sim_time": self.config.sim_time, **self.config.parameters.get(spec.name, {})}
+        values |= extra or {}
+        if self.config.attach:
+            if self.config.parameters_file is not None:
+                values = (
+                    parameters_for(self.config.parameters_file, f"/{namespace}/{spec.name}")
+                    | values
+                )
+            return AttachedNode(spec, self._transitions, values)
+        return node_process(
+            spec, namespace, self.config.log_directory, values, self.config.parameters_file
+        )
+
+    async def _reason(self, name: str) -> str:
+        return await self.process(name).refusal(_REFUSAL_PATIENCE)
+
+    async def _configure_all(self) -> None:
+        await asyncio.gather(*(configure(self._transitions, process) for process in self.processes))
+
+    async def _matched(self) -> None:
+        try:
+            await self._matching.complete()
+        except TimeoutError as error:
+            raise GraphError(str(error)) from None
+
+    async def _while_alive(
+        self, work: Coroutine[Any, Any, Any], among: Sequence[Member] = ()
+    ) -> None:
+        task = asyncio.create_task(work)
+        death = asyncio.create_task(self.first_death(among))
+        try:
+            await asyncio.wait({task, death}, return_when=asyncio.FIRST_COMPLETED)
+            if task.done():
+                task.result()
+                return
+            dead = death.result()
+        finally:
+            task.cancel()
+            death.cancel()
+        # Its output may still be on its way through the pipe.
+        await dead.stop()
+        raise exit_error(dead)

@@ -1,0 +1,1 @@
+"""What is noticed while a graph runs, and what is done about it?"""

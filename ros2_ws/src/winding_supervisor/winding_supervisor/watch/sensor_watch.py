@@ -1,0 +1,77 @@
+"""Do the machine's topics keep step with each other? Pure: stamps in, findings out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from statistics import median
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorWatchConfig:
+    """When a topic has fallen silent.
+
+    Attributes:
+        lag: Simulated time that a topic may lie behind the others [s]; readers may lag by 0.25 s
+            as a whole, topics among each other by less.
+        patience: Wall time for which it has to do so [s]; one that lies behind has to stand still
+            as well, for a busy machine or disk makes topics late without silencing them.
+    """
+
+    lag: float = 0.12
+    lead: float = 0.5  # Simulated time that a topic may lie ahead of the others [s]
+    patience: float = 2.0
+    standstill: float = 5.0  # Wall time without any progress of an awaited answer [s]
+
+
+@dataclass(kw_only=True)
+class SensorWatch:
+    """Compares the newest stamps of one machine's topics; `config` has the limits."""
+
+    config: SensorWatchConfig = field(default_factory=SensorWatchConfig)
+    _since: dict[str, tuple[float, float]] = field(default_factory=dict)
+    _progress: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    def look(
+        self, now: float, sensors: Mapping[str, float], answers: Mapping[str, float]
+    ) -> tuple[str, str] | None:
+        """Return which topic is wrong at wall time `now` [s], and how, to follow its name; or None.
+
+        Args:
+            now: Wall time [s].
+            sensors: Newest stamp [s] of each topic of the machine.
+            answers: Newest stamp [s] of each topic that follows the machine.
+        """
+        middle = median(sensors.values())
+        for topic, stamp in sensors.items():
+            late = stamp < middle - self.config.lag
+            early = stamp > middle + self.config.lead
+            if not late and not early:
+                self._since.pop(topic, None)
+                continue
+            seen, since = self._since.get(topic, (stamp, now))
+            if late and stamp != seen:
+                since = now
+            self._since[topic] = (stamp, since)
+            if now - since >= self.config.patience:
+                if early:
+                    return topic, f"is at {stamp:.3f} s while the machine is at {middle:.3f} s"
+                return topic, f"is silent since {stamp:.3f} s of simulated time"
+        return self._stuck_answer(now, middle, answers)
+
+    def forget(self) -> None:
+        """Begin anew: the machine stood meanwhile."""
+        self._since.clear()
+        self._progress.clear()
+
+    def _stuck_answer(
+        self, now: float, middle: float, answers: Mapping[str, float]
+    ) -> tuple[str, str] | None:
+        for topic, stamp in answers.items():
+            last, since = self._progress.get(topic, (stamp, now))
+            if stamp != last or stamp >= middle - self.config.lag:
+                last, since = stamp, now
+            self._progress[topic] = (last, since)
+            if now - since >= self.config.standstill:
+                return topic, f"has brought nothing new since {stamp:.3f} s of simulated time"
+        return None

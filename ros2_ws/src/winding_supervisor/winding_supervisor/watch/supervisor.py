@@ -1,0 +1,333 @@
+"""Watch a running graph: notice what fails, stop the machine first, then act by the policy."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from collections import Counter, defaultdict
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import NoReturn
+
+from winding_core.status import Level
+from winding_recorder.live.recorder import RunBuffer
+from winding_recorder.live.run_buffer import buffered_inputs
+from winding_ros import topics
+from winding_ros.client.async_client import NAME, AsyncClient
+from winding_ros.graph import GraphError, Policy
+from winding_ros.runtime.heartbeat import Sign
+from winding_supervisor.machines.machine import Machine
+from winding_supervisor.processes.discovery import RivalWatch
+from winding_supervisor.processes.node_process import Backoff
+from winding_supervisor.processes.orchestrator import Orchestrator
+from winding_supervisor.watch.event_log import EventLog
+from winding_supervisor.watch.load_monitor import LoadMonitor
+from winding_supervisor.watch.sensor_watch import SensorWatch
+
+_LOOK_PERIOD = 0.05
+_BEAT_PERIOD = 0.1
+_CENSUS_PERIOD = 0.25
+_LOAD_PERIOD = 1.0
+_STAND_TIMEOUT = 3.0
+_STALLS = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """Something that failed."""
+
+    node: str  # Node or signal
+    text: str  # What is wrong with it, to follow its name
+    fatal: bool  # Whether the run cannot go on whatever the node's policy
+    wall: float  # When it was noticed, monotonic [s]
+
+
+class Supervisor:
+    """Supervises one run of a graph.
+
+    The operating system reports crashes. DDS reports hangs: a stopped process loses its liveliness
+    within 0.8 s, one whose work no longer ends misses its deadline of 3 s twice. A process that
+    merely gets no processor loses its liveliness too; the operating system knows the difference.
+    Stamps show a silent sensor, the machine itself reports an implausible one. The machine is
+    stopped before anything else is done.
+
+    Args:
+        orchestrator: Whose processes.
+        machine: What moves.
+        client: The orchestrator's node.
+        buffer: Messages of the graph so far.
+        log: Where events go.
+        replay: Writes the run's inputs so far and returns the parameters with which a node
+            replays them, by node.
+        operated: Whether an operator starts and stops the machine. Then supervision does
+            not start it, and ignores what nodes do while it stands.
+        stand_timeout: Wall time in which the axes have to stand after a stop [s].
+        backoff: Makes the count of restarts of one node.
+    """
+
+    def __init__(
+        self,
+        orchestrator: Orchestrator,
+        machine: Machine,
+        client: AsyncClient,
+        buffer: RunBuffer,
+        log: EventLog,
+        replay: Mapping[str, Callable[[], dict[str, object]]],
+        *,
+        operated: bool = False,
+        stand_timeout: float = _STAND_TIMEOUT,
+        backoff: Callable[[], Backoff] = Backoff,
+    ) -> None:
+        self.log = log
+        self._orchestrator = orchestrator
+        self._client = client
+        self._buffer = buffer
+        self._machine = machine
+        self._graph = orchestrator.config.graph
+        self._replay = replay
+        self._operated = operated
+        self._stand_timeout = stand_timeout
+        self._findings: asyncio.Queue[Finding] = asyncio.Queue()
+        self._healthy: set[str] = set()
+        self._misses: Counter[str] = Counter()
+        self._backoff: dict[str, Backoff] = defaultdict(backoff)
+        self._sensors = SensorWatch()
+        self._rivals = RivalWatch(client.node, (spec.name for spec in self._graph))
+        self._ends: dict[str, asyncio.Task[None]] = {}
+
+    @asynccontextmanager
+    async def beating(self) -> AsyncIterator[None]:
+        """Give the signs of life that keep the machine moving."""
+        for spec in self._graph:
+            self._client.watch(spec.name, partial(self._note_sign, spec.name))
+        task = asyncio.create_task(self._beat())
+        try:
+            yield
+        finally:
+            task.cancel()
+
+    async def watch(self) -> None:
+        """Supervise until something ends the run.
+
+        Raises:
+            GraphError: Why the run cannot go on; the machine stands.
+        """
+        self._findings = asyncio.Queue()
+        self._sensors.forget()
+        for spec in self._graph:
+            self._trust(spec.name)
+        watched = (self._look(), self._look_for_rivals(), self._publish_load())
+        tasks = [asyncio.create_task(work) for work in watched]
+        try:
+            while True:
+                await self._handle(await self._next_finding(tasks))
+        except (TimeoutError, ValueError) as error:
+            raise GraphError(str(error)) from error
+        finally:
+            for task in tasks:
+                task.cancel()
+            for task in self._ends.values():
+                task.cancel()
+
+    async def _next_finding(self, watching: Sequence[asyncio.Task[None]]) -> Finding:
+        """Return what fails next; whoever watches may end, but not by an error of its own."""
+        coming = asyncio.create_task(self._findings.get())
+        try:
+            while not coming.done():
+                for task in watching:
+                    if task.done():
+                        task.result()
+                going = [task for task in watching if not task.done()]
+                await asyncio.wait([coming, *going], return_when=asyncio.FIRST_COMPLETED)
+            return coming.result()
+        finally:
+            coming.cancel()
+
+    @property
+    def t(self) -> float:
+        """Simulated time of the newest encoder sample [s]."""
+        return self._machine.t
+
+    @property
+    def _left_alone(self) -> bool:
+        """Whether a machine stands that may, so that nodes may be silent and topics late."""
+        may_stand = self._operated or not self._machine.simulated
+        return may_stand and not self._machine.moving
+
+    def _trust(self, name: str) -> None:
+        self._healthy.add(name)
+        self._misses[name] = 0
+        self._ends[name] = asyncio.create_task(self._await_end(name))
+
+    async def _await_end(self, name: str) -> None:
+        process = self._orchestrator.process(name)
+        code = await process.ended()
+        self._find(name, f"ended with exit code {code}")
+
+    def _note_sign(self, name: str, sign: Sign) -> None:
+        process = self._orchestrator.process(name)
+        # The operating system reports a process that has ended, with its exit code.
+        if process.return_code is not None or name not in self._healthy:
+            return
+        if sign is Sign.ALIVE:
+            self._misses[name] = 0
+        elif sign is Sign.STALLED:
+            # Models are built while nothing moves.
+            if self._left_alone:
+                return
+            # A process that gets no processor is late; one that hangs is late again and again.
+            self._misses[name] += 1
+            if self._misses[name] >= _STALLS:
+                self._find(name, sign.value)
+        elif sign is Sign.REPLACED:
+            # The orchestrator knows of its own processes; an attached node has forgotten the run.
+            if not process.started:
+                self._find(name, sign.value)
+        elif process.stopped:
+            self._find(name, sign.value)
+
+    def _find(self, node: str, text: str, *, fatal: bool = False) -> None:
+        """Take note of a failure, once for as long as it is dealt with."""
+        known = node in {spec.name for spec in self._graph}
+        if known and not fatal:
+            if node not in self._healthy:
+                return
+            self._healthy.discard(node)
+        self._findings.put_nowait(Finding(node=node, text=text, fatal=fatal, wall=time.monotonic()))
+
+    async def _beat(self) -> None:
+        while True:
+            self._client.beat()
+            await asyncio.sleep(_BEAT_PERIOD)
+
+    async def _look(self) -> None:
+        """Watch the stamps of the sensors and the diagnostics of the nodes."""
+        while True:
+            await asyncio.sleep(_LOOK_PERIOD)
+            complaint = self._machine.complaint()
+            if complaint:
+                self._find(self._machine.name, complaint, fatal=True)
+                return
+            # A node that is given nothing it can use has asked the machine to stop by itself.
+            for name in self._healthy:
+                status = self._client.status(f"{name}: topics")
+                if status is not None and status.level >= Level.ERROR:
+                    self._find(name, status.message, fatal=True)
+                    return
+            sensors = {
+                topic.name: self._buffer.last_stamp(topic) for topic in self._machine.sensors
+            }
+            awake = min(sensors.values()) >= 0.0 and len(self._healthy) == len(self._graph)
+            if self._left_alone or not awake:
+                self._sensors.forget()
+                continue
+            answers = {
+                spec.answer.name: self._buffer.last_stamp(spec.answer)
+                for spec in self._graph
+                if spec.answer is not None
+            }
+            wrong = self._sensors.look(time.monotonic(), sensors, answers)
+            if wrong is not None:
+                self._find(*wrong, fatal=True)
+                return
+
+    async def _look_for_rivals(self) -> None:
+        """Look who else publishes on the topics of the graph."""
+        contested = None
+        while contested is None:
+            await asyncio.sleep(_CENSUS_PERIOD)
+            contested = self._rivals.look(time.monotonic())
+        self._find(*contested, fatal=True)
+
+    async def _publish_load(self) -> None:
+        load = LoadMonitor(self._buffer)
+        # Rates and loads are those since the last look.
+        load.look(time.monotonic(), self._pids())
+        while True:
+            await asyncio.sleep(_LOAD_PERIOD)
+            level, message, values = load.look(time.monotonic(), self._pids())
+            self._client.tell(self.t, level, "vitals", message, values)
+
+    def _pids(self) -> dict[str, int]:
+        return {**self._orchestrator.pids(), NAME: os.getpid()}
+
+    async def _handle(self, finding: Finding) -> None:
+        sentence = f"{finding.node} {finding.text} {self._machine.when}"
+        self._note("detected", finding.node, finding.text, wall=finding.wall)
+        if finding.node == topics.RIG and not finding.fatal:
+            # No process is left that could stop the axes; its process goes, and its drives with it.
+            process = self._orchestrator.process(topics.RIG)
+            await process.kill()
+            cause = process.complaint()
+            self._end(finding.node, sentence + (f": {cause}" if cause else ""))
+        if self._left_alone and not self._machine.built:
+            # Nothing can move, and whoever was preparing it waits for this node in vain.
+            self._end(finding.node, sentence)
+        await self._stop_machine()
+        if finding.fatal:
+            self._end(finding.node, sentence)
+        policy = next(spec.policy for spec in self._graph if spec.name == finding.node)
+        if policy is Policy.END:
+            await self._orchestrator.process(finding.node).kill()
+            self._end(finding.node, sentence)
+        await self._start_again(finding, policy, sentence)
+
+    async def _stop_machine(self) -> None:
+        failure = await self._machine.quick_stop()
+        if failure and self._machine.simulated:
+            await self._orchestrator.process(topics.RIG).kill()
+            failure += " and was killed"
+        if failure:
+            self._end(topics.RIG, failure)
+        self._note("stopped", topics.RIG, "rig/quick_stop")
+        end = time.monotonic() + self._stand_timeout
+        while not self._machine.standing:
+            if time.monotonic() > end:
+                limit = f"{self._stand_timeout:g} s"
+                self._end(topics.RIG, f"the machine does not stand {limit} after stop")
+            await asyncio.sleep(0.01)
+        self._note("standing", topics.RIG, "both axes stand")
+
+    async def _start_again(self, finding: Finding, policy: Policy, sentence: str) -> None:
+        name = finding.node
+        wait = self._backoff[name].next_wait(time.monotonic())
+        if wait is None:
+            self._end(name, f"{sentence}, for the fourth time within a minute")
+        await asyncio.sleep(wait)
+        extra = self._replay[name]() if policy is Policy.REPLAY else {}
+        self._note("restarting", name, policy.value)
+        await self._orchestrator.restart(name, extra, partial(self._note, "restarting", name))
+        self._note("restarted", name, "active again")
+        await self._orchestrator.rematch([name])
+        # An operator may have pressed Stop while the machine stood; Start is theirs.
+        if self._findings.empty() and not self._operated:
+            await self._machine.start()
+            self._note("resumed", topics.RIG, "rig/start")
+        self._sensors.forget()
+        self._trust(name)
+
+    def _end(self, node: str, sentence: str) -> NoReturn:
+        self._note("ended", node, sentence)
+        raise GraphError(sentence)
+
+    def _note(self, what: str, node: str, text: str, *, wall: float | None = None) -> None:
+        self.log.note(what, node, text, t=self.t, wall=wall)
+        level = Level.OK if what in ("restarted", "resumed") else Level.ERROR
+        values = {"time": f"{self.t:.3f}"}
+        self._client.tell(self.t, level, "supervision", f"{what}: {node} {text}", values)
+
+
+def replay_parameters(buffer: RunBuffer, file: Path, since: float = 0.0) -> dict[str, object]:
+    """Write the run's inputs so far into a file; return the parameters that replay them.
+
+    Args:
+        buffer: Messages of the graph.
+        file: Where the inputs go.
+        since: When the run began, monotonic wall time [s].
+    """
+    buffered_inputs(buffer, since).write(file)
+    return {"replay": str(file)}

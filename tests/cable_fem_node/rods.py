@@ -1,0 +1,52 @@
+"""Rods, readings and tracked runs that tests of the solver share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cable_fem_node.identification import Readings, TrackedRun
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cable.cases import paper_case
+from winding_core.machine.drive import DriveProfile
+from winding_core.planned_inputs import planned_inputs
+
+CASE = paper_case(4)
+CONFIG = WindingConfig(case=CASE)
+DRIVE = DriveProfile()
+
+
+def case_of(number: int, **fields: Any) -> WindingConfig:
+    """Return the model of a published case with changed fields."""
+    return WindingConfig(case=paper_case(number), **fields)
+
+
+def follow(
+    model: RodWinding, until: float, period: float = 0.02, tension: float | None = None
+) -> RodWinding:
+    """Let a rod follow the paper's machine to a time [s], call by call."""
+    begin = model.time
+    for i in range(1, round((until - begin) / period) + 1):
+        t = begin + period * i
+        model.advance_to(t, DRIVE.reading_at(t), tension)
+    return model
+
+
+def readings(**changed: Any) -> Readings:
+    """Return readings of P1 and P2 as they lie about in case 4."""
+    values: dict[str, Any] = {
+        "ids": np.array([1, 2]),
+        "theta": np.array([6.5, 13.1]),
+        "z": np.array([0.004, 0.015]),
+        "sigma_theta": np.full(2, 3e-3),
+        "sigma_z": np.full(2, 1e-4),
+    }
+    return Readings(**(values | changed))
+
+
+def tracked(config: WindingConfig = CONFIG, duration: float = 12.0, **changed: Any) -> TrackedRun:
+    """Return a run of the paper's machine with `readings`."""
+    inputs = planned_inputs(DRIVE, duration)
+    return TrackedRun(config=config, inputs=inputs, readings=readings(**changed))

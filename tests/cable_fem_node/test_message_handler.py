@@ -1,0 +1,169 @@
+"""What the solver's handler answers: predictions in pieces, the cable's end, a replayed run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rods import CONFIG, DRIVE
+from solver_bench import SolverBench, fed
+
+from cable_fem_node.ros import message_handler
+from cable_fem_node.ros.message_handler import FemHandler
+from cable_fem_node.ros.parameters import FemParameters
+from cable_fem_node.winding.prediction import predict
+from cable_fem_node.winding.run_ahead import PIECE
+from winding_core.machine.readings import AxisReading
+from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, Markers, is_wound
+from winding_core.run_inputs import INPUT_DTYPE, RunInputs
+from winding_ros import topics
+from winding_ros.messages.clouds import decode_cloud
+from winding_ros.messages.stamps import decode_stamp, encode_stamp
+
+LONG = PIECE + 4.0
+DURATION = 0.6
+CUT = 400
+
+
+def predicted(answers: Any) -> list[tuple[float, Markers]]:
+    return [decode_cloud(answer.data, MARKER_DTYPE) for answer in answers]
+
+
+@pytest.mark.slow
+def test_run_is_predicted_in_pieces_and_ends_as_the_whole() -> None:
+    handler = FemHandler(FemParameters(case=4, duration=LONG), ahead_elsewhere=True)
+    # What configuring waits for is the first piece, however long the run is.
+    assert handler.ahead.model.time == pytest.approx(PIECE, abs=0.02)
+    assert not handler.ahead.done
+    ((t, first),) = predicted(handler.begin(7.0))
+    assert t == 7.0
+    assert is_wound(first).all()
+    list(handler.ahead.wind_on())
+    (_, early), (_, last) = predicted(handler.begin(8.0))
+    np.testing.assert_array_equal(early, first)
+    whole = predict(CONFIG, duration=LONG).markers
+    for name in ("theta", "z", "s", "flags"):
+        np.testing.assert_array_equal(last[name], whole[name])
+
+
+@pytest.mark.slow
+def test_handler_that_is_alone_yields_the_whole_prediction_at_once() -> None:
+    handler = FemHandler(FemParameters(case=4, duration=LONG))
+    assert len(predicted(handler.begin(0.0))) == 2
+    assert handler.ahead.done
+
+
+def test_run_of_an_hour_is_configured_after_its_first_piece() -> None:
+    handler = FemHandler(FemParameters(case=4, duration=3600.0), ahead_elsewhere=True)
+    assert handler.ahead.model.time <= PIECE + 0.02
+
+
+def test_stiff_cable_is_configured_after_part_of_a_piece(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(message_handler, "FIRST_STEPS", 1.0e5)
+    handler = FemHandler(FemParameters(case=4, duration=LONG), ahead_elsewhere=True)
+    assert 0.0 < handler.ahead.model.time < 1.0
+    assert predicted(handler.begin(0.0)) == []
+
+
+@pytest.mark.slow
+def test_node_publishes_the_rest_of_a_prediction_by_itself(ros: Any) -> None:
+    bench = SolverBench(ros, duration=LONG)
+    bench.wait_for(topics.FEM_PREDICTION, 2)
+    (t, first), (t2, last) = bench.markers(topics.FEM_PREDICTION)
+    # Both are made from what was known when the run began.
+    assert t == t2
+    np.testing.assert_allclose(first["s"], last["s"], rtol=0.0, atol=1.0e-5)
+    assert bench.node.status().values["predicted_to"] == f"{LONG:.1f}"
+    bench.begin_anew()
+    # A new run, the same plan: nothing is wound again.
+    bench.wait_for(topics.FEM_PREDICTION, 4)
+
+
+def merged(known: np.ndarray, news: np.ndarray) -> np.ndarray:
+    """Return the cable as docs/interfaces.md has it: old turns have turned with the cylinder."""
+    old = known[known["s"] < news["s"][0]].copy()
+    if old.size:
+        (same,) = known[known["s"] == news["s"][0]]
+        apart = np.arctan2(news["y"][0], news["x"][0]) - np.arctan2(same["y"], same["x"])
+        c, s = np.cos(apart), np.sin(apart)
+        old["x"], old["y"] = c * old["x"] - s * old["y"], s * old["x"] + c * old["y"]
+    return np.concatenate([old, news])
+
+
+def test_messages_of_the_newest_turns_make_up_the_whole_cable(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(message_handler, "_CABLE_TURNS", 0.5)
+    handler = FemHandler(
+        FemParameters(case=4, duration=0.5, follow_tension=False), ahead_elsewhere=True
+    )
+    list(handler.begin(0.0))
+    known, sizes = np.zeros(0, dtype=CABLE_DTYPE), []
+    times = (0.01 * np.arange(1501)).tolist()
+    rows = [(t, DRIVE.reading_at(t), None) for t in times]
+    for _, news in fed(handler, rows, topics.FEM_CABLE, CABLE_DTYPE):
+        sizes.append(news.size)
+        known = merged(known, news)
+    assert handler.model is not None
+    whole = handler.model.cable()
+    # The free span, what stays awake, and half a turn; a fifth more rests from time to time.
+    assert max(sizes[200:]) < whole.size - 20
+    assert known.size == whole.size
+    np.testing.assert_array_equal(known["s"], whole["s"])
+    np.testing.assert_allclose(known["tension"], whole["tension"], rtol=1.0e-3)
+    for name in "xyz":
+        # Single precision, turned three hundred times.
+        np.testing.assert_allclose(known[name], whole[name], rtol=0.0, atol=1.0e-6)
+
+
+def message_pairs() -> list[tuple[float, AxisReading, float | None]]:
+    rows = []
+    for k in range(600):
+        # As in a stamp: in whole nanoseconds.
+        t = decode_stamp(encode_stamp(2.0 + 1.0e-3 * k))
+        tension = 3.9 + 0.01 * (k // 10 % 7) if k % 10 == 0 else None
+        rows.append((t, DRIVE.reading_at(t - 2.0), tension))
+    return rows
+
+
+def begun(**parameters: Any) -> FemHandler:
+    handler = FemHandler(FemParameters(duration=DURATION, **parameters))
+    list(handler.begin(0.0))
+    return handler
+
+
+def written(file: Path) -> Path:
+    samples = np.zeros(CUT, dtype=INPUT_DTYPE)
+    newest = np.nan
+    for k, (t, reading, tension) in enumerate(message_pairs()[:CUT]):
+        newest = newest if tension is None else tension
+        motion = (reading.cylinder_angle, reading.angular_speed)
+        guide = (reading.carriage_position, reading.feed_speed)
+        samples[k] = (t, *motion, *guide, newest)
+    RunInputs(samples=samples).write(file)
+    return file
+
+
+def test_successor_answers_as_its_predecessor_would_have(tmp_path: Path) -> None:
+    rows = message_pairs()
+    unbroken = begun()
+    fed(unbroken, rows[:CUT])
+    wanted = fed(unbroken, rows[CUT:])
+    successor = begun(replay=str(written(tmp_path / "inputs.npy")))
+    assert successor.replayed is not None
+    assert abs(successor.replayed - (CUT - 1) * 1.0e-3) < 1e-9
+    got = fed(successor, rows[CUT:])
+    assert len(wanted) == 10
+    assert [t for t, _ in got] == [t for t, _ in wanted]
+    for (_, one), (_, other) in zip(got, wanted, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_run_after_a_replayed_one_begins_at_its_own_start(tmp_path: Path) -> None:
+    successor = begun(replay=str(written(tmp_path / "inputs.npy")))
+    list(successor.begin(0.0))
+    assert successor.model is not None
+    assert successor.model.time == 0.0
+    assert not successor.following

@@ -1,0 +1,94 @@
+"""Predictions, plans and materials through the public interface agree with each other."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import cable_winding as cw
+
+# Case 4 over a third of its time: one marker is wound.
+SHORT = cw.Condition(case=4, marker_spacing=30e-3, duration=6.0)
+
+
+@pytest.fixture(scope="module")
+def run() -> cw.Prediction:
+    return cw.predict(SHORT)
+
+
+@pytest.mark.slow
+def test_arrays_have_the_shapes_that_are_documented(run: cw.Prediction) -> None:
+    frames, count, nodes = len(run.t), 5, len(run.cable.s)
+    assert len(run.markers) == count
+    assert run.markers.xyz.shape == (count, 3)
+    assert run.theta.shape == run.z.shape == run.s.shape == (frames, count)
+    assert run.cable.xyz.shape == (nodes, 3)
+    assert run.cable.tension.shape == run.cable.strain.shape == run.cable.twist.shape == (nodes,)
+    assert run.cable_per_turn.shape == run.pitch_per_turn.shape
+    assert run.t[-1] == pytest.approx(SHORT.duration)
+    np.testing.assert_array_equal(run.s[-1], run.markers.s)
+    assert run.markers.wound.all()
+
+
+@pytest.mark.slow
+def test_a_length_is_that_of_the_wound_helix(run: cw.Prediction) -> None:
+    radius = np.hypot(*run.markers.xyz[:, :2].T)
+    # Markers lie on one radius, the positions are in single precision.
+    np.testing.assert_allclose(radius, radius.mean(), rtol=1e-6)
+    assert (run.markers.s[1:] > radius.mean() * run.markers.theta[1:]).all()
+    assert run.stretch == pytest.approx(run.stretch_closed_form, rel=2e-3)
+    assert 0.0 <= run.energy_balance < 0.01
+
+
+@pytest.mark.slow
+def test_more_pull_lays_the_markers_further_apart(run: cw.Prediction) -> None:
+    def heavier(weight: float, cylinder_diameter: float, wound_length: float) -> float:
+        return 1.2 * weight
+
+    assert (cw.predict(SHORT, tension_law=heavier).markers.s[1:] > run.markers.s[1:]).all()
+
+
+@pytest.mark.slow
+def test_the_modulus_is_identified_from_its_own_prediction(run: cw.Prediction) -> None:
+    guess = dataclasses.replace(SHORT, young=2.0e6)
+    found = cw.identify(guess, run.markers)
+    assert found.warning == ""
+    assert found.law == "linear"
+    # The inverse problem is posed to the solver that wound it: far inside the stated interval.
+    assert found.young == pytest.approx(SHORT.young, abs=0.2 * found.half_width_90)
+    assert found.id.tolist() == [1, 2, 3, 4]
+    assert found.residual.shape == (4,)
+
+
+def test_an_incomplete_condition_is_refused_in_one_sentence() -> None:
+    with pytest.raises(ValueError, match="missing cable_diameter, weight or nominal_stress"):
+        cw.predict(cw.Condition(case=0, cylinder_diameter=40e-3))
+
+
+def test_conditions_and_runs_must_pair() -> None:
+    with pytest.raises(ValueError, match="2 runs need as many conditions, got 1"):
+        cw.identify([SHORT], ["one", "two"])
+
+
+def test_a_planned_helix_lies_where_it_is_wanted() -> None:
+    found = cw.plan(cw.Condition(case=4), pitch=8e-3, turns=4, markers_every_turn=True)
+    assert found.t.shape == found.cylinder.shape == found.guide.shape == found.tension.shape
+    assert found.theta.shape == found.z.shape == found.residual.shape
+    np.testing.assert_allclose(found.z_wanted, 8e-3 * found.theta / (2.0 * np.pi), atol=1e-12)
+    # The law of the lag is inverted exactly for a helix.
+    assert abs(found.residual).max() < 1e-9
+    assert found.landings == {n: pytest.approx(2.0 * np.pi * n, abs=1e-3) for n in (1, 2, 3, 4)}
+    assert found.warnings == ()
+
+
+def test_a_program_excludes_the_options_of_a_helix() -> None:
+    with pytest.raises(ValueError, match="leave them out with a program"):
+        cw.plan(cw.Condition(case=4), "lay.yaml", turns=3)
+
+
+def test_a_tensile_test_is_fitted_by_every_law() -> None:
+    strain = np.linspace(0.02, 0.2, 10)
+    fits = cw.fit_tensile(strain, 2.6e6 * strain)
+    assert fits[0].law == "linear"
+    assert fits[0].young == pytest.approx(2.6e6)
+    assert [item.aicc for item in fits] == sorted(item.aicc for item in fits)

@@ -1,0 +1,176 @@
+"""Every frame meets the encoder reading of its own instant; the camera's clock is measured."""
+
+import math
+
+import numpy as np
+import pytest
+from marker_film import DRIVE, axes
+
+from marker_tracker_node.tracking.checks.camera_clock import ClockOffset
+from marker_tracker_node.tracking.encoder_history import KEPT, EncoderHistory
+from marker_tracker_node.tracking.synchronised_tracker import Synchroniser
+
+FRAME = np.zeros((2, 2, 3), dtype=np.uint8)
+
+
+def reading(angle):
+    return axes(angle, 2.0 * angle)
+
+
+def test_frame_waits_for_the_encoder():
+    pairing = Synchroniser()
+    pairing.add_reading(0.0, reading(0.0))
+    pairing.add_frame(0.005, FRAME)
+    assert list(pairing.ready()) == []
+    pairing.add_reading(0.005, reading(0.005))
+    assert [pair.t for pair in pairing.ready()] == [0.005]
+
+
+def test_reading_is_interpolated_to_the_frame():
+    pairing = Synchroniser()
+    pairing.add_reading(0.010, reading(1.0))
+    pairing.add_reading(0.012, reading(2.0))
+    pairing.add_frame(0.0115, FRAME)
+    (pair,) = pairing.ready()
+    assert pair.cylinder_angle == pytest.approx(1.75)
+    assert pair.guide_z == pytest.approx(3.5)
+
+
+@pytest.mark.parametrize("ahead", [1, 7])
+def test_what_a_frame_is_measured_with_does_not_depend_on_the_encoder_s_lead(ahead):
+    pairing = Synchroniser()
+    for sample in range(100 + ahead):
+        pairing.add_reading(1e-3 * sample, reading(1e-6 * sample**2))
+    pairing.add_frame(0.0995, FRAME)
+    (pair,) = pairing.ready()
+    assert pair.cylinder_angle == pytest.approx(1e-6 * 99.5**2, abs=1e-6)
+    assert pairing.history.newest == 0.1
+    assert pairing.history.angles(np.array([0.2]))[0] == reading(1e-6 * 100**2).cylinder_angle
+
+
+def test_frame_in_an_encoder_drop_out_goes_without_a_reading():
+    pairing = Synchroniser(EncoderHistory(longest_gap=0.02))
+    pairing.add_reading(1.0, reading(1.0))
+    pairing.add_frame(1.25, FRAME)
+    pairing.add_reading(1.5, reading(1.5))
+    (pair,) = pairing.ready()
+    assert pair.cylinder_angle is None
+
+
+def test_frames_do_not_wait_for_a_dead_encoder_forever():
+    pairing = Synchroniser(patience=0.1)
+    for index in range(5):
+        pairing.add_frame(0.05 * index, FRAME)
+    # The newest frame is at 0.2 s: frames of 0.1 s and before have waited long enough.
+    assert [pair.t for pair in pairing.ready()] == pytest.approx([0.0, 0.05, 0.1])
+
+
+def test_stale_reading_is_left_out():
+    pairing = Synchroniser()
+    pairing.add_reading(1.0, reading(1.0))
+    pairing.add_reading(0.5, reading(9.0))
+    pairing.add_frame(1.0, FRAME)
+    (pair,) = pairing.ready()
+    assert pair.cylinder_angle == 1.0
+
+
+def test_frame_before_the_first_reading_goes_without():
+    pairing = Synchroniser()
+    pairing.add_reading(1.0, reading(1.0))
+    pairing.add_frame(0.5, FRAME)
+    (pair,) = pairing.ready()
+    assert pair.cylinder_angle is None
+
+
+def test_an_encoder_without_a_camera_fills_no_memory():
+    pairing = Synchroniser()
+    for sample in range(3 * KEPT):
+        pairing.add_reading(sample * 1e-3, reading(0.0))
+    assert len(pairing.history) <= 2 * KEPT
+    pairing.add_frame(3 * KEPT * 1e-3 - 0.0015, FRAME)
+    assert [pair.guide_z for pair in pairing.ready()] == [0.0]
+
+
+EPOCH = 1.8e9
+SHIFT = 0.01
+LIMIT = 0.25
+# Required of the estimate at the end of the ramp.
+REQUIRED = 2.0e-3
+
+
+class Bench:
+    """An encoder, and a camera that sees P0, from standing to the end of the ramp."""
+
+    def __init__(self, offset, *, fps=200.0, rate=1000.0, loss=0.0, outliers=0.0, rest=0.5, lazy=0):
+        self.history = EncoderHistory()
+        self.clock = ClockOffset(self.history, 2, LIMIT)
+        self.rest = rest
+        self.dice = np.random.default_rng(4)
+        self.outliers = outliers
+        begin = rest - 0.5
+        if lazy:
+            for t in np.arange(0.0, begin, lazy):
+                self.history.add(EPOCH + t, 0.0, 0.0)
+                self.see(t, offset)
+        frame = 0
+        for t in np.arange(begin, rest + DRIVE.ramp_time, 1.0 / rate):
+            if self.dice.random() >= loss:
+                self.history.add(EPOCH + t, self.angle(t), 0.0)
+            while begin + frame / fps <= t:
+                self.see(begin + frame / fps, offset)
+                frame += 1
+
+    def see(self, t, offset):
+        azimuth = self.angle(t) + SHIFT + self.dice.normal(0.0, 1.0e-3)
+        if self.dice.random() < self.outliers:
+            azimuth += self.dice.choice([-0.1, 0.1])
+        self.clock.add(EPOCH + t + offset, np.array([azimuth, math.nan]))
+
+    def angle(self, t):
+        return DRIVE.positions(t - self.rest)[0]
+
+
+@pytest.mark.parametrize("offset", [-0.2, -0.05, -0.005, 0.0, 0.005, 0.05, 0.2])
+@pytest.mark.parametrize("fps", [50.0, 200.0])
+def test_offset_is_known_by_the_end_of_the_ramp(offset, fps):
+    estimate = Bench(offset, fps=fps).clock.estimate
+    assert estimate.offset == pytest.approx(offset, abs=REQUIRED)
+    assert abs(estimate.offset - offset) < 3.0 * estimate.error < 3.0 * REQUIRED
+    # Standing shows where P0 is within a tenth of the noise of one sighting.
+    assert estimate.shift == pytest.approx(SHIFT, abs=1.0e-3)
+
+
+@pytest.mark.parametrize("condition", [{"rate": 40.0, "loss": 0.05}, {"outliers": 0.1}])
+def test_a_slow_encoder_and_outliers_do_not_spoil_it(condition):
+    estimate = Bench(0.05, fps=50.0, **condition).clock.estimate
+    assert estimate.offset == pytest.approx(0.05, abs=REQUIRED)
+
+
+def test_standing_for_an_hour_tells_nothing_and_takes_no_memory():
+    bench = Bench(-0.05, rest=3600.0, lazy=1.0)
+    assert len(bench.history) <= 2 * KEPT
+    # What a ramp leaves; the hour before it is one mean.
+    assert np.isfinite(bench.clock._t).sum() < 200
+    assert bench.clock.estimate.offset == pytest.approx(-0.05, abs=REQUIRED)
+
+
+def test_constant_speed_tells_nothing():
+    history = EncoderHistory()
+    clock = ClockOffset(history, 1, LIMIT)
+    for sample in range(1000):
+        history.add(0.001 * sample, 1.74e-3 * sample, 0.0)
+        if sample % 5 == 0:
+            clock.add(0.001 * sample + 0.1, np.array([1.74e-3 * sample]))
+    assert not clock.estimate.known
+
+
+@pytest.mark.parametrize("pause", [0.5, 3.0, 30.0])
+def test_a_pause_is_no_wrap_and_a_wrap_is_no_pause(pause):
+    for period in (math.inf, 2.0 * math.pi):
+        history = EncoderHistory()
+        for sample in range(2000):
+            t = 0.01 * sample + (pause if sample >= 1000 else 0.0)
+            true = 0.0174 * sample
+            history.add(t, true if math.isinf(period) else math.fmod(true, period), 0.0)
+        assert history.at(19.99 + pause)[0] == pytest.approx(0.0174 * 1999, abs=1e-9)
+        assert history.lost_turns == (0 if math.isinf(period) else 5)

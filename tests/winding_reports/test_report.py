@@ -1,0 +1,184 @@
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from accessibility import grave_findings, opened
+from chromium import chromium
+from report_page import ReportPage
+
+from winding_core.cable.cases import Case, paper_case
+from winding_core.units import MILLIMETRE
+from winding_reports.documents.picture import MOST_POINTS, broken, thinned
+from winding_reports.records.run_record import MarkerRow, MarkerSeries, Signal
+from winding_reports.run_report.machine_pictures import _mean_over, tracking
+from winding_reports.run_report.report import render_report, write_report
+
+
+@pytest.fixture(scope="module")
+def page_text(synthetic) -> str:
+    return render_report(synthetic())
+
+
+def _empty_signal() -> Signal:
+    return Signal(t=np.empty(0), value=np.empty(0))
+
+
+def _empty_series() -> MarkerSeries:
+    return MarkerSeries(
+        t=np.empty(0), id=np.empty(0, int), theta=np.empty(0), z=np.empty(0), s=np.empty(0)
+    )
+
+
+@pytest.mark.slow
+def test_the_page_is_one_file_that_loads_nothing(synthetic, tmp_path) -> None:
+    path = write_report(synthetic(), tmp_path / "deep" / "report")
+    assert path == tmp_path / "deep" / "report" / "index.html"
+    assert list(path.parent.iterdir()) == [path]
+    page = ReportPage(path.read_text(encoding="utf-8"))
+    page.require_whole()
+    assert len(page.sources) == 5
+
+
+def test_verdict_is_the_first_text_of_the_page(synthetic, page_text: str) -> None:
+    body = re.sub(r"<[^>]+>", "", page_text.partition("<body>")[2]).split()
+    sentence = synthetic().verdict.sentence
+    assert " ".join(body).casefold().startswith(sentence.casefold())
+
+
+def test_the_table_has_every_marker_and_every_number(synthetic, page_text: str) -> None:
+    record = synthetic()
+    rows = [row for row in ReportPage(page_text).cells if row and row[0].startswith("P")]
+    assert [row[0] for row in rows] == ["P1", "P2", "P3", "P4"]
+    for text, row in zip(rows, record.rows, strict=True):
+        numbers = [float(value) for value in text[1:6] + text[7:]]
+        expected = [
+            row.original / MILLIMETRE,
+            row.s_fem / MILLIMETRE,
+            row.s_tracked / MILLIMETRE,
+            row.h,
+            row.s_corrected / MILLIMETRE,
+            row.s_published / MILLIMETRE,
+            row.error_fem_pct,
+            row.error_corrected_pct,
+        ]
+        # Printed to 0.01.
+        assert numbers == pytest.approx(expected, abs=0.0051)
+
+
+@pytest.mark.slow
+def test_the_same_run_gives_the_same_bytes(synthetic, page_text: str) -> None:
+    assert render_report(synthetic()) == page_text
+
+
+@pytest.mark.slow
+def test_markers_that_were_never_wound_are_dashes(synthetic) -> None:
+    page = render_report(synthetic(paper_case(8)))
+    row = next(cells for cells in ReportPage(page).cells if cells and cells[0] == "P4")
+    assert row == ["P4", "800.00", *["–"] * 8]
+
+
+@pytest.mark.slow
+def test_a_condition_of_ones_own_has_no_published_columns_to_show(synthetic) -> None:
+    own = Case(cylinder_diameter=0.045, cable_diameter=0.003, weight=2.5, marker_spacing=0.15)
+    page = render_report(synthetic(own))
+    assert "Own condition" in page
+    assert len(ReportPage(page).sources) == 5
+
+
+@pytest.mark.slow
+def test_a_run_that_left_nothing_still_gives_a_page(synthetic) -> None:
+    nothing = dataclasses.replace(
+        synthetic(),
+        cylinder_speed=_empty_signal(),
+        carriage_speed=_empty_signal(),
+        cylinder_setpoint=_empty_signal(),
+        carriage_setpoint=_empty_signal(),
+        tension=_empty_signal(),
+        predicted=_empty_series(),
+        tracked=_empty_series(),
+        corrected=_empty_series(),
+        rows=(MarkerRow(id=1, original=0.1),),
+        frames=None,
+        frames_lost=None,
+        joint_states=None,
+        joint_states_lost=None,
+        wall_s=None,
+        sim_s=None,
+        facts={},
+        notes=(),
+    )
+    page = render_report(nothing)
+    assert len(ReportPage(page).sources) == 5
+    assert "What these numbers are worth" not in page
+
+
+@pytest.mark.slow
+def test_text_from_outside_cannot_become_markup(synthetic) -> None:
+    record = dataclasses.replace(
+        synthetic(), notes=("<script>alert(1)</script>",), facts={"<b>": '"><img src=x>'}
+    )
+    page = ReportPage(render_report(record))
+    assert "script" not in page.tags
+    assert all(source.startswith("data:") for source in page.sources)
+
+
+@pytest.mark.slow
+def test_losses_are_reported(synthetic) -> None:
+    page = render_report(dataclasses.replace(synthetic(), frames_lost=17))
+    assert "17 lost" in page
+
+
+def test_thinning_loses_no_peak() -> None:
+    t = np.linspace(0.0, 20.0, 20001)
+    value = np.sin(t)
+    value[12345] = 9.0
+    value[777] = -9.0
+    thin_t, thin = thinned(t, value)
+    assert len(thin) <= MOST_POINTS
+    assert (thin.max(), thin.min()) == (9.0, -9.0)
+    assert (np.diff(thin_t) > 0.0).all()
+    assert np.isin(thin_t, t).all()
+
+
+def test_no_line_is_drawn_across_a_gap() -> None:
+    t = np.concatenate([np.arange(0.0, 1.0, 0.005), np.arange(3.6, 4.6, 0.005)])
+    drawn_t, drawn = broken(t, np.ones(t.size))
+    assert np.flatnonzero(np.isnan(drawn)).tolist() == [200]
+    assert np.isnan(drawn_t[200])
+    np.testing.assert_array_equal(np.delete(drawn_t, 200), t)
+
+
+def test_a_signal_without_gaps_stays_whole() -> None:
+    t = np.arange(0.0, 1.0, 0.005)
+    assert np.isfinite(broken(t, t)[1]).all()
+    assert broken(t[:1], t[:1])[0].tolist() == [0.0]
+
+
+def test_tracking_is_measured_after_the_ramp_only() -> None:
+    t = np.arange(0.0, 10.0, 0.01)
+    value = np.where(t < 1.0, 0.0, np.where(t.round(6) % 0.02 < 0.005, 2.02, 1.98))
+    # Half of the samples one percent above, half below: one percent rms, one percent above.
+    assert (
+        tracking(Signal(t=t, value=value), 2.0, 1.0) == "1.00 % rms (highest sample 1.0 % above it)"
+    )
+
+
+def test_a_mean_over_time_needs_a_full_stretch() -> None:
+    t = np.arange(0.0, 2.0005, 0.001)
+    value = np.where(t < 2.0, 1.0, 9.0)
+    middle, mean = _mean_over(t, value, 0.5)
+    # The one sample at two seconds is no mean of half a second.
+    np.testing.assert_allclose(middle, [0.2495, 0.7495, 1.2495, 1.7495])
+    np.testing.assert_allclose(mean, 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1280, 390])
+def test_axe_finds_nothing_grave(synthetic, tmp_path, width: int) -> None:
+    report = write_report(synthetic(), tmp_path)
+    with chromium() as browser:
+        shown = opened(browser, report.as_uri(), width=width, dark=False)
+        assert grave_findings(shown) == []
