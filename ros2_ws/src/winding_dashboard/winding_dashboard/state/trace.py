@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections import deque
+
+from winding_core.history import History
 
 NAN = float("nan")
+_Row = tuple[float, ...]
 
 
 class Trace:
-    """Ring buffer of rows (t, value, value, ...).
+    """The newest rows (t, value, value, ...).
 
     Args:
         columns: Names of the values.
@@ -18,20 +20,26 @@ class Trace:
 
     def __init__(self, *columns: str, capacity: int = 600) -> None:
         self.columns = columns
-        self._rows: deque[tuple[float, ...]] = deque(maxlen=capacity)
+        self._capacity = capacity
+        self.clear()
+
+    @property
+    def rows(self) -> list[_Row]:
+        """Times and values, oldest first."""
+        return self._history.newest(self._capacity)
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return min(len(self._history), self._capacity)
 
     @property
     def first_time(self) -> float:
         """Time of the oldest row [s]; nan when there is none."""
-        return self._rows[0][0] if self._rows else NAN
+        return self.rows[0][0] if self._history else NAN
 
     @property
     def last_time(self) -> float:
         """Time of the newest row [s]; nan when there is none."""
-        return self._rows[-1][0] if self._rows else NAN
+        return self._history[-1][0] if self._history else NAN
 
     def append(self, t: float, *values: float) -> None:
         """Add a row of time t [s]; a missing value is nan.
@@ -41,11 +49,11 @@ class Trace:
         """
         if len(values) != len(self.columns):
             raise ValueError(f"row needs {len(self.columns)} values, got {len(values)}")
-        self._rows.append((t, *values))
+        self._history.append((t, *values))
 
     def clear(self) -> None:
         """Forget all rows."""
-        self._rows.clear()
+        self._history: History[_Row] = History(newest=self._capacity)
 
     def points(
         self, column: str, scale: float = 1.0, origin: float = 0.0
@@ -57,5 +65,5 @@ class Trace:
                 round(row[0] - origin, 3),
                 None if math.isnan(row[index]) else round(scale * row[index], 5),
             ]
-            for row in self._rows
+            for row in self.rows
         ]
