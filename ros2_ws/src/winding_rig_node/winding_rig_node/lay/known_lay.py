@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,12 +13,28 @@ from winding_core.helix import FleetAngleLaw
 from winding_core.machine.drive import DriveProfile
 from winding_core.units import MILLIMETRE
 from winding_rig_node.lay.lay_law import LayTruth
-from winding_rig_node.lay.lay_on import neo_hookean_stretch
 
 FloatArray = NDArray[np.float64]
 # Names of the two lays, as a user chooses them.
 PAPER, FEM = "paper", "fem"
 _GRID_STEP = 0.02
+
+
+def neo_hookean_stretch(load: float, guess: float = 1.0) -> float:
+    """Return the stretch of an incompressible neo-Hookean bar under a nominal stress over E.
+
+    sigma / E = (lambda - lambda^-2) / 3.
+
+    Args:
+        load: sigma / E, above -0.2, dimensionless.
+        guess: Stretch where the search begins, dimensionless.
+    """
+    stretch, step = guess, math.inf
+    # Newton's method squares its error: after a step of this size there is none left.
+    while abs(step) > 1.0e-9:
+        step = (3.0 * load - stretch + stretch**-2) / (1.0 + 2.0 * stretch**-3)
+        stretch += step
+    return stretch
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,27 +11,10 @@ from numpy.typing import NDArray
 
 from winding_core.cable.cases import Case
 from winding_core.compiling import called, compiled
+from winding_rig_node.lay.known_lay import neo_hookean_stretch
 
 FloatArray = NDArray[np.float64]
 Record = NDArray[np.void]
-
-
-def neo_hookean_stretch(load: float, guess: float = 1.0) -> float:
-    """Return the stretch of an incompressible neo-Hookean bar under a nominal stress over E.
-
-    sigma / E = (lambda - lambda^-2) / 3.
-
-    Args:
-        load: sigma / E, above -0.2, dimensionless.
-        guess: Stretch where the search begins, dimensionless.
-    """
-    stretch, step = guess, math.inf
-    # Newton's method squares its error: after a step of this size there is none left.
-    while abs(step) > 1.0e-9:
-        step = (3.0 * load - stretch + stretch**-2) / (1.0 + 2.0 * stretch**-3)
-        stretch += step
-    return stretch
-
 
 # What is drawn at random lies evenly between these. Start share and build-up length: the paper's
 # rig and one standard error to either side (`winding_study.paper.calibration`, neo_hookean).
