@@ -87,7 +87,7 @@ def scatter_of(
 
 @dataclass(frozen=True, kw_only=True)
 class RodExcess:
-    """How far the rod's markers of one run lie from the closed form's, at the last tried material."""
+    """How far a run's rod markers lie from the closed form's, at the last tried material."""
 
     parameters: FloatArray  # Of the material, shape (p,)
     ids: NDArray[np.int64]  # n of Pn, ascending, shape (m,)

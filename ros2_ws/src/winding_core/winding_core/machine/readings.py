@@ -1,4 +1,4 @@
-"""What the machine's sensors say at one instant."""
+"""What the machine's sensors report at one instant."""
 
 from __future__ import annotations
 

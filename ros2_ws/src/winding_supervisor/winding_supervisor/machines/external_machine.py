@@ -213,11 +213,7 @@ class ExternalMachine:
         Raises:
             GraphError: It was refused, or has no server.
         """
-        if self._config.starts_itself:
-            return
-        failure = await self._ask(services.START.name, _START_TIMEOUT)
-        if failure:
-            raise GraphError(failure)
+        await self._command(services.START)
 
     async def begun(self) -> None:
         """Wait for the first motion, and let the buffer begin with it.
@@ -250,11 +246,7 @@ class ExternalMachine:
         Raises:
             GraphError: It was refused, or has no server.
         """
-        if self._config.starts_itself:
-            return
-        failure = await self._ask(services.RESET.name, _START_TIMEOUT)
-        if failure:
-            raise GraphError(failure)
+        await self._command(services.RESET)
 
     async def leave(self) -> str:
         """Bring a machine to rest that this run has started; it stays to its driver otherwise.
@@ -287,6 +279,18 @@ class ExternalMachine:
         self._unstoppable = True
         failures = "; ".join(task.result() for task in asked)
         return f"the stop could not be delivered: {failures}"
+
+    async def _command(self, service: Service) -> None:
+        """Call a service of a machine that does not begin by itself.
+
+        Raises:
+            GraphError: It was refused, or has no server.
+        """
+        if self._config.starts_itself:
+            return
+        failure = await self._ask(service.name, _START_TIMEOUT)
+        if failure:
+            raise GraphError(failure)
 
     async def _ask(self, service: str, timeout: float) -> str:
         """Call a service; return how that failed, or nothing."""
