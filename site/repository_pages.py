@@ -26,15 +26,16 @@ PAGES = {
 MODULES = {
     "cable_winding": ("prediction", "motion", "tracking", "material", "correction", "recording"),
     "winding_core": (
-        "condition", "cases", "drive", "material_law", "prony", "tension", "markers",
-        "lay_program", "lay_records", "readings", "run_inputs",
+        "cable.condition", "cable.cases", "cable.material_law", "cable.prony", "machine.drive",
+        "machine.tension", "machine.readings", "lay.program", "lay.records", "markers",
+        "run_inputs",
     ),
     "cable_fem_node": (
         "winding.prediction", "winding.winding_config", "winding.rod_winding", "identification",
     ),
     "marker_tracker_node": ("",),
-    "winding_rig_node": ("camera", "machine.hidden_rig", "machine.driven_lay"),
-    "correction_node": ("models.weights", "models.perceptron"),
+    "winding_rig_node": ("camera", "lay.lay_law", "lay.lay_on", "lay.driven_lay"),
+    "correction_node": ("models.weights", "models.factor_models"),
     "lay_control_node": (
         "programs", "planning.planner", "planning.limits", "control.control_parameters",
         "control.lay_controller", "control.expected_landing",
