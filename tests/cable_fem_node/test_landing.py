@@ -77,6 +77,7 @@ def test_strain_of_a_stiff_cable_does_not_hang_on_its_elements():
     assert one.stretch - 1.0 == pytest.approx(other.stretch - 1.0, rel=2.0e-3)
 
 
+@pytest.mark.slow
 def test_the_estimate_covers_what_much_shorter_elements_change():
     case = dataclasses.replace(paper_case(6), marker_spacing=0.04, marker_count=1)
     run = PlannedRun(config=WindingConfig(case=case), duration=3.0)

@@ -148,6 +148,7 @@ def test_markers_to_come_lie_where_they_are_expected(rig: dict[str, float]) -> N
     assert fourth.half_width_90 > third.half_width_90
 
 
+@pytest.mark.slow
 def test_intervals_hold_what_they_promise() -> None:
     prior, rng = RigPrior(), np.random.default_rng(7)
     inside: dict[str, list[bool]] = {"young": [], "free_length": [], "s": []}

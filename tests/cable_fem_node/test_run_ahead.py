@@ -98,6 +98,7 @@ def test_every_piece_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_allclose(times, [2.0, 4.0, 6.0])
 
 
+@pytest.mark.slow
 def test_task_yields_every_piece_in_order(whole: Markers) -> None:
     run = ahead(2.0)
     task = PredictionTask(run, 1.5)

@@ -75,6 +75,7 @@ def test_elements_too_long_for_the_cylinder_are_refused_with_the_way_out(
         PlannedRun(config=what)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "what",
     [
@@ -130,6 +131,7 @@ def test_expected_steps_and_elements_are_those_of_the_run(number: int) -> None:
     assert cost.steps * cost.elements == pytest.approx(run.wind().element_steps, rel=0.3)
 
 
+@pytest.mark.slow
 def test_the_proposed_mass_scaling_leaves_the_cable_where_it_is() -> None:
     what = config(0.06, 0.001, 30.0, 5.0e9)
     run = PlannedRun(config=what, duration=6.0)

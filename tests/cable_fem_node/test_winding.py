@@ -74,6 +74,7 @@ def test_thin_cable_without_bending_converges_to_the_fleet_angle_law():
     assert np.abs(deviation).max() < 5.0e-5
 
 
+@pytest.mark.slow
 def test_wound_length_converges_with_the_segment_length():
     lengths = np.array([10.0e-3, 5.0e-3, 2.5e-3, 1.25e-3])
     runs = [

@@ -250,6 +250,7 @@ def test_a_height_that_was_measured_already_says_nothing_again():
     assert lay.estimate().z == before.z
 
 
+@pytest.mark.slow
 def test_deviations_are_honest():
     """Squared errors over their variances have a mean of one: 60 random spans and eyes."""
     rng = np.random.default_rng(11)
@@ -401,6 +402,7 @@ def check(seed: int) -> None:
         assert pulls.max() <= control.pull_range[1] + ROUNDING
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_commands_stay_within_bounds_whatever_is_wanted_and_whatever_fails(seed):
     check(seed)

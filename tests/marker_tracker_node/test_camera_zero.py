@@ -49,6 +49,7 @@ def test_covered_frames_do_not_turn_the_camera(paper_film, tilt, hide):
     assert off(at_rest(film, 12, hide), film) < REST_ERROR
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "reading"), [(9, 0.1), (4, -0.07)])
 def test_a_wrong_zero_of_the_encoder_is_no_tilt_once_p0_has_passed(paper_film, number, reading):
     film = paper_film(number, camera=CameraConfig(tilt=TILT).full_frame(3))
@@ -60,6 +61,7 @@ def test_a_wrong_zero_of_the_encoder_is_no_tilt_once_p0_has_passed(paper_film, n
     assert off(tracker, film) < PASS_ERROR
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [4, 9])
 def test_a_recording_without_rest_takes_the_turn_from_a_pass(paper_film, number):
     film = paper_film(number, camera=CameraConfig(tilt=TILT).full_frame(3))

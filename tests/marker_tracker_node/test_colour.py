@@ -89,6 +89,7 @@ def test_an_odd_background_changes_nothing():
         assert share(model, paint(YELLOW)) > 0.98, kind
 
 
+@pytest.mark.slow
 def test_a_photographed_flower_is_found_from_a_small_sample():
     # The orange dahlia before green leaves.
     inside, outside = (slice(150, 250), slice(270, 370)), (slice(0, 90), slice(0, 120))

@@ -92,6 +92,7 @@ def taken_up(film, number, seed, since, *length):
     return deviations(tracker, lay)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "seed", "since"), [(4, 11, 8.0), (1, 13, 6.0), (12, 14, 11.0)])
 def test_a_tracker_that_takes_up_a_driven_run_numbers_its_markers(paper_film, number, seed, since):
     # Two passes of P0 show its colour, a third its place, two more those of the others.

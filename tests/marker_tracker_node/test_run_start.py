@@ -24,6 +24,7 @@ def changed(film, change, stop=2.5, **config):
     return tracker.report()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [4, 9])
 @pytest.mark.parametrize(
     ("change", "sentence"),
@@ -42,6 +43,7 @@ def test_the_true_fault_of_a_picture_is_named(paper_film, number, change, senten
     assert report.known == 0
 
 
+@pytest.mark.slow
 def test_an_encoder_that_counts_backwards_is_reported(paper_film):
     film = paper_film(9)
     tracker = film.tracker()
@@ -54,6 +56,7 @@ def test_an_encoder_that_counts_backwards_is_reported(paper_film):
 GREEN, GREEN_HUE = (60.0, 190.0, 30.0), 131.0
 
 
+@pytest.mark.slow
 def test_markers_of_another_colour_are_found_by_their_hue(paper_film):
     film = paper_film(4, paint=Paint(marker=GREEN))
     assert changed(film, lambda frame: frame, marker_hue=GREEN_HUE, stop=1.0).known == 1
@@ -62,6 +65,7 @@ def test_markers_of_another_colour_are_found_by_their_hue(paper_film):
     assert "are about 135 deg, is that marker_hue?" in refusal
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "start", "offset"),
     [(4, 1.0, 0.0), (9, 3.4, 0.0), (4, 0.0, 1.7), (9, 5.0, 2.2), (4, 9.3, -131.0)],
@@ -98,6 +102,7 @@ def test_a_configured_angle_is_believed_at_once(paper_film):
     assert tracker.origin == pytest.approx(first + 40.0 - start)
 
 
+@pytest.mark.slow
 def test_a_rolling_shutter_is_allowed_for(paper_film):
     film = paper_film(9)
     rows, blocks = film.camera.window.shape[0], 8
