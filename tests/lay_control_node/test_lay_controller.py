@@ -164,6 +164,7 @@ def test_setpoint_waits_for_a_carriage_that_stands_and_goes_on_with_it():
 
 def test_no_pull_is_commanded_without_a_brake():
     machine = winding(0.198, 1.0)
+    assert machine.setpoints
     assert all(s.pull is None for s in machine.setpoints)
 
 

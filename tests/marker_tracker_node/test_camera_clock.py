@@ -93,6 +93,7 @@ def plain(pictures):
 def test_offset_is_found_reported_and_corrected(pictures, plain, offset):
     raw = Cell(pictures, offset=offset)
     assert raw.ramp_end.offset == pytest.approx(offset, abs=2.0e-3)  # required
+    assert raw.published
     assert all(warning for share, warning in raw.published if share > SHARE)
     corrected = Cell(pictures, offset=offset, correct=True)
     assert corrected.valid > 0.95 * plain.valid
