@@ -1,4 +1,4 @@
-"""Bad frames, encoders and clocks: refused, bridged or corrected, always reported, never garbage."""
+"""Bad frames, encoders, clocks: refused, bridged or corrected, always reported, never garbage."""
 
 import copy
 import math

@@ -1,4 +1,4 @@
-"""The machine: motor, encoder and PID, speeds and phases, judgement of its sensors, flow control."""
+"""The machine: motor, encoder, PID, speeds, phases, judgement of its sensors, flow control."""
 
 import math
 from dataclasses import astuple

@@ -1,4 +1,4 @@
-"""Other people's experiments in the format of cosseratbench, made here: none of its files is kept."""
+"""Other people's experiments in the format of cosseratbench: files that are made here."""
 
 from __future__ import annotations
 
