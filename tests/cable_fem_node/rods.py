@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from cable_fem_node.identification import Readings, TrackedRun
-from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
+from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.cable.cases import paper_case
 from winding_core.machine.drive import DriveProfile
 from winding_core.planned_inputs import planned_inputs
+
+Model = TypeVar("Model", bound=WindingModel)
 
 CASE = paper_case(4)
 CONFIG = WindingConfig(case=CASE)
@@ -23,10 +25,8 @@ def case_of(number: int, **fields: Any) -> WindingConfig:
     return WindingConfig(case=paper_case(number), **fields)
 
 
-def follow(
-    model: RodWinding, until: float, period: float = 0.02, tension: float | None = None
-) -> RodWinding:
-    """Let a rod follow the paper's machine to a time [s], call by call."""
+def follow(model: Model, until: float, period: float = 0.02, tension: float | None = None) -> Model:
+    """Let a model follow the paper's machine to a time [s], call by call."""
     begin = model.time
     for i in range(1, round((until - begin) / period) + 1):
         t = begin + period * i

@@ -75,7 +75,6 @@ def closed_form(case: int, law: str, young: float = 2.6e6) -> tuple[np.ndarray, 
     return theta, np.interp(theta, lay._theta, lay._path.z(lay._theta))
 
 
-@pytest.mark.slow
 def test_hidden_modulus_is_recovered_and_its_error_can_be_believed() -> None:
     inside, relative = [], []
     for case, young in HIDDEN:
@@ -114,7 +113,6 @@ def test_quasi_static_lay_gives_its_modulus_back(case: int) -> None:
     assert estimate.young == pytest.approx(young, rel=0.03)
 
 
-@pytest.mark.slow
 def test_start_does_not_decide() -> None:
     theta, z = truth(4, 8.0e6)
     found = []
@@ -140,7 +138,6 @@ def test_a_further_marker_needs_one_call_of_the_rod(case: int, young: float) -> 
     assert abs(further.young - anew.young) < 0.2 * anew.standard_error
 
 
-@pytest.mark.slow
 def test_measured_tension_is_what_counts() -> None:
     theta, z = truth(4, 2.6e6)
     run = measured(4, theta, z, seed=None)
@@ -165,7 +162,6 @@ def test_marker_that_lies_nowhere_near_is_refused() -> None:
     assert "misses a marker by" in estimate.refusal()
 
 
-@pytest.mark.slow
 def test_both_constants_are_found_where_tensions_tell_them_apart() -> None:
     law = "mooney_rivlin"
     runs = [measured(case, *truth(case, 2.6e6, law), seed=case, law=law) for case in (1, 2)]
@@ -178,7 +174,6 @@ def test_both_constants_are_found_where_tensions_tell_them_apart() -> None:
     assert found.young == pytest.approx(2.6e6, rel=0.05)
 
 
-@pytest.mark.slow
 def test_small_strains_cannot_tell_the_constants_apart() -> None:
     law = "mooney_rivlin"
     runs = [measured(case, *closed_form(case, law), seed=case, law=law) for case in (5, 6)]

@@ -1,23 +1,65 @@
-"""The general models: forces are slopes of energies, convergence, restart, refusals."""
+"""The general models: laws, forces as slopes of energies, convergence, restart, refusals.
+
+The kernels are valid Python too: the same numbers come out with compilation disabled.
+"""
 
 from __future__ import annotations
 
 import functools
+import json
 import math
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
+from scipy.linalg import expm, polar
 
 from cable_fem_node.dynamics.state import CylinderContact, DivergenceError
+from cable_fem_node.rod.rod_kernels import law_energy, law_value
+from cable_fem_node.rod.rod_records import axial_response
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import block, round_bar
-from winding_core.cable.material_law import LAWS
+from winding_core.cable.material_law import LAWS, MaterialLaw, NoEquilibriumError
 from winding_verification.rod.rod import Rod, RodSection
 from winding_verification.rod.statics import equilibrium, frequencies
 from winding_verification.solver.rods import line
 
 SECTION = RodSection(diameter=4.0e-3, law="neo_hookean")
+# A parameter of the law's own, far from its default.
+STIFFENING = {"law": "mooney_rivlin", "mooney_ratio": 5.0}
+SCRIPT = """
+import json
+import numpy as np
+from winding_verification.rod.rod import Rod
+from winding_verification.rod.rod import RodSection
+from cable_fem_node.solid.solid import Solid
+from cable_fem_node.solid.solid_law import SolidLaw
+from cable_fem_node.solid.solid_mesh import block
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cable.cases import paper_case
+from winding_core.machine.readings import AxisReading
+
+line = np.column_stack([np.linspace(0.0, 0.02, 5), np.zeros(5), np.zeros(5)])
+rod = Rod(line, RodSection(diameter=4e-3, law="neo_hookean"), twist=True)
+rod.clamp("start")
+rod.apply(4, (0.0, 0.1, 0.05))
+rod.advance(2e-3)
+nodes, hexes = block([2e-3, 1e-3, 1e-3], (2, 1, 1))
+solid = Solid(nodes, hexes, SolidLaw(law="hencky"))
+solid.fix(range(4))
+solid.apply(range(8, 12), (0.2, 0.1, 0.0))
+solid.advance(5e-5)
+model = RodWinding(WindingConfig(case=paper_case(4), segment_length=9e-3))
+model.advance_to(0.03, AxisReading(
+    cylinder_angle=0.02, angular_speed=0.7, carriage_position=1e-4, feed_speed=3e-3
+))
+print(json.dumps([rod.nodes.tolist(), solid.nodes.tolist(), model.cable()["x"].tolist(),
+                  [model.energy.internal, model.energy.external, model.energy.damping]]))
+"""
 
 
 def wavy(count, seed):
@@ -243,3 +285,80 @@ def test_clamp_that_is_aimed_round_a_cone_twists_the_rod_by_the_cone_s_solid_ang
     twist = rod.curvatures()[2].sum()
     # A polygon of 199 corners on the sphere for a circle: 2e-4 of its area.
     assert abs(twist) == pytest.approx(2.0 * math.pi * (1.0 - math.cos(tilt)), rel=1.0e-3)
+
+
+def test_linear_law_agrees_with_the_polar_decomposition():
+    rule, rng = SolidLaw(law="linear"), np.random.default_rng(3)
+    for _ in range(6):
+        gradient = expm(0.25 * rng.standard_normal((3, 3)))
+        rotation, stretch = polar(gradient)
+        strain = stretch - np.eye(3)
+        stress = 2.0 * rule.shear_modulus * strain + rule.lame * np.trace(strain) * np.eye(3)
+        assert rule.first_piola(gradient) == pytest.approx(rotation @ stress, rel=1e-10, abs=1e-3)
+
+
+@pytest.mark.parametrize("own", [*({"law": law} for law in LAWS), STIFFENING])
+def test_uniaxial_response_has_free_sides(own):
+    rule = SolidLaw.of(MaterialLaw(**own))
+    for stretch in (0.8, 1.1, 1.5):
+        lateral = float(rule.lateral_stretch(stretch))
+        stress = rule.first_piola(np.diag([stretch, lateral, lateral]))
+        # Zero against Young's modulus, to the accuracy of the lateral root.
+        assert abs(stress[1, 1]) < 1e-8 * rule.young
+        assert stress[0, 0] == pytest.approx(float(rule.nominal_stress(stretch)), rel=1e-8)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_table_is_the_law(law):
+    rule = MaterialLaw(law=law)
+    response = axial_response(rule, 1.0)
+    for stretch in np.random.default_rng(4).uniform(0.4, 3.0, 50):
+        stress = law_value(stretch, response)
+        energy = law_energy(stretch, response)
+        # Cubic interpolation over steps of 0.002.
+        assert stress == pytest.approx(float(rule.nominal_stress(stretch)), abs=1e-6 * rule.young)
+        assert energy == pytest.approx(float(rule.energy_density(stretch)), abs=1e-6 * rule.young)
+
+
+def test_dead_load_beyond_the_limit_is_refused():
+    with pytest.raises(NoEquilibriumError, match=r"at most 0\.9565 MPa"):
+        MaterialLaw(law="hencky").stretch_at(1.249e6)
+
+
+def test_inverted_gradient_is_refused():
+    with pytest.raises(ValueError, match="determinant"):
+        SolidLaw().first_piola(np.diag([1.0, 1.0, -1.0]))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"law": "wood"}, "law must be one of"),
+        ({"young": -1.0}, "young must be positive"),
+        ({"poisson": 0.6}, "poisson must lie"),
+        ({"law": "linear", "incompressible": True}, "incompressible applies"),
+    ],
+)
+def test_invalid_laws_are_refused(change, words):
+    with pytest.raises(ValueError, match=words):
+        MaterialLaw(**change)
+
+
+def outcome(**environment):
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.mark.slow
+def test_interpreted_kernels_give_the_compiled_numbers():
+    for compiled, interpreted in zip(outcome(), outcome(NUMBA_DISABLE_JIT="1"), strict=True):
+        # Compiled sums are reordered: rounding of a few hundred steps remains.
+        assert np.asarray(interpreted) == pytest.approx(np.asarray(compiled), rel=1e-9, abs=1e-12)

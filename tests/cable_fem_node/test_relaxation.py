@@ -64,6 +64,7 @@ def relaxed() -> RodWinding:
     return held(wound(10.0), 15.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period", [0.02, 2.0])
 def test_span_creeps_under_the_dead_weight_as_a_standard_linear_solid(period: float) -> None:
     model = RodWinding(config())
@@ -81,6 +82,7 @@ def test_span_creeps_under_the_dead_weight_as_a_standard_linear_solid(period: fl
     assert model.energy.balance_pct < 0.1
 
 
+@pytest.mark.slow
 def test_cable_that_is_held_wound_relaxes_as_a_standard_linear_solid(relaxed: RodWinding) -> None:
     resolved = relaxed.config.resolved
     _, theta, _ = relaxed.wound_path()
@@ -114,6 +116,7 @@ def test_relaxing_moves_nothing() -> None:
     assert np.abs(z_later[: laid.size] - z)[laid].max() < 1.0e-6
 
 
+@pytest.mark.slow
 def test_cable_at_rest_relaxes_as_if_it_were_integrated(relaxed: RodWinding) -> None:
     integrated = held(wound(10.0, rests=False), 15.0)
     assert relaxed.live_nodes < integrated.live_nodes
@@ -134,6 +137,7 @@ def test_cable_that_is_woken_has_relaxed_meanwhile() -> None:
     assert integrated.energy.balance_pct < 0.1
 
 
+@pytest.mark.slow
 def test_asking_often_changes_nothing() -> None:
     asked, left = wound(8.0), wound(8.0)
     for t in np.arange(8.02, 10.0, 0.02).tolist():

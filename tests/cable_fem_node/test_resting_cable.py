@@ -83,6 +83,7 @@ def long_run() -> Machine:
     return machine
 
 
+@pytest.mark.slow
 def test_resting_turns_change_nothing_over_a_long_run(long_run: Machine) -> None:
     long_run.agree()
     one, other = (model.wound_stretch() for model in long_run.models)
@@ -154,6 +155,7 @@ def test_copy_winds_on_by_itself(long_run: Machine) -> None:
     np.testing.assert_array_equal(long_run.resting.cable(), kept)
 
 
+@pytest.mark.slow
 def test_slip_that_goes_deeper_than_what_is_awake_wakes_what_rests() -> None:
     machine = Machine()
     machine.wind(15.0)
@@ -193,6 +195,7 @@ def test_what_rests_follows_what_the_machine_does(
         assert machine.resting.energy.balance_pct < 0.1
 
 
+@pytest.mark.slow
 def test_nothing_rests_once_everything_is_unwound() -> None:
     machine = Machine()
     machine.wind(12.0)

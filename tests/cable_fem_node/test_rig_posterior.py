@@ -1,7 +1,8 @@
 """The joint posterior of a rig: what markers determine, what they do not, and how well.
 
 Truths here are laid by the estimator's own closed form, which takes milliseconds: these tests are
-about the inference. Against the rod it stands in tests/benchmarks/test_rig_accuracy.py.
+about the inference. Against the rod it stands in tests/benchmarks/test_rig_accuracy.py. What
+comes in is a tracked marker once it counts as landed and measured.
 """
 
 import dataclasses
@@ -20,7 +21,9 @@ from cable_fem_node.identification import (
 )
 from cable_fem_node.identification.rig import Rigs
 from cable_fem_node.identification.rig_lay import RigLay
+from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
 from winding_core.cable.cases import paper_case
+from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 # docs/vision.md, on the 30 mm cylinder.
 SIGMA_THETA, SIGMA_Z = 3.0e-3, 0.12e-3
@@ -148,6 +151,7 @@ def test_markers_to_come_lie_where_they_are_expected(rig: dict[str, float]) -> N
     assert fourth.half_width_90 > third.half_width_90
 
 
+@pytest.mark.slow
 def test_intervals_hold_what_they_promise() -> None:
     prior, rng = RigPrior(), np.random.default_rng(7)
     inside: dict[str, list[bool]] = {"young": [], "free_length": [], "s": []}
@@ -242,3 +246,64 @@ def test_runs_of_two_cables_are_refused() -> None:
         identify_rig([run_of(4, 2, STEADY), run_of(1, 2, STEADY)])
     with pytest.raises(IdentificationError, match="at least one run"):
         identify_rig([])
+
+
+def frame(theta: float = 6.5, *, flags: int = 0, sigma: float = 2e-3, marker: int = 1) -> Markers:
+    return wound_markers(
+        ids=[0, marker],
+        theta=[0.0, theta],
+        z=[0.0, 0.004],
+        radius=0.017,
+        cylinder_angle=7.0,
+        sigma_theta=[0.0, sigma],
+        sigma_z=[0.0, 1e-4],
+        flags=[0, flags],
+    )
+
+
+def seen(*frames: Markers) -> SteadyMarkers:
+    markers = SteadyMarkers(SteadyConfig(frames=20))
+    for each in frames:
+        markers.add(each)
+    return markers
+
+
+def test_marker_counts_once_enough_frames_have_measured_it() -> None:
+    assert seen(*[frame()] * 19).steady() == ()
+    assert seen(*[frame()] * 19).readings() is None
+    assert seen(*[frame()] * 20).steady() == (1,)
+
+
+def test_reading_is_the_mean_with_the_deviation_of_one_frame() -> None:
+    rng = np.random.default_rng(0)
+    draws = 6.5 + 2e-3 * rng.standard_normal(400)
+    readings = seen(*[frame(float(theta)) for theta in draws]).readings()
+    assert readings is not None
+    assert readings.theta[0] == pytest.approx(draws.mean(), abs=1e-12)
+    # The frames' 2 mrad and the camera's 1 mrad, which no number of frames averages away.
+    assert readings.sigma_theta[0] == pytest.approx(np.hypot(2e-3, 1e-3))
+
+
+@pytest.mark.parametrize(
+    "flag",
+    [MarkerFlag.OCCLUDED, MarkerFlag.CLIPPED, MarkerFlag.NOT_WOUND, MarkerFlag.PREDICTED],
+)
+def test_frames_that_did_not_measure_do_not_count(flag: MarkerFlag) -> None:
+    assert seen(*[frame(flags=int(flag))] * 50).steady() == ()
+
+
+def test_touching_turns_are_measured_all_the_same() -> None:
+    assert seen(*[frame(flags=int(MarkerFlag.TOUCHING))] * 20).steady() == (1,)
+
+
+def test_marker_that_slips_is_left_out_for_good() -> None:
+    slipped = frame(flags=int(MarkerFlag.SLIPPED))
+    assert seen(*[frame()] * 20, slipped, *[frame()] * 20).steady() == ()
+
+
+def test_marker_that_wanders_is_not_steady() -> None:
+    assert seen(*[frame(6.5 + 2e-3 * i) for i in range(40)]).steady() == ()
+
+
+def test_nan_is_not_a_measurement() -> None:
+    assert seen(*[frame(float("nan"))] * 50).steady() == ()

@@ -55,6 +55,7 @@ def wandering(t: float) -> float:
     return 0.004 * (1.0 - math.cos(0.6 * t)) + 0.0009 * t
 
 
+@pytest.mark.slow
 def test_unwinding_gives_the_cable_back() -> None:
     drive = TurningDrive(unwinds_from=13.0)
     model = PlannedRun(config=CONFIG, drive=drive, duration=drive.longest).model()

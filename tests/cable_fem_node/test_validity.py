@@ -1,4 +1,7 @@
-"""Windings that the model cannot be right about are refused; the cost is estimated beforehand."""
+"""Windings that the model cannot be right about are refused; the cost is estimated beforehand.
+
+Any cable on any cylinder: elements of the default length are short enough, or it is refused.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from random_conditions import TOO_LONG, effort, planned
 from rods import CONFIG, case_of
 
-from cable_fem_node.dynamics.state import EnergyBalanceError, ImpossibleResultError
+from cable_fem_node.dynamics.state import EnergyBalanceError, ImpossibleResultError, SolverError
 from cable_fem_node.winding.expected_cost import expected_cost
 from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.cases import Case, Material
 from winding_core.machine.drive import DriveProfile
+
+CONDITIONS = 200
+# The promise: elements of half the length change the wound stretch by less [%].
+STRETCH_PCT = 0.2
 
 
 def config(
@@ -75,6 +83,7 @@ def test_elements_too_long_for_the_cylinder_are_refused_with_the_way_out(
         PlannedRun(config=what)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "what",
     [
@@ -130,6 +139,7 @@ def test_expected_steps_and_elements_are_those_of_the_run(number: int) -> None:
     assert cost.steps * cost.elements == pytest.approx(run.wind().element_steps, rel=0.3)
 
 
+@pytest.mark.slow
 def test_the_proposed_mass_scaling_leaves_the_cable_where_it_is() -> None:
     what = config(0.06, 0.001, 30.0, 5.0e9)
     run = PlannedRun(config=what, duration=6.0)
@@ -142,3 +152,23 @@ def test_the_proposed_mass_scaling_leaves_the_cable_where_it_is() -> None:
     assert a.stretch == pytest.approx(b.stretch, abs=2e-5)
     theta = np.linspace(0.0, 0.9 * a.theta[-1], 50)
     np.testing.assert_allclose(a.z_at(theta), b.z_at(theta), atol=2.0e-5)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(CONDITIONS))
+def test_default_elements_are_short_enough_or_it_is_refused(seed):
+    try:
+        run = planned(seed)
+        if effort(run)[0] > TOO_LONG:
+            pytest.skip("takes minutes")
+        result = run.wind(whole=False)
+    except (ValueError, SolverError) as error:
+        sentence = str(error)
+        assert sentence
+        assert "\n" not in sentence
+        assert any(letter.isdigit() for letter in sentence), "no number that it was refused for"
+        return
+    half = dataclasses.replace(run.config, segment_length=0.5 * run.config.resolved.segment)
+    finer = dataclasses.replace(run, config=half).wind(whole=False)
+    off = 100.0 * (result.stretch / finer.stretch - 1.0)
+    assert abs(off) < STRETCH_PCT, f"{run.config.case}, {run.config.law}: {off:.3f} %"

@@ -231,24 +231,28 @@ def expected(case: int, **changed: float) -> tuple[ExpectedLanding, ...]:
     return found
 
 
+@pytest.mark.slow
 def test_markers_within_reach_are_expected_at_their_places():
     for item in expected(4):
         # Steps of 0.05 rad, and half of the angle that a change of the pull is worth.
         assert item.expected == pytest.approx(item.wanted, abs=0.01)
 
 
+@pytest.mark.slow
 def test_what_has_landed_is_learnt_from():
     sigmas = [item.sigma for item in expected(4)]
     # What a brake's own friction makes of it is unobservable, half of P1's deviation here.
     assert max(sigmas[1:]) < 0.7 * sigmas[0]
 
 
+@pytest.mark.slow
 def test_a_softer_cable_is_known_less_well():
     # Cases 1 and 2 differ in the weight: twice the stretch, twice the doubt of it and more.
     stiff, soft = expected(1), expected(2)
     assert soft[0].sigma > 1.5 * stiff[0].sigma
 
 
+@pytest.mark.slow
 def test_a_pull_at_its_bounds_is_foreseen():
     # Where P1 of a soft cable is far off, P2 cannot be brought back within one turn: what a
     # derivative makes of small deviations is too little.
@@ -256,6 +260,7 @@ def test_a_pull_at_its_bounds_is_foreseen():
     assert item.misses > 1.5 * (abs(item.expected - item.wanted) + 2.0 * item.sigma)
 
 
+@pytest.mark.slow
 def test_a_known_rig_is_known_before():
     names = ("load_share_sigma", "drag_sigma", "start_share_sigma", "build_up_length_sigma")
     for item in expected(4, **dict.fromkeys(names, 1.0e-3)):
@@ -263,6 +268,7 @@ def test_a_known_rig_is_known_before():
         assert item.sigma < 0.004 * TURN
 
 
+@pytest.mark.slow
 def test_what_is_beyond_the_pull_is_expected_to_miss():
     control, what = ControlParameters(), resolved(4)
     wanted = {n: 1.15 * angle for n, angle in within_reach(control, what).items()}

@@ -164,6 +164,7 @@ def test_setpoint_waits_for_a_carriage_that_stands_and_goes_on_with_it():
 
 def test_no_pull_is_commanded_without_a_brake():
     machine = winding(0.198, 1.0)
+    assert machine.setpoints
     assert all(s.pull is None for s in machine.setpoints)
 
 
@@ -250,6 +251,7 @@ def test_a_height_that_was_measured_already_says_nothing_again():
     assert lay.estimate().z == before.z
 
 
+@pytest.mark.slow
 def test_deviations_are_honest():
     """Squared errors over their variances have a mean of one: 60 random spans and eyes."""
     rng = np.random.default_rng(11)
@@ -401,6 +403,7 @@ def check(seed: int) -> None:
         assert pulls.max() <= control.pull_range[1] + ROUNDING
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_commands_stay_within_bounds_whatever_is_wanted_and_whatever_fails(seed):
     check(seed)

@@ -102,22 +102,16 @@ class Film:
     """Frames of a run with their ground truth.
 
     Attributes:
-        case: What is wound.
-        lay: Where the cable lies; the paper's measured lay unless another is given.
-        camera: That films.
-        seed: Of the sensor noise.
         surroundings: What stands around the cylinder.
-        paint: Colours of the scene.
-        dot_size: Of the dots that the markers are [m]; 0 for ring bands.
     """
 
-    case: Case
-    lay: CableLay
-    camera: CameraConfig = field(default_factory=CameraConfig)
-    seed: int = 1
+    case: Case  # What is wound
+    lay: CableLay  # Where the cable lies; the paper's measured lay unless another is given
+    camera: CameraConfig = field(default_factory=CameraConfig)  # That films
+    seed: int = 1  # Of the sensor noise
     surroundings: Surroundings = field(default_factory=Surroundings)
-    paint: Paint = field(default_factory=Paint)
-    dot_size: float = 0.0
+    paint: Paint = field(default_factory=Paint)  # Colours of the scene
+    dot_size: float = 0.0  # Of the dots that the markers are [m]; 0 for ring bands
 
     def __post_init__(self) -> None:
         self.renderer = Renderer(self.camera, self.surroundings)

@@ -31,21 +31,15 @@ class Lie:
     """What a tracker is configured with wrongly.
 
     Attributes:
-        number: That has to be named.
-        share: By how much it is set too large; nan where no share is given.
-        config: Factors on fields of the configuration.
-        focal: Factor on the focal length.
-        times: Factor on the frames' times.
-        reading: Makes the reported angle of the true one [rad].
         picture: Makes the frame that is seen of the one that was drawn.
     """
 
-    number: str
-    share: float = math.nan
-    config: dict[str, float] = field(default_factory=dict)
-    focal: float = 1.0
-    times: float = 1.0
-    reading: float = 1.0
+    number: str  # That has to be named
+    share: float = math.nan  # By how much it is set too large; nan where no share is given
+    config: dict[str, float] = field(default_factory=dict)  # Factors on fields of the configuration
+    focal: float = 1.0  # Factor on the focal length
+    times: float = 1.0  # Factor on the frames' times
+    reading: float = 1.0  # Makes the reported angle of the true one [rad]
     picture: Callable[[np.ndarray, float], np.ndarray] = same
 
 

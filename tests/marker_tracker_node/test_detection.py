@@ -1,26 +1,30 @@
-"""What one mark looks like: the band model, the detector of painted marks, and light on them."""
+"""What one mark looks like: its colour, the band model, the detector, and light on it."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from marker_film import photograph
 
-from marker_tracker_node import CameraPose, ColourModel
+from marker_tracker_node import CameraPose, ColourModel, ColourRefusedError
 from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_point
 from marker_tracker_node.detection.band import Band, band_centroid, centre_point, solve_band
-from marker_tracker_node.detection.colour import Palette, colour_index
+from marker_tracker_node.detection.colour import Palette, colour_index, hsv
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.detection.colour_band import measure as measure_mark
 from marker_tracker_node.detection.gate import HIDDEN, MEASURED, PARTLY, empty_gates
 from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
 from winding_rig_node.camera import CablePath, CameraConfig, Window
 
-pytestmark = pytest.mark.slow
-
 # Every sensor pixel around the middle of the cylinder's first turn.
 CLOSE = Window(x_offset=200, y_offset=300, width=400, height=700, binning=1)
 SHARP = replace(CameraConfig(), window=CLOSE, supersampling=6)
+PAINT = (25, 185, 225)
+AZIMUTH = 0.05
+RNG = np.random.default_rng(7)
+YELLOW = (30, 190, 225)
+BRASS = (70, 150, 180)
 
 
 def view_and_body(film):
@@ -28,6 +32,7 @@ def view_and_body(film):
     return film.pinhole().view(CameraPose(position=film.camera.position)), config.body
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [1, 3, 5, 9])
 def test_centroid_and_area_agree_with_the_renderers_ground_truth(smooth_film, case):
     film = smooth_film(case, camera=SHARP)
@@ -63,6 +68,7 @@ def test_without_the_model_a_band_would_be_misplaced(smooth_film, case, least):
     assert b > beyond
 
 
+@pytest.mark.slow
 def test_a_touching_turn_hides_what_the_renderer_hides(smooth_film):
     film = smooth_film(4, camera=SHARP)
     view, body = view_and_body(film)
@@ -85,13 +91,9 @@ def test_a_touching_turn_hides_what_the_renderer_hides(smooth_film):
     assert 0.0 < more[1] < 0.7 * more[0]
 
 
-YELLOW = (25, 185, 225)
-AZIMUTH = 0.05
-
-
 @pytest.fixture(scope="module")
 def model():
-    paint = np.array(YELLOW) + 6.0 * np.random.default_rng(7).standard_normal((400, 3))
+    paint = np.array(PAINT) + 6.0 * np.random.default_rng(7).standard_normal((400, 3))
     return ColourModel.from_samples(np.clip(paint, 0, 255).astype(np.uint8))
 
 
@@ -125,18 +127,20 @@ def seen(smooth_film, model):
 def test_paint_under_white_light_is_unknown_and_grey_cable_is_not(model):
     glare = model.glare()
     for share, unknown in ((0.0, 0), (0.1, 0), (0.7, 1), (1.0, 1)):
-        lit = np.minimum(np.array(YELLOW) + 255.0 * share, 255.0).astype(np.uint8)
+        lit = np.minimum(np.array(PAINT) + 255.0 * share, 255.0).astype(np.uint8)
         assert glare[colour_index(lit)] == unknown, share
     for grey in (90, 150, 230):
         assert glare[colour_index(np.full(3, grey, np.uint8))] == 0, grey
 
 
+@pytest.mark.slow
 def test_a_band_without_glare_is_measured_as_a_whole(seen):
     found = seen(lambda along, across: np.zeros(along.shape, bool))
     assert found.outcome == MEASURED
     assert found.completeness == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "white",
     [
@@ -160,6 +164,7 @@ def test_what_is_seen_of_a_band_gives_its_middle(seen, white):
     assert found.z == pytest.approx(whole.z, abs=0.12e-3)
 
 
+@pytest.mark.slow
 def test_the_deviation_grows_where_an_end_is_hidden_and_not_where_none_is(seen):
     end = seen(lambda along, across: along > 0.2)
     flank = seen(lambda along, across: across > 0.2)
@@ -167,9 +172,106 @@ def test_the_deviation_grows_where_an_end_is_hidden_and_not_where_none_is(seen):
     assert flank.z_factor > 1.3
 
 
+@pytest.mark.slow
 def test_a_band_of_which_no_end_is_known_is_hidden(seen):
     assert seen(lambda along, across: np.abs(along) > 0.5).outcome == HIDDEN
 
 
+@pytest.mark.slow
 def test_something_grey_before_a_band_hides_it_still(seen):
     assert seen(lambda along, across: along > 0.2, 150).outcome == HIDDEN
+
+
+def paint(colour, count=400, deviation=6.0):
+    pixels = np.array(colour) + deviation * RNG.standard_normal((count, 3))
+    return np.clip(pixels, 0, 255).astype(np.uint8)
+
+
+def share(model, pixels):
+    return model.mask(pixels[None]).mean()
+
+
+def test_its_own_colour_is_accepted_and_others_are_not():
+    model = ColourModel.from_samples(paint(YELLOW))
+    assert share(model, paint(YELLOW)) > 0.99
+    for other in ((225, 60, 30), (40, 200, 40), (30, 30, 220), (128, 128, 128), (20, 20, 20)):
+        assert share(model, paint(other)) < 0.01
+
+
+def test_light_may_change():
+    model = ColourModel.from_samples(paint(YELLOW))
+    for gain in (0.5, 0.7, 1.4, 2.0):
+        lit = np.clip(paint(YELLOW).astype(float) * gain, 0, 255).astype(np.uint8)
+        assert share(model, lit) > 0.98, gain
+
+
+def test_a_background_of_similar_hue_is_distinguished():
+    samples, background = paint(YELLOW), paint(BRASS, 20000)
+    plain = ColourModel.from_samples(samples)
+    apart = ColourModel.from_samples(samples, background)
+    assert share(apart, paint(BRASS)) < 0.02
+    assert share(apart, paint(YELLOW)) > 0.95
+    assert apart.separation > 0.98
+    assert np.isnan(plain.separation)
+
+
+def test_a_marker_of_the_backgrounds_colour_is_refused():
+    with pytest.raises(ColourRefusedError, match="distinguished"):
+        ColourModel.from_samples(paint(BRASS, 100), paint(BRASS, 20000))
+
+
+NO_COLOURS = [
+    (np.empty((0, 3), np.uint8), "at least"),
+    (np.full((300, 3), (0, 255, 255), np.uint8), "uniform"),
+    (np.full((300, 3), 128, np.uint8), "uniform"),
+    (paint((128, 128, 128)), "grey"),
+    (RNG.integers(0, 255, (900, 3)).astype(np.uint8), "many hues"),
+    (np.zeros((300, 4), np.uint8), "shape"),
+    (np.zeros((300, 3)), "uint8"),
+]
+
+
+def test_samples_that_define_no_colour_are_refused():
+    for samples, reason in NO_COLOURS:
+        with pytest.raises(ColourRefusedError, match=reason):
+            ColourModel.from_samples(samples)
+
+
+def test_no_sample_however_clean_makes_a_model_of_every_hue():
+    for colour in ((0, 255, 255), (0, 0, 255), (255, 0, 255), (30, 190, 225)):
+        samples = np.full((300, 3), colour, np.uint8)
+        samples[0] = np.clip(np.array(colour) - 3, 0, 255)
+        model = ColourModel.from_samples(samples)
+        assert model.hue_spread < 45.0, colour
+        assert model.table.mean() < 0.25, colour
+
+
+def test_an_odd_background_changes_nothing():
+    backgrounds = {
+        "nothing": np.empty((0, 3), np.uint8),
+        "same": np.full((5000, 3), 90, np.uint8),
+        "grey": paint((90, 90, 90), 5000),
+    }
+    for kind, background in backgrounds.items():
+        model = ColourModel.from_samples(paint(YELLOW), background)
+        assert share(model, paint(YELLOW)) > 0.98, kind
+
+
+@pytest.mark.slow
+def test_a_photographed_flower_is_found_from_a_small_sample():
+    # The orange dahlia before green leaves.
+    inside, outside = (slice(150, 250), slice(270, 370)), (slice(0, 90), slice(0, 120))
+    photo = photograph("flower.jpg")
+    patch = photo[190:201, 300:311].reshape(-1, 3)
+    model = ColourModel.from_samples(patch, photo[outside].reshape(-1, 3))
+    mask = model.mask(photo)
+    assert mask[inside].mean() > 0.5
+    assert mask[outside].mean() < 0.01
+
+
+def test_photographed_grey_sky_is_refused():
+    photo = photograph("china.jpg")
+    _, saturation, _ = hsv(photo[5:25, 300:340])
+    assert np.median(saturation) < 0.25
+    with pytest.raises(ColourRefusedError, match="grey"):
+        ColourModel.from_samples(photo[5:25, 300:340].reshape(-1, 3))

@@ -80,6 +80,7 @@ def table(path):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_render_writes_frames_motion_truth_and_camera(sequence):
     assert len(list(sequence.glob("frame_*.png"))) == 125
     assert len(table(sequence / "motion.csv")) == 125
@@ -241,6 +242,7 @@ def test_motion_outside_its_readings_is_unknown():
     assert motion.at(1.5) == (None, None)
 
 
+@pytest.mark.slow
 def test_what_a_marker_looks_like_and_where_the_camera_looks_are_options(sequence, tmp_path):
     out = tmp_path / "markers.csv"
     words = (sequence, sequence, out, "--case", 4, "--no-refine")
