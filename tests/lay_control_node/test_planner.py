@@ -149,7 +149,7 @@ def test_a_corner_is_rounded_until_friction_holds_it():
     rough = plan_lay(KINDS["reversal"], dataclasses.replace(WHAT, friction=1.0), LIMITS)
     plan = plan_lay(KINDS["reversal"], WHAT, LIMITS)
     assert plan.width > rough.width
-    assert "friction 0.1 holds no sharper turn" in plan.sentences[0]
+    assert f"friction {Condition.friction:g} holds no sharper turn" in plan.sentences[0]
     sharp = plan_lay(KINDS["reversal"], dataclasses.replace(WHAT, friction=0.02), LIMITS)
     assert "the cable slips: it needs a friction of" in " ".join(sharp.sentences)
 
