@@ -15,7 +15,7 @@ from jsonschema import Draft202012Validator
 PAGE = Path(__file__).parents[2] / "docs" / "schemas.md"
 SCHEMAS = {
     Path(file.name).stem: json.loads(file.read_text(encoding="utf-8"))
-    for package in ("winding_cli", "winding_study")
+    for package in ("winding_cli", "winding_reports", "winding_study")
     for file in (files(package) / "schemas").iterdir()
 }
 TENSILE = "strain,stress_mpa\n0.02,0.052\n0.05,0.128\n0.1,0.25\n0.15,0.37\n0.2,0.48\n0.3,0.69\n"
