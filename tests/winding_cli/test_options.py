@@ -1,13 +1,22 @@
-"""What a record declares reaches nodes, commands, sweeps and the page under one name."""
+"""Options: every parameter is one, help lists every command, and a wrong value is refused."""
+
+from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Callable
+import random
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
+import typer
 
+from winding_cli.app import SUMMARIES, app
 from winding_cli.commands.identify import identify
 from winding_cli.commands.plan import plan
 from winding_cli.commands.predict import predict
@@ -30,6 +39,19 @@ TAKEN = {
     MarkerLook: ((RIG, TRACKER), (run, track, render)),
     CameraClockParameters: ((TRACKER,), (run, track)),
 }
+# What a command needs beside the option under test, so that nothing else is wrong with it.
+BESIDE = {
+    "run": ["--case", "4"],
+    "predict": ["--case", "4"],
+    "plan": ["--case", "4", "--even"],
+    "render": ["pictures"],
+    "board": ["board.png"],
+    "sweep": ["spec.yaml"],
+}
+# They need recordings or a running graph before any option is looked at, or take any text for one.
+LEFT_OUT = {"track", "identify", "calibrate", "bag", "conform", "health"}
+NUMBERS = ("abc", "-1e9", "nan")
+PLACES = ("/dev/null/x", "/proc/nothere/x")
 
 
 @pytest.mark.parametrize("record", TAKEN, ids=lambda record: record.__name__)
@@ -94,3 +116,91 @@ def test_a_wrong_option_is_refused_before_anything_starts(
     assert sentence in done.stderr
     assert done.stderr.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_help_lists_every_command_with_the_first_paragraph_of_its_own_help() -> None:
+    commands: Any = typer.main.get_command(app)
+    own = {
+        name: " ".join(command.help.split("\n\n")[0].split())
+        for name, command in commands.commands.items()
+        if name in SUMMARIES
+    }
+    assert list(SUMMARIES.items()) == list(own.items())
+
+
+def test_a_film_shows_the_markers_that_were_asked_for(
+    command: Callable[..., Any], tmp_path: Path
+) -> None:
+    looks = {
+        "bands": (),
+        "dots": ("--marker-kind", "dot", "--dot-mm", 3),
+        "red": ("--marker-colours", "red,yellow"),
+    }
+    pictures = {}
+    for name, look in looks.items():
+        film = ("render", name, "--fps", 1, "--duration-s", 1, "--noise", 0)
+        assert command(*film, *look, cwd=tmp_path).returncode == 0
+        (file,) = (tmp_path / name).rglob("*.png")
+        pictures[name] = cv2.imread(str(file)).astype(int)
+    # P0 alone is in sight as the run begins: yellow has green, red has none.
+    yellow = (pictures["bands"][..., 1] > 2 * pictures["bands"][..., 0]).sum()
+    dots = (pictures["dots"][..., 1] > 2 * pictures["dots"][..., 0]).sum()
+    red = pictures["red"]
+    assert 0 < dots < yellow
+    assert (red[..., 2] > 2 * np.maximum(red[..., 0], red[..., 1])).sum() > 0.5 * yellow
+
+
+def wrong_inputs() -> Iterator[tuple[str, str, str]]:
+    """Yield command, option and a value that is wrong for any option of its type."""
+    root: Any = typer.main.get_command(app)
+    for name, command in root.commands.items():
+        if name in LEFT_OUT:
+            continue
+        for item in command.params:
+            if item.param_type_name != "option" or item.is_flag:
+                continue
+            kind = item.type_descriptor.annotation
+            values = NUMBERS if kind in (int, float) else PLACES if kind is Path else ()
+            for value in values:
+                yield name, item.opts[0], value
+
+
+INPUTS = sorted(wrong_inputs())
+
+
+def chosen(count: int, seed: int) -> list[tuple[str, str, str]]:
+    return random.Random(seed).sample(INPUTS, count)
+
+
+def check(folder: Path, name: str, option: str, value: str) -> None:
+    (folder / "spec.yaml").write_text("parameters: {case: [4]}\n", encoding="utf-8")
+    words = list(BESIDE.get(name, []))
+    if option in words:
+        at = words.index(option)
+        del words[at : at + 2]
+    finished = subprocess.run(
+        [sys.executable, "-m", "winding_cli.cli", name, *words, f"{option}={value}"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert finished.returncode == 2, finished.stderr
+    assert "Traceback" not in finished.stderr
+    assert option in finished.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "option", "value"), chosen(20, 1))
+def test_wrong_value_is_refused_with_its_option(
+    tmp_path: Path, name: str, option: str, value: str
+) -> None:
+    check(tmp_path, name, option, value)
+
+
+@pytest.mark.campaign
+@pytest.mark.timeout(3000)
+def test_a_hundred_wrong_values_are_refused_with_their_options(tmp_path: Path) -> None:
+    for wrong in chosen(100, 2):
+        check(tmp_path, *wrong)
