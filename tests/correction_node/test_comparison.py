@@ -85,6 +85,7 @@ def test_the_papers_network_is_no_forecast(scores) -> None:
 
 
 def test_only_models_that_start_at_random_spread(scores) -> None:
+    assert scores
     seeded = {NETWORK, MARKER_NETWORK, RIG_NETWORK}
     for name, score in scores.items():
         assert (score.in_sample_spread_pct > 0.0) == (name in seeded)
@@ -99,6 +100,7 @@ def test_the_processes_own_interval_promises_too_much(scores) -> None:
 
 
 def test_the_conformal_bound_covers_every_left_out_cell(scores) -> None:
+    assert scores
     for score in scores.values():
         if score.kind == ORACLE:
             assert score.bound_pct is None
@@ -115,6 +117,7 @@ def test_an_oracle_has_no_left_out_error(scores) -> None:
 
 
 def test_every_model_says_what_it_is_and_gives_every_h(scores) -> None:
+    assert scores
     for score in scores.values():
         assert score.description.endswith(".")
         assert score.in_sample.shape == score.held_out.shape == (45,)

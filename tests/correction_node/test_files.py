@@ -149,37 +149,32 @@ def test_beyond_the_trained_turns_nothing_is_corrected() -> None:
     assert load_factor(PAPER).factor(longer).outside is None
 
 
-def test_the_shipped_card_tells_the_truth_about_the_shipped_weights() -> None:
-    for name in SHIPPED:
-        weight = load_factor(weights_directory(name))
-        data, model = SHIPPED[name]
-        cells = load_data_set(data).cells
-        assert weight.name == model
-        assert weight.card["data"]["sha256"] == load_data_set(data).sha256
-        # The card rounds to four decimals.
-        assert cell_errors_pct(cells, weight.model.h(cells)).mean() == pytest.approx(
-            weight.errors["in_sample_pct"], abs=1e-4
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_shipped_card_describes_the_shipped_weights(name: str) -> None:
+    weight = load_factor(weights_directory(name))
+    data, model = SHIPPED[name]
+    cells = load_data_set(data).cells
+    assert weight.name == model
+    assert weight.card["data"]["sha256"] == load_data_set(data).sha256
+    # The card rounds to four decimals.
+    assert cell_errors_pct(cells, weight.model.h(cells)).mean() == pytest.approx(
+        weight.errors["in_sample_pct"], abs=1e-4
+    )
+    recipe = {"seed": 0, **dataclasses.asdict(TrainingConfig())}
+    assert weight.card["training"] == (recipe if LEARNERS[weight.name].seeded else {})
+
+
+@pytest.mark.parametrize("name", ["rod", "rod_rig", "rod_marker_network", "rod_network"])
+def test_a_run_is_corrected_as_the_card_states(name: str) -> None:
+    weight = load_factor(weights_directory(name))
+    assert len(paper_cases()) == 12
+    for case in paper_cases():
+        h = [c for c in load_data_set("rod").cells if c.case == case.number]
+        # h comes from the quasi-static reference, the card's from the rod: 0.14 % apart.
+        np.testing.assert_allclose(
+            weight.factor(case).by_marker[: len(h)], weight.model.h(h), rtol=1.5e-3
         )
-
-
-def test_the_shipped_recipe_is_the_default_one() -> None:
-    for name in SHIPPED:
-        weight = load_factor(weights_directory(name))
-        recipe = {"seed": 0, **dataclasses.asdict(TrainingConfig())}
-        assert weight.card["training"] == (recipe if LEARNERS[weight.name].seeded else {})
-
-
-def test_a_run_is_corrected_as_the_card_says() -> None:
-    for name in ["rod", "rod_rig", "rod_marker_network", "rod_network"]:
-        weight = load_factor(weights_directory(name))
-        for case in paper_cases():
-            conditions = conditions_of(case, weight.law)
-            h = [c for c in load_data_set("rod").cells if c.case == case.number]
-            # h comes from the quasi-static reference, the card's from the rod: 0.14 % apart.
-            np.testing.assert_allclose(
-                weight.factor(case).by_marker[: len(h)], weight.model.h(h), rtol=1.5e-3
-            )
-            assert len(conditions) == case.marker_count
+        assert len(conditions_of(case, weight.law)) == case.marker_count
 
 
 def test_the_default_weight_is_the_best_of_the_shipped_on_cases_left_out() -> None:
@@ -262,15 +257,15 @@ def test_the_digest_follows_every_number(tmp_path) -> None:
     )
 
 
-def test_training_and_running_see_the_same_inputs() -> None:
-    for name in INPUTS:
-        inputs = INPUTS[name]
-        for case in paper_cases():
-            trained = inputs([cell for cell in CELLS if cell.case == case.number])
-            # Weight over area and back: rounding.
-            np.testing.assert_allclose(
-                inputs(conditions_of(case, "linear"))[: len(trained)], trained, rtol=1e-12
-            )
+@pytest.mark.parametrize("inputs", INPUTS.values(), ids=INPUTS)
+def test_training_and_running_see_the_same_inputs(inputs) -> None:
+    assert len(paper_cases()) == 12
+    for case in paper_cases():
+        trained = inputs([cell for cell in CELLS if cell.case == case.number])
+        # Weight over area and back: rounding.
+        np.testing.assert_allclose(
+            inputs(conditions_of(case, "linear"))[: len(trained)], trained, rtol=1e-12
+        )
 
 
 def test_dimensionless_inputs_by_hand() -> None:

@@ -39,6 +39,7 @@ def test_the_known_lengths_are_the_experiments() -> None:
 
 
 def test_a_published_run_resembles_itself_where_lengths_can_tell() -> None:
+    assert len(CASES) == 12
     for case, lengths in zip(CASES, TABLE, strict=True):
         # Cases 3 and 6 differ by 0.3 % rms, half the repeatability: they may be exchanged.
         expected = {3, 6} if case in (3, 6) else {case}
@@ -86,6 +87,7 @@ def by_noise() -> dict[tuple[Noise, float], NoiseAccuracy]:
 def test_less_repeatable_runs_are_named_less_often(
     by_noise: dict[tuple[Noise, float], NoiseAccuracy],
 ) -> None:
+    assert len(Noise) > 0
     for kind in Noise:
         accuracies = [by_noise[kind, noise].accuracy for noise in (0.0, 0.01, 0.02, 0.04)]
         assert accuracies[0] == 1.0

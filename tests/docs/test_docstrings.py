@@ -184,7 +184,9 @@ def commands(command: Any, name: str = "winding") -> Iterator[tuple[str, Any]]:
 
 def test_every_command_explains_itself_and_its_options() -> None:
     page = (SOURCE.parents[1] / "docs" / "commands.md").read_text(encoding="utf-8")
-    for name, command in commands(typer.main.get_command(app)):
+    found = list(commands(typer.main.get_command(app)))
+    assert found
+    for name, command in found:
         assert command.help, name
         assert " ".join(name.split()[:2]) in page, f"docs/commands.md does not list {name}"
         unexplained = [item.name for item in command.params if not getattr(item, "help", "given")]

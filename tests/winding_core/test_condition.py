@@ -86,6 +86,7 @@ def test_what_is_shown_can_be_typed_again() -> None:
 
 
 def test_every_parameter_says_what_it_is() -> None:
+    assert declarations(Condition)
     for item in declarations(Condition):
         assert item.description
 
@@ -147,6 +148,7 @@ def test_tables_five_and_six_follow_from_tables_two_to_four() -> None:
 
 
 def test_table_seven_follows_from_tables_five_and_six() -> None:
+    assert len(MEASURED) == 45
     for row, measured in MEASURED:
         error = length_error_pct(measured.s, row.simulation.s)
         assert error == pytest.approx(row.error_pct, abs=TABLE_BAR), (row.case, row.marker)
@@ -167,6 +169,7 @@ def test_the_means_are_the_papers_numbers() -> None:
 
 
 def test_original_lengths_are_marker_spacings() -> None:
+    assert len(published_markers()) >= 45
     for row in published_markers():
         assert row.original_length == pytest.approx(
             paper_case(row.case).original_length(row.marker)
@@ -189,6 +192,7 @@ def test_table_one_has_twelve_cases_in_order() -> None:
 
 
 def test_the_printed_tension_is_weight_over_section() -> None:
+    assert len(paper_cases()) == 12
     for case in paper_cases():
         printed = published_conditions()[case.number].nominal_stress
         # Four printed digits: half a unit of the fourth is at most 5e-4 of the value.
@@ -196,6 +200,7 @@ def test_the_printed_tension_is_weight_over_section() -> None:
 
 
 def test_two_weights_hang_on_every_cable() -> None:
+    assert len(paper_cases()) == 12
     g = 9.81
     for case in paper_cases():
         # 200 g and 400 g; Table 1's four digits of stress give the weight to 1 mN.

@@ -64,6 +64,7 @@ def test_equation_three_as_printed_is_a_misprint() -> None:
 
 
 def test_a_marker_spacing_of_the_paper_is_about_one_turn() -> None:
+    assert len(paper_cases()) == 12
     for case in paper_cases():
         turn = turn_length(case.centreline_radius, PITCH)
         # One round spacing serves three cable radii per cylinder: 16 to 18 mm is 12 %.

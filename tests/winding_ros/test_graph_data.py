@@ -81,6 +81,7 @@ def endpoints(node: Any) -> tuple[set[str], set[str]]:
 
 def test_nodes_really_have_the_endpoints_that_the_graph_states(ros: Any, compose: Any) -> None:
     specs = controlled()
+    assert specs
     paced = ",".join(topic.name for topic in pace_topics(specs))
     graph = compose(
         ros,
@@ -124,6 +125,7 @@ def test_controller_of_the_lay_hears_all_and_is_heard_by_the_rig() -> None:
 
 def test_text_names_every_node_and_topic() -> None:
     text = as_text()
+    assert GRAPH
     for spec in GRAPH:
         assert spec.name in text
         for topic in spec.publishes:
