@@ -107,6 +107,7 @@ def test_a_middleware_without_security_is_refused(tmp_path: Path) -> None:
         check_security("winding", dict(os.environ) | SECURE | keystore)
 
 
+@pytest.mark.slow
 def test_the_command_refuses_before_anything_starts(tmp_path: Path, command) -> None:  # type: ignore[no-untyped-def]
     done = command("run", "--secure", "--case", 4, "--output", tmp_path / "run", cwd=tmp_path)
     assert done.returncode == 2

@@ -79,6 +79,7 @@ def endpoints(node: Any) -> tuple[set[str], set[str]]:
     )
 
 
+@pytest.mark.slow
 def test_nodes_really_have_the_endpoints_that_the_graph_states(ros: Any, compose: Any) -> None:
     specs = controlled()
     assert specs
