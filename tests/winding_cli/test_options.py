@@ -14,8 +14,7 @@ import cv2
 import numpy as np
 import pytest
 import typer
-from click.testing import Result
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from winding_cli.app import SUMMARIES, app
 from winding_cli.commands.identify import identify
