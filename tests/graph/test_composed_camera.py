@@ -1,4 +1,4 @@
-"""`winding run --compose`: frames are tracked in the process of the camera that takes them."""
+"""Frames that are tracked in the process of the camera or of the rig that takes them."""
 
 import json
 from collections.abc import Callable
@@ -6,10 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from composed_graph import composed_run
+from std_srvs.srv import Trigger
 
 from winding_core.cable.cases import published_markers
 from winding_core.camera_source import CameraSource, CameraSourceError
 from winding_recorder.bags.contents import contents
+from winding_ros import topics
 from winding_ros.graph import CAMERA_TOPICS, GRAPH, RIG, SIMULATED_CAMERA, TRACKER, composed
 
 
@@ -78,3 +81,17 @@ def test_a_camera_that_cannot_be_imported_is_refused_in_one_sentence(
         match="cannot be imported: ModuleNotFoundError: No module named 'a_library_that_is_missing",
     ):
         CameraSource.parsed(f"{place}:open_camera").load()
+
+
+@pytest.mark.slow
+def test_frames_handed_over_in_process_are_all_tracked(ros: Any, compose: Any) -> None:
+    condition = {"case": 4, "duration": 1.0}
+    recorded = [topic for topic in topics.TOPICS if topic.recorded]
+    images: list[bytes] = []
+    with composed_run(compose, ros, condition, recorded) as (listener, recorder):
+        topics.IMAGE.subscribe(listener, images.append, raw=True)
+        assert ros.call(listener, Trigger, "rig/start", Trigger.Request()).success
+        ros.spin_until(lambda: recorder.buffer.last_stamp(topics.TRACKED_MARKERS) >= 1.0)
+    stamps = [message.stamp_ns for message in recorder.buffer.messages["tracker/markers"]]
+    assert stamps == [frame * 5_000_000 for frame in range(201)]
+    assert images == []
