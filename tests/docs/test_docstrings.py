@@ -107,6 +107,8 @@ def undocumented_fields(node: ast.ClassDef, lines: list[str]) -> list[str]:
             or re.search(rf"\b{name}\b", docstring)
             or re.search(r"parameter\(|help=", statement)
             or any("#" in line for line in lines[field.lineno - 1 : field.end_lineno])
+            # What does not fit beside a field stands in the line above it.
+            or lines[field.lineno - 2].strip().startswith("# ")
             or (isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant))
         )
         if not explained:
