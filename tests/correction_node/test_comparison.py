@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 from correction_node.models.dataset import LengthCell, load_data_set
+from correction_node.models.weights import load_factor, save_factor
 from correction_node.training.comparison import (
     BASELINE,
     GAUSSIAN_PROCESS,
@@ -20,15 +24,20 @@ from correction_node.training.comparison import (
     compare_models,
     learn_process,
 )
-from correction_node.training.evaluation import cell_errors_pct
-from correction_node.training.learners import MARKER_NETWORK, NETWORK, RIG, RIG_NETWORK
-from winding_core.cable.cases import published_markers, published_weights
+from correction_node.training.evaluation import BASELINES, cell_errors_pct
+from correction_node.training.learners import LEARNERS, MARKER_NETWORK, NETWORK, RIG, RIG_NETWORK
+from correction_node.training.protocol import learn, verdict
+from correction_node.training.training import TrainingConfig
+from winding_core.cable.cases import paper_case, published_markers, published_weights
 
 # Every model is trained as long as the shipped ones.
 # One process computes what the tests of this file share.
 pytestmark = pytest.mark.slow
 
 ROD = load_data_set("rod")
+CELLS = ROD.cells
+DATA = load_data_set("rod")
+SHORT = TrainingConfig(steps=30)
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +85,7 @@ def test_the_papers_network_is_no_forecast(scores) -> None:
 
 
 def test_only_models_that_start_at_random_spread(scores) -> None:
+    assert scores
     seeded = {NETWORK, MARKER_NETWORK, RIG_NETWORK}
     for name, score in scores.items():
         assert (score.in_sample_spread_pct > 0.0) == (name in seeded)
@@ -90,6 +100,7 @@ def test_the_processes_own_interval_promises_too_much(scores) -> None:
 
 
 def test_the_conformal_bound_covers_every_left_out_cell(scores) -> None:
+    assert scores
     for score in scores.values():
         if score.kind == ORACLE:
             assert score.bound_pct is None
@@ -106,6 +117,7 @@ def test_an_oracle_has_no_left_out_error(scores) -> None:
 
 
 def test_every_model_says_what_it_is_and_gives_every_h(scores) -> None:
+    assert scores
     for score in scores.values():
         assert score.description.endswith(".")
         assert score.in_sample.shape == score.held_out.shape == (45,)
@@ -118,9 +130,6 @@ def test_table_8_comes_out_of_the_papers_weights_cell_by_cell() -> None:
     assert len(printed) == 45
     # Printed to 0.01; the weights were recovered from the same digits.
     np.testing.assert_allclose(cell_errors_pct(cells, h), printed, atol=0.02)
-
-
-CELLS = ROD.cells
 
 
 def _as_predicted(asked):
@@ -152,3 +161,83 @@ def test_a_base_that_is_right_is_left_alone() -> None:
     cells = [dataclasses.replace(c, s_exp=1.1 * c.s_fem) for c in CELLS]
     process = learn_process(cells, lambda asked: np.full(len(asked), 1.1))
     np.testing.assert_allclose(process.h(cells), 1.1, rtol=1e-9)
+
+
+@pytest.fixture(scope="module", params=list(LEARNERS))
+def learned(request):
+    return request.param, learn(DATA, request.param, SHORT, lambda stage: None, seed=3)
+
+
+def test_model_and_baselines_are_scored_alike(learned) -> None:
+    name, result = learned
+    assert set(result.scores) == {name, *BASELINES}
+    for score in result.scores.values():
+        assert score.in_sample.shape == score.held_out.shape == (45,)
+        assert np.isfinite([score.in_sample_pct, score.leave_one_case_out_pct]).all()
+
+
+def test_the_card_says_what_the_weights_come_from(learned) -> None:
+    name, result = learned
+    card = result.factor.card
+    assert card["data"] == {"name": "rod", "sha256": DATA.sha256, "cells": 45, "cases": 12}
+    assert card["training"].get("seed") == (3 if LEARNERS[name].seeded else None)
+    assert set(card["errors"]) == set(result.scores)
+    json.dumps(card, allow_nan=False)
+
+
+def test_the_card_of_a_form_found_on_these_cells_says_so(learned) -> None:
+    name, result = learned
+    optimistic = "with all 45 cells in view" in result.factor.card["selection"]
+    assert optimistic == (name in (RIG, RIG_NETWORK))
+
+
+@pytest.mark.slow
+def test_a_case_that_is_left_out_is_never_seen(learned) -> None:
+    name, result = learned
+    cells = [dataclasses.replace(c, s_exp=2.0 * c.s_exp) if c.case == 9 else c for c in DATA.cells]
+    changed = learn(dataclasses.replace(DATA, cells=tuple(cells)), name, SHORT, print, seed=3)
+    mine = np.array([cell.case == 9 for cell in cells])
+    np.testing.assert_array_equal(
+        result.scores[name].held_out[mine], changed.scores[name].held_out[mine]
+    )
+    assert not np.array_equal(result.scores[name].in_sample, changed.scores[name].in_sample)
+
+
+def test_what_was_learned_can_be_saved_and_used(learned, tmp_path) -> None:
+    factor = learned[1].factor
+    save_factor(factor, tmp_path)
+    assert load_factor(tmp_path).factor(paper_case(2)) == factor.factor(paper_case(2))
+
+
+def test_the_verdict_names_who_is_best_on_cases_never_seen(learned) -> None:
+    name, result = learned
+    scores = dict(result.scores)
+    scores[name] = dataclasses.replace(scores[name], leave_one_case_out_pct=9.0)
+    scores["ridge"] = dataclasses.replace(scores["ridge"], leave_one_case_out_pct=1.0)
+    sentence = verdict(name, scores)
+    assert f"plain baseline 'ridge' beats the {name}: 1.00 % against 9.00 %" in sentence
+    scores[name] = dataclasses.replace(scores[name], leave_one_case_out_pct=0.5)
+    assert f"the {name} is best" in verdict(name, scores)
+
+
+def test_physics_is_not_fitted_to_a_solver_far_from_it() -> None:
+    for name in [RIG, RIG_NETWORK]:
+        with pytest.raises(ValueError, match=f"model {name} needs lengths of a solver within 1%"):
+            learn(load_data_set("paper"), name, SHORT, lambda stage: None)
+
+
+def test_a_model_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"model must be one of network, .* got 'oracle'"):
+        learn(DATA, "oracle", SHORT, lambda stage: None)
+
+
+@pytest.mark.slow
+def test_correcting_needs_no_torch() -> None:
+    asked = (
+        "import sys; from winding_core.cable.cases import paper_case; "
+        "from correction_node.live.corrector import Corrector; "
+        "from correction_node.models.weights import SHIPPED, load_factor, weights_directory; "
+        "[Corrector(load_factor(weights_directory(n))).factor(paper_case(1)) for n in SHIPPED]; "
+        "sys.exit('torch' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", asked], check=False).returncode == 0

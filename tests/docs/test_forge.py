@@ -54,6 +54,7 @@ def test_the_pull_request_form_names_targets_that_make_has() -> None:
     assert all(re.search(rf"^{target}:", RULES, re.MULTILINE) for target in targets)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("schema", "paths"),
     [("vendor.github-workflows", WORKFLOWS), ("vendor.github-issue-forms", FORMS)],

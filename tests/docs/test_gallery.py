@@ -1,9 +1,12 @@
 """Every example of the gallery runs as it stands, stays short, and draws a real picture."""
 
 import ast
+import contextlib
+import io
 import json
 import os
 import re
+import runpy
 import signal
 import subprocess
 import sys
@@ -12,8 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from typer.testing import CliRunner
+
+from winding_cli.app import app
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "gallery"
@@ -34,17 +41,25 @@ def lines_of_code(text: str) -> int:
 
 
 def run(example: str, *arguments: object, folder: Path) -> str:
-    """Run an example in a folder, as a reader would, and return what it prints."""
-    finished = subprocess.run(
-        [sys.executable, str(FOLDER / f"{example}.py"), *map(str, arguments)],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert finished.returncode == 0, finished.stderr
-    return finished.stdout
+    """Run an example in a folder, in this process, and return what it prints."""
+    plt.switch_backend("agg")
+    printed, words = io.StringIO(), [f"{example}.py", *map(str, arguments)]
+    with (
+        contextlib.chdir(folder),
+        contextlib.redirect_stdout(printed),
+        pytest.MonkeyPatch.context() as patch,
+    ):
+        patch.setattr(sys, "argv", words)
+        runpy.run_path(str(FOLDER / f"{example}.py"), run_name="__main__")
+    plt.close("all")
+    return printed.getvalue()
+
+
+def winding(*words: object, folder: Path) -> None:
+    """Run a command in a folder, in this process."""
+    with contextlib.chdir(folder):
+        done = CliRunner().invoke(app, [*map(str, words)])
+    assert done.exit_code == 0, done.output
 
 
 def picture(path: Path) -> np.ndarray:
@@ -81,15 +96,14 @@ def test_an_example_is_short(path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_predicted_lay_is_that_of_the_command(command: Any, tmp_path: Path) -> None:
+def test_the_predicted_lay_is_that_of_the_command(tmp_path: Path) -> None:
     printed = lengths(run("predict_lay", folder=tmp_path))
     picture(tmp_path / "predict_lay.png")
-    finished = command(
+    winding(
         "predict", "--cylinder-diameter-mm", 40, "--cable-diameter-mm", 3, "--tension-n", 2,
         "--marker-spacing-mm", 120, "--json", "prediction.json",
-        cwd=tmp_path,
+        folder=tmp_path,
     )  # fmt: skip
-    assert finished.returncode == 0, finished.stderr
     record = json.loads((tmp_path / "prediction.json").read_text(encoding="utf-8"))
     # A tenth of a millimetre is printed.
     assert printed == {m["id"]: pytest.approx(1e3 * m["s_m"], abs=0.051) for m in record["markers"]}
@@ -112,10 +126,9 @@ def test_a_cable_whose_stress_fades_is_strained_further(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def film(command: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("gallery")
-    finished = command(*FILM, cwd=folder)
-    assert finished.returncode == 0, finished.stderr
+    winding(*FILM, folder=folder)
     return folder
 
 

@@ -1,23 +1,31 @@
-"""What the pages show as the output of a command is what the command prints; numbers agree."""
+"""What the pages show as output is what the command prints, uncut; numbers agree."""
 
+import ast
 import importlib.util
+import io
 import json
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from rich.table import Table
 
 from correction_node.models.dataset import load_data_set
 from correction_node.models.weights import SHIPPED
 from correction_node.training.comparison import compare_models
+from winding_cli.terminal.console import result_console
 from winding_core.cable.material_law import LAWS
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+FOLDER = Path(__file__).parents[2] / "ros2_ws" / "src"
+COMMANDS = sorted([*FOLDER.glob("winding_cli/*/**/*.py"), *FOLDER.glob("*/*/commands/**/*.py")])
+WIDE = "a column of seventy characters " * 2 + "12345678"
 
 
 def script() -> ModuleType:
@@ -149,3 +157,54 @@ def test_errors_of_every_model_are_those_of_a_training(page: str, data: str) -> 
 def test_the_solver_s_page_counts_the_laws() -> None:
     words = {4: "four", 5: "five", 6: "six"}
     assert f"{words[len(LAWS)]} material laws" in (DOCS / "solver.md").read_text(encoding="utf-8")
+
+
+def test_a_table_of_a_hundred_and_fifty_columns_is_whole_in_a_pipe(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pipe = io.StringIO()
+    monkeypatch.setattr("sys.stdout", pipe)
+    result_console().print(Table(WIDE, WIDE.upper()))
+    assert f"{WIDE} ┃ {WIDE.upper()}" in pipe.getvalue()
+
+
+def test_results_go_to_the_one_console() -> None:
+    made = [
+        f"{path.name}:{node.lineno}"
+        for path in COMMANDS
+        if path.stem != "console"
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+        and getattr(node.func, "id", "") == "Console"
+        # Progress goes to the other stream.
+        and "stderr" not in {word.arg for word in node.keywords}
+    ]
+    assert len(COMMANDS) > 20
+    assert made == []
+
+
+def test_no_unit_is_swallowed_as_markup() -> None:
+    # Rich takes "[rad]" for a style of that name and prints nothing.
+    swallowed = [
+        f"{path.name}: {words}"
+        for path in COMMANDS
+        for words in printed(ast.parse(path.read_text(encoding="utf-8")))
+        if re.search(r"\[(rad|m|mm|s|kg|g|k?Pa|mrad)\b", words)
+    ]
+    assert swallowed == []
+
+
+def printed(tree: ast.Module) -> Iterator[str]:
+    """Yield the texts of a module that are no docstrings."""
+    docstrings = {
+        ast.get_docstring(node, clean=False)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+    }
+    for node in ast.walk(tree):
+        if (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and node.value not in docstrings
+        ):
+            yield node.value

@@ -159,6 +159,7 @@ def test_nasty_texts_are_refused_in_a_sentence(reader: str, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("reader", ["parameters", "sweep", "camera"])
 def test_tags_that_name_code_run_nothing(reader: str, tmp_path: Path) -> None:
+    assert RUNS_CODE
     mark = tmp_path / "mark"
     read, errors = READERS[reader]
     for code in RUNS_CODE:

@@ -156,6 +156,7 @@ steps = st.lists(
 )
 
 
+@pytest.mark.slow
 @fuzzed
 @given(
     steps=steps, begun=st.sampled_from([0, 2, 12]), step=st.sampled_from([0.005, 0.005, 1.0, 1.0e6])

@@ -68,6 +68,7 @@ def test_every_node_reports_its_work_and_of_its_topics(reported: dict[str, list[
 
 
 def test_names_and_hardware_are_those_of_rep_107(reported: dict[str, list[Reported]]) -> None:
+    assert reported
     for name, entries in reported.items():
         assert re.fullmatch(r"[a-z_]+(: [a-z ]+)?", name)
         assert {entry.hardware for entry in entries} == {"/winding"}

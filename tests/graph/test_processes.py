@@ -1,6 +1,11 @@
-"""One run of real processes over DDS, started by the command that people type."""
+"""Runs of real processes over DDS: as typed, of another material, repeated, and with slow nodes."""
 
 import json
+import os
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -13,11 +18,31 @@ from winding_core.machine.drive import DriveProfile
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
 from winding_recorder.bags.reading import messages_of, opened
 from winding_ros import topics
+from winding_ros.graph import CORRECTION, GRAPH, TRACKER
 from winding_ros.messages.clouds import decode_cloud
 from winding_ros.messages.rig import JointStateReader
 from winding_ros.topic import Topic
 
 pytestmark = pytest.mark.processes
+# Six markers within the 60 mm that three seconds lay.
+TYPED = {
+    "case": 4,
+    "marker_spacing_mm": 10,
+    "markers": 6,
+    "young_mpa": 4,
+    "law": "neo_hookean",
+    "friction": 0.2,
+    "duration_s": 3,
+}
+NAMESPACE = "slowed"
+# Seconds that a message of a topic takes longer; frames come every 50 ms at a tenth of real time.
+SLOW = {
+    TRACKER.name: ("camera/image_raw", 0.025),
+    CORRECTION.name: ("fem/markers", 0.04),
+}
+# It tells of processes and wall time as well. An identification does so too, when a marker has
+# landed: later than these runs end.
+OF_THE_WALL_CLOCK = "/diagnostics"
 
 
 @pytest.fixture(scope="module")
@@ -119,3 +144,105 @@ def test_two_graphs_at_once_in_two_namespaces(command: Any, tmp_path: Path) -> N
     for namespace in ("left", "right"):
         lost = json.loads((tmp_path / f"{namespace}.json").read_text(encoding="utf-8"))
         assert (lost["frames_lost"], lost["joint_states_lost"]) == (0, 0)
+
+
+def test_run_of_another_material_tracks_and_corrects_every_marker(
+    command: Any, tmp_path: Path
+) -> None:
+    options = [
+        part for key, value in TYPED.items() for part in (f"--{key}".replace("_", "-"), value)
+    ]
+    ended = command("run", *options, "--speed", 0, "--bag", "bag", "--output", "run", cwd=tmp_path)
+    assert ended.returncode == 0, ended.stderr
+    record = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
+    assert record["case"] == 0
+    rows = record["markers"]
+    assert [row["id"] for row in rows] == [1, 2, 3, 4, 5, 6]
+    # The lay has hidden properties; half the dead weight moves a length by 4 % at 4 MPa.
+    assert [row["s_tracked_m"] for row in rows] == pytest.approx(
+        [row["s_fem_m"] for row in rows], rel=0.05
+    )
+    assert None not in [row["s_corrected_m"] for row in rows]
+    info = command("bag", "info", "bag", cwd=tmp_path).stdout
+    for name, value in (("young_mpa", 4.0), ("markers", 6), ("law", "neo_hookean")):
+        assert f"{name} {value}" in " ".join(info.split())
+
+
+@pytest.fixture
+def nodes() -> Iterator[list[subprocess.Popen[bytes]]]:
+    started = []
+    for spec in GRAPH:
+        command = ["-m", spec.package]
+        if spec.name in SLOW:
+            topic, seconds = SLOW[spec.name]
+            slowed = Path(__file__).with_name("slowed_node.py")
+            command = [str(slowed), spec.package, topic, str(seconds)]
+        started.append(
+            subprocess.Popen(
+                [
+                    *(sys.executable, *command, "--ros-args", "-r", f"__ns:=/{NAMESPACE}"),
+                    *("-r", f"/clock:=/{NAMESPACE}/clock"),
+                ],
+                env={**os.environ, "OMP_NUM_THREADS": "1"},
+            )
+        )
+    yield started
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_two_slow_nodes_are_blamed_on_their_own_hops(
+    nodes: Any, tmp_path: Path, command: Callable[..., Any]
+) -> None:
+    done = command(
+        *("run", "--attach", "--namespace", NAMESPACE, "--case", 4, "--duration-s", 1),
+        *("--speed", 0.1, "--output", "run", "--trace", "trace.json"),
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    trace = json.loads((tmp_path / "run" / "run.json").read_text())["trace"]
+    assert trace["lengths"] == 51
+    camera = {(cost["station"], cost["hop"]): cost for cost in trace["camera"]}
+    whole = camera.pop((None, "whole"))
+    # Each hop begins where the one before it ends, so that only rounding is left.
+    assert sum(cost["share"] for cost in camera.values()) == pytest.approx(whole["share"], rel=1e-9)
+    slow = {("tracker", "measure"): 0.025, ("correction", "compute"): 0.04}
+    for hop, seconds in slow.items():
+        assert camera[hop]["median_s"] >= seconds
+    # Waiting aside: predictions come every 200 ms, and a slow reader makes queues.
+    work = {
+        hop: cost
+        for hop, cost in camera.items()
+        if hop[1] not in ("wait for prediction", "wait for encoder", "queue")
+    }
+    blamed = sorted(work, key=lambda hop: work[hop]["median_s"])[-2:]
+    assert set(blamed) == set(slow)
+    events = json.loads((tmp_path / "trace.json").read_text())["traceEvents"]
+    assert sum(event["ph"] == "X" for event in events) > 51
+    report = (tmp_path / "run" / "report" / "index.html").read_text()
+    assert "Where a corrected length" in report
+
+
+def recorded(bag: Path) -> dict[str, list[tuple[int, bytes]]]:
+    messages = defaultdict(list)
+    with opened(bag) as reader:
+        for link, stamp, data in reader.messages():
+            messages[link.topic].append((stamp, bytes(data)))
+    return messages
+
+
+@pytest.mark.slow
+def test_equal_runs_record_equal_bytes(tmp_path: Path, command: Callable[..., Any]) -> None:
+    for name in ("one", "other"):
+        done = command(
+            *("run", "--case", 4, "--duration-s", 3, "--speed", 0),
+            *("--bag", tmp_path / name, "--output", tmp_path / f"{name}-run"),
+            cwd=tmp_path,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+    one, other = recorded(tmp_path / "one"), recorded(tmp_path / "other")
+    assert one.keys() == other.keys()
+    differing = [topic for topic in one if one[topic] != other[topic]]
+    assert differing in ([], [OF_THE_WALL_CLOCK])
+    assert len(one) > 10

@@ -15,17 +15,11 @@ ROOT = Path(__file__).parents[2]
 
 @dataclass(frozen=True, kw_only=True)
 class Build:
-    """What one clone's build left.
+    """What one clone's build left."""
 
-    Attributes:
-        clone: The clone.
-        archive: The source archive.
-        wheel: The wheel.
-    """
-
-    clone: Path
-    archive: Path
-    wheel: Path
+    clone: Path  # The clone
+    archive: Path  # The source archive
+    wheel: Path  # The wheel
 
 
 def succeed(words: Sequence[object], cwd: Path, *, umask: int = -1, **variables: str) -> str:

@@ -1,7 +1,8 @@
-"""The wheel in an environment of its own, without the clone: it winds, and its types are seen."""
+"""The wheel in an environment of its own: it winds, its types are seen, its parts listed."""
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
 CONSUMER = Path(__file__).with_name("consumer.py")
@@ -137,3 +139,41 @@ def test_launch_file_policy_and_layouts_are_in_the_wheel(
         *("fastdds_localhost.xml", "sros2_policy.xml"),
         *("foxglove_layout.json", "winding.rviz"),
     ]
+
+
+@pytest.fixture(scope="module")
+def text(builds: Any, run: Callable[..., str]) -> str:
+    """Return the list that is released with the wheel."""
+    folder = builds[0].wheel.parent
+    run([ROOT / "release" / "sbom.sh", sys.executable, folder], ROOT, PYTHONPATH="")
+    (written,) = folder.glob("*.cdx.json")
+    return written.read_text(encoding="utf-8")
+
+
+def test_every_version_is_the_pinned_one(text: str) -> None:
+    pins = dict(
+        line.split("==")
+        for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+        if "==" in line
+    )
+    pinned = {canonicalize_name(name): version for name, version in pins.items()}
+    held = {
+        canonicalize_name(one["name"]): one["version"] for one in json.loads(text)["components"]
+    }
+    held.pop("cable-winding-twin", None)
+    assert {"numpy", "ros-rclpy", "opencv-python-headless"} <= held.keys()
+    assert not held.keys() & {"pip", "setuptools-reproducible", "torch", "pytest"}
+    assert {name: pinned.get(name) for name in held} == held
+
+
+def test_it_is_of_the_project_and_says_who_needs_what(text: str) -> None:
+    record = json.loads(text)
+    assert record["bomFormat"] == "CycloneDX"
+    assert record["metadata"]["component"]["name"] == "cable-winding-twin"
+    assert len(record["dependencies"]) > 50
+
+
+def test_nothing_of_the_machine_and_the_moment_is_in_it(text: str) -> None:
+    assert "serialNumber" not in json.loads(text)
+    assert "timestamp" not in json.loads(text)["metadata"]
+    assert not re.search(r"file://|/tmp/|/home/|/root/", text)

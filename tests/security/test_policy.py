@@ -32,6 +32,7 @@ def test_the_shipped_policy_is_current() -> None:
 
 def test_a_node_may_do_what_the_graph_says_and_no_more() -> None:
     policy = sros2_policy("cell")
+    assert controlled()
     for spec in controlled():
         own = {
             *("/rosout", "/parameter_events", "/diagnostics", "trace"),
@@ -62,6 +63,7 @@ def test_only_the_orchestrator_and_the_page_command_the_machine() -> None:
 def test_only_a_commander_and_the_lay_controller_publish_commands_for_the_machine() -> None:
     lay = {topics.JOINT_TARGETS, topics.TENSION_COMMAND}
     root = ET.fromstring(sros2_policy("cell"))
+    assert topics.published_by(topics.COMMANDER)
     for topic in topics.published_by(topics.COMMANDER):
         publishers = {
             profile.get("node")
@@ -105,6 +107,7 @@ def test_a_middleware_without_security_is_refused(tmp_path: Path) -> None:
         check_security("winding", dict(os.environ) | SECURE | keystore)
 
 
+@pytest.mark.slow
 def test_the_command_refuses_before_anything_starts(tmp_path: Path, command) -> None:  # type: ignore[no-untyped-def]
     done = command("run", "--secure", "--case", 4, "--output", tmp_path / "run", cwd=tmp_path)
     assert done.returncode == 2

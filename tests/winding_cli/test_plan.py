@@ -21,6 +21,7 @@ def plan(*words: str) -> tuple[int, str]:
     return done.exit_code, done.output
 
 
+@pytest.mark.slow
 def test_a_plan_is_printed_drawn_and_written(tmp_path: Path) -> None:
     files = {kind: tmp_path / f"plan.{kind}" for kind in ("json", "csv", "png")}
     options = ["--json", str(files["json"]), "--csv", str(files["csv"])]
@@ -39,6 +40,7 @@ def test_a_plan_is_printed_drawn_and_written(tmp_path: Path) -> None:
     assert float(rows[1]["t_s"]) == 0.01
 
 
+@pytest.mark.slow
 def test_the_solver_lies_where_the_plan_says(tmp_path: Path) -> None:
     file = tmp_path / "plan.json"
     code, _ = plan(*HELIX, "--markers-every-turn", "--json", str(file))
@@ -52,6 +54,7 @@ def test_the_solver_lies_where_the_plan_says(tmp_path: Path) -> None:
             assert landed == pytest.approx(item["wanted_rad"], abs=0.003 * 2.0 * np.pi)
 
 
+@pytest.mark.slow
 def test_a_plan_says_which_markers_control_cannot_land(tmp_path: Path) -> None:
     file = tmp_path / "plan.json"
     code, output = plan(*HELIX, "--markers-every-turn", "--no-solver", "--json", str(file))

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable
 from copy import deepcopy
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
+from typer.testing import CliRunner
+
+from winding_cli.app import app
 
 PAGE = Path(__file__).parents[2] / "docs" / "schemas.md"
 SCHEMAS = {
     Path(file.name).stem: json.loads(file.read_text(encoding="utf-8"))
-    for package in ("winding_cli", "winding_study")
+    for package in ("winding_cli", "winding_reports", "winding_study")
     for file in (files(package) / "schemas").iterdir()
 }
 TENSILE = "strain,stress_mpa\n0.02,0.052\n0.05,0.128\n0.1,0.25\n0.15,0.37\n0.2,0.48\n0.3,0.69\n"
@@ -42,25 +47,38 @@ def test_schema_is_one_and_is_published(name: str) -> None:
     assert f"schemas/{name}.json)" in PAGE.read_text(encoding="utf-8")
 
 
+PREDICT = ("predict", "--case", 4, "--duration-s", 8)
 OUTPUTS = [
-    ("predict", ("predict", "--case", 4, "--duration-s", 8)),
+    ("predict", PREDICT),
     ("predict", ("predict", "--case", 4, "--duration-s", 8, "--richardson")),
-    ("plan", ("plan", "--case", 4, "--even", "--markers-every-turn")),
+    ("plan", ("plan", "--case", 4, "--pitch-mm", 18, "--turns", 2, "--markers-every-turn")),
     ("identify", ("identify", "--tensile", "tensile.csv")),
     ("verify", ("verify", "B01")),
     ("study", ("study", "--cases", 4, "--fem", "published")),
     ("calibration", ("study", "--calibrate-rig")),
-    ("doctor", ("doctor",)),
     pytest.param("study", ("study", "--processes", 1), marks=pytest.mark.campaign),
     pytest.param(
         "closed_loop",
         ("study", "--closed-loop", "--cases", 4, "--draws", 1),
         marks=pytest.mark.campaign,
     ),
-    pytest.param("faults", ("faults", "--only", "kill -9 correction"), marks=pytest.mark.processes),
 ]
-# Exit code 1: something on this computer is not in order, or a busy one survived a row too late.
-MAY_FAIL = ("doctor", "faults")
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Run a command once, in this process, and return the file that it writes."""
+
+    @cache
+    def run(*words: object) -> Path:
+        folder = tmp_path_factory.mktemp("output")
+        (folder / "tensile.csv").write_text(TENSILE, encoding="utf-8")
+        with contextlib.chdir(folder):
+            done = CliRunner().invoke(app, [*map(str, words), "--json", "out.json"])
+        assert done.exit_code == 0, done.output
+        return folder / "out.json"
+
+    return run
 
 
 @pytest.mark.slow
@@ -70,13 +88,19 @@ MAY_FAIL = ("doctor", "faults")
     ids=lambda value: value if isinstance(value, str) else " ".join(map(str, value)),
 )
 def test_output_keeps_its_schema(
-    name: str, words: tuple[object, ...], tmp_path: Path, command: Callable[..., Any]
+    name: str, words: tuple[object, ...], written: Callable[..., Path]
 ) -> None:
-    (tmp_path / "tensile.csv").write_text(TENSILE, encoding="utf-8")
-    done = command(*words, "--json", "out.json", cwd=tmp_path)
-    assert done.returncode in ((0, 1) if name in MAY_FAIL else (0,)), done.stdout + done.stderr
-    content = validated(name, tmp_path / "out.json")
-    assert content["checks"] if name == "doctor" else content
+    assert validated(name, written(*words))
+
+
+@pytest.mark.processes
+@pytest.mark.slow
+def test_faults_keep_their_schema(tmp_path: Path, command: Callable[..., Any]) -> None:
+    words = ("faults", "--only", "kill -9 correction", "--json", "out.json")
+    done = command(*words, cwd=tmp_path)
+    # Exit code 1: a busy computer survived a row too late.
+    assert done.returncode in (0, 1), done.stdout + done.stderr
+    assert validated("faults", tmp_path / "out.json")
 
 
 @pytest.mark.processes
@@ -109,12 +133,8 @@ def test_run_and_what_is_made_of_its_recording_keep_their_schemas(
 
 
 @pytest.mark.slow
-def test_schema_refuses_what_it_does_not_describe(
-    tmp_path: Path, command: Callable[..., Any]
-) -> None:
-    done = command("predict", "--case", 4, "--duration-s", 4, "--json", "out.json", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    good = validated("predict", tmp_path / "out.json")
+def test_schema_refuses_what_it_does_not_describe(written: Callable[..., Path]) -> None:
+    good = validated("predict", written(*PREDICT))
     check = Draft202012Validator(SCHEMAS["predict"])
     without, further, text = deepcopy(good), deepcopy(good), deepcopy(good)
     del without["markers"][0]["theta_rad"]

@@ -1,13 +1,24 @@
-"""Drive programmes: positions are the integral of speeds, with or without a turning point."""
+"""Drive programmes: positions are the integral of speeds; the inputs of a run as a file."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from winding_core.machine.drive import DriveProfile, TurningDrive
+from winding_core.run_inputs import INPUT_DTYPE, RunInputs, RunInputsError
 
 PAPER = DriveProfile()
+DRIVES = (
+    PAPER,
+    DriveProfile(feed_speed=-3.0e-3, ramp_time=0.4),
+    TurningDrive(guide_turns_at=0.02),
+    TurningDrive(unwinds_from=5.0),
+    TurningDrive(guide_turns_at=-0.02, feed_speed=-5.0e-3, unwinds_from=7.0),
+    TurningDrive(guide_turns_at=0.0025, unwinds_from=1.0),
+)
 
 
 @pytest.mark.parametrize(
@@ -59,16 +70,6 @@ def test_a_feed_towards_minus_z_mirrors_the_carriage() -> None:
         assert back.speeds(t) == (PAPER.speeds(t)[0], -PAPER.speeds(t)[1])
 
 
-DRIVES = (
-    PAPER,
-    DriveProfile(feed_speed=-3.0e-3, ramp_time=0.4),
-    TurningDrive(guide_turns_at=0.02),
-    TurningDrive(unwinds_from=5.0),
-    TurningDrive(guide_turns_at=-0.02, feed_speed=-5.0e-3, unwinds_from=7.0),
-    TurningDrive(guide_turns_at=0.0025, unwinds_from=1.0),
-)
-
-
 @pytest.mark.parametrize("drive", DRIVES)
 def test_speeds_are_the_slopes_of_positions(drive: DriveProfile) -> None:
     t = np.linspace(0.0, 15.0, 15001)
@@ -98,3 +99,35 @@ def test_unwinding_retraces_the_way(drive: TurningDrive) -> None:
         assert there[0] == pytest.approx(angle, abs=1.0e-12)
         # The samples are 0.1 mrad apart, and the guide moves by 3 mm per radian.
         assert there[1] == pytest.approx(back, abs=1.0e-6)
+
+
+def inputs(count: int = 5) -> RunInputs:
+    samples = np.zeros(count, dtype=INPUT_DTYPE)
+    samples["t"] = np.arange(count)
+    samples["cylinder_angle"] = 2.0 * samples["t"]
+    samples["tension"] = [np.nan, *np.full(count - 1, 3.0)]
+    return RunInputs(samples=samples)
+
+
+def test_file_gives_back_what_was_written(tmp_path: Path) -> None:
+    file = tmp_path / "inputs.npy"
+    inputs().write(file)
+    assert RunInputs.read(file).samples.tobytes() == inputs().samples.tobytes()
+
+
+def test_tension_that_was_not_read_is_none() -> None:
+    rows = list(inputs())
+    assert [tension for _, _, tension in rows] == [None, 3.0, 3.0, 3.0, 3.0]
+    assert rows[2][1].cylinder_angle == 4.0
+
+
+def test_times_that_do_not_ascend_are_refused() -> None:
+    with pytest.raises(RunInputsError, match="must ascend"):
+        RunInputs(samples=inputs().samples[::-1])
+
+
+def test_pickled_objects_are_never_loaded(tmp_path: Path) -> None:
+    file = tmp_path / "inputs.npy"
+    np.save(file, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    with pytest.raises(RunInputsError, match="holds no inputs of a run"):
+        RunInputs.read(file)

@@ -1,4 +1,4 @@
-"""Paths on a cylinder: helix, and the path of a cable whose guide traverses beside it."""
+"""Paths on a cylinder: helix, traversing guide, and the markers that lie on them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,20 @@ from winding_core.helix import (
     turn_length,
 )
 from winding_core.machine.drive import DriveProfile
+from winding_core.markers import (
+    CORRECTED_DTYPE,
+    MARKER_DTYPE,
+    MarkerFlag,
+    MarkerLook,
+    is_wound,
+    wound_markers,
+)
 
 RADIUS = 0.016
 PITCH = 0.01805513
+LAW = FleetAngleLaw(advance_per_radian=0.002873563, free_length=0.198, radius=0.017)
+THETA = np.linspace(0.0, 34.0, 60)
+CYLINDER_RADIUS = 0.017
 
 
 def test_pitch_and_lead_angle_undo_each_other() -> None:
@@ -53,6 +64,7 @@ def test_equation_three_as_printed_is_a_misprint() -> None:
 
 
 def test_a_marker_spacing_of_the_paper_is_about_one_turn() -> None:
+    assert len(paper_cases()) == 12
     for case in paper_cases():
         turn = turn_length(case.centreline_radius, PITCH)
         # One round spacing serves three cable radii per cylinder: 16 to 18 mm is 12 %.
@@ -78,10 +90,6 @@ def test_curve_length_takes_arrays_and_keeps_scalars_plain() -> None:
 
 def test_direction_does_not_change_length() -> None:
     assert curve_length(RADIUS, -7.0, 0.02) == curve_length(RADIUS, 7.0, -0.02)
-
-
-LAW = FleetAngleLaw(advance_per_radian=0.002873563, free_length=0.198, radius=0.017)
-THETA = np.linspace(0.0, 34.0, 60)
 
 
 def test_the_tangent_span_points_at_the_guide() -> None:
@@ -122,3 +130,52 @@ def test_one_free_length_explains_all_measured_z() -> None:
 def test_guide_distance_and_free_length_undo_each_other() -> None:
     assert free_length_of(guide_distance_of(0.198, 0.033), 0.033) == pytest.approx(0.198)
     assert guide_distance_of(0.03, 0.04) == pytest.approx(0.05)
+
+
+def _wound(cylinder_angle: float = 20.0, **changes):
+    given = {
+        "ids": [0, 1, 2],
+        "theta": [0.0, 6.28, 12.52],
+        "z": [0.0, 0.0045, 0.01486],
+        "radius": CYLINDER_RADIUS,
+        "cylinder_angle": cylinder_angle,
+    }
+    return wound_markers(**{**given, **changes})
+
+
+@pytest.mark.parametrize("turned", [12.52, 12.62, 0.5 * math.pi, 23.0])
+def test_markers_turn_on_the_centreline_cylinder_and_keep_angle_and_length(turned: float) -> None:
+    markers = _wound(cylinder_angle=turned)
+    theta, z = np.array([0.0, 6.28, 12.52]), np.array([0.0, 0.0045, 0.01486])
+    # A marker lands at azimuth 0 at its own angle; single precision of a 17 mm coordinate.
+    for name, wanted in (("x", np.cos(turned - theta)), ("y", np.sin(turned - theta))):
+        np.testing.assert_allclose(markers[name], CYLINDER_RADIUS * wanted, atol=2e-9)
+    np.testing.assert_array_equal(markers["r"], CYLINDER_RADIUS)
+    np.testing.assert_array_equal(markers["theta"], theta)
+    np.testing.assert_array_equal(markers["s"], curve_length(CYLINDER_RADIUS, theta, z))
+    np.testing.assert_allclose(markers["z"], z, rtol=1e-7)
+
+
+def test_flags_are_kept_and_tell_what_is_wound() -> None:
+    markers = _wound(flags=[0, MarkerFlag.TOUCHING, MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED])
+    assert is_wound(markers).tolist() == [True, True, False]
+
+
+def test_each_flag_is_a_bit_of_its_own() -> None:
+    assert sum(MarkerFlag) == int(np.bitwise_or.reduce([int(flag) for flag in MarkerFlag]))
+
+
+def test_a_corrected_record_begins_as_a_marker_record() -> None:
+    for name in MARKER_DTYPE.names or ():
+        assert CORRECTED_DTYPE.fields[name][:2] == MARKER_DTYPE.fields[name][:2]
+    assert MARKER_DTYPE.itemsize == 64
+    assert CORRECTED_DTYPE.itemsize == 96
+    assert set(CORRECTED_DTYPE.names) - set(MARKER_DTYPE.names) == {"s_fem", "h", "s_low", "s_high"}
+
+
+def test_without_colours_all_markers_have_one() -> None:
+    assert MarkerLook().hues == ()
+
+
+def test_names_and_hues_may_be_mixed() -> None:
+    assert MarkerLook(marker_colours="Red, 48,blue").hues == (0.0, 48.0, 230.0)

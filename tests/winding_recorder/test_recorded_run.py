@@ -177,6 +177,7 @@ def test_metadata_is_rosbag2_version_nine(bag: Path) -> None:
 
 def test_latched_topics_are_offered_as_transient_local(bag: Path) -> None:
     with AnyReader([bag]) as reader:
+        assert reader.connections
         for connection in reader.connections:
             (qos,) = connection.ext.offered_qos_profiles
             latched = RECORDED[connection.topic].latched

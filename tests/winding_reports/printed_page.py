@@ -19,23 +19,14 @@ _NAMESPACE = "{http://www.w3.org/1999/xhtml}"
 
 @dataclass(frozen=True, kw_only=True)
 class PrintedWord:
-    """A word on paper.
+    """A word on paper."""
 
-    Attributes:
-        text: Its letters.
-        page: From 1.
-        left: Its left edge [pt].
-        right: Its right edge [pt].
-        top: Its upper edge [pt].
-        bottom: Its lower edge [pt].
-    """
-
-    text: str
-    page: int
-    left: float
-    right: float
-    top: float
-    bottom: float
+    text: str  # Its letters
+    page: int  # From 1
+    left: float  # Its left edge [pt]
+    right: float  # Its right edge [pt]
+    top: float  # Its upper edge [pt]
+    bottom: float  # Its lower edge [pt]
 
     @property
     def inside(self) -> bool:

@@ -86,6 +86,7 @@ def test_series_names_a_file_for_every_time(written: Path) -> None:
 
 
 def test_vtk_holds_path_tension_and_twist(written: Path, wound: list) -> None:
+    assert wound
     for i, (_, cable) in enumerate(wound):
         arrays = vtk_arrays(written / "path" / f"cable_{i:05d}.vtu")
         points = arrays["Points"].reshape(-1, 3)

@@ -71,6 +71,7 @@ def watched() -> LayOutcome:
 
 @pytest.mark.slow
 def test_what_is_said_of_no_control_is_what_is_laid_without(watched: LayOutcome) -> None:
+    assert watched.turns
     without = {turn.number: turn.mean for turn in watched.without_turns}
     for turn in watched.turns:
         # The law leaves out what the hidden rig has beside the lag: 0.3 mm of play of the eye,

@@ -1,12 +1,15 @@
-"""The graph as data agrees with the nodes, with the README and with the interface document."""
+"""The graph as data agrees with nodes and documents; a graph keeps to its host's loopback."""
 
+import os
 from pathlib import Path
 from typing import Any
 
+import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from winding_cli.commands.graph import as_markdown
 from winding_ros import topics
+from winding_ros.environment import set_process_environment
 from winding_ros.graph import (
     GRAPH,
     RIG,
@@ -23,6 +26,9 @@ ROOT = Path(__file__).parents[2]
 OF_RCLPY = {"/rosout", "/parameter_events", "/endpoints/parameter_events"}
 # Names of their own: the graph's picture of itself goes by node name.
 NAMESPACE = "/endpoints"
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+SET = (RANGE, PROFILES, "ROS_DOMAIN_ID", "ROS_LOG_DIR", "RCUTILS_CONSOLE_OUTPUT_FORMAT")
 
 
 def test_every_topic_has_a_publisher() -> None:
@@ -73,8 +79,10 @@ def endpoints(node: Any) -> tuple[set[str], set[str]]:
     )
 
 
+@pytest.mark.slow
 def test_nodes_really_have_the_endpoints_that_the_graph_states(ros: Any, compose: Any) -> None:
     specs = controlled()
+    assert specs
     paced = ",".join(topic.name for topic in pace_topics(specs))
     graph = compose(
         ros,
@@ -118,6 +126,7 @@ def test_controller_of_the_lay_hears_all_and_is_heard_by_the_rig() -> None:
 
 def test_text_names_every_node_and_topic() -> None:
     text = as_text()
+    assert GRAPH
     for spec in GRAPH:
         assert spec.name in text
         for topic in spec.publishes:
@@ -136,3 +145,40 @@ def test_readme_shows_this_graph() -> None:
 def test_interface_document_is_the_declared_one() -> None:
     document = (ROOT / "docs" / "interfaces.md").read_text(encoding="utf-8")
     assert as_markdown() in document, "paste `winding graph --interfaces`"
+
+
+@pytest.fixture
+def bare(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """Take away what the command sets; the test's end brings back what the suite has set."""
+    for name in SET:
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
+    return monkeypatch
+
+
+@pytest.mark.parametrize("wanted", [None, "LOCALHOST"])
+def test_this_host_means_the_loopback_and_no_shared_memory(
+    bare: pytest.MonkeyPatch, tmp_path: Path, wanted: str | None
+) -> None:
+    if wanted:
+        bare.setenv(RANGE, wanted)
+    for _ in range(2):
+        set_process_environment(7, tmp_path)
+        # With LOCALHOST the middleware would add shared memory by itself.
+        assert os.environ[RANGE] == "SYSTEM_DEFAULT"
+    profile = Path(os.environ[PROFILES]).read_text(encoding="utf-8")
+    assert "<address>127.0.0.1</address>" in profile
+    assert "<useBuiltinTransports>false</useBuiltinTransports>" in profile
+    assert "<type>SHM</type>" not in profile
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "after"),
+    [(RANGE, "SUBNET", ("SUBNET", None)), (PROFILES, "own.xml", ("LOCALHOST", "own.xml"))],
+)
+def test_what_the_user_has_set_stays(
+    bare: pytest.MonkeyPatch, tmp_path: Path, name: str, value: str, after: tuple[str, str | None]
+) -> None:
+    bare.setenv(name, value)
+    set_process_environment(7, tmp_path)
+    assert (os.environ[RANGE], os.environ.get(PROFILES)) == after

@@ -1,20 +1,51 @@
-"""A managed node: parameters, diagnostics, and transitions that cannot kill it."""
+"""Managed nodes: parameters, transitions, their order in a graph, subscription validation."""
 
+import asyncio
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from winding_core.parameters import ParameterError, parameter
 from winding_core.status import Level, Status
 from winding_ros import topics
-from winding_ros.graph import NodeSpec
+from winding_ros.client.lifecycle import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, LifecycleDriver
+from winding_ros.graph import GraphError, NodeSpec
+from winding_ros.message_guard import (
+    GHOST_PATIENCE,
+    MAX_JUMP,
+    UNKNOWN_NODE,
+    Cadence,
+    MessageGuard,
+    Rivals,
+    StampError,
+    topic_status,
+)
 from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.messages.rig import decode_tension, encode_tension
 from winding_ros.runtime.managed_node import ManagedNode
+
+NODES = ("correction", "fem", "rig")
+NAMES = {
+    CONFIGURE: "configure",
+    ACTIVATE: "activate",
+    DEACTIVATE: "deactivate",
+    CLEANUP: "cleanup",
+}
+UNCONFIGURED = State.PRIMARY_STATE_UNCONFIGURED
+INACTIVE = State.PRIMARY_STATE_INACTIVE
+ACTIVE = State.PRIMARY_STATE_ACTIVE
+LEADS_TO = {
+    (CONFIGURE, UNCONFIGURED): INACTIVE,
+    (ACTIVATE, INACTIVE): ACTIVE,
+    (DEACTIVATE, ACTIVE): INACTIVE,
+    (CLEANUP, INACTIVE): UNCONFIGURED,
+}
+EPOCH = 1.8e9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,3 +191,192 @@ def test_read_only_parameter_may_be_chosen_until_the_node_is_configured(ros: obj
     assert refused.reason.startswith("parameter flavour is fixed while the node is configured")
     assert change(ros, probe, Transition.TRANSITION_CLEANUP)
     assert choose("salted").successful
+
+
+class Nodes:
+    """Answers as the services of managed nodes do; one may refuse, or its answer get lost."""
+
+    def __init__(self, state: int, *, refuses: str = "", loses: str = "") -> None:
+        self.states = dict.fromkeys(NODES, state)
+        self.done: list[str] = []
+        self._refuses, self._loses = refuses, loses
+
+    def ready(self, service: type, name: str) -> bool:
+        return True
+
+    async def call(self, service: type, name: str, request: Any, timeout: float) -> Any:
+        _, namespace, node, _ = name.split("/")
+        assert namespace == "cell"
+        if service is GetState:
+            return GetState.Response(current_state=State(id=self.states[node]))
+        assert service is SetParametersAtomically
+        assert self.states[node] == UNCONFIGURED
+        self.done.append(f"{node} set")
+        response = SetParametersAtomically.Response()
+        response.result.successful = True
+        return response
+
+    async def try_call(self, service: type, name: str, request: Any, timeout: float) -> Any:
+        assert service is ChangeState
+        node, transition = name.split("/")[2], request.transition.id
+        word = f"{node} {NAMES[transition]}"
+        if word == self._refuses:
+            return ChangeState.Response(success=False)
+        self.states[node] = LEADS_TO[transition, self.states[node]]
+        self.done.append(word)
+        return None if word == self._loses else ChangeState.Response(success=True)
+
+
+def driver(nodes: Nodes) -> LifecycleDriver:
+    async def reason(node: str) -> str:
+        return f"{node} is tired"
+
+    return LifecycleDriver(nodes, "cell", reason)  # type: ignore[arg-type]
+
+
+def rebuild(nodes: Nodes) -> list[str]:
+    stages: list[str] = []
+    asyncio.run(driver(nodes).rebuild(NODES, {name: {"case": 7} for name in NODES}, stages.append))
+    return stages
+
+
+def test_nodes_end_active_wherever_they_were() -> None:
+    for before in (UNCONFIGURED, INACTIVE, ACTIVE):
+        nodes = Nodes(before)
+        assert len(rebuild(nodes)) == 3
+        assert set(nodes.states.values()) == {ACTIVE}
+
+
+def test_machine_goes_down_first_and_comes_up_last() -> None:
+    nodes = Nodes(ACTIVE)
+    rebuild(nodes)
+    assert nodes.done[0] == "rig deactivate"
+    assert nodes.done[-1] == "rig activate"
+
+
+def test_machine_is_not_switched_on_when_a_node_refuses() -> None:
+    nodes = Nodes(ACTIVE, refuses="fem configure")
+    with pytest.raises(GraphError, match="fem: fem is tired"):
+        rebuild(nodes)
+    assert nodes.states["rig"] != ACTIVE
+
+
+def test_state_tells_what_became_of_a_transition_without_an_answer() -> None:
+    nodes = Nodes(INACTIVE, loses="fem activate")
+    asyncio.run(driver(nodes).change("fem", Transition.TRANSITION_ACTIVATE))
+    assert nodes.done == ["fem activate"]
+
+
+def test_renewal_leaves_nodes_that_do_not_work_alone() -> None:
+    nodes = Nodes(INACTIVE)
+    nodes.states["fem"] = ACTIVE
+    asyncio.run(driver(nodes).renew(NODES))
+    assert nodes.done == ["fem deactivate", "fem activate"]
+
+
+def test_time_may_stand_and_go_forward_but_not_back() -> None:
+    intake = MessageGuard("rig/tension")
+    for stamp in (1.0, 1.0, 1.5):
+        intake.check(stamp, lambda: 0.0)
+    with pytest.raises(StampError, match=r"time went back from 1\.500 to 1\.499 s"):
+        intake.check(1.499, lambda: 0.0)
+    intake.check(1.6, lambda: 0.0)
+    # A new run takes the next stamp as it comes.
+    intake.restart()
+    intake.check(0.0, lambda: 0.0)
+
+
+def test_jump_is_refused_unless_the_node_s_clock_has_jumped_too() -> None:
+    intake = MessageGuard("rig/tension")
+    intake.check(1.0, lambda: 1.0)
+    later = 1.0 + 2.0 * MAX_JUMP
+    with pytest.raises(StampError, match="time jumped"):
+        intake.check(later, lambda: 1.0)
+    intake.check(later, lambda: later)
+
+
+def test_refusals_persist_after_fifty_milliseconds_of_nothing_else() -> None:
+    intake = MessageGuard("rig/tension")
+    intake.refuse("bad", 10.0)
+    intake.refuse("bad", 10.04)
+    assert not intake.persistent
+    intake.refuse("bad", 10.06)
+    assert intake.persistent
+    intake.accept()
+    assert not intake.persistent
+    assert (intake.refused, intake.accepted) == (3, 1)
+
+
+def test_contested_topic_lets_nothing_in() -> None:
+    intake = MessageGuard("rig/tension")
+    intake.contested = "rig/tension has 2 publishers: /a, /b"
+    with pytest.raises(StampError, match="has 2 publishers"):
+        intake.check(1.0, lambda: 1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("rogue", "rig/tension has 2 publishers: /winding/rig, /winding/rogue"),
+        # A publisher whose name is not known yet.
+        (UNKNOWN_NODE, ""),
+    ],
+)
+def test_second_name_is_a_rival_at_once(name: str, sentence: str) -> None:
+    publishers = [("/winding", "rig"), ("/winding", name)]
+    assert Rivals().look("rig/tension", publishers[:1], 0.0).sentence == ""
+    assert Rivals().look("rig/tension", publishers, 0.0).sentence == sentence
+
+
+def test_successor_of_a_killed_process_is_no_rival_for_a_while() -> None:
+    twice = [("/winding", "marker_tracker")] * 2
+    rivals = Rivals().look("tracker/markers", twice, 100.0)
+    assert rivals.sentence == ""
+    assert rivals.look("tracker/markers", twice, 100.0 + GHOST_PATIENCE).sentence == ""
+    assert rivals.look("tracker/markers", twice, 100.1 + GHOST_PATIENCE).sentence != ""
+    assert rivals.look("tracker/markers", twice[:1], 105.0) == Rivals()
+
+
+def test_longest_queue_is_kept_until_it_is_reported() -> None:
+    intake = MessageGuard("rig/tension")
+    for count in (1, 7, 2):
+        intake.found(count)
+    assert intake.queue == 7
+    intake.restart_queue()
+    assert intake.queue == 0
+
+
+def test_rate_is_measured_and_losses_are_counted_against_it():
+    cadence = Cadence("rig/joint_states")
+    for sample in range(400):
+        if sample % 20 != 19 or sample < 64:
+            cadence.take(EPOCH + 0.025 * sample, 0.025 * sample)
+    assert cadence.period == pytest.approx(0.025, abs=1e-6)
+    # Every twentieth of 64 to 398: 79, 99, ... 379; that of 399 is not missed yet.
+    assert cadence.counts["lost"] == 16
+    assert cadence.values()["rate rig/joint_states"] == "40.0"
+    assert cadence.warning == "rig/joint_states has lost 4% of its messages at 40 Hz"
+
+
+def test_an_interruption_is_no_loss_and_lateness_is_seen():
+    cadence = Cadence("camera/image_raw")
+    for sample in range(100):
+        stamp = 0.02 * sample + (30.0 if sample >= 50 else 0.0)
+        cadence.take(stamp, stamp + (0.1 if sample >= 70 else 0.0))
+    assert cadence.counts == {
+        "lost": 0, "doubled": 0, "reordered": 0, "late": 1, "interrupted": 1
+    }  # fmt: skip
+
+
+def test_guard_refuses_what_is_reordered_and_tells_both_kinds():
+    guard = MessageGuard("rig/tension", steady=True)
+    for sample in range(20):
+        guard.check(0.01 * sample, lambda: 0.0)
+    guard.check(0.19, lambda: 0.0)
+    with pytest.raises(StampError, match="time went back"):
+        guard.check(0.15, lambda: 0.0)
+    values = topic_status("fem", {}, {"rig/tension": guard}, ()).values
+    assert values["doubled rig/tension"] == "1"
+    assert values["reordered rig/tension"] == "1"
+    guard.restart()
+    assert "doubled rig/tension" not in topic_status("fem", {}, {"x": guard}, ()).values

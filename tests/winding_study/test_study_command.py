@@ -1,21 +1,282 @@
+"""`winding study`: its record, its pictures and its options."""
+
 from __future__ import annotations
 
+import dataclasses
 import json
+import math
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
+from accessibility import grave_findings, opened
+from chromium import chromium
+from printed_page import missing_from_paper, outside_the_margins, printed_words
+from report_page import ReportPage
 from started import PATIENCE, start, wait_for
 from typer.testing import CliRunner
 
+from correction_node.live.neighbours import Noise
+from correction_node.models.dataset import join_experiment
+from correction_node.training.comparison import (
+    BASELINE,
+    LEARNED,
+    ONE_H_PER_CASE,
+    ORACLE,
+    ModelScore,
+)
+from correction_node.training.evaluation import cell_errors_pct
+from correction_node.training.learners import RIG
 from winding_cli.app import app
 from winding_cli.terminal.refusal import REFUSED
 from winding_cli.terminal.termination import INTERRUPTED
+from winding_core.cable.cases import Lay, paper_case, published_markers
+from winding_study.paper.case_result import CaseResult
+from winding_study.paper.comparison import compare, compare_paper
+from winding_study.paper.study import StudyConfig, predicted_lengths
+from winding_study.paper.study_record import StudyRecord
+from winding_study.paper.study_report import render_study, write_study
+from winding_verification.correction.repeatability import NoiseAccuracy
+from winding_verification.correction.tables import noise_table
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
+TEN_PCT = 1.1
 # Long runs with tiny elements: nothing is finished while a test looks at it.
 SLOW = ("--element", "solid", "--segment-mm", "1", "--no-models", "--processes", "1")
+
+
+def _wound(case: int) -> CaseResult:
+    """A coil that lies as the experiment's, a tenth longer: made of closed forms, not wound."""
+    condition = paper_case(case)
+    turn = np.linspace(0.0, 4.0 * np.pi, 60)
+    radius = condition.centreline_radius
+    return CaseResult(
+        case=case,
+        lays={
+            row.marker: Lay(
+                theta=row.experiment.theta, z=row.experiment.z, s=TEN_PCT * row.experiment.s
+            )
+            for row in published_markers(case)
+            if row.experiment
+        },
+        path_z={},
+        energy_balance_pct=0.5,
+        cpu_seconds=1.0,
+        nodes=np.column_stack([radius * np.cos(turn), -radius * np.sin(turn), 2e-3 * turn]),
+        strain=np.full(60, 0.1),
+    )
+
+
+def _score(cells, kind: str, seen: float, unseen: float) -> ModelScore:
+    """A model that is wrong by the same share everywhere."""
+    exact = np.array([cell.s_exp / cell.s_fem for cell in cells])
+    in_sample, held_out = (1.0 + 0.01 * seen) * exact, (1.0 + 0.01 * unseen) * exact
+    left_out = cell_errors_pct(cells, held_out)
+    return ModelScore(
+        kind=kind,
+        description=f"A {kind} of the test.",
+        in_sample_pct=float(cell_errors_pct(cells, in_sample).mean()),
+        leave_one_case_out_pct=float(left_out.mean()),
+        worst_case_pct=float(left_out.max()),
+        in_sample_spread_pct=0.2,
+        leave_one_case_out_spread_pct=0.4 if math.isfinite(unseen) else math.nan,
+        in_sample=in_sample,
+        held_out=held_out,
+    )
+
+
+def _record(learned: float = 3.0, plain: float = 5.0) -> StudyRecord:
+    results = tuple(_wound(case) for case in range(1, 13))
+    lengths = {(case, marker): s for case, marker, s in predicted_lengths(results)}
+    cells = join_experiment(lengths, source="test")
+    return StudyRecord(
+        config=StudyConfig(),
+        cases=tuple(range(1, 13)),
+        comparison=compare(results),
+        results=results,
+        cells=cells,
+        models={
+            "network": _score(cells, LEARNED, 1.0, learned + 1.0),
+            "<other> & model": _score(cells, LEARNED, 0.5, learned),
+            "sigma/E": _score(cells, BASELINE, plain, plain),
+            ONE_H_PER_CASE: _score(cells, ORACLE, 0.1, math.nan),
+        },
+        noise=noise_table(
+            [
+                NoiseAccuracy(noise=noise, kind=kind, accuracy=0.9)
+                for kind in Noise
+                for noise in (0.01, 0.02)
+            ]
+        ),
+    )
+
+
+# One process computes what the tests of this file share.
+@pytest.fixture(scope="module")
+def record() -> StudyRecord:
+    return _record()
+
+
+@pytest.fixture(scope="module")
+def small(record: StudyRecord) -> StudyRecord:
+    """Everything but eleven of the twelve drawn cables."""
+    return dataclasses.replace(record, results=record.results[3:4])
+
+
+@pytest.fixture(scope="module")
+def page(record: StudyRecord) -> str:
+    return render_study(record, stored=3)
+
+
+def test_the_best_model_is_the_one_that_does_best_on_cases_left_out(record: StudyRecord) -> None:
+    assert record.best_model == record.best_learned == "<other> & model"
+    assert "'sigma/E', loses" in record.verdict()
+
+
+def test_a_plain_baseline_that_wins_is_said_to_win() -> None:
+    beaten = _record(learned=6.0, plain=4.0)
+    assert beaten.best_model == "sigma/E"
+    assert beaten.best_learned == "<other> & model"
+    assert "'sigma/E', wins" in beaten.verdict()
+
+
+def test_physics_chosen_with_the_answers_in_view_is_called_optimistic(record) -> None:
+    rig = {RIG if name == "<other> & model" else name: m for name, m in record.models.items()}
+    assert "optimistic" in dataclasses.replace(record, models=rig).verdict()
+    assert "optimistic" not in record.verdict()
+
+
+def test_a_floor_is_no_model(record: StudyRecord) -> None:
+    scores = record.as_json()["models"]
+    assert scores[ONE_H_PER_CASE]["leave_one_case_out_pct"] is None
+    assert scores[ONE_H_PER_CASE]["kind"] == ORACLE
+
+
+def test_the_json_is_strict_and_has_what_readers_ask_for(record: StudyRecord) -> None:
+    read = json.loads(json.dumps(record.as_json(), allow_nan=False))
+    # S_FEM is 1.1 S_EXP everywhere.
+    assert read["mean_error_pct"] == pytest.approx(100.0 * 0.1 / 1.1)
+    assert read["means"]["error_pct"] == read["mean_error_pct"]
+    assert read["means"]["paper_error_pct"] == pytest.approx(12.04, abs=0.005)
+    assert read["means"]["paper_updated_error_pct"] == pytest.approx(4.81, abs=0.005)
+    assert read["models"]["network"]["in_sample_spread_pct"] == 0.2
+    assert read["best_model"] == "<other> & model"
+    assert {f"table_{n}" for n in range(2, 9)} <= set(read["tables"])
+    assert {"models", "weights", "neighbours_simulated"} <= set(read["tables"])
+    assert read["weights_by_case"]["4"]["network"] == pytest.approx(1.01 / 1.1, rel=1e-12)
+
+
+def test_table_8_shows_the_paper_the_network_and_the_best(record: StudyRecord) -> None:
+    means = next(t for t in record.paper_tables() if t.name == "table_8").means
+    # 100 |S - 1.01 S| / (1.01 S) for the network's in-sample h, and so on.
+    assert means["network, in-sample"] == pytest.approx(100.0 * 0.01 / 1.01)
+    assert means["network, left out"] == pytest.approx(100.0 * 0.04 / 1.04)
+    assert means["<other> & model, left out"] == pytest.approx(100.0 * 0.03 / 1.03)
+    assert means["paper, as printed"] == pytest.approx(4.81, abs=0.005)
+
+
+@pytest.mark.slow
+def test_the_papers_weights_stand_beside_ours_when_its_simulation_is_the_base() -> None:
+    cells = join_experiment(
+        {(row.case, row.marker): row.simulation.s for row in published_markers()}, source="test"
+    )
+    published = StudyRecord(
+        config=None,
+        cases=tuple(range(1, 13)),
+        comparison=compare_paper(),
+        cells=cells,
+        models={"network": _score(cells, LEARNED, 1.0, 3.0)},
+    )
+    assert published.factors_by_case()[1]["paper"] == pytest.approx(1.1636)
+    assert published.as_json()["base"] == "paper's simulation"
+    assert "Without any correction our" not in published.verdict()
+    assert ReportPage(render_study(published)).headings[0] == "The paper's twelve cases"
+
+
+def test_noise_stands_in_percent_with_a_column_for_each_kind(record: StudyRecord) -> None:
+    assert record.noise is not None
+    assert record.noise.rows == ((1.0, 90.0, 90.0), (2.0, 90.0, 90.0))
+    assert "imulated" in record.noise.note
+
+
+@pytest.mark.slow
+def test_without_models_the_verdict_says_why(small: StudyRecord) -> None:
+    bare = dataclasses.replace(small, models={}, cells=(), noise=None)
+    assert "No model of h was compared" in bare.verdict()
+    assert bare.as_json()["best_model"] is None
+    assert "Models of the weight" not in render_study(bare)
+
+
+@pytest.mark.slow
+def test_one_case_alone_makes_a_page() -> None:
+    result = _wound(4)
+    alone = StudyRecord(
+        config=StudyConfig(), cases=(4,), comparison=compare([result]), results=(result,)
+    )
+    headings = ReportPage(render_study(alone)).headings
+    assert headings[0] == "Case 4"
+    assert not any(heading.startswith("Table 2") for heading in headings)
+    assert any(heading.startswith("Table 3") for heading in headings)
+
+
+@pytest.mark.slow
+def test_the_page_has_every_table_and_figure_and_loads_nothing(page: str) -> None:
+    read = ReportPage(page)
+    read.require_whole()
+    for name in (*(f"Table {number}:" for number in range(2, 9)), "Figure 7", "Figure 9"):
+        assert any(heading.startswith(name) for heading in read.headings), name
+    assert any(heading.startswith("Figure 11") for heading in read.headings)
+    assert len(read.anchors) > 10
+
+
+@pytest.mark.slow
+def test_every_table_cell_is_on_paper(page: str, tmp_path) -> None:
+    path = tmp_path / "index.html"
+    path.write_text(page, encoding="utf-8")
+    words = printed_words(path, tmp_path)
+    assert not missing_from_paper(page, words)
+    assert outside_the_margins(words) == []
+
+
+@pytest.mark.slow
+def test_names_of_models_cannot_become_markup(page: str) -> None:
+    assert "<other>" not in page
+    assert "&lt;other&gt; &amp; model" in page
+
+
+@pytest.mark.slow
+def test_the_same_study_gives_the_same_bytes() -> None:
+    result = _wound(8)
+    alone = StudyRecord(
+        config=StudyConfig(), cases=(8,), comparison=compare([result]), results=(result,)
+    )
+    assert render_study(alone) == render_study(alone)
+
+
+@pytest.mark.slow
+def test_the_folder_has_the_page_and_a_csv_file_of_every_table(small, tmp_path) -> None:
+    path = write_study(small, tmp_path / "deep" / "study")
+    names = {file.name for file in path.parent.iterdir()}
+    assert names == {
+        "index.html",
+        *(f"table_{number}.csv" for number in range(2, 9)),
+        "models.csv",
+        "weights.csv",
+        "neighbours_simulated.csv",
+    }
+    assert len((path.parent / "table_7.csv").read_text().splitlines()) == 49
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1280, 390])
+def test_axe_finds_nothing_grave_on_the_study(page: str, tmp_path: Path, width: int) -> None:
+    file = tmp_path / "study.html"
+    file.write_text(page, encoding="utf-8")
+    with chromium() as browser:
+        shown = opened(browser, file.as_uri(), width=width, dark=False)
+        assert grave_findings(shown) == []
 
 
 def _study(*arguments: str, folder: Path):

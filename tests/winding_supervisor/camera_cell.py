@@ -26,56 +26,32 @@ from winding_ros.messages.stamps import encode_stamp
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """What this cell is like.
+    """What this cell is like."""
 
-    Attributes:
-        case: Row of the paper's Table 2.
-        joint_rate: Encoder samples per second.
-        frame_rate: Frames per second; 0 for a camera in another process.
-        angle: Reading of the cylinder's encoder where it stands at first [rad].
-        carriage: Reading of the carriage's encoder there [m].
-        reversed: Whether both encoders count backwards.
-        velocities: Whether the drives measure speeds.
-        loss: Share of joint states that is never published.
-        jitter: Longest delay of a joint state, in order [s].
-        camera_offset: Of the camera's clock [s].
-        pause_at: Time of the programme at which the machine stands for a while [s].
-        pause: For how long [s].
-        frames_in_pause: Whether the camera goes on meanwhile.
-    """
-
-    case: int = 4
-    joint_rate: float = 200.0
-    frame_rate: float = 50.0
-    angle: float = 0.0
-    carriage: float = 0.0
-    reversed: bool = False
-    velocities: bool = True
-    loss: float = 0.0
-    jitter: float = 0.0
-    camera_offset: float = 0.0
-    pause_at: float = 0.0
-    pause: float = 0.0
-    frames_in_pause: bool = True
+    case: int = 4  # Row of the paper's Table 2
+    joint_rate: float = 200.0  # Encoder samples per second
+    frame_rate: float = 50.0  # Frames per second; 0 for a camera in another process
+    angle: float = 0.0  # Reading of the cylinder's encoder where it stands at first [rad]
+    carriage: float = 0.0  # Reading of the carriage's encoder there [m]
+    reversed: bool = False  # Whether both encoders count backwards
+    velocities: bool = True  # Whether the drives measure speeds
+    loss: float = 0.0  # Share of joint states that is never published
+    jitter: float = 0.0  # Longest delay of a joint state, in order [s]
+    camera_offset: float = 0.0  # Of the camera's clock [s]
+    pause_at: float = 0.0  # Time of the programme at which the machine stands for a while [s]
+    pause: float = 0.0  # For how long [s]
+    frames_in_pause: bool = True  # Whether the camera goes on meanwhile
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """One motion from a start to the next stop, on wall time [s].
+    """One motion from a start to the next stop, on wall time [s]."""
 
-    Attributes:
-        since: Time of the drive's programme at its start.
-        begun: Its start.
-        ended: The stop.
-        angle: Reading of the cylinder's encoder at the programme's start [rad].
-        carriage: Reading of the carriage's encoder there [m].
-    """
-
-    since: float = 0.0
-    begun: float = math.inf
-    ended: float = math.inf
-    angle: float
-    carriage: float
+    since: float = 0.0  # Time of the drive's programme at its start
+    begun: float = math.inf  # Its start
+    ended: float = math.inf  # The stop
+    angle: float  # Reading of the cylinder's encoder at the programme's start [rad]
+    carriage: float  # Reading of the carriage's encoder there [m]
 
     def time(self, now: float) -> float:
         return self.since + max(0.0, min(now, self.ended) - self.begun)

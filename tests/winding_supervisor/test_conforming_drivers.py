@@ -34,13 +34,11 @@ class Style:
 
     Attributes:
         commands: Returns the processes to start in a folder, each when the one before is ready.
-        options: What the commands have to know of it.
-        first: Which length of P1 the run gives.
     """
 
     commands: Callable[[Path], list[list[object]]]
-    options: tuple[str, ...]
-    first: str
+    options: tuple[str, ...]  # What the commands have to know of it
+    first: str  # Which length of P1 the run gives
 
 
 def behind_a_plc(folder: Path) -> list[list[object]]:

@@ -1,16 +1,26 @@
-"""The pure parts of supervision: stamps, restarts, events, vitals."""
+"""Supervision: stamps, restarts, vitals, second publishers, how the machine is described."""
 
 import json
+import math
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from winding_core.cable.condition import Condition
+from winding_core.machine.axes import MachineAxes
+from winding_core.run_options import CameraPlacement
 from winding_core.status import Level
+from winding_core.urdf import machine_urdf
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
+from winding_ros.runtime.heartbeat import Heartbeat, heartbeat_topic
 from winding_ros.topic import Topic
+from winding_supervisor.processes.discovery import RivalWatch
 from winding_supervisor.processes.node_process import Backoff
+from winding_supervisor.session.run_config import RunConfig
+from winding_supervisor.session.run_parts import describe_machine
 from winding_supervisor.watch.event_log import EventLog, read_events
 from winding_supervisor.watch.load_monitor import LoadMonitor
 from winding_supervisor.watch.sensor_watch import SensorWatch
@@ -126,3 +136,83 @@ def test_load_is_told_from_the_second_look_at_a_process_on() -> None:
     assert float(vitals.look(1.0, {"test": os.getpid()})[2]["cpu test [%]"]) >= 0.0
     # Another process in the node's place begins anew.
     assert "cpu test [%]" not in vitals.look(2.0, {"test": os.getppid()})[2]
+
+
+def test_one_publisher_each_is_nobody_s_rival(ros: Any) -> None:
+    watcher, machine = ros.plain("watcher"), ros.plain("winding_rig")
+    topics.JOINT_STATES.advertise(machine)
+    Heartbeat(machine, topics.RIG)
+    watch = RivalWatch(watcher, [topics.RIG])
+    ros.spin_until(lambda: watcher.count_publishers(heartbeat_topic(topics.RIG)) == 1)
+    assert watch.look(0.0) is None
+
+
+@pytest.mark.parametrize("name", [topics.RIG, topics.ORCHESTRATOR])
+def test_a_foreign_sign_of_life_is_named(ros: Any, name: str) -> None:
+    watcher, own, foreign = ros.plain("watcher"), ros.plain(name), ros.plain("foreign")
+    signs = [Heartbeat(node, name) for node in (own, foreign)]
+    watch = RivalWatch(watcher, [topics.RIG])
+    ros.spin_until(lambda: watch.look(0.0))
+    both = ", ".join(sorted([f"/{name}", "/foreign"]))
+    assert watch.look(0.0) == (f"{name}/heartbeat", f"has 2 publishers: {both}")
+    del signs
+
+
+def test_a_second_driver_is_named(ros: Any) -> None:
+    watcher = ros.plain("watcher")
+    publishers = [
+        topics.JOINT_STATES.advertise(ros.plain(name)) for name in ("winding_rig", "foreign")
+    ]
+    watch = RivalWatch(watcher, [])
+    ros.spin_until(lambda: watch.look(0.0))
+    assert watch.look(0.0) == ("rig/joint_states", "has 2 publishers: /foreign, /winding_rig")
+    del publishers
+
+
+def test_the_successor_of_a_killed_node_is_no_rival_while_it_is_forgotten(ros: Any) -> None:
+    watcher = ros.plain("watcher")
+    nodes = [ros.plain("cable_fem") for _ in range(2)]
+    publishers = [topics.FEM_MARKERS.advertise(node) for node in nodes]
+    watch = RivalWatch(watcher, [])
+    ros.spin_until(lambda: watcher.count_publishers(topics.FEM_MARKERS.name) == 2)
+    assert watch.look(0.0) is None
+    assert watch.look(9.0) is None
+    contested = watch.look(11.0)
+    assert contested is not None
+    assert "has 2 publishers" in contested[1]
+    del publishers
+
+
+def config(tmp_path: Path) -> RunConfig:
+    return RunConfig(
+        directory=tmp_path,
+        condition={"case": 8},
+        own={topics.TRACKER: {"camera_position": [0.5, 0.0, 0.1]}},
+        duration=20.0,
+    )
+
+
+def test_a_late_subscriber_gets_the_machine_of_the_run(ros: Any, tmp_path: Path) -> None:
+    reported: list[str] = []
+    describe_machine(
+        config(tmp_path), {"cylinder_offset": 37.2}, ros.plain("orchestrator"), reported.append
+    )
+    heard: list[Any] = []
+    topics.ROBOT_DESCRIPTION.subscribe(ros.plain("late"), heard.append)
+    ros.spin_until(lambda: heard)
+    assert heard[0].data == machine_urdf(
+        Condition(case=8).resolved(),
+        MachineAxes(cylinder_offset=37.2),
+        CameraPlacement(camera_position=[0.5, 0.0, 0.1]),
+    )
+    assert reported == []
+
+
+def test_a_machine_without_a_urdf_is_reported(ros: Any, tmp_path: Path) -> None:
+    reported: list[str] = []
+    axes = {"carriage_scale": math.pi}
+    describe_machine(config(tmp_path), axes, ros.plain("orchestrator"), reported.append)
+    assert reported == [
+        "no robot_description: a URDF joint is in rad or m: carriage_scale must be 1 or -1, "
+        "got 3.14159"
+    ]

@@ -1,15 +1,21 @@
-"""A run that complains without end fills no disk: each of its logs has a bound."""
+"""What a run keeps of its nodes: logs that have a bound, and traces."""
 
 import asyncio
 import os
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from winding_core.trace import TRACE_DTYPE, Channel, Station, TraceEvent
+from winding_ros import topics
 from winding_ros.graph import GRAPH
+from winding_ros.messages.clouds import encode_cloud
 from winding_supervisor.processes.node_process import LOG_LIMIT, NodeProcess
+from winding_supervisor.session.run_parts import TraceRecording
 from winding_supervisor.watch.event_log import FILE_LIMIT, EventLog, read_events
 
 CHUNK = 65_536
@@ -90,3 +96,47 @@ def test_a_run_writes_no_log_but_those_with_a_bound(recorded_run: Any) -> None:
 
 def test_output_of_a_killed_process_is_not_why_it_ended(tmp_path: Path) -> None:
     assert run(tmp_path, KILLED)[:2] == (-9, "")
+
+
+class Bench:
+    """A recording, and a node that notes."""
+
+    def __init__(self, ros: Any) -> None:
+        node, self.ros = ros.plain(), ros
+        self.publisher = topics.TRACE.advertise(node)
+        self.recording = TraceRecording(ros.plain("recorder_host"))
+        ros.spin_until(lambda: self.publisher.get_subscription_count() == 1)
+
+    def note(self, **fields: float) -> None:
+        """Note a frame that was taken now, odd in some fields."""
+        record = np.zeros(1, TRACE_DTYPE)
+        record["event"], record["channel"] = TraceEvent.TAKEN, Channel.FRAME
+        record["station"] = Station.TRACKER
+        record["began"] = record["ended"] = time.time()
+        for name, value in fields.items():
+            record[name] = value
+        self.publisher.publish(encode_cloud(0.0, record))
+
+    def stamps(self, since: int, count: int) -> list[float]:
+        """Return the stamps of the records since a monotonic time [ns], once there are so many."""
+        self.ros.spin_until(lambda: len(self.recording.since(0)) == count)
+        return [float(stamp) for stamp in self.recording.since(since)["stamp"]]
+
+
+@pytest.fixture
+def bench(ros: Any) -> Bench:
+    return Bench(ros)
+
+
+def test_an_earlier_run_of_the_same_nodes_is_left_out(bench: Bench) -> None:
+    # An operator's next run begins at simulated time 0 again, or goes on.
+    bench.note(stamp=1.0, began=time.time() - 60.0, ended=time.time() - 59.0)
+    bench.note(stamp=2.0)
+    assert bench.stamps(time.monotonic_ns() - 30_000_000_000, 2) == [2.0]
+
+
+@pytest.mark.parametrize("odd", [{"event": 9}, {"channel": 9}, {"station": 4}, {"began": np.nan}])
+def test_a_record_that_says_nothing_is_left_out(bench: Bench, odd: dict[str, float]) -> None:
+    bench.note(stamp=1.0, **odd)
+    bench.note(stamp=2.0)
+    assert bench.stamps(0, 1) == [2.0]

@@ -1,8 +1,9 @@
-"""The page of licences names what the project depends on, as the installed libraries state it."""
+"""Dependencies: licences as the libraries state them, and the same versions for pixi and pip."""
 
 import importlib.util
 import re
 import sys
+import tomllib
 from pathlib import Path
 from types import ModuleType
 
@@ -11,6 +12,8 @@ from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "licences.md").read_text(encoding="utf-8")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+RECIPE = tomllib.loads((ROOT / "pixi.toml").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
@@ -52,3 +55,23 @@ def test_copyleft_is_named_first(licences: ModuleType) -> None:
     weak = {name for name, (licence, _) in everything.items() if licences.COPYLEFT.search(licence)}
     assert "asyncua" in weak
     assert listed("Copyleft").keys() == weak
+
+
+def extras(feature: dict[str, dict[str, dict[str, list[str]]]]) -> set[str]:
+    """Return the extras of the project that a feature installs."""
+    (name,) = feature["pypi-dependencies"]
+    assert name == PROJECT["name"]
+    return set(feature["pypi-dependencies"][name]["extras"])
+
+
+def test_the_recipe_names_the_project_and_its_pythons() -> None:
+    assert RECIPE["workspace"]["name"] == PROJECT["name"]
+    wanted = RECIPE["dependencies"]["python"]
+    assert set(wanted.split(",")) == set(PROJECT["requires-python"].split(","))
+
+
+def test_the_recipe_s_extras_are_those_of_a_run_and_of_users() -> None:
+    assert extras(RECIPE) == {"ros"}
+    users = set(PROJECT["optional-dependencies"]) - {"dev", "docs", "peers"}
+    assert extras(RECIPE["feature"]["whole"]) == users
+    assert RECIPE["environments"]["whole"] == ["whole"]
