@@ -210,7 +210,7 @@ class LaidPath:
         Args:
             end: At the contact line.
             marker_theta: Wound angles of the markers [rad]; nan for one that has not landed.
-            hidden: Hidden properties of the rig by name.
+            hidden: Hidden properties of the rig by name [SI].
         """
         theta = np.append(self.theta, end.theta)
         z, length = self.along(theta, end)
