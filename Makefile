@@ -60,11 +60,11 @@ $(VENV)/.kernels: $(STAMP) $(shell find ros2_ws/src -name '*.py')
 
 # What to run before every commit: lint, and the tests that are quick and start no graph.
 check: lint kernels
-	$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not processes and not slow and not campaign"
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile --ignore tests/lint -m "not processes and not slow and not campaign"
 
 # A graph of processes fills both cores of a small machine by itself: such tests run one by one.
 test: $(WHOLE) kernels
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not processes and not campaign" $(COUNT)
+	$(BIN)/python -m pytest -n 2 --dist loadfile --ignore tests/lint -m "not processes and not campaign" $(COUNT)
 	$(BIN)/python -m pytest -m "processes and not campaign" $(COUNT)
 
 # The graph's processes on a further Python, in an environment of their own:
@@ -105,6 +105,7 @@ lint: $(WHOLE)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/python -m pytest -q tests/lint
 	$(BIN)/python ros2_ws/package_files.py --check
 	$(BIN)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs docker examples release ros2_ws tests
 	$(BIN)/hadolint docker/Dockerfile

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "ros2_ws" / "src"
 FILES = sorted(SOURCE.glob("*/*/**/*.py"))
 LINES_OF_A_FILE = 450
