@@ -192,6 +192,7 @@ def nodes() -> Iterator[list[subprocess.Popen[bytes]]]:
         process.wait()
 
 
+@pytest.mark.campaign
 def test_two_slow_nodes_are_blamed_on_their_own_hops(
     nodes: Any, tmp_path: Path, command: Callable[..., Any]
 ) -> None:

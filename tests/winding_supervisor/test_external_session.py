@@ -131,6 +131,7 @@ def session(ros: Any, driver: Any, tmp_path: Path) -> Iterator[ConductedSession]
         yield made
 
 
+@pytest.mark.campaign
 def test_second_run_begins_where_the_machine_stands(
     session: ConductedSession, predicted_p1: float
 ) -> None:
