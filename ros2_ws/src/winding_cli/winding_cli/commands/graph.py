@@ -57,7 +57,7 @@ def as_markdown() -> str:
 
 def _topics() -> list[str]:
     lines = [
-        "| topic | type | publisher | rate | QoS | recorded | what it says |",
+        "| topic | type | publisher | rate | QoS | recorded | content |",
         "|---|---|---|---|---|---|---|",
     ]
     for topic in TOPICS:
