@@ -89,12 +89,12 @@ coverage: $(WHOLE)
 	$(BIN)/coverage report
 
 bench: $(WHOLE)
-	$(BIN)/python -m pytest tests/benchmarks --run-benchmarks -m "not campaign" -q -s
+	$(BIN)/python -m pytest benchmarks -m "not campaign" -q -s
 
 # Foreign solvers stay out of .venv until they are asked for.
 bench-peers: $(WHOLE)
 	$(PIP) --editable '.[peers]'
-	$(BIN)/python tests/benchmarks/peers/compare.py
+	$(BIN)/python benchmarks/peers/compare.py
 
 # The pages as a site in build/site, whole without a network; a warning fails.
 docs: $(WHOLE)
@@ -107,7 +107,7 @@ lint: $(WHOLE)
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python -m pytest -q tests/lint
 	$(BIN)/python ros2_ws/package_files.py --check
-	$(BIN)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs docker examples release ros2_ws tests
+	$(BIN)/codespell README.md CONTRIBUTING.md SECURITY.md CHANGELOG.md docs docker examples release ros2_ws tests benchmarks
 	$(BIN)/hadolint docker/Dockerfile
 
 # Source archive and wheel of the last commit in dist/, the same bytes on every machine.

@@ -1,13 +1,9 @@
-"""Isolation: a DDS domain per test process, a Context and an executor per test."""
+"""What tests share: a Context and an executor per test, composed graphs, commands, drivers."""
 
-import contextlib
 import importlib
-import os
 import shutil
-import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -15,42 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from domain_coordinator import domain_id
 
-import winding_ros
-
-# Two workers share two cores: a library that starts a thread for each would halve both.
-for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_threads, "1")
 # A test waits ten times as long as the thing usually takes, on two busy cores.
 PATIENCE = 60.0
-PROFILE = Path(winding_ros.__file__).parent / "profiles" / "loopback.xml"
-_DOMAIN = contextlib.ExitStack()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--run-benchmarks", action="store_true", help="also measure speed")
     parser.addoption("--run-soak", action="store_true", help="also run for minutes on end")
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", "soak: runs for minutes, only with --run-soak")
-    # A suite in the background of a shell is told to ignore Ctrl-C, and so is what it starts.
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-    # rcl reads these when a context is made, so they are set before any test imports rclpy.
-    # The coordinator gives no domain to two test processes of this machine.
-    os.environ["ROS_DOMAIN_ID"] = str(_DOMAIN.enter_context(domain_id()))
-    # As the graph's own processes find and hear each other.
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
-    os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(PROFILE)
-    os.environ["ROS_LOG_DIR"] = tempfile.mkdtemp(prefix="winding-test-log-")
-    # Generated message classes check types and ranges only when they are asked to.
-    os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
-
-
-def pytest_unconfigure(config: pytest.Config) -> None:
-    _DOMAIN.close()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -59,12 +26,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for item in items:
             if item.get_closest_marker("soak"):
                 item.add_marker(skip)
-    if config.getoption("--run-benchmarks"):
-        return
-    skip = pytest.mark.skip(reason="speed is measured by `make bench`")
-    for item in items:
-        if "benchmarks" in item.path.parts:
-            item.add_marker(skip)
 
 
 class Ros:

@@ -1,7 +1,7 @@
 """The joint posterior of a rig: what markers determine, what they do not, and how well.
 
 Truths here are laid by the estimator's own closed form, which takes milliseconds: these tests are
-about the inference. Against the rod it stands in tests/benchmarks/test_rig_accuracy.py. What
+about the inference. Against the rod it stands in benchmarks/test_rig_accuracy.py. What
 comes in is a tracked marker once it counts as landed and measured.
 """
 

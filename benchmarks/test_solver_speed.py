@@ -12,13 +12,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from rows import least
 
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.solid_winding import SolidWinding
 from cable_fem_node.winding.winding_config import WindingConfig
+from rows import least
 from winding_core.cable.cases import paper_case
 from winding_core.machine.drive import DriveProfile
 from winding_study.paper.study import StudyConfig, wind_cases

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from floors.rod_in_c import OPTIONS, REORDERED, compiler
 
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.winding_config import WindingConfig
+from floors.rod_in_c import OPTIONS, REORDERED, compiler
 from winding_core.cable.cases import paper_case
 
 SOURCE = Path(__file__).parent / "peers" / "plain_rod.c"

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from floors.rod_state import FloatArray, RodState
 
 from cable_fem_node.rod.rod_kernels import SERIES_LIMIT, empty_work
 from cable_fem_node.rod.rod_records import CUT_AT, MERGE_AT, RUNNING
+from floors.rod_state import FloatArray, RodState
 
 SOURCE = Path(__file__).with_name("rod_step.c")
 OPTIONS = ("-O3", "-march=native")

@@ -2,7 +2,7 @@
 
 Each solver runs alone in a process of its own, one after the other, single-threaded.
 
-Run with: make bench-peers, or python tests/benchmarks/peers/compare.py --duration 2
+Run with: make bench-peers, or python benchmarks/peers/compare.py --duration 2
 """
 
 from __future__ import annotations

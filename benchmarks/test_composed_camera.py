@@ -17,7 +17,7 @@ from winding_supervisor.machines.external_machine import ExternalMachineConfig
 from winding_supervisor.session.run import opened_run
 from winding_supervisor.session.run_config import RunConfig
 
-CELLS = Path(__file__).parents[1] / "winding_supervisor"
+CELLS = Path(__file__).parents[1] / "tests" / "winding_supervisor"
 DURATION, RATE = 10.0, 1000.0
 NAMESPACE = "benchmark"
 

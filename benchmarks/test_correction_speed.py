@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rows import least
 
 from correction_node.live.corrector import Corrector
 from correction_node.models.weights import SHIPPED, load_factor, weights_directory
+from rows import least
 from winding_core.cable.cases import paper_case
 from winding_core.markers import CORRECTED_DTYPE, Markers, wound_markers
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-RESULTS = Path(__file__).parents[2] / "bench.json"
+RESULTS = Path(__file__).parents[1] / "bench.json"
 
 # Numba and the linear algebra under NumPy read these when they are first imported.
 SINGLE_THREAD = {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}

@@ -16,7 +16,7 @@ from winding_rig_node.lay.known_lay import published_lay
 
 def films() -> ModuleType:
     """Return the module that draws them."""
-    path = Path(__file__).parents[2] / "marker_tracker_node" / "conftest.py"
+    path = Path(__file__).parents[2] / "tests" / "marker_tracker_node" / "conftest.py"
     spec = importlib.util.spec_from_file_location("tracker_films", path)
     assert spec is not None
     assert spec.loader is not None

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import psutil
+
 from floors.processor_time import Cost, cost_between, spent
 
 CASE = 4

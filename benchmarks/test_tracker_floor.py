@@ -12,11 +12,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+
 from floors.classic_tracker import ClassicTracker
 from floors.films import films, live_scene
 from floors.gates import Box, boxes_of
 from rows import costs, least
-
 from winding_core.compiling import compiled
 from winding_core.markers import Markers
 from winding_core.units import MILLIMETRE

@@ -16,9 +16,7 @@ from rows import SINGLE_THREAD, Bench, keep
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    # Only when speed is measured: elsewhere the environment belongs to the other tests.
-    if config.getoption("--run-benchmarks"):
-        os.environ.update(SINGLE_THREAD)
+    os.environ.update(SINGLE_THREAD)
 
 
 @pytest.fixture(scope="session")

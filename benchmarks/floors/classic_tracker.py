@@ -6,9 +6,9 @@ import math
 
 import cv2
 import numpy as np
-from floors.gates import Box
 from numpy.typing import NDArray
 
+from floors.gates import Box
 from winding_rig_node.camera.config import CameraCalibration
 
 # OpenCV's hue is half of the angle; the yellow of the bands, as public colour trackers set it.

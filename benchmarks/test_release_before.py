@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from floors.release import ROOT, release_before, unpacked
 from floors.whole_graph import warm_up, wind
 

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from floors.bare_traffic import carry, plan_of
 from floors.whole_graph import wind
 
-CHECKOUT = Path(__file__).parents[2]
+CHECKOUT = Path(__file__).parents[1]
 PAIRS, DURATION = 2, 14.0
 # Measured 2.2 to 2.6 on two cores that others shared; the rest is for other machines.
 GRAPH_OVER_TRAFFIC = 3.0

@@ -11,9 +11,9 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+
 from floors.films import live_scene
 from rows import costs
-
 from winding_rig_node.camera import CameraConfig
 
 UNSEEN = 48

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import psutil
+
 from floors.processor_time import Cost, cost_between, spent
 from floors.whole_graph import STEADY
-
 from winding_recorder.bags.reading import messages_of, opened
 from winding_ros import topics
 from winding_ros.graph import GRAPH

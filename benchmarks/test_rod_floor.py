@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from floors.rod_in_c import REORDERED, Advance, compiled, compiler
-from floors.rod_state import RodState, drive_between, kernel_advance
-from rows import least
 
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
+from floors.rod_in_c import REORDERED, Advance, compiled, compiler
+from floors.rod_state import RodState, drive_between, kernel_advance
+from rows import least
 from winding_core.cable.cases import paper_case
 from winding_core.machine.drive import DriveProfile
 

@@ -7,7 +7,7 @@ import subprocess
 import tarfile
 from pathlib import Path
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 # Tags first. Without them 0.1.0 is the tree at the end of the work that its changelog tells of.
 TAGS = ("v0.1.0", "0.1.0", "v0.1", "0.1")
 COMMIT = "400a7f590d961cbe82caee05f9a32cfdd42f0873"
