@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from winding_core.cable.cases import Case, paper_case, published_markers
+from winding_core.error_verdict import PAPER_LIMIT_PCT, judge_lengths
 from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
 from winding_core.machine.drive import DriveProfile
+from winding_core.run_outcome import Ending, Extent, RunOutcome
 from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -97,6 +99,12 @@ def _synthetic(case: Case | None = None, h: float = 0.957) -> RunRecord:
         tracked=_series(case, drive, measured, rate=200.0, noise=5e-4, rng=rng, in_view_only=True),
         corrected=_series(case, drive, predicted, rate=50.0, rng=rng),
         rows=tuple(rows),
+        outcome=RunOutcome(
+            asked=Extent(turns=5.54, time=20.0, markers=len(predicted)),
+            done=Extent(turns=5.54, time=20.0, markers=len(predicted)),
+            ending=Ending(),
+            lengths=judge_lengths(rows, PAPER_LIMIT_PCT, published=case.is_published),
+        ),
         frames=4000,
         frames_lost=0,
         joint_states=20000,

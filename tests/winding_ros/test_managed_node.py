@@ -295,16 +295,36 @@ def test_jump_is_refused_unless_the_node_s_clock_has_jumped_too() -> None:
     intake.check(later, lambda: later)
 
 
-def test_refusals_persist_after_fifty_milliseconds_of_nothing_else() -> None:
-    intake = MessageGuard("rig/tension")
-    intake.refuse("bad", 10.0)
-    intake.refuse("bad", 10.04)
-    assert not intake.persistent
-    intake.refuse("bad", 10.06)
-    assert intake.persistent
-    intake.accept()
-    assert not intake.persistent
-    assert (intake.refused, intake.accepted) == (3, 1)
+@pytest.mark.parametrize(
+    ("stamps", "arrivals"),
+    [
+        ((10.0, 10.04, 10.06), (5.0, 5.04, 5.06)),
+        # A reader that was held looks at all of it within a millisecond.
+        ((10.0, 10.04, 10.06), (5.0, 5.0, 5.001)),
+        # Stamps that are themselves the reason: nothing but arrivals is left.
+        ((None, None, None), (5.0, 5.04, 5.06)),
+    ],
+)
+def test_refusals_over_fifty_milliseconds_of_stamps_latch_an_alarm(stamps, arrivals) -> None:
+    guard = MessageGuard("rig/tension")
+    for stamp, arrival in zip(stamps[:2], arrivals[:2], strict=True):
+        guard.refuse("bad", stamp, arrival)
+    assert not guard.alarm
+    guard.refuse("worse", stamps[2], arrivals[2])
+    guard.accept()
+    assert guard.alarm == "refused a message on rig/tension: worse"
+    assert (guard.refused, guard.accepted) == (3, 1)
+    status = topic_status("marker_tracker", {}, {guard.topic: guard}, [])
+    assert (status.level, status.message) == (Level.ERROR, guard.alarm)
+    guard.restart()
+    assert not guard.alarm
+
+
+def test_a_late_reader_alone_latches_no_alarm() -> None:
+    guard = MessageGuard("rig/tension")
+    guard.refuse("bad", 10.0, 5.0)
+    guard.refuse("bad", 10.008, 5.2)
+    assert not guard.alarm
 
 
 def test_contested_topic_lets_nothing_in() -> None:

@@ -84,6 +84,18 @@ class ErrorVerdict:
     limit_pct: float  # Largest error that counts as good [%].
     against: str  # EXPERIMENT or CAMERA.
     errors: tuple[MarkerError, ...]  # Of every marker.
+    asked: int  # Markers that were to be judged.
+    ended: bool = True  # Whether the run came to its end; what broke off is never good.
+
+    @property
+    def judged(self) -> tuple[MarkerError, ...]:
+        """Markers whose corrected length has a measure beside it."""
+        return tuple(item for item in self.errors if item.corrected is not None)
+
+    @property
+    def whole(self) -> bool:
+        """Whether the run came to its end with every marker judged that it was to judge."""
+        return self.ended and len(self.judged) >= self.asked
 
     @property
     def worst(self) -> MarkerError | None:
@@ -97,9 +109,16 @@ class ErrorVerdict:
 
     @property
     def good(self) -> bool | None:
-        """Whether no corrected length is off by more than the limit; None without any."""
+        """Whether no corrected length is off by more than the limit; None where one is not known.
+
+        One that is too far off is enough for the opposite.
+        """
         worst = self.worst
-        return None if worst is None else _known(worst.corrected) <= self.limit_pct
+        if worst is None:
+            return None
+        if _known(worst.corrected) > self.limit_pct:
+            return False
+        return True if self.whole else None
 
     @property
     def helped(self) -> tuple[MarkerError, ...]:
@@ -126,10 +145,13 @@ class ErrorVerdict:
         worst = self.worst
         if worst is None:
             return "cannot be judged: no marker has both a corrected and a measured length"
+        word = {True: "good", False: "not good", None: "incomplete"}[self.good]
         sentence = (
-            f"{'good' if self.good else 'not good'}: largest error {worst.corrected:.2f} %, "
-            f"limit {self.limit_pct:g} %, marker {worst.name}"
+            f"{word}: largest error {worst.corrected:.2f} %, limit {self.limit_pct:g} %, marker "
+            f"{worst.name}"
         )
+        if not self.whole:
+            sentence += f", {len(self.judged)} of {self.asked} markers judged"
         if self.against == CAMERA:
             sentence += ", against the camera's lengths"
         sentence += f"; the correction helped on {len(self.helped)} of {len(self.compared)}"
@@ -154,6 +176,7 @@ class ErrorVerdict:
         worst, held_out = self.worst, self.worst_held_out
         return {
             "good": self.good,
+            "whole": self.whole,
             "sentence": self.sentence,
             "held_out_sentence": self.held_out_sentence or None,
             "limit_pct": self.limit_pct,
@@ -177,13 +200,22 @@ class ErrorVerdict:
         }
 
 
-def judge_lengths(rows: Sequence[Lengths], limit_pct: float, *, published: bool) -> ErrorVerdict:
+def judge_lengths(
+    rows: Sequence[Lengths],
+    limit_pct: float,
+    *,
+    published: bool,
+    asked: int | None = None,
+    ended: bool = True,
+) -> ErrorVerdict:
     """Return what the lengths of a run are worth.
 
     Args:
         rows: Of every marker.
         limit_pct: Largest error that counts as good [%].
         published: Whether the paper's experiment is the measure; else the run's own camera.
+        asked: How many of them were to be judged; None for those with a predicted length.
+        ended: Whether the run came to its end.
     """
     errors = []
     for row in rows:
@@ -197,7 +229,11 @@ def judge_lengths(rows: Sequence[Lengths], limit_pct: float, *, published: bool)
             )
         )
     return ErrorVerdict(
-        limit_pct=limit_pct, against=EXPERIMENT if published else CAMERA, errors=tuple(errors)
+        limit_pct=limit_pct,
+        against=EXPERIMENT if published else CAMERA,
+        errors=tuple(errors),
+        asked=sum(row.s_fem is not None for row in rows) if asked is None else asked,
+        ended=ended,
     )
 
 

@@ -29,6 +29,8 @@ class Status:
 # Component of the orchestrator's status that carries the phase.
 COMPONENT = "run"
 STATUS = f"orchestrator: {COMPONENT}"
+# Component whose status is an error for as long as a machine may move that was asked to stop.
+MACHINE_COMPONENT = "machine"
 
 
 class RunPhase(Enum):

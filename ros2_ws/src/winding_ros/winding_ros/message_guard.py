@@ -87,7 +87,7 @@ class Cadence:
 
 # A stamp further ahead of the last one than this has to agree with the node's clock [s].
 MAX_JUMP = 10.0
-# Refusals that go on for longer are an error [s].
+# Refusals that go on for longer, by the stamps of what is refused, are an error [s].
 PATIENCE = 0.05
 # A killed process lingers in the graph for its lease; its successor has the same name [s].
 GHOST_PATIENCE = 10.0
@@ -108,6 +108,7 @@ class MessageGuard:
         accepted: Messages let in since the node was configured.
         refused: Messages kept out.
         reason: Why the last one was kept out.
+        alarm: Why messages were kept out for longer than PATIENCE; latched until `restart`.
         contested: Who else publishes; everything is refused while this is not empty.
         queue: Most messages that were found waiting at once since `restart_queue`.
         cadence: Of a topic that has a fixed rate, since the run began; None for others.
@@ -125,16 +126,19 @@ class MessageGuard:
         self.accepted = 0
         self.refused = 0
         self.reason = ""
+        self.alarm = ""
         self.contested = ""
         self.queue = 0
         self._last: float | None = None
-        self._refusing_since: float | None = None
-        self._last_refusal = 0.0
+        # Since when nothing but refusals has come: a stamp, if it is usable, and an arrival [s].
+        self._refusing: tuple[float | None, float] | None = None
+        self._in_a_row = 0
 
     def restart(self) -> None:
-        """Take the next stamp as it comes: a new run begins."""
+        """Take the next stamp as it comes, and release the alarm: a new run begins."""
         self._last = None
-        self._refusing_since = None
+        self._refusing = None
+        self.alarm = ""
         if self.cadence is not None:
             self.cadence = Cadence(self.topic)
 
@@ -163,15 +167,34 @@ class MessageGuard:
     def accept(self) -> None:
         """Count a message that was let in."""
         self.accepted += 1
-        self._refusing_since = None
+        self._refusing = None
 
-    def refuse(self, reason: str, now: float) -> None:
-        """Count a message that was kept out at wall time `now` [s]."""
+    def refuse(self, reason: str, stamp: float | None, arrival: float) -> None:
+        """Count a message that was kept out, and latch the alarm when this goes on.
+
+        How long it goes on is a matter of stamps: a reader that was held looks at a second of
+        messages within a millisecond.
+
+        Args:
+            reason: Why.
+            stamp: [s]; None for one that is itself the reason.
+            arrival: Wall time [s].
+        """
         self.refused += 1
         self.reason = reason
-        self._last_refusal = now
-        if self._refusing_since is None:
-            self._refusing_since = now
+        if self._refusing is None:
+            self._refusing, self._in_a_row = (stamp, arrival), 0
+        self._in_a_row += 1
+        first_stamp, first_arrival = self._refusing
+        period = 0.0 if self.cadence is None else self.cadence.period
+        if stamp is not None and first_stamp is not None:
+            lasted = stamp - first_stamp
+        elif period:
+            lasted = (self._in_a_row - 1) * period
+        else:
+            lasted = arrival - first_arrival
+        if lasted > PATIENCE and not self.alarm:
+            self.alarm = f"refused a message on {self.topic}: {reason}"
 
     def found(self, count: int) -> None:
         """Note that so many messages waited when the node came to look."""
@@ -180,12 +203,6 @@ class MessageGuard:
     def restart_queue(self) -> None:
         """Begin to look for the longest queue anew."""
         self.queue = 0
-
-    @property
-    def persistent(self) -> bool:
-        """Whether nothing but refusals has come for longer than PATIENCE."""
-        since = self._refusing_since
-        return since is not None and self._last_refusal - since > PATIENCE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,8 +251,12 @@ def topic_status(
     cadences = [guard.cadence for guard in guards.values() if guard.cadence is not None]
     for cadence in cadences:
         values |= cadence.values()
-    errors = [*contested, *(_refusal(guard) for guard in refusing if guard.persistent)]
-    warnings = [_refusal(guard) for guard in refusing if not guard.persistent]
+    errors = [*contested, *(guard.alarm for guard in refusing if guard.alarm)]
+    warnings = [
+        f"refused a message on {guard.topic}: {guard.reason}"
+        for guard in refusing
+        if not guard.alarm
+    ]
     warnings += [cadence.warning for cadence in cadences if cadence.warning]
     return Status(
         name=f"{node}: topics",
@@ -260,7 +281,3 @@ def news(statuses: Iterable[Status]) -> list[object]:
         (status.name, status.level, status.message, subscribers_of(status.values))
         for status in statuses
     ]
-
-
-def _refusal(guard: MessageGuard) -> str:
-    return f"refused a message on {guard.topic}: {guard.reason}"

@@ -320,22 +320,27 @@ def write_recorded_report(
     Raises:
         BagError: The recording cannot be read, or has no condition of what was wound.
     """
-    from winding_cli.run.delivery import deliver, flaw, seed_of
+    from winding_cli.run.delivery import deliver, flaw, laid_as_published, seed_of
+    from winding_cli.run.outcome import asked_extent
     from winding_cli.run.record import run_record
     from winding_core.cable.condition import Condition
     from winding_core.run_options import LayWish
+    from winding_core.run_outcome import Cause, EndedBy, Ending
     from winding_recorder.bags.contents import configuration_of
     from winding_recorder.playback.recorded_buffer import recorded_run
     from winding_ros import topics
-    from winding_supervisor.session.run_config import RunResult
+    from winding_supervisor.session.run_result import RunResult
 
     run = recorded_run(source)
     condition = configuration_of(Condition, run.parameters[topics.FEM], topics.FEM)
     wish = _of(LayWish, run.parameters.get(topics.LAY_CONTROL, {}))
+    cause = None
+    if run.ended:
+        cause = Cause(by=EndedBy.UNKNOWN, source=source.name, text=run.ended)
     result = RunResult(
         buffer=run.buffer,
         wall_s=0.0,
-        ended=run.ended,
+        ending=Ending(cause=cause),
         simulated=topics.RIG in run.parameters,
         bags=(source,),
     )
@@ -344,6 +349,8 @@ def write_recorded_report(
         result,
         wish,
         held.limit,
+        asked=asked_extent(condition, None),
+        laid_as_published=laid_as_published(run.parameters),
         origin=_origin(run.origin),
         seed=seed_of(run.parameters),
         error_limit_pct=error_limit_pct,

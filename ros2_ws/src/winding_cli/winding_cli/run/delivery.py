@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from winding_reports.records.identity import Origin
     from winding_reports.records.run_record import RunRecord
     from winding_reports.trace import LengthTrace
-    from winding_supervisor.session.run_config import RunConfig, RunResult
+    from winding_supervisor.session.run_config import RunConfig
+    from winding_supervisor.session.run_result import RunResult
 
 _RIG = "winding_rig"
 _ORIGINS = {"camera": "exposure of the newest frame", "prediction": "encoder sample"}
@@ -116,6 +117,7 @@ class RunDelivery:
             refuse(self._flaws[-1], FAILED)
 
     def _deliver(self, condition: Condition, result: RunResult) -> None:
+        from winding_cli.run.outcome import asked_extent
         from winding_cli.run.record import run_record
 
         into = self._into
@@ -125,11 +127,17 @@ class RunDelivery:
             parameters[_RIG] |= result.wound
         limits = result.limits or into.limits
         folder = self._folder()
+        machine = self._config.machine
+        asked = asked_extent(condition, None if machine is None else machine.end_angle)
+        if self._operated and machine is None:
+            condition = replace(condition, duration=min(condition.duration, result.buffer.time))
         record = run_record(
             condition,
             result,
             into.wish,
             limits.lay_tolerance,
+            asked=asked,
+            laid_as_published=laid_as_published(parameters),
             origin=self._own_origin(),
             seed=seed_of(parameters),
             error_limit_pct=limits.error_limit_pct,
@@ -165,19 +173,17 @@ class RunDelivery:
 
 
 def operated_condition(condition: Condition, result: RunResult) -> Condition | None:
-    """Return what the operator wound, as long as it was wound; None when nothing was.
+    """Return what the operator was to wind; None when nothing was wound.
 
     Args:
         condition: Of the command line.
         result: Of the session.
     """
-    reached = result.buffer.time
-    if not result.wound or reached <= 0.0:
+    if not result.wound or result.buffer.time <= 0.0:
         return None
     names = {item.name for item in declarations(type(condition))}
     stated: Mapping[str, object] = {k: v for k, v in result.wound.items() if k in names}
-    wound = build(type(condition), stated, owner="the run")
-    return replace(wound, duration=min(wound.duration, reached))
+    return build(type(condition), stated, owner="the run")
 
 
 def deliver(
@@ -227,11 +233,8 @@ def _write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
 def _show(record: RunRecord) -> None:
     console = result_console()
     console.print(results_table(record))
-    verdict = record.verdict
-    for sentence in filter(None, (verdict.sentence, verdict.held_out_sentence)):
+    for sentence in record.outcome.sentences:
         console.print(sentence, highlight=False, soft_wrap=True)
-    if record.lay is not None:
-        console.print(f"lay: {record.lay.verdict.sentence}", highlight=False, soft_wrap=True)
     if record.trace is not None:
         console.print(*trace_tables(record.trace))
 
@@ -253,8 +256,23 @@ def seed_of(parameters: Mapping[str, Mapping[str, object]]) -> int | None:
     return seed
 
 
+def laid_as_published(parameters: Mapping[str, Mapping[str, object]]) -> bool:
+    """Return whether a simulated machine lays the cable where the paper's experiment measured it.
+
+    Args:
+        parameters: By node.
+    """
+    from winding_ros import topics
+    from winding_ros.graph import RIG, parameters_of
+
+    if topics.RIG not in parameters:
+        return False
+    own = {item.name: item.default for item in declarations(parameters_of(RIG))}
+    return (own | dict(parameters[topics.RIG]))["lay"] == "paper"
+
+
 def flaw(record: RunRecord, result: RunResult, *, held: bool, errors_held: bool = False) -> str:
-    """Return the flaw of a run that came to its end; empty for none.
+    """Return why the command fails although its run was delivered; empty for no reason.
 
     Args:
         record: Of the run.
@@ -264,8 +282,10 @@ def flaw(record: RunRecord, result: RunResult, *, held: bool, errors_held: bool 
         errors_held: Whether the user gave a limit of the errors, which they must then be known to
             keep.
     """
-    if result.recording_error is not None:
-        return f"the recording is incomplete: {result.recording_error}"
+    if record.outcome.failed:
+        return record.outcome.ending.danger or record.outcome.headline
+    if result.losses:
+        return result.losses[0]
     lay = record.lay
     if held and lay is not None and lay.drove and not lay.verdict.kept:
         return lay.verdict.sentence

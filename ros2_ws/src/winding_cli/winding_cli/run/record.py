@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from correction_node.models.weights import load_factor, weights_directory
 from winding_cli.run.laid_cable import last_cable, recorded_outcome
+from winding_cli.run.outcome import run_outcome
 from winding_core.cable.cases import published_markers
 from winding_core.cable.condition import Condition, ResolvedCondition
 from winding_core.error_verdict import PAPER_LIMIT_PCT
@@ -19,6 +20,7 @@ from winding_core.helix import curve_length
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
 from winding_core.parameters import Value
+from winding_core.run_outcome import Extent
 from winding_recorder.live.run_buffer import Reading, RunBuffer
 from winding_reports.records.identity import Identity, Origin, condition_quantities
 from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
@@ -28,7 +30,7 @@ from winding_ros.messages.clouds import decode_cloud
 from winding_ros.messages.diagnostics import decode_case_votes, decode_diagnostics
 from winding_ros.messages.rig import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
-from winding_supervisor.session.run_config import RunResult
+from winding_supervisor.session.run_result import RunResult
 
 # A marker in one of these states was not measured in that frame.
 _UNSEEN = int(
@@ -47,6 +49,8 @@ def run_record(
     wish: Mapping[str, Value],
     tolerance: float,
     *,
+    asked: Extent,
+    laid_as_published: bool,
     origin: Origin | None = None,
     seed: int | None = None,
     error_limit_pct: float = PAPER_LIMIT_PCT,
@@ -58,6 +62,9 @@ def run_record(
         result: What the run left.
         wish: Parameters of the wanted lay, if there was one.
         tolerance: Of that lay, in every turn after the second [m].
+        asked: How far the run was to go.
+        laid_as_published: Whether a simulated machine lays the cable where the paper's experiment
+            measured it, which is the measure of its lengths then.
         origin: The process that made the run; None where a recording does not say.
         seed: Of the simulated sensors; None for a real machine.
         error_limit_pct: Largest error of a corrected length that counts as good [%].
@@ -82,8 +89,21 @@ def run_record(
     reached = buffer.time
     missing = _gaps
     if result.simulated:
-        missing = partial(_missing, duration=reached if result.ended else condition.duration)
+        completed = result.ending.cause is None
+        missing = partial(_missing, duration=condition.duration if completed else reached)
     lay = recorded_outcome(buffer, condition, tracked, wish, tolerance)
+    published_lay = case.is_published and lay is None and laid_as_published
+    rows = tuple(
+        _row(
+            marker,
+            case.original_length(marker),
+            mean_length(tracked.of(marker), case.centreline_radius),
+            final.get(marker),
+            experiment.get(marker),
+            factor.held_out.get(marker),
+        )
+        for marker in range(1, case.marker_count + 1)
+    )
     return RunRecord(
         case=case,
         drive=what.drive,
@@ -97,16 +117,15 @@ def run_record(
         predicted=predicted,
         tracked=tracked,
         corrected=corrected,
-        rows=tuple(
-            _row(
-                marker,
-                case.original_length(marker),
-                mean_length(tracked.of(marker), case.centreline_radius),
-                final.get(marker),
-                experiment.get(marker),
-                factor.held_out.get(marker),
-            )
-            for marker in range(1, case.marker_count + 1)
+        rows=rows,
+        outcome=run_outcome(
+            result,
+            condition,
+            asked,
+            rows,
+            lay,
+            published=published_lay,
+            error_limit_pct=error_limit_pct,
         ),
         frames=len(answered),
         frames_lost=missing(frames, topics.CAMERA_INFO) + len(np.setdiff1d(frames, answered)),
@@ -115,7 +134,6 @@ def run_record(
         # A recording does not say how long its run took.
         wall_s=result.wall_s or None,
         sim_s=reached,
-        ended=result.ended,
         facts=_facts(buffer),
         trace=None if result.trace is None else length_trace(result.trace),
         lay=lay,
@@ -127,10 +145,13 @@ def run_record(
             weights_sha256=factor.sha256,
             condition=condition_quantities(condition),
         ),
-        error_limit_pct=error_limit_pct,
         cable=last_cable(buffer, case),
         notes=(
-            *_notes(published=case.is_published, controlled=lay is not None),
+            *_notes(
+                published=case.is_published,
+                controlled=lay is not None,
+                laid_as_published=laid_as_published,
+            ),
             *([_THINNED] if buffer.thinned else []),
         ),
     )
@@ -251,7 +272,7 @@ def _last_status(buffer: RunBuffer, name: str) -> Mapping[str, str]:
     return found
 
 
-def _notes(*, published: bool, controlled: bool) -> tuple[str, ...]:
+def _notes(*, published: bool, controlled: bool, laid_as_published: bool) -> tuple[str, ...]:
     tracked = (
         "The tracked lengths are measured by the camera in this run: each marker's mean place "
         "over all frames that show it."
@@ -264,6 +285,12 @@ def _notes(*, published: bool, controlled: bool) -> tuple[str, ...]:
             "The cable lies where the machine's own motion and pull laid it. The published "
             "experiment was wound at a constant feed under a dead weight: it is no measure of a "
             "lay that was controlled.",
+        )
+    if not laid_as_published:
+        return (
+            tracked,
+            "The cable lies where this machine laid it: the camera's lengths are the measure. The "
+            "published experiment stands beside them and is no measure of another machine's lay.",
         )
     return (
         tracked,

@@ -33,7 +33,8 @@ from winding_ros.topic import Topic
 if TYPE_CHECKING:
     from winding_cli.run.delivery import RunDelivery
     from winding_supervisor.session.run import Run
-    from winding_supervisor.session.run_config import RunConfig, RunResult
+    from winding_supervisor.session.run_config import RunConfig
+    from winding_supervisor.session.run_result import RunResult
 
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
@@ -67,14 +68,12 @@ def wind(
             try:
                 results += filter(None, [_watched(run, config, condition, delivery)])
             except (GraphError, TimeoutError, OSError) as error:
-                reason = str(error)
-                complain(reason)
+                complain(error)
                 ending = fail
             except KeyboardInterrupt:
-                reason = "interrupted"
                 ending = partial(end, "interrupted; the nodes are stopped")
             if ending is not None:
-                results = run.remains(reason)
+                results = run.remains()
     except (DomainError, RecorderError, RunFolderError) as error:
         refuse(error)
     except OSError as error:

@@ -13,13 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.cable.cases import Case, PublishedMarker, published_markers
-from winding_core.error_verdict import (
-    PAPER_LIMIT_PCT,
-    ErrorVerdict,
-    error_pct,
-    judge_lengths,
-)
+from winding_core.error_verdict import ErrorVerdict, error_pct
 from winding_core.machine.drive import DriveProfile
+from winding_core.run_outcome import RunOutcome
 from winding_reports.records.identity import Identity
 from winding_reports.records.lay_outcome import LayOutcome, outcome_json
 from winding_reports.trace import LengthTrace, hop_costs
@@ -148,7 +144,6 @@ class RunRecord(AxisSpeeds):
         facts: Short facts by name for the head of the report, such as the trained factor.
         trace: The ways to its corrected lengths; None for a run that was not traced.
         lay: What became of the wanted lay; None for a run without a controller of the lay.
-        error_limit_pct: Largest error of a corrected length that counts as good [%].
         cable: The predicted cable at the end; None where the solver published none.
     """
 
@@ -158,19 +153,18 @@ class RunRecord(AxisSpeeds):
     tracked: MarkerSeries  # Markers of the camera
     corrected: MarkerSeries  # Markers after the correction factor
     rows: tuple[MarkerRow, ...]  # P1, P2, ... at the end of the run
+    outcome: RunOutcome
     frames: int | None = None  # Camera frames tracked
     frames_lost: int | None = None  # Camera frames that never reached the recorder
     joint_states: int | None = None  # Encoder samples recorded
     joint_states_lost: int | None = None  # Encoder samples that never reached the recorder
     wall_s: float | None = None  # Wall time of the run [s]
     sim_s: float | None = None  # Simulated time of the run [s]
-    ended: str = ""  # Why the run ended before its end; empty for one that came to its end
     facts: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # Sentences on what the numbers are worth
     trace: LengthTrace | None = None
     lay: LayOutcome | None = None
     identity: Identity = field(default_factory=Identity)  # Which run this was
-    error_limit_pct: float = PAPER_LIMIT_PCT
     cable: WoundCable | None = None
 
     @property
@@ -185,12 +179,9 @@ class RunRecord(AxisSpeeds):
 
     @property
     def verdict(self) -> ErrorVerdict:
-        """Whether the corrected lengths are good, against the best measure that there is.
-
-        The published experiment is no measure of a lay that was controlled.
-        """
-        published = self.case.is_published and self.lay is None
-        return judge_lengths(self.rows, self.error_limit_pct, published=published)
+        """Whether the corrected lengths are good, against the best measure that there is."""
+        assert self.outcome.lengths is not None
+        return self.outcome.lengths
 
     @property
     def end(self) -> float:
@@ -209,7 +200,8 @@ def run_json(record: RunRecord) -> dict[str, Any]:
     return {
         "identity": record.identity.as_json(),
         "case": record.case.number,
-        "ended": record.ended or None,
+        "outcome": record.outcome.as_json(),
+        "ended": record.outcome.ending.text or None,
         "markers": [
             {
                 "id": row.id,

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 from statistics import fmean
+from typing import Any
 
 from winding_core.error_verdict import CAMERA, ErrorVerdict, MarkerError
+from winding_core.run_outcome import RunOutcome
 from winding_core.units import MEGAPASCAL, MILLIMETRE
 from winding_reports.documents.page import MISSING, PAGE, Tile, fixed, render_page
 from winding_reports.records.identity import condition_texts
@@ -59,7 +61,7 @@ def render_report(record: RunRecord) -> str:
     return render_page(
         _TEMPLATE,
         title=_title(record),
-        verdict=_verdict(verdict),
+        verdict=_verdict(record.outcome),
         contents=contents,
         identity=identity,
         condition=condition,
@@ -77,7 +79,6 @@ def render_report(record: RunRecord) -> str:
         means=[_mean(verdict, name) for name in _ERRORS[: 3 if held_out else 2]],
         pictures=pictures,
         lay=lay,
-        ended=record.ended,
         facts=record.facts,
         notes=record.notes,
     )
@@ -145,15 +146,13 @@ def _error_names(*, held_out: bool) -> list[str]:
     return ["Predicted", "Corrected"]
 
 
-def _verdict(verdict: ErrorVerdict) -> dict[str, str]:
-    """Return the verdict with the words that stand out, and the style of its line."""
-    word, separator, rest = verdict.sentence.partition(":")
-    style = {True: "kept", False: "broken", None: ""}[verdict.good]
+def _verdict(outcome: RunOutcome) -> dict[str, Any]:
+    """Return the outcome with the word that stands out, and the style of its lines."""
+    word = outcome.verdict.value
     return {
         "word": word[0].upper() + word[1:],
-        "rest": f"{separator}{rest}",
-        "style": style,
-        "remark": verdict.held_out_sentence,
+        "style": outcome.verdict.style,
+        "sentences": outcome.sentences,
     }
 
 

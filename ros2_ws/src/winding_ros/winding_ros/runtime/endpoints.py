@@ -173,7 +173,7 @@ class Endpoints:
             guard.check(t, self._now, time.monotonic())
             work()
         except (MessageError, StampError) as error:
-            self._refuse(guard, error)
+            self._refuse(guard, t, error)
             return False
         guard.accept()
         return True
@@ -247,21 +247,24 @@ class Endpoints:
         guard = self._guard(topic)
 
         def guarded(message: Any) -> None:
+            stamp = None
             try:
-                guard.check(_stamp(message, raw=raw), self._now, time.monotonic())
+                stamp = _stamp(message, raw=raw)
+                guard.check(stamp, self._now, time.monotonic())
                 callback(message)
             except (MessageError, StampError) as error:
-                self._refuse(guard, error)
+                self._refuse(guard, stamp, error)
             else:
                 guard.accept()
             self._heartbeat.beat()
 
         return guarded
 
-    def _refuse(self, guard: MessageGuard, error: Exception) -> None:
-        guard.refuse(str(error), time.monotonic())
-        if guard.persistent:
-            self._stop_request.ask(f"{guard.topic}: {error}")
+    def _refuse(self, guard: MessageGuard, stamp: float | None, error: Exception) -> None:
+        usable = None if isinstance(error, StampError) else stamp
+        guard.refuse(str(error), usable, time.monotonic())
+        if guard.alarm:
+            self._stop_request.ask(guard.alarm)
 
     def _traced(self, topic: Topic, take: Callable[[bytes], None]) -> Callable[[Delivered], None]:
         trace = self.trace

@@ -6,31 +6,36 @@ import asyncio
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from winding_core.machine.axes import AxisReader, JointSample, MachineAxes, wrong_axis
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.incoming_readings import LEAD_IN, has_moved, stands
 from winding_core.machine.readings import AxisReading
+from winding_core.run_outcome import Cause, EndedBy, Motion
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import services, topics
 from winding_ros.client.async_client import AsyncClient
 from winding_ros.graph import GraphError
-from winding_ros.messages.rig import decode_joint_sample
-from winding_ros.messages.serialised import MessageError, deserialised
 from winding_ros.services import Service
 from winding_ros.topic import Topic
-from winding_supervisor.processes.discovery import RivalWatch
+from winding_supervisor.machines.standing_axes import joint_sample, standing_axes
 
 _POLL = 0.02
 # The first half second of a motion may be over before it is noticed [s].
 _NOTICED = 0.5
 _SILENCE = 2.0
+# Between two looks no more time counts than this: a process that was held hears nothing [s].
+_LONGEST_LOOK = 0.2
+# A machine that stands for longer in mid-run is reported [s].
+_NOTED_STANDING = 2.0
+_TURN = 2.0 * math.pi
+# The end is reached when it is missed by less, as an encoder stands after its ramp [rad].
+_END_SLACK = 0.05
 _START_TIMEOUT = 5.0
 # A brake is released and a drive switched on before the axes move [s].
 _MOTION_PATIENCE = 20.0
@@ -40,11 +45,10 @@ _STOP_TIMEOUT = 0.8
 _STOP_HASTE = 0.4
 # So long after the first motion its direction and speed are judged [s].
 _JUDGED = 3.0
-PATIENCE = 30.0
-# Standing readings are looked at for so long [s].
-_LOOK = 0.5
-# Positions of a machine that stands tremble by less than this within a look [rad, m].
-_TREMBLING = (0.01, 2.0e-4)
+
+
+class MachineError(GraphError):
+    """The machine refuses, does not answer, or is not as a run needs it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,9 +101,11 @@ class ExternalMachine:
         self._clock = clock
         self._reader = AxisReader(self.axes)
         self._reading: tuple[float, AxisReading] | None = None
+        self._seen_ns = 0
         self._still_since: float | None = None
         self._wrong = ""
-        self._unstoppable = False
+        self._looked = clock()
+        self._silent = 0.0
 
     @property
     def t(self) -> float:
@@ -130,6 +136,53 @@ class ExternalMachine:
         return self.reading is None or stands(self.reading)
 
     @property
+    def motion(self) -> Motion:
+        """What is known of its axes now; a machine that has fallen silent is not known to stand."""
+        self.look()
+        if self.reading is not None and self._silent <= _SILENCE and stands(self.reading):
+            return Motion.STANDING
+        if self._config.starts_itself:
+            return Motion.DRIVEN
+        return Motion.TURNING if self._silent <= _SILENCE and self.reading else Motion.UNKNOWN
+
+    @property
+    def early(self) -> Cause | None:
+        """Why its end is not the one that was asked for; None where it is, or is not reached."""
+        if self.end is None or self.turned >= self._config.end_angle - _END_SLACK:
+            return None
+        return Cause(
+            by=EndedBy.MACHINE,
+            source=self.name,
+            text=f"the machine stopped by itself after {self._turns} and stood for "
+            f"{self._config.standing_limit:g} s",
+            t=self.end,
+        )
+
+    def remark(self) -> str:
+        """Return what an operator should know of it although the run goes on, or nothing."""
+        if self.began is None or self.end is not None or self._rested < _NOTED_STANDING:
+            return ""
+        return (
+            f"the machine stands after {self._turns}; the run ends when it has stood for "
+            f"{self._config.standing_limit:g} s"
+        )
+
+    @property
+    def turned(self) -> float:
+        """Angle of the cylinder in the newest sample [rad]."""
+        return 0.0 if self.reading is None else self.reading.cylinder_angle
+
+    @property
+    def _turns(self) -> str:
+        return f"{self.turned / _TURN:.2f} of {self._config.end_angle / _TURN:.2f} turns"
+
+    @property
+    def _rested(self) -> float:
+        if self._still_since is None or self._reading is None:
+            return 0.0
+        return self._reading[0] - self._still_since
+
+    @property
     def reading(self) -> AxisReading | None:
         """Both axes, as the newest encoder sample has them."""
         return None if self._reading is None else self._reading[1]
@@ -139,11 +192,28 @@ class ExternalMachine:
         return {**dataclasses.asdict(self.axes), "await_motion": True}
 
     def look(self) -> None:
-        """Take note of the newest encoder sample: motion, its direction, the end of the run."""
-        message = self._buffer.last(topics.JOINT_STATES)
-        sample = None if message is None else joint_sample(message, self.axes)
-        if sample is None or (self._reading is not None and sample.t <= self._reading[0]):
-            return
+        """Take note of every encoder sample since the last look, in the order they came."""
+        now = self._clock()
+        self._silent += min(now - self._looked, _LONGEST_LOOK)
+        self._looked = now
+        for message in self._unseen():
+            self._silent = 0.0
+            sample = joint_sample(message, self.axes)
+            if sample is not None and (self._reading is None or sample.t > self._reading[0]):
+                self._take(sample)
+
+    def _unseen(self) -> Iterator[BufferedMessage]:
+        """Yield the encoder samples that have arrived since the last look, the oldest first."""
+        unseen = []
+        for message in reversed(self._buffer.messages[topics.JOINT_STATES.name]):
+            if message.received_ns <= self._seen_ns:
+                break
+            unseen.append(message)
+        if unseen:
+            self._seen_ns = unseen[0].received_ns
+        return reversed(unseen)
+
+    def _take(self, sample: JointSample) -> None:
         reading = self._reader.read(sample)
         self._reading = (sample.t, reading)
         if self.began is None and has_moved(reading):
@@ -154,34 +224,38 @@ class ExternalMachine:
         elapsed = sample.t - self.began + _NOTICED
         if elapsed < _JUDGED and not self._wrong:
             self._wrong = wrong_axis(reading, elapsed, self._config.drive, self._config.lead)
-        self._note_end(sample.t, reading)
+        self._still_since = (self._still_since or sample.t) if stands(reading) else None
+        if self.end is None and (
+            reading.cylinder_angle >= self._config.end_angle
+            or self._rested > self._config.standing_limit
+        ):
+            self.end = sample.t
 
     def complaint(self) -> str:
         """Return why the run cannot go on with this machine, to follow its name, or nothing."""
         self.look()
         if self._wrong:
             return f"show that {self._wrong}"
-        message = self._buffer.last(topics.JOINT_STATES)
-        if message is not None:
-            silent = self._clock() - message.received_ns * 1e-9
-            if silent > _SILENCE:
-                return f"are silent for {silent:.1f} s"
+        if self._reading is not None and self._silent > _SILENCE:
+            return f"are silent for {self._silent:.1f} s"
         return ""
 
     async def stand(self) -> None:
         """Wait until the machine is heard and stands; its place is the origin of the run.
 
         Raises:
-            GraphError: No driver is heard, its joints have other names, or the machine moves.
+            MachineError: No driver is heard, its joints have other names, or the machine moves.
         """
         known = self._config.axes
         self.axes = await standing_axes(self._client.node, self._buffer, known, self._clock)
         self.began = self.end = self._still_since = None
-        self._wrong, self._unstoppable = "", False
+        self._wrong = ""
         self._buffer.axes = self.axes
         self._buffer.origin = math.inf
         self._reader = AxisReader(self.axes)
-        self._reading = None
+        self._reading, self._silent = None, 0.0
+        newest = self._buffer.last(topics.JOINT_STATES)
+        self._seen_ns = 0 if newest is None else newest.received_ns
 
     async def ready(self) -> None:
         """Let the nodes hear the standing machine; refuse one that has left its place meanwhile.
@@ -189,7 +263,7 @@ class ExternalMachine:
         A replay hears as much of the standstill as the nodes did only if they heard enough of it.
 
         Raises:
-            GraphError: It has moved, or a sensor is silent.
+            MachineError: It has moved, or a sensor is silent.
         """
         heard, patience = self.t, self._clock() + _START_TIMEOUT
         while self.t < heard + 2.0 * LEAD_IN and self._clock() < patience:
@@ -197,11 +271,11 @@ class ExternalMachine:
         for topic in self.sensors:
             if self._buffer.last(topic) is None:
                 hint = "; without a camera give --no-camera" if topic is topics.CAMERA_INFO else ""
-                raise GraphError(f"nothing has come on {topic.name}{hint}")
+                raise MachineError(f"nothing has come on {topic.name}{hint}")
         self.look()
         reading = self.reading
         if reading is not None and has_moved(reading):
-            raise GraphError(
+            raise MachineError(
                 f"the machine moved by {reading.cylinder_angle:.3g} rad and "
                 f"{reading.carriage_position / MILLIMETRE:.3g} mm while the nodes were starting: "
                 "let it stand and begin again"
@@ -211,7 +285,7 @@ class ExternalMachine:
         """Call rig/start, unless the machine begins by itself.
 
         Raises:
-            GraphError: It was refused, or has no server.
+            MachineError: It was refused, or has no server.
         """
         await self._command(services.START)
 
@@ -219,13 +293,13 @@ class ExternalMachine:
         """Wait for the first motion, and let the buffer begin with it.
 
         Raises:
-            GraphError: A machine that was started does not move.
+            MachineError: A machine that was started does not move.
         """
         end = self._clock() + _MOTION_PATIENCE
         while self.began is None:
             self.look()
             if not self._config.starts_itself and self._clock() > end:
-                raise GraphError(
+                raise MachineError(
                     f"{services.START.name} was accepted and neither axis has moved within "
                     f"{_MOTION_PATIENCE:g} s"
                 )
@@ -244,18 +318,18 @@ class ExternalMachine:
         """Call rig/reset between two runs, unless the machine begins by itself.
 
         Raises:
-            GraphError: It was refused, or has no server.
+            MachineError: It was refused, or has no server.
         """
         await self._command(services.RESET)
 
-    async def leave(self) -> str:
+    async def leave(self) -> str | None:
         """Bring a machine to rest that this run has started; it stays to its driver otherwise.
 
         Returns:
-            How that failed, or nothing.
+            How a stop failed, empty for one that was delivered; None where none was needed.
         """
-        if self._config.starts_itself or self.began is None or self._unstoppable or self.standing:
-            return ""
+        if self._config.starts_itself or self.began is None or self.motion is Motion.STANDING:
+            return None
         return await self._stop(services.STOP, services.QUICK_STOP)
 
     async def _stop(self, *ways: Service) -> str:
@@ -276,7 +350,6 @@ class ExternalMachine:
         finally:
             for task in asked:
                 task.cancel()
-        self._unstoppable = True
         failures = "; ".join(task.result() for task in asked)
         return f"the stop could not be delivered: {failures}"
 
@@ -284,13 +357,13 @@ class ExternalMachine:
         """Call a service of a machine that does not begin by itself.
 
         Raises:
-            GraphError: It was refused, or has no server.
+            MachineError: It was refused, or has no server.
         """
         if self._config.starts_itself:
             return
         failure = await self._ask(service.name, _START_TIMEOUT)
         if failure:
-            raise GraphError(failure)
+            raise MachineError(failure)
 
     async def _ask(self, service: str, timeout: float) -> str:
         """Call a service; return how that failed, or nothing."""
@@ -307,96 +380,7 @@ class ExternalMachine:
             return f"no answer from {service} in {timeout:g} s"
         return "" if answer.success else f"{service} was refused: {answer.message}"
 
-    def _note_end(self, t: float, reading: AxisReading) -> None:
-        self._still_since = (self._still_since or t) if stands(reading) else None
-        if self.end is not None:
-            return
-        rested = 0.0 if self._still_since is None else t - self._still_since
-        if reading.cylinder_angle >= self._config.end_angle or rested > self._config.standing_limit:
-            self.end = t
-
 
 def _done_well(asked: list[asyncio.Task[str]]) -> bool:
     """Return whether a service has done what it was asked."""
     return any(task.done() and not task.result() for task in asked)
-
-
-async def standing_axes(
-    node: Node, buffer: RunBuffer, axes: MachineAxes, clock: Callable[[], float]
-) -> MachineAxes:
-    """Wait until a machine is heard and stands; return axes with their offsets there.
-
-    Args:
-        node: Knows the graph.
-        buffer: Has the messages of the driver.
-        axes: Joints, directions and units.
-        clock: Monotonic wall time [s].
-
-    Raises:
-        GraphError: No driver is heard, its joints have other names, or the machine moves.
-    """
-    end = clock() + PATIENCE
-    while True:
-        samples = _recent(buffer, axes, clock())
-        if samples is not None:
-            turned, moved = _spread(samples, axes)
-            if turned <= _TREMBLING[0] and moved <= _TREMBLING[1]:
-                return axes.standing_at((item.cylinder, item.carriage) for item in samples)
-        if clock() > end:
-            raise GraphError(_why_not(node, buffer, axes, samples, clock()))
-        await asyncio.sleep(_POLL)
-
-
-def joint_sample(message: BufferedMessage, axes: MachineAxes) -> JointSample | None:
-    """Return the joints of a buffered joint state; None for one that cannot be used."""
-    try:
-        return decode_joint_sample(deserialised(message.data, topics.JOINT_STATES.type), axes)
-    except MessageError:
-        return None
-
-
-def _recent(buffer: RunBuffer, axes: MachineAxes, now: float) -> list[JointSample] | None:
-    """Return the samples of the last look; None before they cover it."""
-    found: list[JointSample] = []
-    for message in reversed(buffer.messages[topics.JOINT_STATES.name]):
-        sample = joint_sample(message, axes)
-        if sample is None or now - message.received_ns * 1e-9 > 2.0 * _LOOK:
-            return None
-        found.append(sample)
-        if found[0].t - sample.t >= _LOOK:
-            return found
-    return None
-
-
-def _why_not(
-    node: Node, buffer: RunBuffer, axes: MachineAxes, samples: list[JointSample] | None, now: float
-) -> str:
-    """Return why no standing machine was seen, as a sentence."""
-    name = topics.JOINT_STATES.name
-    message = buffer.last(topics.JOINT_STATES)
-    if message is None:
-        return (
-            f"no driver is heard on {node.resolve_topic_name(name)} for {PATIENCE:g} s; start it, "
-            "or see `winding conform`"
-        )
-    try:
-        decode_joint_sample(deserialised(message.data, topics.JOINT_STATES.type), axes)
-    except MessageError as error:
-        return f"the driver's {error}; name its joints by cylinder_joint and carriage_joint"
-    contested = RivalWatch(node, ()).look(now)
-    if contested:
-        return " ".join(contested)
-    if samples is None:
-        return f"{name} comes too seldom to tell whether the machine stands"
-    turned, moved = _spread(samples, axes)
-    return (
-        f"the machine does not stand: within {_LOOK:g} s the cylinder turned {turned:.3g} rad "
-        f"and the carriage moved {moved / MILLIMETRE:.3g} mm; a run begins at a standstill"
-    )
-
-
-def _spread(samples: list[JointSample], axes: MachineAxes) -> tuple[float, float]:
-    """Return the range of the angle [rad] and of the carriage position [m]."""
-    places = [axes.positions(item.cylinder, item.carriage) for item in samples]
-    angles, ways = zip(*places, strict=True)
-    return max(angles) - min(angles), max(ways) - min(ways)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from winding_core.run_outcome import Cause, Motion
 from winding_ros.topic import Topic
 
 
@@ -45,6 +46,17 @@ class Machine(Protocol):
     def standing(self) -> bool:
         """Whether both axes stand."""
 
+    @property
+    def motion(self) -> Motion:
+        """What is known of its axes now; a machine that has fallen silent is not known to stand."""
+
+    @property
+    def early(self) -> Cause | None:
+        """Why its end is not the one that was asked for; None where it is, or is not reached."""
+
+    def remark(self) -> str:
+        """Return what an operator should know of it although the run goes on, or nothing."""
+
     def parameters(self) -> Mapping[str, object]:
         """Return what the nodes have to know of its axes."""
 
@@ -66,7 +78,7 @@ class Machine(Protocol):
         """
 
     async def start(self) -> None:
-        """Let it wind, or wind on.
+        """Start or resume.
 
         Raises:
             GraphError: It refused, or cannot be asked.
@@ -79,8 +91,12 @@ class Machine(Protocol):
             GraphError: The machine does not begin.
         """
 
-    async def leave(self) -> str:
-        """Leave the machine at rest when the run ends; return how that failed, or nothing."""
+    async def leave(self) -> str | None:
+        """Leave the machine at rest when the run ends.
+
+        Returns:
+            How a stop failed, empty for one that was delivered; None where none was needed.
+        """
 
     async def quick_stop(self) -> str:
         """Ask it to come to rest; return how that failed, or nothing."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from std_srvs.srv import Trigger
 
 from winding_core.machine.incoming_readings import stands
+from winding_core.run_outcome import Cause, Motion
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import services, topics
 from winding_ros.client.async_client import AsyncClient
@@ -75,6 +76,20 @@ class SimulatedMachine:
             return self._client.status(topics.RIG) is not None and not self.moving
         return stands(reading)
 
+    @property
+    def motion(self) -> Motion:
+        """Standing: its drives end with its process, and its time with its run."""
+        return Motion.STANDING
+
+    @property
+    def early(self) -> Cause | None:
+        """None: its time ends with its run."""
+        return None
+
+    def remark(self) -> str:
+        """Return nothing: its diagnostics tell of it."""
+        return ""
+
     def parameters(self) -> Mapping[str, object]:
         """Return nothing: its axes begin at zero, in radians and metres."""
         return {}
@@ -94,12 +109,12 @@ class SimulatedMachine:
     async def begun(self) -> None:
         """Return at once: time begins with its start."""
 
-    async def leave(self) -> str:
-        """Return at once: its node brings it to rest when it ends."""
-        return ""
+    async def leave(self) -> str | None:
+        """Return None: its node brings it to rest when it ends."""
+        return None
 
     async def start(self) -> None:
-        """Let it wind, or wind on.
+        """Start or resume.
 
         Raises:
             GraphError: It refused.

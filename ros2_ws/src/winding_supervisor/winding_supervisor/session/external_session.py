@@ -6,6 +6,7 @@ Service orchestrator/next_run: an operator reports that the machine stands ready
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -16,7 +17,8 @@ from winding_ros.graph import GraphError
 from winding_supervisor.machines.external_machine import ExternalMachine
 from winding_supervisor.processes.orchestrator import Orchestrator
 from winding_supervisor.session.machine_run import MachineRun, View
-from winding_supervisor.session.run_config import RunResult
+from winding_supervisor.session.rest import Rest
+from winding_supervisor.session.run_result import RunResult
 from winding_supervisor.watch.supervisor import Supervisor
 
 _REPORT_PERIOD, _POLL = 1.0, 0.05
@@ -46,6 +48,11 @@ class NextRun:
         if phase is RunPhase.PREPARED:
             self._asked.clear()
         self._phase, self._reason = phase, reason
+        self._report()
+
+    def remark(self, sentence: str) -> None:
+        """Report a remark on the machine beside the phase of its run."""
+        self._reason = sentence
         self._report()
 
     @property
@@ -104,6 +111,7 @@ class ExternalSession:
         next_run: Takes the operator's wish.
         ended: Is set when the operator ends the session.
         parameters: Returns the parameters of every node that reads axes, by node.
+        rest: Stays at a machine that does not stop.
     """
 
     def __init__(
@@ -114,8 +122,9 @@ class ExternalSession:
         next_run: NextRun,
         ended: asyncio.Event,
         parameters: Callable[[], Parameters],
+        rest: Rest,
     ) -> None:
-        self._machine, self._orchestrator = machine, orchestrator
+        self._machine, self._orchestrator, self._rest = machine, orchestrator, rest
         self._supervisor, self._next_run = supervisor, next_run
         self._ended, self._parameters = ended, parameters
 
@@ -123,7 +132,7 @@ class ExternalSession:
         self,
         new_run: Callable[[], MachineRun],
         view: View,
-        take: Callable[[], RunResult | None],
+        take: Callable[[], Coroutine[Any, Any, RunResult | None]],
         deliver: Callable[[RunResult], Coroutine[Any, Any, None]],
         work: Coroutine[Any, Any, None],
     ) -> None:
@@ -132,7 +141,8 @@ class ExternalSession:
         Args:
             new_run: Returns what follows the run that begins now.
             view: Called a few times per second while a run is waited for or under way.
-            take: Returns what the run that is over leaves; None where none has begun.
+            take: Brings the machine to rest and returns what the run leaves; None where none has
+                begun.
             deliver: Hands it over.
             work: What must go on meanwhile; when it fails, so does this.
         """
@@ -141,14 +151,18 @@ class ExternalSession:
         try:
             while not self._ended.is_set():
                 beside = (self._supervisor.watch(), self._note_begin(), _as_long_as(working))
-                await new_run().follow(view, self._cut, beside)
+                await new_run().follow(view, self._cut, beside, self._next_run.remark)
                 if self._ended.is_set():
                     return
-                result = take()
-                self._next_run.enter(RunPhase.OVER, await self._machine.leave())
+                result = await take()
+                self._next_run.enter(RunPhase.OVER)
                 if result is not None:
                     await deliver(result)
-                await self._until_ready(working)
+                staying = asyncio.create_task(self._rest.hold(math.inf))
+                try:
+                    await self._until_ready(working)
+                finally:
+                    staying.cancel()
         except (GraphError, TimeoutError):
             self._next_run.enter(RunPhase.FAILED)
             raise

@@ -25,10 +25,12 @@ class Interruption:
 
     Attributes:
         hastened: Set by the second signal.
+        signal: Name of the first signal; empty before it.
     """
 
     def __init__(self) -> None:
         self.hastened = asyncio.Event()
+        self.signal = ""
         self._count = 0
         self._loop: asyncio.AbstractEventLoop | None = None
         self._cancel: Callable[[], object] | None = None
@@ -56,6 +58,7 @@ class Interruption:
     def receive(self, number: int, frame: FrameType | None = None) -> None:
         """Take a signal, in a handler of the interpreter."""
         act: Callable[[], object] = self._act
+        self.signal = self.signal or signal.Signals(number).name
         if number == signal.SIGINT and self._instead is not None:
             act, self._instead = self._instead, None
         else:

@@ -82,7 +82,11 @@ class MachineRun:
         return (self._over or time.monotonic()) - self._began
 
     async def follow(
-        self, view: View, cut: Callable[[], bool], work: Sequence[Coroutine[Any, Any, None]]
+        self,
+        view: View,
+        cut: Callable[[], bool],
+        work: Sequence[Coroutine[Any, Any, None]],
+        report: Callable[[str], None],
     ) -> None:
         """Return when the run is over for every node.
 
@@ -90,7 +94,9 @@ class MachineRun:
             view: Called a few times per second with the buffer and the wall time [s].
             cut: Returns whether the run is to end at once.
             work: What must go on meanwhile; when one of it fails, so does this.
+            report: Takes each remark on a machine that the run goes on with.
         """
+        remarked = ""
         starting = asyncio.create_task(self._begin())
         beside = [starting, *map(asyncio.create_task, work)]
         ending: Completion | None = None
@@ -109,6 +115,10 @@ class MachineRun:
                 if now - shown >= _VIEW_PERIOD:
                     view(self._buffer, self.wall_s)
                     shown = now
+                    remark = self._machine.remark()
+                    if remark and remark != remarked:
+                        report(remark)
+                    remarked = remark
                 await asyncio.sleep(_POLL)
             view(self._buffer, self.wall_s)
         finally:

@@ -13,6 +13,7 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 
 from winding_core.run_options import OperatorLimits
+from winding_core.run_outcome import Cause, EndedBy, Ending, Motion
 from winding_core.status import Status
 from winding_recorder.bags.description import PARAMETERS
 from winding_recorder.live.recorder import BufferedMessage, Recorder, RunBuffer
@@ -22,13 +23,13 @@ from winding_ros.messages.rig import decode_joint_state
 from winding_ros.messages.serialised import MessageError
 from winding_supervisor.processes.orchestrator import Orchestrator
 from winding_supervisor.session.machine_run import Completion
+from winding_supervisor.watch.event_log import EventLog
 
 _POLL = 0.05
 _VIEW_PERIOD = 0.25
 _FINISHED, _WINDING, _EMERGENCY = "finished", "winding", "emergency stop"
 SESSION_ENDED = "the operator ended the session"
-_IDLE = "idle"
-_STANDING = (_IDLE, "stopping")
+_IDLE, _STOPPING = "idle", "stopping"
 # A machine that begins anew stands at angle zero; an encoder trembles by far less [rad].
 _FELL_BACK = 0.1
 
@@ -87,7 +88,7 @@ class OperatedRun:
     wound: Mapping[str, object]  # Parameters of the machine; empty while they are being read
     wall_s: float  # How long it took [s]
     bags: tuple[Path, ...]  # That were recorded meanwhile
-    ended: str  # Why it ended before its end; empty for one that came to its end
+    ending: Ending
     limits: OperatorLimits | None = None
 
 
@@ -103,6 +104,7 @@ class OperatorRun:
         orchestrator: Learns what the nodes are set to, for those that it restarts.
         recorder: Its buffer and its notes.
         ended: Is set when the operator ends the session.
+        log: Has what supervision did, and the cause of the present run's end.
         deliver: Takes a run that is over, in a thread of its own.
         limits: Returns the limits that the operator has set; None where none are set.
         started_with: Parameters that the machine was started with.
@@ -114,6 +116,7 @@ class OperatorRun:
         orchestrator: Orchestrator,
         recorder: Recorder,
         ended: asyncio.Event,
+        log: EventLog,
         deliver: Callable[[OperatedRun], None],
         limits: Callable[[], OperatorLimits | None],
         started_with: Mapping[str, object],
@@ -123,6 +126,7 @@ class OperatorRun:
         self._orchestrator = orchestrator
         self._recorder = recorder
         self._ended = ended
+        self._log = log
         self._deliver = deliver
         self._phase: str | None = None
         self._start = RunStart()
@@ -132,7 +136,6 @@ class OperatorRun:
         self._open = False
         self._undelivered: list[OperatedRun] = []
         self._bags = 0
-        self._stopped = ""
         self._wound: dict[str, object] = {}
         # What the machine was last found to be set to.
         self._set = started_with
@@ -163,23 +166,24 @@ class OperatorRun:
                         task.result()
                 self._notice()
                 if self._open and self._finished():
-                    self._close(buffer.before(), self._stopped)
+                    self._close(buffer.before())
                 if time.monotonic() - shown >= _VIEW_PERIOD:
                     view(buffer, self.wall_s)
                     shown = time.monotonic()
                 await asyncio.sleep(_POLL)
             if self._open:
-                self._close(buffer.before(), self._stopped or SESSION_ENDED)
+                self._end(SESSION_ENDED)
+                self._close(buffer.before())
             if self._delivering is not None:
                 await self._delivering
         finally:
             for task in (*beside, *([self._reading] if self._reading else [])):
                 task.cancel()
 
-    def remaining(self, reason: str) -> list[OperatedRun]:
-        """Return the runs that were not delivered before the session ended early for a reason."""
+    def remaining(self) -> list[OperatedRun]:
+        """Return the runs that were not delivered before the session ended early."""
         if self._open:
-            self._note_over(self._recorder.buffer.before(), self._stopped or reason)
+            self._note_over(self._recorder.buffer.before())
         left, self._undelivered = self._undelivered, []
         limits = self._limits()
         wound = dict(self._wound)
@@ -195,10 +199,10 @@ class OperatorRun:
         if self._start.look(self._recorder.buffer):
             cut, origin = RunStart.cut(self._recorder.buffer)
             if self._open:
-                self._close(self._recorder.buffer.before(cut), self._stopped or "reset")
+                self._end("reset by the operator")
+                self._close(self._recorder.buffer.before(cut))
             self._recorder.buffer.begin_anew(cut, origin)
             self._begun, self._over, self._ending = time.monotonic(), None, None
-            self._stopped = ""
         status = self._client.status(topics.RIG) or Status(name=topics.RIG)
         phase = status.values.get("phase")
         if phase == _EMERGENCY and "stood_at" in status.values and self._ending is None:
@@ -207,22 +211,36 @@ class OperatorRun:
             return
         known, self._phase = self._phase is not None, phase
         if phase == _WINDING:
-            if not self._open and not self._stopped:
+            if not self._open:
+                if self._log.held is None:
+                    self._log.begin_run()
                 self._begun, self._over = time.monotonic(), None
-            self._open, self._stopped, self._ending = True, "", None
+            self._open, self._ending = True, None
+            self._log.resume()
         elif phase == _FINISHED:
-            self._ending, self._stopped = Completion(float(status.values["time"])), ""
-        elif self._open and phase is not None:
-            # A machine that was reset stands idle, too, and does not say why.
-            by_operator = self._stopped or "stopped by the operator"
-            self._stopped = by_operator if phase in _STANDING else phase
+            self._ending = Completion(float(status.values["time"]))
+        elif self._open and phase is not None and phase != _IDLE:
+            self._log.hold(self._stop_cause(phase, status))
         # Another condition may have been prepared, or parameters set by hand.
         if phase is not None and (phase in (_WINDING, _IDLE) or not known):
             self._read(wound=phase == _WINDING)
 
-    def _close(self, buffer: RunBuffer, ended: str) -> None:
+    def _stop_cause(self, phase: str, status: Status) -> Cause:
+        """Return why the machine stops in mid-run; what supervision did is noted already."""
+        reason = status.values.get("reason", "")
+        by = EndedBy.MACHINE if reason else EndedBy.OPERATOR
+        stopped = "stopped by the operator" if phase == _STOPPING else phase
+        text = f"{phase}: {reason}" if reason else stopped
+        return Cause(by=by, source=topics.RIG, text=text, t=self._recorder.buffer.time)
+
+    def _end(self, text: str) -> None:
+        """Note that the operator ends a run; what stopped its machine before is the cause."""
+        t = self._recorder.buffer.time
+        self._log.end(Cause(by=EndedBy.OPERATOR, source="dashboard", text=text, t=t))
+
+    def _close(self, buffer: RunBuffer) -> None:
         """Let a run be delivered after those before it."""
-        run = self._note_over(buffer, ended)
+        run = self._note_over(buffer)
         reading, before = self._reading, self._delivering
 
         async def deliver() -> None:
@@ -235,8 +253,10 @@ class OperatorRun:
 
         self._delivering = asyncio.create_task(deliver())
 
-    def _note_over(self, buffer: RunBuffer, ended: str) -> OperatedRun:
+    def _note_over(self, buffer: RunBuffer) -> OperatedRun:
         self._open, self._over = False, time.monotonic()
+        if self._log.held is not None:
+            self._log.end(self._log.held)
         folders = tuple(self._recorder.bags.folders)
         bags, self._bags = folders[self._bags :], len(folders)
         run = OperatedRun(
@@ -244,8 +264,10 @@ class OperatorRun:
             wound=dict(self._wound) if self._reading is None or self._reading.done() else {},
             wall_s=self._over - self._begun,
             bags=bags,
-            ended=ended,
+            # Its drives end with its process, and its time with its run.
+            ending=self._log.ending(Motion.STANDING),
         )
+        self._log.begin_run()
         self._undelivered.append(run)
         return run
 

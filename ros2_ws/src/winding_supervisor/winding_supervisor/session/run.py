@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable, Iterator
 from contextlib import AsyncExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 
 from winding_core.run_options import OperatorLimits
+from winding_core.run_outcome import Cause, EndedBy, Motion
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
 from winding_ros.environment import set_process_environment
 from winding_ros.graph import GraphError, Policy
-from winding_supervisor.machines.external_machine import ExternalMachine
+from winding_supervisor.machines.external_machine import ExternalMachine, MachineError
 from winding_supervisor.machines.machine import Machine
 from winding_supervisor.processes.orchestrator import Orchestrator
 from winding_supervisor.session.dashboard_process import DashboardProcess, outlive
@@ -28,7 +30,8 @@ from winding_supervisor.session.operator_run import (
     OperatorRun,
     parameter_notes,
 )
-from winding_supervisor.session.run_config import RunConfig, RunResult, check_run, claim_folder
+from winding_supervisor.session.rest import Rest
+from winding_supervisor.session.run_config import RunConfig, check_run, claim_folder
 from winding_supervisor.session.run_parts import (
     TraceRecording,
     describe_machine,
@@ -37,11 +40,15 @@ from winding_supervisor.session.run_parts import (
     new_recorder,
     page_config,
 )
+from winding_supervisor.session.run_result import RunResult
 from winding_supervisor.watch.event_log import EventLog
-from winding_supervisor.watch.supervisor import Supervisor, replay_parameters
+from winding_supervisor.watch.supervisor import RunEndedError, Supervisor, replay_parameters
 
 Report = Callable[[str], None]
 Deliver = Callable[[RunResult], None]
+
+# A machine that does not stop is asked for so long where no operator is present [s].
+_UNATTENDED = 30.0
 
 
 @contextmanager
@@ -72,6 +79,7 @@ class _Session:
     recorder: Recorder
     page: DashboardProcess
     ended: asyncio.Event
+    rest: Rest
 
 
 class Run:
@@ -85,7 +93,8 @@ class Run:
         self.config = config
         self._log = EventLog(file=config.directory / "events.jsonl")
         self._operated: OperatorRun | None = None
-        self._events = self._bags = 0
+        self._bags = 0
+        self._rest: Rest | None = None
         self._delivered = False
         self._recorder_of_run: Recorder | None = None
         self._following: MachineRun | None = None
@@ -111,54 +120,72 @@ class Run:
         """
 
         async def work(stack: AsyncExitStack, interruption: Interruption) -> Recorder:
-            return await self._wind(stack, interruption, view, report, deliver or _drop)
+            try:
+                return await self._wind(stack, interruption, view, report, deliver or _drop)
+            except RunEndedError:
+                raise
+            except asyncio.CancelledError:
+                self._end(EndedBy.SIGNAL, interruption.signal, f"{interruption.signal} came")
+                raise
+            except MachineError as error:
+                self._end(EndedBy.MACHINE, topics.RIG, str(error))
+                raise
+            except (GraphError, TimeoutError, OSError) as error:
+                self._end(EndedBy.FAULT, topics.ORCHESTRATOR, str(error))
+                raise
 
         recorder = run_closing(work)
         if self._delivered or self._operated:
             return None
-        if self.config.page is None:
-            return self._result(recorder)
-        return None if recorder.buffer.time <= 0.0 else self._result(recorder, SESSION_ENDED)
+        if self.config.page is not None:
+            if recorder.buffer.time <= 0.0:
+                return None
+            self._end(EndedBy.OPERATOR, topics.ORCHESTRATOR, SESSION_ENDED)
+        return self._result(recorder)
 
-    def remains(self, reason: str) -> list[RunResult]:
-        """Return what runs leave that ended early for a reason and were not delivered."""
+    def remains(self) -> list[RunResult]:
+        """Return what runs leave that ended early and were not delivered."""
         recorder = self._recorder_of_run
         if recorder is None or self._delivered:
             return []
         if self._operated is not None:
-            runs = self._operated.remaining(reason)
+            runs = self._operated.remaining()
             return [self._operated_result(recorder, run) for run in runs if run.buffer.time > 0.0]
         if self._following is None or not self._following.begun or recorder.buffer.time <= 0.0:
             return []
-        return [self._result(recorder, reason)]
+        return [self._result(recorder)]
 
-    def _result(self, recorder: Recorder, ended: str = "") -> RunResult:
-        wall = 0.0 if self._following is None else self._following.wall_s
+    def _end(self, by: EndedBy, source: str, text: str) -> None:
+        t = None if self._recorder_of_run is None else self._recorder_of_run.buffer.time
+        self._log.end(Cause(by=by, source=source, text=text, t=t))
+
+    def _result(self, recorder: Recorder) -> RunResult:
         return RunResult(
             buffer=recorder.buffer,
-            wall_s=wall,
-            recording_error=recorder.error,
-            events=tuple(self._log.events[self._events :]),
+            wall_s=0.0 if self._following is None else self._following.wall_s,
+            ending=self._log.ending(Motion.STANDING if self._rest is None else self._rest.motion),
+            losses=self._losses(recorder),
             bags=tuple(recorder.bags.folders[self._bags :]),
-            ended=ended,
             limits=self._limits(),
             simulated=self.config.machine is None,
             trace=None if self._trace is None else self._trace.since(recorder.buffer.begun_ns),
         )
 
+    def _losses(self, recorder: Recorder) -> tuple[str, ...]:
+        recording = f"the recording is incomplete: {recorder.error}" if recorder.error else ""
+        return tuple(filter(None, (recording, self._log.failure)))
+
     def _limits(self) -> OperatorLimits | None:
         return None if self._dashboard is None else self._dashboard.limits
 
     def _operated_result(self, recorder: Recorder, run: OperatedRun) -> RunResult:
-        events, self._events = self._log.events[self._events :], len(self._log.events)
         return RunResult(
             buffer=run.buffer,
             wall_s=run.wall_s,
-            recording_error=recorder.error,
-            events=tuple(events),
+            ending=run.ending,
+            losses=self._losses(recorder),
             wound=run.wound,
             bags=run.bags,
-            ended=run.ended,
             limits=run.limits,
             trace=None if self._trace is None else self._trace.since(run.buffer.begun_ns),
         )
@@ -209,7 +236,8 @@ class Run:
             stack.push_async_callback(interruption.unless_hastened, page.stop)
         stack.push_async_callback(orchestrator.kill)
         stack.push_async_callback(interruption.unless_hastened, orchestrator.stop)
-        stack.push_async_callback(interruption.unless_hastened, machine.leave)
+        rest = self._rest = Rest(machine, self._log, client, report)
+        stack.push_async_callback(interruption.unless_hastened, partial(self._leave, interruption))
         await orchestrator.start()
         await orchestrator.bring_up()
         await stack.enter_async_context(supervisor.beating())
@@ -224,7 +252,8 @@ class Run:
                 report("ready; Ctrl-C ends the run")
                 interruption.instead_of_sigint(ended.set)
             self._following = MachineRun(machine, recorder.buffer, operated=False)
-            await self._following.follow(view, ended.is_set, (supervisor.watch(),))
+            await self._following.follow(view, ended.is_set, (supervisor.watch(),), report)
+            self._note_end(machine, cut=ended.is_set())
             return recorder
         interruption.instead_of_sigint(ended.set)
         session = _Session(
@@ -235,14 +264,18 @@ class Run:
             recorder=recorder,
             page=page,
             ended=ended,
+            rest=rest,
         )
         try:
             await self._conduct(session, view, report, deliver)
         except (GraphError, TimeoutError) as error:
+            if not isinstance(error, RunEndedError):
+                by = EndedBy.MACHINE if isinstance(error, MachineError) else EndedBy.FAULT
+                self._end(by, topics.ORCHESTRATOR, str(error))
             report(f"the session cannot go on: {error}; the page stays, Ctrl-C here ends it")
-            await machine.leave()
+            await rest.bring()
             await orchestrator.stop()
-            for result in self.remains(str(error)):
+            for result in self.remains():
                 await asyncio.to_thread(deliver, result)
             self._delivered = True
             await outlive(str(error), page, client, ended)
@@ -265,11 +298,12 @@ class Run:
                 next_run,
                 session.ended,
                 lambda: self.config.own_parameters(session.machine.parameters()),
+                session.rest,
             )
             await external.follow(
                 partial(self._next, session.machine, session.recorder),
                 view,
-                partial(self._take_external, session.machine, session.recorder),
+                partial(self._take_external, session),
                 partial(self._deliver_external, session.recorder, deliver, report),
                 session.page.keep(),
             )
@@ -279,6 +313,7 @@ class Run:
             session.orchestrator,
             session.recorder,
             session.ended,
+            self._log,
             lambda run: deliver(self._operated_result(session.recorder, run)),
             self._limits,
             self.config.parameters()[topics.RIG],
@@ -290,22 +325,44 @@ class Run:
         parameters = self.config.parameters(machine.parameters())
         recorder.bags.note(parameter_notes(parameters))
         self._delivered = False
+        self._log.begin_run()
         self._following = MachineRun(machine, recorder.buffer, operated=True)
         return self._following
 
-    def _take_external(self, machine: ExternalMachine, recorder: Recorder) -> RunResult | None:
-        """Return what a run that is over leaves; None where none has begun."""
+    def _note_end(self, machine: Machine, *, cut: bool) -> None:
+        """Note why a run is over that supervision has not ended."""
+        if machine.end is None or cut:
+            self._end(EndedBy.SIGNAL, "SIGINT", "SIGINT came")
+        elif machine.early is not None:
+            self._log.end(machine.early)
+
+    async def _leave(self, interruption: Interruption) -> None:
+        """Leave the machine at rest; what may still move is stayed at."""
+        assert self._rest is not None
+        if not await self._rest.bring():
+            return
+        interruption.instead_of_sigint(self._rest.confirmed.set)
+        attended = self.config.page is not None or self.config.attended
+        await self._rest.hold(math.inf if attended else _UNATTENDED)
+
+    async def _take_external(self, session: _Session) -> RunResult | None:
+        """Bring the machine to rest; return what the run leaves, None where none has begun."""
+        machine, recorder = session.machine, session.recorder
+        await session.rest.bring()
         if recorder.buffer.time <= 0.0:
             return None
-        ended = "" if machine.end is not None else "reset by the operator"
-        return replace(self._result(recorder, ended), buffer=recorder.buffer.before())
+        if machine.end is None:
+            self._end(EndedBy.OPERATOR, "dashboard", "reset by the operator")
+        elif machine.early is not None:
+            self._log.end(machine.early)
+        return replace(self._result(recorder), buffer=recorder.buffer.before())
 
     async def _deliver_external(
         self, recorder: Recorder, deliver: Deliver, report: Report, result: RunResult
     ) -> None:
         await asyncio.to_thread(deliver, result)
         self._delivered = True
-        self._events, self._bags = len(self._log.events), len(recorder.bags.folders)
+        self._bags = len(recorder.bags.folders)
         report("the run is over; Reset on the page begins the next, Ctrl-C here ends the session")
 
     def _replay(self, buffer: RunBuffer, name: str) -> dict[str, object]:

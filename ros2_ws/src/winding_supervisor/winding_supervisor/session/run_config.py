@@ -1,4 +1,4 @@
-"""What a run of the graph is configured with, what is refused before it starts, what it leaves."""
+"""What a run of the graph is configured with, and what is refused before it starts."""
 
 from __future__ import annotations
 
@@ -6,14 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from winding_core.parameters import ParameterError, build
-from winding_core.run_options import OperatorLimits
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.live.recorder import RecorderError
-from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
 from winding_ros.graph import (
     DEFAULT_NAMESPACE,
@@ -30,7 +25,6 @@ from winding_ros.graph import (
 from winding_ros.runtime.parameter_files import check_readable, declared_names, parameters_for
 from winding_supervisor.machines.external_machine import ExternalMachineConfig
 from winding_supervisor.session.domain_lock import chosen_domain
-from winding_supervisor.watch.event_log import Event
 
 # The machine stops when the orchestrator has given no sign of life for so long.
 _SUPERVISOR_TIMEOUT = 1.5
@@ -68,6 +62,7 @@ class RunConfig:
     compose: str = ""
     lay_control: bool = False  # Whether the controller of the lay is one of the nodes
     notes: Mapping[str, str] = field(default_factory=dict)
+    attended: bool = False  # Whether an operator sits at the terminal
 
     @property
     def log_directory(self) -> Path:
@@ -194,29 +189,3 @@ def _about(node: str, sentence: str) -> str:
 
 def _taken(folder: Path) -> RunFolderError:
     return RunFolderError(f"{folder} exists already; a run is never written over another")
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunResult:
-    """What a run leaves.
-
-    Attributes:
-        events: What supervision saw and did; nothing in a run without failures.
-        wound: Parameters of the machine in a run that an operator conducted; nothing when none
-            was begun.
-        limits: What an operator called good at its end; None of a run without a page.
-        simulated: Whether its machine was the simulated one, with samples at known instants.
-        trace: What the nodes noted of the corrected lengths, TRACE_DTYPE, shape (n,); None in a
-            run without a trace.
-    """
-
-    buffer: RunBuffer  # Every message but the pictures
-    wall_s: float  # How long the run took [s]
-    recording_error: Exception | None = None  # What ended the bag before the run, if anything did
-    events: tuple[Event, ...] = ()
-    wound: Mapping[str, object] = field(default_factory=dict)
-    bags: tuple[Path, ...] = ()  # What was recorded
-    ended: str = ""  # Why the run ended before its end; empty for one that came to its end
-    limits: OperatorLimits | None = None
-    simulated: bool = True
-    trace: NDArray[np.void] | None = None

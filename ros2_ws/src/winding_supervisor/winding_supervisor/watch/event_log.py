@@ -1,4 +1,4 @@
-"""What supervision saw and did, one line of JSON each."""
+"""What supervision saw and did, and why the run ended, one line of JSON for each event."""
 
 from __future__ import annotations
 
@@ -8,30 +8,29 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from winding_core.run_outcome import Cause, Ending, Event, Motion, Stop
+
 # A run that fails and resumes without end may not fill disk or memory: two files of this size
 # [bytes], and so many events.
 FILE_LIMIT = 1_000_000
 _EVENT_LIMIT = 10_000
 
 
-@dataclass(frozen=True, kw_only=True)
-class Event:
-    """One thing that supervision saw or did."""
-
-    wall: float  # Monotonic wall time [s]
-    t: float  # Simulated time [s]
-    what: str  # detected, stopped, standing, restarting, restarted, resumed or ended
-    node: str  # Node or signal that it is about
-    text: str  # What happened
-
-
 @dataclass(kw_only=True)
 class EventLog:
-    """Events of one run, in memory and in a file of the run's folder."""
+    """Events of a session, in memory and in a file of its folder; how its present run ends.
+
+    A disk that takes no more delays nothing and ends nothing: the events stay in memory.
+    """
 
     file: Path | None  # Where they are appended, or None; a full one is kept once, as `NAME.1`
     clock: Callable[[], float] = time.monotonic  # Wall time, monotonic [s]
     events: list[Event] = field(default_factory=list)  # All of them, or the latest few thousand
+    failure: str = ""  # Why the file misses events; empty where it does not
+    cause: Cause | None = None  # Why the present run ends; the first is latched
+    held: Cause | None = None  # Why its machine stands in mid-run; the first is latched
+    stops: list[Stop] = field(default_factory=list)  # Of the present run
+    _first: int = 0  # Of the present run's events
 
     def note(
         self, what: str, node: str, text: str, *, t: float, wall: float | None = None
@@ -43,12 +42,45 @@ class EventLog:
         self.events.append(event)
         if len(self.events) > _EVENT_LIMIT:
             del self.events[: _EVENT_LIMIT // 2]
+            self._first = max(0, self._first - _EVENT_LIMIT // 2)
         if self.file is not None:
-            if self.file.exists() and self.file.stat().st_size > FILE_LIMIT:
-                self.file.replace(self.file.with_name(f"{self.file.name}.1"))
-            with self.file.open("a", encoding="utf-8") as lines:
-                lines.write(json.dumps(event.__dict__) + "\n")
+            try:
+                self._append(self.file, event)
+            except OSError as error:
+                self.failure = self.failure or f"{self.file.name} is incomplete: {error}"
         return event
+
+    def hold(self, cause: Cause) -> None:
+        """Note why the machine was stopped in mid-run, unless that is known already."""
+        self.held = self.held or cause
+
+    def resume(self) -> None:
+        """Note that the machine winds on."""
+        self.held = None
+
+    def end(self, cause: Cause) -> Cause:
+        """Note why the run ends; return the first cause, such as what stopped its machine."""
+        self.cause = self.cause or self.held or cause
+        return self.cause
+
+    def stop(self, t: float, asked_by: str, failure: str) -> None:
+        """Note a stop that the machine was asked for, and how that failed, if it did."""
+        self.stops.append(Stop(t=t, asked_by=asked_by, failure=failure))
+
+    def ending(self, machine: Motion) -> Ending:
+        """Return how the present run has ended."""
+        return Ending(
+            cause=self.cause,
+            machine=machine,
+            stops=tuple(self.stops),
+            events=tuple(self.events[self._first :]),
+        )
+
+    def begin_run(self) -> None:
+        """Forget how the run before ended."""
+        self.cause = self.held = None
+        self.stops = []
+        self._first = len(self.events)
 
     def find(self, what: str, node: str | None = None, since: float = 0.0) -> Event | None:
         """Return the first event of a kind, of a node if one is named, after a wall time [s]."""
@@ -56,6 +88,12 @@ class EventLog:
             if event.what == what and event.wall >= since and node in (None, event.node):
                 return event
         return None
+
+    def _append(self, file: Path, event: Event) -> None:
+        if file.exists() and file.stat().st_size > FILE_LIMIT:
+            file.replace(file.with_name(f"{file.name}.1"))
+        with file.open("a", encoding="utf-8") as lines:
+            lines.write(json.dumps(event.__dict__) + "\n")
 
 
 def read_events(file: Path) -> list[Event]:

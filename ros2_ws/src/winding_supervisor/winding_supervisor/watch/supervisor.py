@@ -8,11 +8,12 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
+from winding_core.run_outcome import Cause, EndedBy
 from winding_core.status import Level
 from winding_recorder.live.recorder import RunBuffer
 from winding_recorder.live.run_buffer import buffered_inputs
@@ -44,6 +45,11 @@ class Finding:
     text: str  # What is wrong with it, to follow its name
     fatal: bool  # Whether the run cannot go on whatever the node's policy
     wall: float  # When it was noticed, monotonic [s]
+    by: EndedBy = EndedBy.SUPERVISION  # Who ends the run if this does
+
+
+class RunEndedError(GraphError):
+    """Supervision has ended the run; the log has the cause."""
 
 
 class Supervisor:
@@ -98,6 +104,8 @@ class Supervisor:
         self._sensors = SensorWatch()
         self._rivals = RivalWatch(client.node, (spec.name for spec in self._graph))
         self._ends: dict[str, asyncio.Task[None]] = {}
+        # Restarted while another node was down, so that not all of its topics have partners.
+        self._unmatched: set[str] = set()
 
     @asynccontextmanager
     async def beating(self) -> AsyncIterator[None]:
@@ -114,7 +122,8 @@ class Supervisor:
         """Supervise until something ends the run.
 
         Raises:
-            GraphError: Why the run cannot go on; the machine stands.
+            RunEndedError: Why the run cannot go on; the log has stops and first cause.
+            GraphError: A process cannot be started again.
         """
         self._findings = asyncio.Queue()
         self._sensors.forget()
@@ -190,14 +199,18 @@ class Supervisor:
         elif process.stopped:
             self._find(name, sign.value)
 
-    def _find(self, node: str, text: str, *, fatal: bool = False) -> None:
+    def _find(
+        self, node: str, text: str, *, fatal: bool = False, by: EndedBy = EndedBy.SUPERVISION
+    ) -> None:
         """Take note of a failure, once for as long as it is dealt with."""
         known = node in {spec.name for spec in self._graph}
         if known and not fatal:
             if node not in self._healthy:
                 return
             self._healthy.discard(node)
-        self._findings.put_nowait(Finding(node=node, text=text, fatal=fatal, wall=time.monotonic()))
+        self._findings.put_nowait(
+            Finding(node=node, text=text, fatal=fatal, wall=time.monotonic(), by=by)
+        )
 
     async def _beat(self) -> None:
         while True:
@@ -210,7 +223,7 @@ class Supervisor:
             await asyncio.sleep(_LOOK_PERIOD)
             complaint = self._machine.complaint()
             if complaint:
-                self._find(self._machine.name, complaint, fatal=True)
+                self._find(self._machine.name, complaint, fatal=True, by=EndedBy.MACHINE)
                 return
             # A node that is given nothing it can use has asked the machine to stop by itself.
             for name in self._healthy:
@@ -256,63 +269,79 @@ class Supervisor:
         return {**self._orchestrator.pids(), NAME: os.getpid()}
 
     async def _handle(self, finding: Finding) -> None:
-        sentence = f"{finding.node} {finding.text} {self._machine.when}"
         self._note("detected", finding.node, finding.text, wall=finding.wall)
+        cause = Cause(
+            by=finding.by,
+            source=finding.node,
+            text=f"{finding.node} {finding.text} {self._machine.when}",
+            t=self.t,
+        )
         if finding.node == topics.RIG and not finding.fatal:
             # No process is left that could stop the axes; its process goes, and its drives with it.
             process = self._orchestrator.process(topics.RIG)
             await process.kill()
-            cause = process.complaint()
-            self._end(finding.node, sentence + (f": {cause}" if cause else ""))
+            complaint = process.complaint()
+            self._end(replace(cause, text=f"{cause.text}: {complaint}") if complaint else cause)
         if self._left_alone and not self._machine.built:
             # Nothing can move, and whoever was preparing it waits for this node in vain.
-            self._end(finding.node, sentence)
-        await self._stop_machine()
-        if finding.fatal:
-            self._end(finding.node, sentence)
-        policy = next(spec.policy for spec in self._graph if spec.name == finding.node)
+            self._end(cause)
+        self.log.hold(cause)
+        await self._stop_machine(cause)
+        policy = next((spec.policy for spec in self._graph if spec.name == finding.node), None)
+        if finding.fatal or policy is None:
+            self._end(cause)
         if policy is Policy.END:
             await self._orchestrator.process(finding.node).kill()
-            self._end(finding.node, sentence)
-        await self._start_again(finding, policy, sentence)
+            self._end(cause)
+        await self._start_again(cause, policy)
 
-    async def _stop_machine(self) -> None:
+    async def _stop_machine(self, cause: Cause) -> None:
         failure = await self._machine.quick_stop()
         if failure and self._machine.simulated:
             await self._orchestrator.process(topics.RIG).kill()
             failure += " and was killed"
+        self.log.stop(self.t, "supervision", failure)
         if failure:
-            self._end(topics.RIG, failure)
+            self._note("not stopped", topics.RIG, failure)
+            self._end(cause)
         self._note("stopped", topics.RIG, "rig/quick_stop")
         end = time.monotonic() + self._stand_timeout
         while not self._machine.standing:
             if time.monotonic() > end:
                 limit = f"{self._stand_timeout:g} s"
-                self._end(topics.RIG, f"the machine does not stand {limit} after stop")
+                self._note("not stopped", topics.RIG, f"does not stand {limit} after the stop")
+                self._end(cause)
             await asyncio.sleep(0.01)
         self._note("standing", topics.RIG, "both axes stand")
 
-    async def _start_again(self, finding: Finding, policy: Policy, sentence: str) -> None:
-        name = finding.node
+    async def _start_again(self, cause: Cause, policy: Policy) -> None:
+        name = cause.source
         wait = self._backoff[name].next_wait(time.monotonic())
         if wait is None:
-            self._end(name, f"{sentence}, for the fourth time within a minute")
+            self._end(replace(cause, text=f"{cause.text}, for the fourth time within a minute"))
         await asyncio.sleep(wait)
         extra = self._replay[name]() if policy is Policy.REPLAY else {}
         self._note("restarting", name, policy.value)
         await self._orchestrator.restart(name, extra, partial(self._note, "restarting", name))
         self._note("restarted", name, "active again")
-        await self._orchestrator.rematch([name])
+        self._trust(name)
+        self._unmatched.add(name)
+        if not self._findings.empty():
+            # Another node is down as well: it is dealt with first.
+            return
+        await self._orchestrator.rematch(sorted(self._unmatched))
+        self._unmatched.clear()
         # An operator may have pressed Stop while the machine stood; Start is theirs.
         if self._findings.empty() and not self._operated:
             await self._machine.start()
             self._note("resumed", topics.RIG, "rig/start")
+            self.log.resume()
         self._sensors.forget()
-        self._trust(name)
 
-    def _end(self, node: str, sentence: str) -> NoReturn:
-        self._note("ended", node, sentence)
-        raise GraphError(sentence)
+    def _end(self, cause: Cause) -> NoReturn:
+        first = self.log.end(cause)
+        self._note("ended", first.source, first.text)
+        raise RunEndedError(first.text)
 
     def _note(self, what: str, node: str, text: str, *, wall: float | None = None) -> None:
         self.log.note(what, node, text, t=self.t, wall=wall)

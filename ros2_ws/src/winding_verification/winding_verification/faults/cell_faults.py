@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
 
+from winding_core.run_outcome import Event
 from winding_ros import topics
 from winding_ros.graph import GRAPH, Policy
-from winding_supervisor.watch.event_log import Event
 from winding_verification.faults.cell import FaultCell
 from winding_verification.faults.outcome import CRASH_WITHIN, HANG_WITHIN, Outcome
 

@@ -1,0 +1,105 @@
+"""Where an external machine stands before its run, or why no standing machine is seen."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from rclpy.node import Node
+
+from winding_core.machine.axes import JointSample, MachineAxes
+from winding_core.units import MILLIMETRE
+from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
+from winding_ros import topics
+from winding_ros.graph import GraphError
+from winding_ros.messages.rig import decode_joint_sample
+from winding_ros.messages.serialised import MessageError, deserialised
+from winding_supervisor.processes.discovery import RivalWatch
+
+_POLL = 0.02
+PATIENCE = 30.0
+# Standing readings are looked at for so long [s].
+_LOOK = 0.5
+# Positions of a machine that stands tremble by less than this within a look [rad, m].
+_TREMBLING = (0.01, 2.0e-4)
+
+
+async def standing_axes(
+    node: Node, buffer: RunBuffer, axes: MachineAxes, clock: Callable[[], float]
+) -> MachineAxes:
+    """Wait until a machine is heard and stands; return axes with their offsets there.
+
+    Args:
+        node: Knows the graph.
+        buffer: Has the messages of the driver.
+        axes: Joints, directions and units.
+        clock: Monotonic wall time [s].
+
+    Raises:
+        GraphError: No driver is heard, its joints have other names, or the machine moves.
+    """
+    end = clock() + PATIENCE
+    while True:
+        samples = _recent(buffer, axes, clock())
+        if samples is not None:
+            turned, moved = _spread(samples, axes)
+            if turned <= _TREMBLING[0] and moved <= _TREMBLING[1]:
+                return axes.standing_at((item.cylinder, item.carriage) for item in samples)
+        if clock() > end:
+            raise GraphError(_why_not(node, buffer, axes, samples, clock()))
+        await asyncio.sleep(_POLL)
+
+
+def joint_sample(message: BufferedMessage, axes: MachineAxes) -> JointSample | None:
+    """Return the joints of a buffered joint state; None for one that cannot be used."""
+    try:
+        return decode_joint_sample(deserialised(message.data, topics.JOINT_STATES.type), axes)
+    except MessageError:
+        return None
+
+
+def _recent(buffer: RunBuffer, axes: MachineAxes, now: float) -> list[JointSample] | None:
+    """Return the samples of the last look; None before they cover it."""
+    found: list[JointSample] = []
+    for message in reversed(buffer.messages[topics.JOINT_STATES.name]):
+        sample = joint_sample(message, axes)
+        if sample is None or now - message.received_ns * 1e-9 > 2.0 * _LOOK:
+            return None
+        found.append(sample)
+        if found[0].t - sample.t >= _LOOK:
+            return found
+    return None
+
+
+def _why_not(
+    node: Node, buffer: RunBuffer, axes: MachineAxes, samples: list[JointSample] | None, now: float
+) -> str:
+    """Return why no standing machine was seen, as a sentence."""
+    name = topics.JOINT_STATES.name
+    message = buffer.last(topics.JOINT_STATES)
+    if message is None:
+        return (
+            f"no driver is heard on {node.resolve_topic_name(name)} for {PATIENCE:g} s; start it, "
+            "or see `winding conform`"
+        )
+    try:
+        decode_joint_sample(deserialised(message.data, topics.JOINT_STATES.type), axes)
+    except MessageError as error:
+        return f"the driver's {error}; name its joints by cylinder_joint and carriage_joint"
+    contested = RivalWatch(node, ()).look(now)
+    if contested:
+        return " ".join(contested)
+    if samples is None:
+        return f"{name} comes too seldom to tell whether the machine stands"
+    turned, moved = _spread(samples, axes)
+    return (
+        f"the machine does not stand: within {_LOOK:g} s the cylinder turned {turned:.3g} rad "
+        f"and the carriage moved {moved / MILLIMETRE:.3g} mm; a run begins at a standstill"
+    )
+
+
+def _spread(samples: list[JointSample], axes: MachineAxes) -> tuple[float, float]:
+    """Return the range of the angle [rad] and of the carriage position [m]."""
+    places = [axes.positions(item.cylinder, item.carriage) for item in samples]
+    angles, ways = zip(*places, strict=True)
+    return max(angles) - min(angles), max(ways) - min(ways)
