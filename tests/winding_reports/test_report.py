@@ -18,6 +18,7 @@ from report_page import ReportPage
 
 from winding_core.cable.cases import Case, paper_case
 from winding_core.cable.condition import Condition
+from winding_core.error_verdict import PAPER_LIMIT_PCT, judge_lengths
 from winding_core.units import MILLIMETRE
 from winding_reports.documents.picture import MOST_POINTS, broken, thinned
 from winding_reports.records.identity import Identity, Origin, condition_quantities
@@ -75,10 +76,13 @@ def test_the_page_is_one_file_that_loads_nothing(synthetic, tmp_path) -> None:
     assert len(page.sources) == 5
 
 
-def test_verdict_is_the_first_text_of_the_page(synthetic, page_text: str) -> None:
+def test_outcome_is_the_first_text_of_the_page(synthetic, page_text: str) -> None:
     body = re.sub(r"<[^>]+>", "", page_text.partition("<body>")[2]).split()
-    sentence = synthetic().verdict.sentence
-    assert " ".join(body).casefold().startswith(sentence.casefold())
+    outcome = synthetic().outcome
+    expected = ". ".join(
+        (f"{outcome.verdict.value} {outcome.sentences[0]}", *outcome.sentences[1:])
+    )
+    assert " ".join(body).casefold().startswith(expected.casefold())
 
 
 def test_the_table_has_every_marker_and_every_number(synthetic, page_text: str) -> None:
@@ -123,8 +127,11 @@ def test_a_condition_of_ones_own_has_no_published_columns_to_show(synthetic) -> 
 
 @pytest.mark.slow
 def test_a_run_that_left_nothing_still_gives_a_page(synthetic) -> None:
+    rows = (MarkerRow(id=1, original=0.1),)
+    lengths = judge_lengths(rows, PAPER_LIMIT_PCT, published=True)
     nothing = dataclasses.replace(
         synthetic(),
+        outcome=dataclasses.replace(synthetic().outcome, lengths=lengths),
         cylinder_speed=_empty_signal(),
         carriage_speed=_empty_signal(),
         cylinder_setpoint=_empty_signal(),
@@ -133,7 +140,7 @@ def test_a_run_that_left_nothing_still_gives_a_page(synthetic) -> None:
         predicted=_empty_series(),
         tracked=_empty_series(),
         corrected=_empty_series(),
-        rows=(MarkerRow(id=1, original=0.1),),
+        rows=rows,
         frames=None,
         frames_lost=None,
         joint_states=None,

@@ -99,7 +99,7 @@ class Cause:
     by: EndedBy
     source: str  # Node, signal or service that it is about
     text: str  # One sentence
-    t: float | None = None  # Time of the machine's newest sample [s]
+    t: float | None = None  # Time of the run [s]
 
 
 @dataclass(frozen=True, kw_only=True)

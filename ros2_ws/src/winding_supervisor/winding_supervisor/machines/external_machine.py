@@ -155,7 +155,7 @@ class ExternalMachine:
             source=self.name,
             text=f"the machine stopped by itself after {self._turns} and stood for "
             f"{self._config.standing_limit:g} s",
-            t=self.end,
+            t=self.end - (self.began or self.end),
         )
 
     def remark(self) -> str:

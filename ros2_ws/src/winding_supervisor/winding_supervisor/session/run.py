@@ -48,7 +48,7 @@ Report = Callable[[str], None]
 Deliver = Callable[[RunResult], None]
 
 # A machine that does not stop is asked for so long where no operator is present [s].
-_UNATTENDED = 30.0
+_UNATTENDED = 10.0
 
 
 @contextmanager

@@ -274,7 +274,7 @@ class Supervisor:
             by=finding.by,
             source=finding.node,
             text=f"{finding.node} {finding.text} {self._machine.when}",
-            t=self.t,
+            t=self._buffer.time,
         )
         if finding.node == topics.RIG and not finding.fatal:
             # No process is left that could stop the axes; its process goes, and its drives with it.
