@@ -39,11 +39,13 @@ def test_a_case_stays_the_paper_s() -> None:
 @pytest.mark.parametrize(
     ("typed", "number", "markers"),
     [
-        ({"young_mpa": 4.0}, 0, 4), ({"tension_n": 2.0}, 0, 4), ({"axial_factor": 0.9}, 0, 4),
+        ({"young_mpa": 4.0}, 0, 4),
+        ({"tension_n": 2.0}, 0, 4),
+        ({"axial_factor": 0.9}, 0, 4),
         # Further markers keep the case, and were not measured.
         ({"markers": 6}, 4, 6),
     ],
-)  # fmt: skip
+)
 def test_another_cable_is_no_published_case(
     typed: dict[str, object], number: int, markers: int
 ) -> None:

@@ -111,7 +111,8 @@ def running() -> ViewState:
     )
     state.note_source("tracked", 12.3, tracked)
     corrected = np.zeros(1, CORRECTED_DTYPE)
-    corrected["id"], corrected["s"], corrected["s_low"], corrected["s_high"] = 1, 0.1, 0.09, 0.11
+    corrected["id"] = 1
+    corrected["s"], corrected["s_low"], corrected["s_high"] = 0.1, 0.09, 0.11
     state.note_source("corrected", 12.3, corrected)
     state.note_votes({3: 0.25, 4: 0.75})
     return state

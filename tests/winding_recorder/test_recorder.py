@@ -221,8 +221,10 @@ def test_bag_holds_what_came_between_on_and_off(desk: Desk, tmp_path: Path) -> N
     assert read_notes(tmp_path / "bag")[COMPLETE] == YES
     # The prediction was published before, once, and holds all the same.
     assert counts(tmp_path / "bag") == {
-        "rig/joint_states": 200, "fem/prediction": 1, "camera/image_raw": 0,
-    }  # fmt: skip
+        "rig/joint_states": 200,
+        "fem/prediction": 1,
+        "camera/image_raw": 0,
+    }
 
 
 def test_pictures_are_taken_only_while_a_bag_is_recorded(desk: Desk, tmp_path: Path) -> None:

@@ -114,13 +114,17 @@ def test_controller_of_the_lay_hears_all_and_is_heard_by_the_rig() -> None:
     expected = expected_subscribers(frozenset(), controlled())
     without = expected_subscribers(frozenset())
     assert expected["lay_control"] == {
-        "lay_control/state": 1, "rig/joint_targets": 1, "rig/tension_command": 1,
-    }  # fmt: skip
+        "lay_control/state": 1,
+        "rig/joint_targets": 1,
+        "rig/tension_command": 1,
+    }
     for node, topic in (
-        ("winding_rig", "rig/joint_states"), ("winding_rig", "rig/tension"),
-        ("marker_tracker", "tracker/markers"), ("marker_tracker", "tracker/lay"),
+        ("winding_rig", "rig/joint_states"),
+        ("winding_rig", "rig/tension"),
+        ("marker_tracker", "tracker/markers"),
+        ("marker_tracker", "tracker/lay"),
         ("cable_fem", "fem/markers"),
-    ):  # fmt: skip
+    ):
         assert expected[node][topic] == without[node][topic] + 1
 
 

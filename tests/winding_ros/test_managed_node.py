@@ -346,7 +346,7 @@ def test_longest_queue_is_kept_until_it_is_reported() -> None:
     assert intake.queue == 0
 
 
-def test_rate_is_measured_and_losses_are_counted_against_it():
+def test_rate_is_measured_and_losses_are_counted_against_it() -> None:
     cadence = Cadence("rig/joint_states")
     for sample in range(400):
         if sample % 20 != 19 or sample < 64:
@@ -358,17 +358,15 @@ def test_rate_is_measured_and_losses_are_counted_against_it():
     assert cadence.warning == "rig/joint_states has lost 4% of its messages at 40 Hz"
 
 
-def test_an_interruption_is_no_loss_and_lateness_is_seen():
+def test_an_interruption_is_no_loss_and_lateness_is_seen() -> None:
     cadence = Cadence("camera/image_raw")
     for sample in range(100):
         stamp = 0.02 * sample + (30.0 if sample >= 50 else 0.0)
         cadence.take(stamp, stamp + (0.1 if sample >= 70 else 0.0))
-    assert cadence.counts == {
-        "lost": 0, "doubled": 0, "reordered": 0, "late": 1, "interrupted": 1
-    }  # fmt: skip
+    assert cadence.counts == {"lost": 0, "doubled": 0, "reordered": 0, "late": 1, "interrupted": 1}
 
 
-def test_guard_refuses_what_is_reordered_and_tells_both_kinds():
+def test_guard_refuses_what_is_reordered_and_tells_both_kinds() -> None:
     guard = MessageGuard("rig/tension", steady=True)
     for sample in range(20):
         guard.check(0.01 * sample, lambda: 0.0)
