@@ -104,7 +104,7 @@ class ComposedGraph:
         namespace: Of the graph.
         direct_frames: Hand frames from rig to tracker within the process; camera/image_raw is
             silent then.
-        specs: The nodes, sinks first; the usual graph where nothing is said.
+        specs: The nodes, sinks first; the usual graph by default.
     """
 
     def __init__(

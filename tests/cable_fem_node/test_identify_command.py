@@ -157,7 +157,7 @@ def test_recorded_run_is_read_with_its_own_condition(recorded_run: Any, tmp_path
     assert 4.0e6 < found["young_pa"] < 5.2e6
 
 
-def test_rig_comes_with_covariance_and_what_markers_do_not_tell(
+def test_rig_comes_with_covariance_and_what_markers_do_not_determine(
     markers: Path, tmp_path: Path
 ) -> None:
     found, text = identified(tmp_path, markers, "--case", 4, "--use", 2, "--rig")

@@ -98,7 +98,7 @@ def test_case_is_named_when_a_further_marker_is_measured_and_not_before(ros: Any
     assert next(iter(decode_case_votes(bench.votes[-1])[1])) == 8
 
 
-def test_measured_markers_correct_those_that_follow_and_it_is_said(ros: Any) -> None:
+def test_measured_markers_correct_those_that_follow_and_are_reported(ros: Any) -> None:
     bench = Bench(ros, case=9)
     assert bench.node.status().values["basis"] == "weight"
     bench.fem.publish(encode_cloud(1.0, predicted(9)))
@@ -121,7 +121,7 @@ def test_measured_markers_correct_those_that_follow_and_it_is_said(ros: Any) -> 
     assert status.message == "correcting by measured P1, P2"
 
 
-def test_a_garbage_marker_is_counted_said_and_moves_no_prediction(ros: Any) -> None:
+def test_a_garbage_marker_is_counted_reported_and_moves_no_prediction(ros: Any) -> None:
     bench = Bench(ros, case=9)
     garbage = measured(9, 2)
     garbage["s"][1] = 0.1
@@ -151,7 +151,7 @@ def test_a_new_activation_forgets_the_last_run(ros: Any) -> None:
     assert bench.node.status().values["basis"] == "weight"
 
 
-def test_condition_outside_the_trained_ones_is_left_as_predicted_and_said(ros: Any) -> None:
+def test_condition_outside_the_trained_ones_is_left_as_predicted_and_reported(ros: Any) -> None:
     bench = Bench(
         ros, case=0, cylinder_diameter=0.2, cable_diameter=0.004, weight=2.0, marker_spacing=0.1
     )

@@ -115,7 +115,7 @@ def test_the_runner_s_script_calls_targets_that_make_has() -> None:
     assert all(re.search(rf"^{target}:", RULES, re.MULTILINE) for target in targets)
 
 
-def test_a_machine_without_a_further_python_is_told_so_and_passes(tmp_path: Path) -> None:
+def test_a_machine_without_a_further_python_is_warned_and_passes(tmp_path: Path) -> None:
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     # From where the suite on the first Python has ended.
     ending = script.split("\nmake test\n")[1]

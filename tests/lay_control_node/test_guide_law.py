@@ -84,7 +84,7 @@ def test_a_large_error_is_made_up_without_overshoot(missing: float) -> None:
     assert rows[:, 1].min() > -0.02 * missing
 
 
-def test_a_guide_goes_on_as_it_stands_whatever_the_estimate_says() -> None:
+def test_a_guide_goes_on_as_it_stands_whatever_the_estimate() -> None:
     """A cable that is believed elsewhere changes the rate, never the place."""
     law = GuideLaw(radius=RADIUS, turning=0.1 * RADIUS)
     lay = LayEstimate(

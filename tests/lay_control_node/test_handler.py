@@ -106,7 +106,7 @@ def test_target_names_the_machines_own_joint_and_no_other() -> None:
     assert names == {("carriage_joint",)}
 
 
-def test_state_is_said_at_its_rate_whatever_the_encoders_rate() -> None:
+def test_state_is_published_at_its_rate_whatever_the_encoders_rate() -> None:
     answers = wind(begun(), 0.0, 1.0)
     assert len(on(topics.LAY_CONTROL_STATE, answers)) == round(1.0 / COMMANDS_PERIOD)
 

@@ -225,7 +225,7 @@ def test_heights_tell_the_free_length(length: float) -> None:
 
 
 @pytest.mark.parametrize("delay", [0.1, 1.0, 3.0])
-def test_delayed_heights_say_where_the_cable_lands_now(delay: float) -> None:
+def test_delayed_heights_give_where_the_cable_lands_now(delay: float) -> None:
     law = FleetAngleLaw(advance_per_radian=RISE, free_length=0.17, radius=RHO)
     now = filtered(0.17, delay=delay, sigma=5.0e-5, until=15.0).estimate()
     assert abs(now.z - float(law.z(now.theta))) < 3.0 * now.sigma_z
@@ -242,7 +242,7 @@ def test_a_standing_or_backward_cylinder_lays_nothing() -> None:
     assert (after.z, after.free_length) == (before.z, before.free_length)
 
 
-def test_a_height_that_was_measured_already_says_nothing_again() -> None:
+def test_a_height_that_was_measured_already_is_not_used_again() -> None:
     lay = filtered(0.198, delay=0.2, sigma=5.0e-5, until=6.0)
     before = lay.estimate()
     assert lay.measure(lay.measured_to, 1.0, 1.0e-4) is None

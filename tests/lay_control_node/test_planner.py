@@ -138,7 +138,7 @@ def test_a_residual_limit_is_kept_by_slowing() -> None:
     refuse_broken_limits(held)
 
 
-def test_a_corner_says_by_how_much_it_is_rounded_and_why() -> None:
+def test_a_corner_reports_by_how_much_it_is_rounded_and_why() -> None:
     what = replace(WHAT, friction=1.0)
     plan = plan_lay(KINDS["reversal"], what, LIMITS)
     first = plan.corners[0]
@@ -162,7 +162,7 @@ def test_a_corner_is_rounded_until_friction_holds_it() -> None:
     assert "the cable slips: it needs a friction of" in " ".join(sharp.sentences)
 
 
-def test_a_pitch_beyond_the_carriage_slows_the_cylinder_and_says_so() -> None:
+def test_a_pitch_beyond_the_carriage_slows_the_cylinder_and_is_reported() -> None:
     steep = LayProgram(theta=np.array([0.0, 3.0 * TURN]), z=np.array([0.0, 0.9]))
     plan = plan_lay(steep, WHAT, replace(LIMITS, travel=(-0.1, 2.0)))
     assert plan.speed < WHAT.drive.angular_speed
@@ -170,7 +170,7 @@ def test_a_pitch_beyond_the_carriage_slows_the_cylinder_and_says_so() -> None:
     refuse_broken_limits(plan)
 
 
-def test_a_lead_beyond_the_travel_is_told_with_its_place() -> None:
+def test_a_lead_beyond_the_travel_is_reported_with_its_place() -> None:
     plan = plan_lay(even_helix(0.018, 5.0), WHAT, replace(LIMITS, travel=(-0.1, 0.1)))
     assert "the guide would have to go to 123.4 mm at 5 turns" in plan.sentences[0]
     assert "its travel ends at 100 mm" in plan.sentences[0]
@@ -179,7 +179,7 @@ def test_a_lead_beyond_the_travel_is_told_with_its_place() -> None:
 
 
 @pytest.mark.parametrize("case", [1, 4, 9, 12])
-def test_the_brake_lands_markers_on_whole_turns_or_the_plan_says_which_it_cannot(case: int) -> None:
+def test_the_brake_lands_markers_on_whole_turns_or_the_plan_names_the_others(case: int) -> None:
     what = Condition(case=case).resolved()
     program = with_markers_every_turn(even_helix(what.drive.pitch, 5.0), 4)
     plan = plan_lay(program, what, LIMITS)
@@ -203,7 +203,7 @@ def test_more_pull_lands_a_marker_later() -> None:
     assert landed == sorted(landed)
 
 
-def test_without_a_brake_the_weight_pulls_and_the_plan_says_so() -> None:
+def test_without_a_brake_the_weight_pulls_and_the_plan_reports_it() -> None:
     program = replace(
         even_helix(WHAT.drive.pitch, 5.0),
         markers={1: 1.05 * TURN},
@@ -237,7 +237,7 @@ TWO_PITCHES = LayProgram(
 )
 
 
-def test_a_guide_in_step_is_followed_as_the_fleet_angle_law_says() -> None:
+def test_a_guide_in_step_is_followed_by_the_fleet_angle_law() -> None:
     theta = np.sort(np.random.default_rng(1).uniform(0.0, 60.0, 500))
     theta[0] = 0.0
     laid = lay_of(theta, LAW.advance_per_radian * theta, LAG)

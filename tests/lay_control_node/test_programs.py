@@ -238,7 +238,7 @@ REFUSED = {
     ("name", "text", "sentence"),
     [(name, text, sentence) for name, items in REFUSED.items() for text, sentence in items],
 )
-def test_a_program_that_says_nothing_usable_is_refused(
+def test_an_unusable_program_is_refused_in_one_sentence(
     tmp_path: Path, name: str, text: str, sentence: str
 ) -> None:
     path = tmp_path / name

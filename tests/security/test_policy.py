@@ -30,7 +30,7 @@ def test_the_shipped_policy_is_current() -> None:
     assert SHIPPED.read_text(encoding="utf-8") == sros2_policy("winding")
 
 
-def test_a_node_may_do_what_the_graph_says_and_no_more() -> None:
+def test_a_node_may_do_what_the_graph_declares_and_no_more() -> None:
     policy = sros2_policy("cell")
     assert controlled()
     for spec in controlled():

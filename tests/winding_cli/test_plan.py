@@ -41,7 +41,7 @@ def test_a_plan_is_printed_drawn_and_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_solver_lies_where_the_plan_says(tmp_path: Path) -> None:
+def test_the_solver_lies_where_it_is_planned(tmp_path: Path) -> None:
     file = tmp_path / "plan.json"
     code, _ = plan(*HELIX, "--markers-every-turn", "--json", str(file))
     assert code == 0
@@ -55,7 +55,7 @@ def test_the_solver_lies_where_the_plan_says(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_plan_says_which_markers_control_cannot_land(tmp_path: Path) -> None:
+def test_a_plan_names_the_markers_that_control_cannot_land(tmp_path: Path) -> None:
     file = tmp_path / "plan.json"
     code, output = plan(*HELIX, "--markers-every-turn", "--no-solver", "--json", str(file))
     assert code == 0
@@ -68,7 +68,7 @@ def test_a_plan_says_which_markers_control_cannot_land(tmp_path: Path) -> None:
         assert named == (off > (0.02 if item["id"] == 1 else 0.01) * 2.0 * np.pi)
 
 
-def test_a_dead_weight_is_not_said_to_land_markers(tmp_path: Path) -> None:
+def test_no_landings_are_planned_under_a_dead_weight(tmp_path: Path) -> None:
     file = tmp_path / "plan.json"
     options = ("--markers-every-turn", "--no-solver", "--no-brake", "--json", str(file))
     code, output = plan(*HELIX, *options)

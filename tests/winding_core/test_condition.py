@@ -87,7 +87,7 @@ def test_what_is_shown_can_be_typed_again() -> None:
     assert again == condition
 
 
-def test_every_parameter_says_what_it_is() -> None:
+def test_every_parameter_is_described() -> None:
     assert declarations(Condition)
     for item in declarations(Condition):
         assert item.description

@@ -112,7 +112,7 @@ def test_run_of_two_turns_is_not_judged() -> None:
 
 @pytest.mark.parametrize("oldest", [0.0, 5.0])
 @pytest.mark.parametrize("angle", [0.4, 3.0, 33.93, 34.5])
-def test_cable_says_its_wound_angles_from_the_contact_line_back(
+def test_wound_angles_of_the_cable_count_from_the_contact_line_back(
     angle: float, oldest: float
 ) -> None:
     radius, theta = 17.0e-3, np.arange(oldest, angle, 0.31)

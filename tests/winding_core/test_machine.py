@@ -180,7 +180,7 @@ def numbers(element: ET.Element, key: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_marker_and_guide_stand_where_the_axes_say(sign: float) -> None:
+def test_marker_and_guide_stand_where_the_axes_place_them(sign: float) -> None:
     axes = MachineAxes(
         cylinder_joint="drum",
         carriage_joint="slide",

@@ -56,7 +56,7 @@ def test_what_one_browser_looks_at_is_its_own() -> None:
     assert {**other["parts"], **same}.keys() == one["parts"].keys()
 
 
-def test_time_that_goes_back_is_told_by_the_count_of_resets() -> None:
+def test_time_that_goes_back_is_reported_by_the_count_of_resets() -> None:
     clock = Clock()
     state, snapshots = source(clock)
     before = snapshots.snapshot(Wanted())
@@ -128,7 +128,7 @@ def test_numbers_of_the_run_are_shown() -> None:
         assert text in parts["markers"]
 
 
-def test_band_says_state_condition_progress_and_verdict() -> None:
+def test_band_shows_state_condition_progress_and_verdict() -> None:
     desk = Desk(running(), Machine(), error_limit_pct=4.8)
     band = desk.look()["parts"]["band"]
     for text in (
@@ -146,10 +146,10 @@ def test_verdict_follows_the_limit_that_an_operator_sets() -> None:
     assert desk.look()["limits"]["error_limit_pct"] == 2.0
 
 
-def test_refused_limit_says_value_and_bound_and_changes_nothing() -> None:
+def test_refused_limit_names_value_and_bound_and_changes_nothing() -> None:
     desk = Desk(running(), Machine())
-    said = desk.ask("/limits", limits={"error_limit_pct": -3.0})
-    assert "Error of a length, % must be positive, got -3" in said
+    answer = desk.ask("/limits", limits={"error_limit_pct": -3.0})
+    assert "Error of a length, % must be positive, got -3" in answer
     assert desk.look()["limits"]["error_limit_pct"] == 4.8
 
 
@@ -162,7 +162,7 @@ def test_finished_run_shows_no_speeds_as_present() -> None:
     assert parts["figures"].count("when its clock ended") == 2
 
 
-def test_stopped_run_says_where_it_stands() -> None:
+def test_stopped_run_shows_where_it_stands() -> None:
     state = running()
     phase(state, "idle")
     state.note_axes(
@@ -208,7 +208,7 @@ def test_source_that_falls_silent_while_time_goes_on_is_marked_with_its_age() ->
     assert "load cell, 3 s old" in parts["figures"]
 
 
-def test_material_is_told_with_its_half_width() -> None:
+def test_material_is_shown_with_its_half_width() -> None:
     state = fresh_state()
     desk = Desk(state, Machine())
     assert desk.look()["texts"]["material"] == "Effective modulus: no marker is measured yet"

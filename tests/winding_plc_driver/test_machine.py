@@ -122,7 +122,7 @@ def test_a_file_that_is_missing_or_no_yaml_is_named(tmp_path: Path) -> None:
         read_mapping(file)
 
 
-def test_a_password_comes_from_where_the_file_says(tmp_path: Path) -> None:
+def test_a_password_comes_from_where_the_mapping_names_it(tmp_path: Path) -> None:
     (tmp_path / "word").write_text("secret\n", encoding="utf-8")
     by_file = parse(tmp_path, server={"user": "me", "password_file": "word"}).server
     assert read_password(by_file, {}) == "secret"
@@ -284,7 +284,7 @@ def test_attempts_come_ever_slower_and_fast_again_after_a_success() -> None:
     assert link.failed("no route") == 0.5
 
 
-def test_what_is_refused_says_since_when_and_why() -> None:
+def test_a_refusal_names_its_reason_and_since_when() -> None:
     link = lost_link()
     assert link.refuse("start", 12.5) == (
         "the link to the PLC at opc.tcp://plc:4840 has been lost for 2.5 s: cable out"
@@ -319,7 +319,7 @@ def test_a_stop_that_is_asked_for_while_a_weaker_one_is_given_is_owed() -> None:
     assert link.stop_on_return(13.2) == "quick_stop"
 
 
-def test_a_program_that_stands_is_said() -> None:
+def test_a_plc_program_that_stands_is_reported() -> None:
     watch = HeartbeatWatch(Heartbeat(read="i=1", timeout_s=1.0))
     watch.restart(0.0)
     assert watch.complaint(0.9) == ""

@@ -129,7 +129,7 @@ def test_a_full_disk_ends_the_bag_and_not_the_run(ros: Any, small_disk: Path) ->
     assert 1000 < verdict.messages < len(buffered)
 
 
-def test_a_recording_that_cannot_begin_says_why(ros: Any, tmp_path: Path) -> None:
+def test_a_recording_that_cannot_begin_gives_the_reason(ros: Any, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RecorderError, match="cannot record into"):
         Recorder(ros.plain("host"), tmp_path / "file" / "bag", recorded=[topics.JOINT_STATES])

@@ -124,7 +124,7 @@ def test_a_changed_answer_is_a_difference_with_its_field(bags: Any, tmp_path: Pa
         ("tracker", "does not say with what parameters marker_tracker ran; give --parameters"),
     ],
 )
-def test_what_cannot_be_replayed_is_said(in_order: Path, node: str, sentence: str) -> None:
+def test_what_cannot_be_replayed_is_refused(in_order: Path, node: str, sentence: str) -> None:
     with pytest.raises(BagError, match=sentence):
         replay(in_order, node)
 

@@ -109,7 +109,7 @@ def test_a_frame_that_waited_for_the_encoder_is_measured_when_the_sample_comes()
     assert found["tracker: measure"] == 0.5 * HOP
 
 
-def test_a_driver_that_stamps_by_the_clock_says_when_it_exposed() -> None:
+def test_a_driver_that_stamps_by_the_clock_gives_the_exposure_time() -> None:
     noted = records(lengths=1)
     rig = noted["station"] == Station.RIG
     noted["stamp"] = BEGIN - 4 * HOP

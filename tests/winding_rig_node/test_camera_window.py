@@ -191,7 +191,7 @@ def test_the_path_is_the_lay_and_the_kernels_find_their_way_in_it(
         assert path_crosses(path, start, start + 0.2, high, high)
 
 
-def test_it_says_where_nothing_lies() -> None:
+def test_no_crossing_is_found_where_nothing_lies() -> None:
     _, seen, _ = wound(3, 30.0)
     path = seen.path.table
     assert not path_crosses(path, 2.0, 3.0, 0.2, 0.3)
@@ -227,7 +227,7 @@ def test_the_lay_goes_on_beyond_the_contact_line_in_its_direction() -> None:
     assert seen.path.height(np.array(ahead)) == pytest.approx(expected, abs=0.5e-6)
 
 
-def test_every_point_is_told_once() -> None:
+def test_every_point_is_passed_on_once() -> None:
     lay, _, counted = wound(3, 40.0)
     # P0 was viewed before the first step.
     assert counted == lay.path.theta.size - 1

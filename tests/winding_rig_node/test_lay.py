@@ -174,7 +174,7 @@ def landings(lay: DrivenLay, count: int) -> np.ndarray:
     return lay.marker_theta[1 : 1 + count]
 
 
-def test_markers_land_where_the_closed_form_says() -> None:
+def test_markers_land_where_the_closed_form_puts_them() -> None:
     lay = wound(PLAIN, 26.0, level)
     load = (PLAIN.drag + PLAIN.load_share * CASE.weight) / (CASE.section_area * 2.6e6)
     expected = neo_hookean_stretch(load) * CASE.marker_spacing * np.arange(1, 5) / RHO
@@ -313,7 +313,7 @@ def test_what_is_not_finite_is_refused_and_changes_nothing(bad: float, which: in
     assert lay.contact == before
 
 
-def test_drawn_rigs_fill_their_ranges_and_are_told_apart_by_their_seed() -> None:
+def test_drawn_rigs_fill_their_ranges_and_repeat_with_their_seed() -> None:
     rigs = [HiddenRig.drawn(np.random.default_rng(seed)) for seed in range(200)]
     ranges = {
         "free_length": FREE_LENGTH,

@@ -311,7 +311,7 @@ def test_a_tension_command_sets_the_brake(ros: Any) -> None:
 
 
 @pytest.mark.slow
-def test_a_refused_command_is_told_in_diagnostics(ros: Any) -> None:
+def test_a_refused_command_is_reported_in_diagnostics(ros: Any) -> None:
     bench = Commanded(ros)
     wanted = JointState(name=["carriage_joint"], position=[3.0])
     bench.send(topics.JOINT_TARGETS, wanted)
@@ -403,7 +403,7 @@ def test_what_was_chosen_since_the_process_was_started_is_filmed(ros: Any, rig: 
     assert port.times == [0.0, 0.001, 0.002]
 
 
-def test_a_reading_that_says_nothing_does_not_end_the_camera(ros: Any, rig: RigNode) -> None:
+def test_an_unusable_reading_does_not_end_the_camera(ros: Any, rig: RigNode) -> None:
     joints, port = topics.JOINT_STATES.advertise(ros.plain()), Port(ros.context)
     with open_camera(port):
         ros.spin_until(lambda: joints.get_subscription_count() == 1)

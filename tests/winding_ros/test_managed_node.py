@@ -110,7 +110,7 @@ def test_invalid_transition_is_refused_and_the_node_lives(ros: object) -> None:
     assert state(ros, probe) == State.PRIMARY_STATE_UNCONFIGURED
 
 
-def test_refused_configuration_leaves_the_node_unconfigured_and_says_why(ros: object) -> None:
+def test_refused_configuration_leaves_the_node_unconfigured_with_the_reason(ros: object) -> None:
     node = ros.add(Listener, parameter_overrides=override(flavour="salted"))
     probe = ros.plain()
     statuses = heard(probe)
@@ -261,7 +261,7 @@ def test_machine_is_not_switched_on_when_a_node_refuses() -> None:
     assert nodes.states["rig"] != ACTIVE
 
 
-def test_state_tells_what_became_of_a_transition_without_an_answer() -> None:
+def test_state_shows_the_result_of_a_transition_without_an_answer() -> None:
     nodes = Nodes(INACTIVE, loses="fem activate")
     asyncio.run(driver(nodes).change("fem", Transition.TRANSITION_ACTIVATE))
     assert nodes.done == ["fem activate"]
@@ -366,7 +366,7 @@ def test_an_interruption_is_no_loss_and_lateness_is_seen() -> None:
     assert cadence.counts == {"lost": 0, "doubled": 0, "reordered": 0, "late": 1, "interrupted": 1}
 
 
-def test_guard_refuses_what_is_reordered_and_tells_both_kinds() -> None:
+def test_guard_refuses_what_is_reordered_and_counts_both_kinds() -> None:
     guard = MessageGuard("rig/tension", steady=True)
     for sample in range(20):
         guard.check(0.01 * sample, lambda: 0.0)

@@ -357,7 +357,7 @@ def test_a_sensor_of_any_message_type_is_written() -> None:
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (2, 500_000_000)
 
 
-def test_a_cloud_says_whether_all_its_points_are_there() -> None:
+def test_a_cloud_is_dense_only_with_all_its_points() -> None:
     records = np.zeros(2, dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("id", "<i4")])
     assert deserialize_message(encode_cloud(0.0, records), PointCloud2).is_dense
     records["z"][1] = np.nan

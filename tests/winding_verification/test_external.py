@@ -250,7 +250,7 @@ def test_limp_rod_s_period_is_bernoulli_s(tmp_path: Path) -> None:
     ("overhang", "friction", "holds"),
     [(0.7, 0.3, True), (0.97, 0.2, True), (1.08, 0.4, False), (1.3, 0.15, False)],
 )
-def test_rope_holds_or_slides_as_the_heavy_capstan_equation_says(
+def test_rope_holds_or_slides_by_the_heavy_capstan_equation(
     tmp_path: Path, overhang: float, friction: float, holds: bool
 ) -> None:
     (row,) = compare(capstan(tmp_path, overhang, friction))
@@ -342,7 +342,7 @@ def test_bar_that_is_not_kept_ends_with_one(
         ({"rods": [{"centerline": [[0.0, 0.0]]}]}, "a centerline must be finite with shape"),
     ],
 )
-def test_file_that_says_something_else_is_refused_in_one_sentence(
+def test_file_with_other_content_is_refused_in_one_sentence(
     tmp_path: Path, change: dict[str, object], sentence: str
 ) -> None:
     file = cantilever(tmp_path)
