@@ -66,6 +66,19 @@ def centroid(mask: np.ndarray) -> np.ndarray:
     return np.array([columns.mean(), rows.mean()])
 
 
+def test_default_calibration_is_that_of_the_designed_camera() -> None:
+    info = CameraConfig().calibration()
+    # docs/vision.md: 12.5 px/mm on a sensor of 1920 x 1080, from 392 mm before the cable.
+    assert (info.width, info.height) == (1920, 1080)
+    assert info.k[0, 0] == info.k[1, 1] == 12.5 * 392.0
+    # Made up, of the size that lenses have: a principal point off the middle and a barrel.
+    assert info.k[:2, 2].tolist() == [960.0 + 3.2, 540.0 - 3.4]
+    assert info.distortion_model == "plumb_bob"
+    assert info.d.tolist() == [-0.12, 0.05, 4.0e-4, -3.0e-4, 0.0]
+    # docs/vision.md: the live window, 1920 x 288 about the cylinder's axis, binned by 3.
+    assert (info.roi, info.binning) == ((0, 393, 1920, 288), 3)
+
+
 def test_resolution_is_that_of_the_paper_at_the_cylinder() -> None:
     ends = np.array([[0.03, 0.0, 0.045], [0.03, 0.0, 0.055]])
     pixels = project_points(CameraConfig().full_frame(), ends)
