@@ -361,6 +361,8 @@ def outcome(**environment: str) -> Any:
 
 @pytest.mark.slow
 def test_interpreted_kernels_give_the_compiled_numbers() -> None:
-    for compiled, interpreted in zip(outcome(), outcome(NUMBA_DISABLE_JIT="1"), strict=True):
+    numbers = outcome()
+    assert numbers
+    for compiled, interpreted in zip(numbers, outcome(NUMBA_DISABLE_JIT="1"), strict=True):
         # Compiled sums are reordered: rounding of a few hundred steps remains.
         assert np.asarray(interpreted) == pytest.approx(np.asarray(compiled), rel=1e-9, abs=1e-12)

@@ -309,6 +309,7 @@ def test_the_estimate_covers_what_much_shorter_elements_change() -> None:
 def test_markers_that_are_not_wound_have_no_estimate() -> None:
     run = PlannedRun(config=CONFIG, duration=1.0)
     estimate = discretisation_error(run, run.wind(whole=False))
+    assert estimate.s.shape == estimate.theta.shape == (CASE.marker_count,)
     assert np.isnan(estimate.s).all()
     assert np.isnan(estimate.theta).all()
 

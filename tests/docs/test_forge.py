@@ -87,6 +87,7 @@ def test_a_workflow_may_do_no_more_than_it_needs(path: Path) -> None:
 def test_workflows_run_targets_that_make_has(path: Path) -> None:
     steps = [step for job in workflow(path)["jobs"].values() for step in job["steps"]]
     targets = re.findall(r"\bmake ([\w-]+)", " ".join(step.get("run", "") for step in steps))
+    assert targets
     missing = [one for one in targets if not re.search(rf"^{one}:", RULES, re.MULTILINE)]
     assert missing == []
 

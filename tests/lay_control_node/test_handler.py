@@ -278,14 +278,15 @@ def test_message_that_cannot_be_used_changes_nothing(topic: Any, data: bytes) ->
 
 @pytest.mark.parametrize("field", ["theta", "z", "sigma_z"])
 def test_place_that_is_not_a_number_moves_nothing(field: str) -> None:
-    handler = begun()
-    wind(handler, 0.0, 4.0)
+    hurt, unhurt = begun(), begun()
+    for handler in (hurt, unhurt):
+        wind(handler, 0.0, 4.0)
     places = np.zeros(3, dtype=LAY_DTYPE)
     places["theta"] = (1.0, 2.0, 3.0)
     places["z"] = 0.003
     places["sigma_z"] = 1.0e-4
     places[field] = math.nan
-    list(handler.take(topics.TRACKED_LAY, encode_cloud(4.0, places)))
+    list(hurt.take(topics.TRACKED_LAY, encode_cloud(4.0, places)))
     markers = np.zeros(1, dtype=MARKER_DTYPE)
     markers["id"] = 1
     markers["theta"] = 4.0
@@ -293,7 +294,8 @@ def test_place_that_is_not_a_number_moves_nothing(field: str) -> None:
     markers["sigma_z"] = 1.0e-4
     markers[field] = math.nan
     for k in range(40):
-        list(handler.take(topics.TRACKED_MARKERS, encode_cloud(4.0 + 0.005 * k, markers)))
-    state = states(wind(handler, 4.0, 4.2))
+        list(hurt.take(topics.TRACKED_MARKERS, encode_cloud(4.0 + 0.005 * k, markers)))
+    after, expected = (states(wind(handler, 4.0, 4.2)) for handler in (hurt, unhurt))
     for name in ("z", "guide", "guide_speed", "free_length", "load_share"):
-        assert np.isfinite(state[name]).all(), name
+        assert np.isfinite(after[name]).all(), name
+        np.testing.assert_array_equal(after[name], expected[name])

@@ -203,6 +203,7 @@ def test_every_parameter_has_a_description_a_unit_and_a_range() -> None:
     ]
     assert [name for name, item in declared if not item.description] == []
     numbers = [(name, item) for name, item in declared if isinstance(item.default, float | list)]
+    assert numbers
     assert [name for name, item in numbers if item.low is None and item.high is None] == []
     assert [name for name, item in numbers if not UNIT.search(item.description)] == []
 

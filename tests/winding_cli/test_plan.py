@@ -49,9 +49,12 @@ def test_the_solver_lies_where_it_is_planned(tmp_path: Path) -> None:
     solver = record["solver"]
     # The bar of the issue, and 0.3 % of a turn, three times the most that was measured at markers.
     assert solver["residual_rms_m"] <= 0.05 * record["uncompensated_rms_m"]
-    for item, landed in zip(record["markers"], solver["markers_rad"], strict=True):
-        if item["wanted_rad"] is not None and landed is not None:
-            assert landed == pytest.approx(item["wanted_rad"], abs=0.003 * 2.0 * np.pi)
+    wanted = [item["wanted_rad"] for item in record["markers"]]
+    pairs = zip(wanted, solver["markers_rad"], strict=True)
+    both = [pair for pair in pairs if None not in pair]
+    assert len(both) >= 3
+    for angle, landed in both:
+        assert landed == pytest.approx(angle, abs=0.003 * 2.0 * np.pi)
 
 
 @pytest.mark.slow

@@ -231,5 +231,6 @@ def test_every_link_hangs_on_the_frame_of_the_messages() -> None:
     links = {item.get("name") for item in root.iterfind("link")}
     assert links - set(children) == {"winder_axis"}
     assert len(children) == len(set(children)) == len(links) - 1
-    for joint in root.iterfind("joint"):
-        assert all(np.isfinite(numbers(item, "xyz")).all() for item in joint.iterfind("origin"))
+    origins = root.findall("joint/origin")
+    assert origins
+    assert all(np.isfinite(numbers(origin, "xyz")).all() for origin in origins)

@@ -155,6 +155,7 @@ def test_text_from_outside_cannot_become_markup(synthetic) -> None:
     )
     page = ReportPage(render_report(record))
     assert "script" not in page.tags
+    assert page.sources
     assert all(source.startswith("data:") for source in page.sources)
 
 
@@ -261,7 +262,9 @@ def test_an_error_needs_a_length_to_divide_by() -> None:
 
 def test_numbers_of_numpy_are_written_too(synthetic) -> None:
     row = MarkerRow(id=1, original=0.1, s_fem=np.float64(0.11), h=np.float32(0.5))
-    json.dumps(run_json(dataclasses.replace(synthetic(), rows=(row,))))
+    text = json.dumps(run_json(dataclasses.replace(synthetic(), rows=(row,))))
+    (marker,) = json.loads(text)["markers"]
+    assert (marker["s_fem_m"], marker["h"]) == (0.11, 0.5)
 
 
 def test_a_series_gives_one_markers_rows() -> None:

@@ -153,6 +153,7 @@ def test_the_file_is_one_that_viewers_of_trace_events_read(tmp_path: Path) -> No
     for way in ("camera", "prediction"):
         for number in range(3):
             own = [e for e in events if e.get("cat") == way and e["id"] == number]
+            assert own
             begun = [e["name"] for e in own if e["ph"] == "b"]
             assert sorted(begun) == sorted(e["name"] for e in own if e["ph"] == "e")
             hops = [e for e in own if e["name"] != "corrected length"]
