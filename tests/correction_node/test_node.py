@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.parameter import Parameter
 
 from correction_node.live.measured_run import SETTLED_FRAMES as FRAMES
 from correction_node.models.dataset import load_data_set
@@ -16,10 +15,6 @@ from winding_core.status import Level
 from winding_ros import topics
 from winding_ros.messages.clouds import decode_cloud, encode_cloud
 from winding_ros.messages.diagnostics import decode_case_votes
-
-
-def overrides(**values: object) -> list[Parameter]:
-    return [Parameter(name, value=value) for name, value in values.items()]
 
 
 def measured(number: int, wound: int) -> np.ndarray:
@@ -47,7 +42,7 @@ class Bench:
     """An active node between a probe's publishers and subscriptions."""
 
     def __init__(self, ros: Any, **parameters: object) -> None:
-        self.node = ros.add(CorrectionNode, parameter_overrides=overrides(**parameters))
+        self.node = ros.add(CorrectionNode, parameters=parameters)
         probe = ros.plain()
         self.corrected: list[Any] = []
         self.votes: list[Any] = []
@@ -162,5 +157,5 @@ def test_condition_outside_the_trained_ones_is_left_as_predicted_and_reported(ro
 
 
 def test_missing_weights_are_refused(ros: Any) -> None:
-    node = ros.add(CorrectionNode, parameter_overrides=overrides(weights="nowhere"))
+    node = ros.add(CorrectionNode, parameters={"weights": "nowhere"})
     assert node.trigger_configure() is TransitionCallbackReturn.FAILURE

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from marker_film import DRIVE, Film, axes
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 
 from marker_tracker_node.node import ComposedTrackerNode, MarkerTrackerNode
@@ -37,7 +36,7 @@ class Bench:
 
     def __init__(self, ros: Any) -> None:
         self.ros = ros
-        self.node = ros.add(MarkerTrackerNode, parameter_overrides=[Parameter("case", value=4)])
+        self.node = ros.add(MarkerTrackerNode, parameters={"case": 4})
         probe = ros.plain()
         self.markers: list[Any] = []
         topics.TRACKED_MARKERS.subscribe(probe, self.markers.append)
@@ -211,9 +210,7 @@ def device() -> Device:
 
 @pytest.fixture
 def node(ros: Any, device: Device) -> ComposedTrackerNode:
-    made = ros.add(
-        ComposedTrackerNode, device.open_camera, parameter_overrides=[Parameter("case", value=4)]
-    )
+    made = ros.add(ComposedTrackerNode, device.open_camera, parameters={"case": 4})
     assert made.trigger_configure() is TransitionCallbackReturn.SUCCESS
     tracker: ComposedTrackerNode = made
     return tracker

@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 import pytest
-from simulated_page import Desk, Machine, fresh_state, phase
+from simulated_page import Clock, Desk, Machine, fresh_state, phase
 
 from winding_core.machine.readings import CABLE_TENSION
 from winding_core.status import Level, RunPhase, Status
@@ -207,13 +207,6 @@ def test_nothing_is_started_while_a_node_is_down() -> None:
     assert seen["off"]["start"] == "cable_fem is inactive; wait for it, or prepare the run"
     assert seen["off"]["stop"] == ""
     assert commands.asleep({"cable_fem": "active", "correction": "no answer"}) == ""
-
-
-class Clock:
-    now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 @pytest.mark.parametrize("name", ["start", "reset"])

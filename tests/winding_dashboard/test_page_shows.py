@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from controlled_page import note_run
-from simulated_page import Desk, Machine, fresh_state, phase, served, wound
+from simulated_page import Clock, Desk, Machine, fresh_state, phase, served, wound
 
 from winding_core.cable.condition import Condition
 from winding_core.cable.material_report import MaterialReport
@@ -17,13 +17,6 @@ from winding_core.status import Level, Status
 from winding_dashboard.drawings.cylinder_view import Sight
 from winding_dashboard.page.snapshot import PERIOD, Wanted
 from winding_dashboard.state.view_state import ViewState
-
-
-class Clock:
-    now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 def source(clock: Clock) -> tuple[Any, Any]:

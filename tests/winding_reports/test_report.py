@@ -218,14 +218,10 @@ def test_axe_finds_nothing_grave(synthetic, tmp_path, width: int) -> None:
         assert grave_findings(shown) == []
 
 
-def _refuse_constant(name: str) -> None:
-    raise AssertionError(f"{name} is not JSON")
-
-
 def test_the_file_holds_exactly_the_agreed_keys(synthetic, tmp_path) -> None:
     path = tmp_path / "new" / "run.json"
     write_run_json(synthetic(), path)
-    read = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    read = json.loads(path.read_text(encoding="utf-8"), parse_constant=pytest.fail)
     assert set(read) == set(SCHEMA["required"])
     assert read["case"] == 4
     assert [marker["id"] for marker in read["markers"]] == [1, 2, 3, 4]
@@ -249,7 +245,7 @@ def test_what_was_not_measured_is_null(synthetic, tmp_path) -> None:
     )
     path = tmp_path / "run.json"
     write_run_json(record, path)
-    read = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    read = json.loads(path.read_text(encoding="utf-8"), parse_constant=pytest.fail)
     assert read["markers"][0].pop("id") == 1
     assert read["markers"][0].pop("original_m") == 0.1
     assert set(read["markers"][0].values()) == {None}

@@ -84,10 +84,6 @@ def heard(probe: object) -> dict[str, Status]:
     return statuses
 
 
-def override(**values: object) -> list[Parameter]:
-    return [Parameter(name, value=value) for name, value in values.items()]
-
-
 def test_full_life(ros: object) -> None:
     ros.add(Listener)
     probe = ros.plain()
@@ -111,7 +107,7 @@ def test_invalid_transition_is_refused_and_the_node_lives(ros: object) -> None:
 
 
 def test_refused_configuration_leaves_the_node_unconfigured_with_the_reason(ros: object) -> None:
-    node = ros.add(Listener, parameter_overrides=override(flavour="salted"))
+    node = ros.add(Listener, parameters={"flavour": "salted"})
     probe = ros.plain()
     statuses = heard(probe)
     assert not change(ros, probe, Transition.TRANSITION_CONFIGURE)
@@ -149,11 +145,11 @@ def test_refused_message_is_counted_and_does_not_stop_the_node(ros: object) -> N
 
 def test_unknown_parameter_is_refused_before_the_node_exists(ros: object) -> None:
     with pytest.raises(ParameterError, match="has no parameter gane; did you mean gain"):
-        Listener(context=ros.context, parameter_overrides=override(gane=1.0))
+        ros.add(Listener, parameters={"gane": 1.0})
 
 
 def test_whole_number_override_of_a_float_is_taken(ros: object) -> None:
-    assert ros.add(Listener, parameter_overrides=override(gain=2)).configuration.gain == 2.0
+    assert ros.add(Listener, parameters={"gain": 2}).configuration.gain == 2.0
 
 
 def test_parameters_describe_themselves_and_keep_their_range(ros: object) -> None:
