@@ -50,7 +50,7 @@ def test_sessions_of_other_days_are_listed_with_all_their_runs(tmp_path: Path) -
     ]
 
 
-def test_run_that_ended_early_or_missed_its_lay_says_so(tmp_path: Path) -> None:
+def test_run_that_ended_early_or_missed_its_lay_is_marked(tmp_path: Path) -> None:
     lay = {"kept": False, "sentence": "the lay does not keep 0.5 mm"}
     written(tmp_path, when=100.0, ended="emergency stop", verdict=lay)
     (run,) = RunList(tmp_path).runs()
