@@ -78,7 +78,7 @@ def test_a_reversed_axis_is_named_and_what_was_wound_is_kept(
     assert "the cylinder turned backwards" in done.stderr
     assert "the cylinder turned backwards" in numbers(tmp_path / "run")["ended"]
     page = (tmp_path / "run" / "report" / "index.html").read_text(encoding="utf-8")
-    assert "This run ended early" in page
+    assert "ended by the machine after" in page
 
 
 SERVE = 'f"rig/{name}", getattr(self, name)'
@@ -129,7 +129,9 @@ def test_a_stop_that_cannot_be_delivered_ends_the_run(
     finally:
         run.kill()
     assert failure in errors.read_text(encoding="utf-8")
-    assert "could not be delivered" in numbers(tmp_path / "run")["ended"]
+    outcome = numbers(tmp_path / "run")["outcome"]
+    assert "cable_fem ended with exit code -9" in outcome["cause"]["text"]
+    assert outcome["machine"] == "turning"
 
 
 def wait_until(reached: Callable[[], Any], patience: float = 240.0) -> Any:

@@ -109,6 +109,11 @@ class RunDelivery:
             complain(f"the report of run {self._count} could not be written: {error}")
             self._flaws.append(str(error))
 
+    @property
+    def flawed(self) -> bool:
+        """Whether the command fails at its end."""
+        return bool(self._flaws)
+
     def end(self) -> None:
         """End the command as its runs came out."""
         if self._operated and not self._count:

@@ -23,6 +23,7 @@ from winding_cli.terminal.termination import end
 from winding_core.cable.cases import Case
 from winding_core.cable.condition import Condition
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
+from winding_core.run_outcome import EndedBy
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
@@ -59,6 +60,7 @@ def wind(
     from winding_supervisor.session.run_config import RunFolderError
 
     check_before_start(config)
+    interrupted = partial(end, "interrupted; the nodes are stopped")
     ending: Callable[[], NoReturn] | None = None
     results: list[RunResult] = []
     try:
@@ -71,7 +73,7 @@ def wind(
                 complain(error)
                 ending = fail
             except KeyboardInterrupt:
-                ending = partial(end, "interrupted; the nodes are stopped")
+                ending = interrupted
             if ending is not None:
                 results = run.remains()
     except (DomainError, RecorderError, RunFolderError) as error:
@@ -80,7 +82,10 @@ def wind(
         refuse(error, FAILED)
     for result in results:
         delivery.deliver(result)
-    return ending
+        if result.ending.by is EndedBy.SIGNAL:
+            ending = interrupted
+    # A machine that may still turn is more than an interruption.
+    return None if ending is interrupted and delivery.flawed else ending
 
 
 def _watched(
