@@ -2,7 +2,10 @@
 
 import asyncio
 import signal
+import subprocess
+import sys
 from contextlib import AsyncExitStack
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -172,3 +175,27 @@ async def test_two_services_that_hang_are_named() -> None:
         "the stop could not be delivered: no answer from rig/quick_stop in 0.8 s; "
         "no answer from rig/stop in 0.8 s"
     )
+
+
+@pytest.mark.slow
+def test_closing_that_hangs_with_the_interpreters_lock_held_ends_the_process(
+    tmp_path: Path,
+) -> None:
+    # A call into C through PyDLL keeps the lock, as the middleware's deadlock did.
+    program = """
+import ctypes, sys
+from pathlib import Path
+from winding_supervisor.session.interruption import ended_if_stuck
+with ended_if_stuck(1.5, Path(sys.argv[1])):
+    ctypes.PyDLL(None).pause()
+"""
+    file = tmp_path / "closing.txt"
+    ended = subprocess.run([sys.executable, "-c", program, str(file)], check=False, timeout=120)
+    assert ended.returncode == 1
+    assert "Timeout" in file.read_text(encoding="utf-8")
+
+
+def test_closing_in_time_leaves_nothing(tmp_path: Path) -> None:
+    with interruption.ended_if_stuck(60.0, tmp_path / "closing.txt"):
+        assert (tmp_path / "closing.txt").exists()
+    assert list(tmp_path.iterdir()) == []

@@ -320,7 +320,7 @@ def write_recorded_report(
     Raises:
         BagError: The recording cannot be read, or has no condition of what was wound.
     """
-    from winding_cli.run.delivery import deliver, flaw, laid_as_published, seed_of
+    from winding_cli.run.delivery import flaw, laid_as_published, seed_of, show, write
     from winding_cli.run.outcome import asked_extent
     from winding_cli.run.record import run_record
     from winding_core.cable.condition import Condition
@@ -355,7 +355,8 @@ def write_recorded_report(
         seed=seed_of(run.parameters),
         error_limit_pct=error_limit_pct,
     )
-    deliver(record, out, out / "run.json", bags=(source,))
+    show(record)
+    write(record, out, out / "run.json", bags=(source,))
     sentence = flaw(record, result, held=held.asked, errors_held=errors_held)
     if sentence:
         refuse(sentence, FAILED)

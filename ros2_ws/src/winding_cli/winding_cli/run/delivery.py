@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -101,13 +102,8 @@ class RunDelivery:
         # The condition of a machine with a driver of its own is the command line's in every run.
         simulated = self._config.machine is None
         condition = operated_condition(self._condition, result) if simulated else self._condition
-        if condition is None:
-            return
-        try:
+        if condition is not None:
             self._deliver(condition, result)
-        except OSError as error:
-            complain(f"the report of run {self._count} could not be written: {error}")
-            self._flaws.append(str(error))
 
     @property
     def flawed(self) -> bool:
@@ -147,17 +143,31 @@ class RunDelivery:
             seed=seed_of(parameters),
             error_limit_pct=limits.error_limit_pct,
         )
-        deliver(
-            record,
-            self._numbered(into.report) or folder / "report",
-            self._numbered(into.json) or folder / "run.json",
-            bags=result.bags,
-            trace=self._numbered(into.trace),
-            result=result,
-        )
+        show(record)
+        try:
+            write(
+                record,
+                self._numbered(into.report) or folder / "report",
+                self._numbered(into.json) or folder / "run.json",
+                bags=result.bags,
+                trace=self._numbered(into.trace),
+                result=result,
+            )
+        except OSError as error:
+            self._rescue(record, error)
         found = flaw(record, result, held=into.lay_held, errors_held=into.errors_held)
         if found:
             self._flaws.append(found)
+
+    def _rescue(self, record: RunRecord, error: OSError) -> None:
+        """Write the numbers where there is room for them: the run's own place takes no more."""
+        from winding_reports.records.run_record import write_run_json
+
+        place = Path(tempfile.mkdtemp(prefix="winding-run-")) / "run.json"
+        write_run_json(record, place)
+        sentence = f"what run {self._count} left could not be written: {error}; numbers: {place}"
+        complain(sentence)
+        self._flaws.append(sentence)
 
     def _own_origin(self) -> Origin:
         from winding_cli.terminal.origin import origin_here
@@ -191,7 +201,7 @@ def operated_condition(condition: Condition, result: RunResult) -> Condition | N
     return build(type(condition), stated, owner="the run")
 
 
-def deliver(
+def write(
     record: RunRecord,
     report: Path,
     json: Path,
@@ -200,7 +210,7 @@ def deliver(
     trace: Path | None = None,
     result: RunResult | None = None,
 ) -> None:
-    """Write the numbers of a run, its report and its trace; print its results and where they are.
+    """Write the numbers of a run, its report and its trace; print where they are.
 
     Args:
         record: Of the run.
@@ -221,7 +231,6 @@ def deliver(
     if trace is not None and result is not None:
         _write_trace(record, result, trace)
         files.append(("trace", trace))
-    _show(record)
     for name, path in files:
         result_console().print(f"{name}: {path}", soft_wrap=True)
 
@@ -235,7 +244,8 @@ def _write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
         write_chrome_trace(record.trace, result.trace, place)
 
 
-def _show(record: RunRecord) -> None:
+def show(record: RunRecord) -> None:
+    """Print the results of a run and how it came out."""
     console = result_console()
     console.print(results_table(record))
     for sentence in record.outcome.sentences:

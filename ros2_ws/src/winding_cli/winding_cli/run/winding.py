@@ -76,14 +76,14 @@ def wind(
                 ending = interrupted
             if ending is not None:
                 results = run.remains()
+            for result in results:
+                delivery.deliver(result)
+                if result.ending.by is EndedBy.SIGNAL:
+                    ending = interrupted
     except (DomainError, RecorderError, RunFolderError) as error:
         refuse(error)
     except OSError as error:
         refuse(error, FAILED)
-    for result in results:
-        delivery.deliver(result)
-        if result.ending.by is EndedBy.SIGNAL:
-            ending = interrupted
     # A machine that may still turn is more than an interruption.
     return None if ending is interrupted and delivery.flawed else ending
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import faulthandler
 import signal
-from collections.abc import Callable, Coroutine
-from contextlib import AsyncExitStack, suppress
+import sys
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import AsyncExitStack, ExitStack, contextmanager, suppress
+from pathlib import Path
 from types import FrameType
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import psutil  # type: ignore[import-untyped]
 
@@ -81,6 +84,30 @@ class Interruption:
             for child in psutil.Process().children(recursive=True):
                 with suppress(psutil.NoSuchProcess):
                     child.kill()
+
+
+@contextmanager
+def ended_if_stuck(patience: float, file: Path) -> Iterator[None]:
+    """End this process with code 1 if the body, which only closes, does not come to its end.
+
+    The body may hang with the interpreter's lock held: no thread of Python would run any more.
+
+    Args:
+        patience: After so long [s].
+        file: Gets what every thread was at; nothing is left of it where the body ends in time.
+    """
+    with ExitStack() as stack:
+        try:
+            tracebacks: IO[str] = stack.enter_context(file.open("w", encoding="utf-8"))
+        except OSError:
+            # The disk is full, or the run's folder is gone.
+            tracebacks = sys.stderr
+        faulthandler.dump_traceback_later(patience, exit=True, file=tracebacks)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
+    file.unlink(missing_ok=True)
 
 
 Work = Callable[[AsyncExitStack, Interruption], Coroutine[Any, Any, Result]]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Iterator
-from contextlib import AsyncExitStack, contextmanager
+from contextlib import AsyncExitStack, ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 from winding_core.run_options import OperatorLimits
 from winding_core.run_outcome import Cause, EndedBy, Motion
@@ -22,7 +23,7 @@ from winding_supervisor.processes.orchestrator import Orchestrator
 from winding_supervisor.session.dashboard_process import DashboardProcess, outlive
 from winding_supervisor.session.domain_lock import chosen_domain, domain_lock
 from winding_supervisor.session.external_session import ExternalSession, NextRun
-from winding_supervisor.session.interruption import Interruption, run_closing
+from winding_supervisor.session.interruption import Interruption, ended_if_stuck, run_closing
 from winding_supervisor.session.machine_run import MachineRun, View
 from winding_supervisor.session.operator_run import (
     SESSION_ENDED,
@@ -49,11 +50,15 @@ Deliver = Callable[[RunResult], None]
 
 # A machine that does not stop is asked for so long where no operator is present [s].
 _UNATTENDED = 10.0
+# The middleware has so long to close; Fast DDS has been seen in a deadlock [s].
+_CLOSING = 20.0
 
 
 @contextmanager
 def opened_run(config: RunConfig) -> Iterator[Run]:
     """Check a run and yield it, with its domain locked and its folder made.
+
+    Its middleware is closed at the end of the body, after everything that a run leaves is written.
 
     Raises:
         ParameterError, RecorderError, RunFolderError, ValueError: As in `check_run`.
@@ -65,7 +70,12 @@ def opened_run(config: RunConfig) -> Iterator[Run]:
     with domain_lock(domain, config.namespace):
         claimed = replace(config, directory=claim_folder(config))
         set_process_environment(domain, claimed.log_directory)
-        yield Run(claimed)
+        run = Run(claimed)
+        try:
+            yield run
+        finally:
+            with ended_if_stuck(_CLOSING, claimed.directory / "closing.txt"):
+                run.middleware.close()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,10 +97,12 @@ class Run:
 
     Attributes:
         config: Of the run; its directory is the folder that was made.
+        middleware: What is left to close when everything is written.
     """
 
     def __init__(self, config: RunConfig) -> None:
         self.config = config
+        self.middleware = ExitStack()
         self._log = EventLog(file=config.directory / "events.jsonl")
         self._operated: OperatorRun | None = None
         self._bags = 0
@@ -165,7 +177,7 @@ class Run:
             wall_s=0.0 if self._following is None else self._following.wall_s,
             ending=self._log.ending(Motion.STANDING if self._rest is None else self._rest.motion),
             losses=self._losses(recorder),
-            bags=tuple(recorder.bags.folders[self._bags :]),
+            bags=tuple(filter(Path.exists, recorder.bags.folders[self._bags :])),
             limits=self._limits(),
             simulated=self.config.machine is None,
             trace=None if self._trace is None else self._trace.since(recorder.buffer.begun_ns),
@@ -173,7 +185,12 @@ class Run:
 
     def _losses(self, recorder: Recorder) -> tuple[str, ...]:
         recording = f"the recording is incomplete: {recorder.error}" if recorder.error else ""
-        return tuple(filter(None, (recording, self._log.failure)))
+        gone = (
+            f"the recording {folder} is gone"
+            for folder in recorder.bags.folders[self._bags :]
+            if not folder.exists()
+        )
+        return tuple(filter(None, (recording, *gone, self._log.failure)))
 
     def _limits(self) -> OperatorLimits | None:
         return None if self._dashboard is None else self._dashboard.limits
@@ -200,7 +217,7 @@ class Run:
     ) -> Recorder:
         config = self.config
         client = AsyncClient(config.namespace)
-        stack.callback(client.close)
+        self.middleware.callback(client.close)
         recorder = self._recorder_of_run = new_recorder(config, client)
         # It publishes until everything is stored, so it is closed before the client.
         stack.callback(recorder.close)
