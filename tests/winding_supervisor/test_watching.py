@@ -17,6 +17,7 @@ from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.runtime.heartbeat import Heartbeat, heartbeat_topic
 from winding_ros.topic import Topic
+from winding_supervisor.machines.watch_clock import WatchClock
 from winding_supervisor.processes.discovery import RivalWatch
 from winding_supervisor.processes.node_process import Backoff
 from winding_supervisor.session.run_config import RunConfig
@@ -216,3 +217,15 @@ def test_a_machine_without_a_urdf_is_reported(ros: Any, tmp_path: Path) -> None:
         "no robot_description: a URDF joint is in rad or m: carriage_scale must be 1 or -1, "
         "got 3.14159"
     ]
+
+
+def test_a_watch_that_was_held_takes_no_topic_for_silent() -> None:
+    clock, watch = WatchClock(), SensorWatch()
+    for now in (10.0, 10.05, 13.4, 13.45):
+        stamps = {
+            "clock": now,
+            "rig/joint_states": now,
+            "rig/tension": 10.0 if now < 13.42 else now,
+        }
+        assert watch.look(clock.look(now), stamps, {}) is None
+    assert clock.time == pytest.approx(0.3)

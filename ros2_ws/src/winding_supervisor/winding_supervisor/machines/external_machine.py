@@ -24,13 +24,12 @@ from winding_ros.graph import GraphError
 from winding_ros.services import Service
 from winding_ros.topic import Topic
 from winding_supervisor.machines.standing_axes import joint_sample, standing_axes
+from winding_supervisor.machines.watch_clock import WatchClock
 
 _POLL = 0.02
 # The first half second of a motion may be over before it is noticed [s].
 _NOTICED = 0.5
 _SILENCE = 2.0
-# Between two looks no more time counts than this: a process that was held hears nothing [s].
-_LONGEST_LOOK = 0.2
 # A machine that stands for longer in mid-run is reported [s].
 _NOTED_STANDING = 2.0
 _TURN = 2.0 * math.pi
@@ -104,8 +103,8 @@ class ExternalMachine:
         self._seen_ns = 0
         self._still_since: float | None = None
         self._wrong = ""
-        self._looked = clock()
-        self._silent = 0.0
+        self._looks = WatchClock()
+        self._heard = 0.0
 
     @property
     def t(self) -> float:
@@ -193,14 +192,16 @@ class ExternalMachine:
 
     def look(self) -> None:
         """Take note of every encoder sample since the last look, in the order they came."""
-        now = self._clock()
-        self._silent += min(now - self._looked, _LONGEST_LOOK)
-        self._looked = now
+        now = self._looks.look(self._clock())
         for message in self._unseen():
-            self._silent = 0.0
+            self._heard = now
             sample = joint_sample(message, self.axes)
             if sample is not None and (self._reading is None or sample.t > self._reading[0]):
                 self._take(sample)
+
+    @property
+    def _silent(self) -> float:
+        return self._looks.time - self._heard
 
     def _unseen(self) -> Iterator[BufferedMessage]:
         """Yield the encoder samples that have arrived since the last look, the oldest first."""
@@ -253,7 +254,7 @@ class ExternalMachine:
         self._buffer.axes = self.axes
         self._buffer.origin = math.inf
         self._reader = AxisReader(self.axes)
-        self._reading, self._silent = None, 0.0
+        self._reading, self._heard = None, self._looks.look(self._clock())
         newest = self._buffer.last(topics.JOINT_STATES)
         self._seen_ns = 0 if newest is None else newest.received_ns
 

@@ -22,6 +22,7 @@ from winding_ros.client.async_client import NAME, AsyncClient
 from winding_ros.graph import GraphError, Policy
 from winding_ros.runtime.heartbeat import Sign
 from winding_supervisor.machines.machine import Machine
+from winding_supervisor.machines.watch_clock import WatchClock
 from winding_supervisor.processes.discovery import RivalWatch
 from winding_supervisor.processes.node_process import Backoff
 from winding_supervisor.processes.orchestrator import Orchestrator
@@ -219,6 +220,7 @@ class Supervisor:
 
     async def _look(self) -> None:
         """Watch the stamps of the sensors and the diagnostics of the nodes."""
+        clock = WatchClock()
         while True:
             await asyncio.sleep(_LOOK_PERIOD)
             complaint = self._machine.complaint()
@@ -243,7 +245,7 @@ class Supervisor:
                 for spec in self._graph
                 if spec.answer is not None
             }
-            wrong = self._sensors.look(time.monotonic(), sensors, answers)
+            wrong = self._sensors.look(clock.look(time.monotonic()), sensors, answers)
             if wrong is not None:
                 self._find(*wrong, fatal=True)
                 return
