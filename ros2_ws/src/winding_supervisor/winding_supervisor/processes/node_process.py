@@ -20,6 +20,8 @@ from winding_ros.environment import child_environment, enclave_arguments, ros_ar
 from winding_ros.graph import NodeSpec
 
 _HELD = (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
+# On a busy computer a process may wait long for the processor, or for the disk.
+_WAITING = (psutil.STATUS_RUNNING, psutil.STATUS_DISK_SLEEP)
 _ERROR_MARKS = ("error:", "[ERROR]", "[FATAL]")
 # A node that complains without end may not fill the disk: two files of this size [bytes].
 LOG_LIMIT = 4_000_000
@@ -71,6 +73,21 @@ class NodeProcess:
             return psutil.Process(self.pid).status() in _HELD
         except psutil.NoSuchProcess:
             return False
+
+    def work(self) -> object:
+        """Return what changes while the process and its children work or want to.
+
+        It is their processor time in whole seconds: the threads of the middleware of a process
+        that hangs take some milliseconds of a second.
+        """
+        try:
+            process = psutil.Process(self.pid)
+            tree = [process, *process.children(recursive=True)]
+            if any(item.status() in _WAITING for item in tree):
+                return object()
+            return int(sum(sum(item.cpu_times()[:4]) for item in tree))
+        except psutil.NoSuchProcess:
+            return None
 
     async def start(self) -> None:
         """Start the process in a session of its own: Ctrl-C reaches only the orchestrator."""
