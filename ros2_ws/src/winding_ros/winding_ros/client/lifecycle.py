@@ -33,7 +33,7 @@ async def deadline(
     async def look(limit: asyncio.Timeout) -> None:
         before = work()
         while True:
-            await asyncio.sleep(_LOOK_PERIOD)
+            await asyncio.sleep(timeout / _LOOKS)
             if (now := work()) != before:
                 before = now
                 limit.reschedule(asyncio.get_running_loop().time() + timeout)
@@ -56,7 +56,7 @@ CLEANUP = Transition.TRANSITION_CLEANUP
 # A node that neither answers nor works for so long is given up [s].
 START_TIMEOUT = 120.0
 CONFIGURE_TIMEOUT = 300.0
-_LOOK_PERIOD = 1.0
+_LOOKS = 20
 # A transition without an answer for so long is looked after.
 ANSWER_PATIENCE = 5.0
 _ANSWER_TIMEOUT = 30.0
