@@ -242,9 +242,7 @@ class LifecycleDriver:
     def _name(self, node: str, service: str) -> str:
         return f"{self._namespace}/{node}/{service}"
 
-    async def _call(
-        self, node: str, service: str, request: Any, timeout: float | None
-    ) -> Any:
+    async def _call(self, node: str, service: str, request: Any, timeout: float | None) -> Any:
         return await self._calls.call(
             _SERVICES[service], self._name(node, service), request, timeout
         )

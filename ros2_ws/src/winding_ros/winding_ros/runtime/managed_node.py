@@ -205,9 +205,8 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     def _tell_compiling(self, kernel: Compiling) -> None:
         """Report what keeps the node from answering."""
         self.get_logger().info(kernel.sentence)
-        self._tell(
-            [Status(name=self.get_name(), message=kernel.sentence, values={COMPILING: kernel.share})]
-        )
+        values = {COMPILING: kernel.share}
+        self._tell([Status(name=self.get_name(), message=kernel.sentence, values=values)])
 
     def _tell(self, statuses: list[Status]) -> None:
         stamp = self.get_clock().now().nanoseconds * 1e-9
