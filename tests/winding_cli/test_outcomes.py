@@ -62,7 +62,7 @@ REFUSED = {
 }
 # What was computed, and is not in order.
 NOT_GOOD = {
-    f"{PLAN} --tolerance-mm 1e-5": "the tolerance is 1e-05 mm",
+    f"{PLAN} --start together --tolerance-mm 0.03": "the tolerance is 0.03 mm",
     "sweep sweep.yaml --collect --store empty": "runs are not in empty yet",
 }
 
@@ -193,8 +193,8 @@ def test_what_ends_soon_prints_nothing(capsys: Any) -> None:
     [
         (PREDICT, "winding with the rod"),
         ("verify B01", "verifying B01"),
-        ("study --cases 4,9 --fem published --steps 2 --seeds 1", "learn"),
-        ("train --compare --steps 2", "learn"),
+        ("study --cases 4,9 --fem published --steps 2 --seeds 1", "scored"),
+        ("train --compare --steps 2", "scored"),
         ("render film --fps 20 --duration-s 1", "drawing frames"),
     ],
 )

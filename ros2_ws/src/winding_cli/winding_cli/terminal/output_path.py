@@ -8,12 +8,11 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Annotated, TextIO
 
-import click
 import typer
 
 from winding_cli.terminal.refusal import FAILED, refuse
@@ -153,10 +152,9 @@ def by_suffix(files: Iterable[Path], given: Mapping[str, Path | None]) -> list[P
 def _print_aside(option: str) -> None:
     if option != "--json":
         refuse(f"{_typed(option)}- is for --json; give a file")
+    # For the rest of the process, which is the command's.
     _results.set(sys.stdout)
-    context = click.get_current_context(silent=True)
-    if context is not None:
-        context.with_resource(redirect_stdout(sys.stderr))
+    sys.stdout = sys.stderr
 
 
 def _in_place(path: Path) -> bool:

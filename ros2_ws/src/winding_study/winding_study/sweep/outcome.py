@@ -209,7 +209,9 @@ def _write_csv(columns: Columns, file: Any) -> None:
     writer = csv.writer(text)
     writer.writerow(flat)
     for row in zip(*flat.values(), strict=True):
-        writer.writerow("" if isinstance(value, float) and np.isnan(value) else value for value in row)
+        writer.writerow(
+            "" if isinstance(value, float) and np.isnan(value) else value for value in row
+        )
     text.detach()
 
 
