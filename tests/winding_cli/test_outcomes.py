@@ -192,8 +192,8 @@ def test_what_ends_soon_prints_nothing(capsys: Any) -> None:
     ("words", "sentence"),
     [
         (PREDICT, "winding with the rod"),
-        ("verify B01", "verifying B01"),
-        ("study --cases 4,9 --fem published --steps 2 --seeds 1", "scored"),
+        ("verify B04", "verifying B04"),
+        ("study --cases 4,9 --fem published --steps 2 --seeds 1", "learning"),
         ("train --compare --steps 2", "scored"),
         ("render film --fps 20 --duration-s 1", "drawing frames"),
     ],

@@ -56,7 +56,10 @@ def test_whoever_works_is_waited_for_and_whoever_does_not_is_given_up() -> None:
     assert len(done) == 200
 
 
-async def started(node: NodeProcess, work: Callable[[LifecycleDriver], Awaitable[None]], client: AsyncClient) -> None:  # fmt: skip
+Work = Callable[[LifecycleDriver], Awaitable[None]]
+
+
+async def started(node: NodeProcess, work: Work, client: AsyncClient) -> None:
     """Do something with a node that has started; its process ends with it."""
     driver = LifecycleDriver(client, NAMESPACE, lambda _: node.refusal(5.0), lambda _: node.work())
     await node.start()

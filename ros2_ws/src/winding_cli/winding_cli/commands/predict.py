@@ -146,7 +146,8 @@ def _print_checks(run: PlannedRun) -> None:
     console = result_console()
     title = "Whether the solver can be right about it"
     console.print(record_table(_CHECKS, run.checks(), words=1, title=title))
-    cost = expected_cost(run, time.process_time)
+    with busy("estimating the time"):
+        cost = expected_cost(run, time.process_time)
     console.print(cost_sentences(run, cost), highlight=False)
 
 
@@ -160,7 +161,8 @@ def _announce(run: PlannedRun) -> None:
             console.print(f"doubtful: {check.sentence}", highlight=False, soft_wrap=True)
     if run.element == "rod" and run.duration / run.config.resolved.step < _FEW_STEPS:
         return
-    cost = expected_cost(run, time.process_time)
+    with busy("estimating the time"):
+        cost = expected_cost(run, time.process_time)
     if cost.cpu_seconds < _LONG_S:
         return
     faster = ""

@@ -145,13 +145,15 @@ def _plan(path: Path, part: Any) -> tuple[tuple[str, ...], Plan]:
     except SpecError as error:
         refuse(f"{path}: {error}")
     rows = []
-    for number, given in enumerate(spec, start=1):
-        try:
-            parameters = RunParameters.from_typed(given)
-            run = parameters.plan()
-        except ValueError as error:
-            refuse(f"{path}: {_name(spec, number, given)}: {error}")
-        rows.append((number, run_key(run, solver_version()), parameters.as_typed(given), run))
+    with busy("checking the runs", total=len(spec)) as show:
+        for number, given in enumerate(spec, start=1):
+            try:
+                parameters = RunParameters.from_typed(given)
+                run = parameters.plan()
+            except ValueError as error:
+                refuse(f"{path}: {_name(spec, number, given)}: {error}")
+            rows.append((number, run_key(run, solver_version()), parameters.as_typed(given), run))
+            show(completed=number)
     wanted = set(part.keys([key for _, key, _, _ in rows]))
     if not wanted:
         refuse(f"{path}: shard {part.number}/{part.count} is empty: there are {len(rows)} runs")

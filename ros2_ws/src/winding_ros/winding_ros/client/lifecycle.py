@@ -34,7 +34,7 @@ async def deadline(
         before = work()
         while True:
             await asyncio.sleep(timeout / _LOOKS)
-            if (now := work()) != before:
+            if (now := work()) != before and not limit.expired():
                 before = now
                 limit.reschedule(asyncio.get_running_loop().time() + timeout)
 
