@@ -91,7 +91,7 @@ def busy(description: str, *columns: ProgressColumn, total: float | None = None)
     Args:
         description: What it is at.
         columns: What stands behind the description and the bar.
-        total: How much there is to do; None where that is not known.
+        total: How much there is to do, as a count or a share (1); None where that is not known.
 
     Yields:
         Takes `description`, `completed`, `advance` or `total` as they change.
