@@ -86,8 +86,10 @@ def _compare_external(folder: Path, names: Sequence[str]) -> tuple[bool, list[di
         work, others = found_work(folder, names or NAMES)
         for found in _computed("computing", work):
             rows += found
-    except (ValueError, SolverError) as error:
+    except ValueError as error:
         refuse(error)
+    except SolverError as error:
+        refuse(error, FAILED)
     console = result_console()
     console.print(_external_table(rows))
     judged = [row for row in rows if row.bar is not None]
