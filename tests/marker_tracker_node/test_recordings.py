@@ -258,7 +258,7 @@ def test_motion_outside_its_readings_is_unknown():
 @pytest.mark.slow
 def test_what_a_marker_looks_like_and_where_the_camera_looks_are_options(sequence, tmp_path):
     out = tmp_path / "markers.csv"
-    words = (sequence, sequence, out, "--case", 4, "--no-refine")
+    words = (sequence, sequence, out, "--case", 4, "--no-refine", "--force")
     printed = tracked(*words, "--marker-hue-deg", 300, code=1)
     assert "has the hue of a marker, 300 +- 22 deg" in printed
     printed = tracked(*words, "--camera-tilt-mrad", "1,-2", code=2)

@@ -47,6 +47,15 @@ hits = sum(outer.stats.cache_hits.values()) if hasattr(outer, "stats") else 0
 print(value, hits, ready, *[w.message for w in warned], sep="|")
 """
 
+NAMED = """
+from winding_core.compile_progress import PROGRESS
+from kernels.deeper.outer import outer
+
+with PROGRESS.heard(lambda item: print(item.share, item.kernel, end="|")):
+    outer(10.0)
+    outer(11.0)
+"""
+
 
 class Checkout:
     """A package whose kernel calls one of another file, and a cache folder."""
@@ -65,14 +74,17 @@ class Checkout:
         content = INNER.format(factor=factor, default=default, docstring=docstring)
         self.inner.write_text(content, encoding="utf-8")
 
-    def ask(self, **environment: str) -> list[str]:
-        """Return outer(10), hits of its code on disk, whether all is compiled, and warnings."""
+    def ask(self, script: str = ASK, **environment: str) -> list[str]:
+        """Return what a process prints.
+
+        Usually outer(10), hits of its code on disk, whether all is compiled, and warnings.
+        """
         path = os.pathsep.join([str(self.folder), *sys.path])
         given = {"PYTHONPATH": path, "NUMBA_CACHE_DIR": str(self.cache), **environment}
         # Python compares its own code by the second.
         given["PYTHONDONTWRITEBYTECODE"] = "1"
         done = subprocess.run(
-            [sys.executable, "-c", ASK], env={**os.environ, **given},
+            [sys.executable, "-c", script], env={**os.environ, **given},
             capture_output=True, text=True, check=True,
         )  # fmt: skip
         return done.stdout.strip().split("|")
@@ -91,6 +103,15 @@ def test_only_what_a_kernel_reaches_compiles_it_again(checkout: Checkout) -> Non
     checkout.write(factor=3)
     assert checkout.ask() == ["31.0", "0", "False"]
     assert checkout.ask() == ["31.0", "1", "True"]
+
+
+@pytest.mark.slow
+def test_kernels_are_named_once_as_they_are_compiled(checkout: Checkout) -> None:
+    both = ["1 of 2 kernels.deeper.outer.outer", "2 of 2 kernels.inner.scaled", ""]
+    assert checkout.ask(NAMED) == both
+    assert checkout.ask(NAMED) == [""]
+    checkout.write(factor=4)
+    assert checkout.ask(NAMED) == both
 
 
 @pytest.mark.slow

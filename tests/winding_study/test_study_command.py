@@ -345,9 +345,11 @@ def test_one_short_case_gives_tables_that_a_pipe_does_not_cut(tmp_path) -> None:
     assert read["models"] == {}
     assert "No model of h was compared" in read["verdict"]
     assert "…" not in result.stdout
-    again = _study(*arguments, folder=tmp_path)
+    refused = _study(*arguments, folder=tmp_path)
+    assert refused.exit_code == REFUSED
+    assert f"--json: {out} exists already; --force replaces it" in refused.stderr
+    again = _study(*arguments, "--force", folder=tmp_path)
     assert "2 of 2 cases are in" in again.stderr
-    assert "study.json was there and is replaced" in again.stderr
     repeated = json.loads(out.read_text())
     first, second = read.pop("identity"), repeated.pop("identity")
     assert repeated == read

@@ -103,10 +103,12 @@ def test_a_sweep_makes_a_table_and_does_it_once(tmp_path: Path, spec: Path) -> N
     assert first["friction"] == pytest.approx(np.linspace(0.05, 0.3, 8))
     assert first["run"].tolist() == list(range(1, 9))
     assert first["p2_wound"].all()
-    code, output = sweep(spec, "--store", store, "--output", out, "--processes", 1)
+    again = (spec, "--store", store, "--output", out, "--processes", 1)
+    assert sweep(*again) == (2, f"winding: --output: {out} exists already; --force replaces it\n")
+    code, output = sweep(*again, "--force")
     assert code == 0, output
     assert f"8 of them are in {store} already" in output
-    assert f"replaced {out}: 8 rows" in output
+    assert f"wrote {out}: 8 rows" in output
     assert finished(store) == files
     assert same(read(out), first)
     assert (read(out)["cpu_s"] == first["cpu_s"]).all()
@@ -118,7 +120,7 @@ def test_a_damaged_run_is_named_and_wound_again(tmp_path: Path, spec: Path) -> N
     first = read(out)
     victim = sorted(finished(store))[3]
     victim.write_bytes(victim.read_bytes()[:100])
-    code, output = sweep(spec, "--store", store, "--output", out, "--processes", 1)
+    code, output = sweep(spec, "--store", store, "--output", out, "--processes", 1, "--force")
     assert code == 0, output
     assert f"{victim} is damaged and counts as missing" in output
     assert f"7 of them are in {store} already" in output
@@ -196,7 +198,7 @@ def test_a_bad_description_is_refused_before_anything_is_wound(
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--output", "table.csv"], "--output must end in .parquet or .npz, got table.csv"),
+        (["--output", "table.xls"], "--output must end in .csv, .parquet, .npz, got table.xls"),
         (["--output", "nowhere/table.npz"], "there is no folder nowhere for table.npz"),
         (["--shard", "5/4"], "shard must be k/N with k from 1 to N, got 5/4"),
         (["--shard", "9/9"], "shard 9/9 is empty: there are 8 runs"),

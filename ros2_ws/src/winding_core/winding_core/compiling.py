@@ -23,7 +23,10 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core import event
 from numba.extending import register_jitable
+
+from winding_core.compile_progress import PROGRESS
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
@@ -34,6 +37,22 @@ _ROOT = Path(numba.config.CACHE_DIR or _CACHES) / "winding-kernels"
 # Their versions stand for their sources.
 _LIBRARIES = sys.stdlib_module_names | {"numba", "numpy"}
 _placing = threading.Lock()
+
+
+class _Compilations(event.Listener):  # type: ignore[misc]
+    """Takes note of the kernels of `compiled` that the compiler turns to."""
+
+    def on_start(self, event: Any) -> None:
+        kernel = event.data["dispatcher"].py_func
+        name = f"{kernel.__module__}.{kernel.__qualname__}"
+        if name in PROGRESS.missing:
+            PROGRESS.begin(name)
+
+    def on_end(self, event: Any) -> None:
+        pass
+
+
+event.register("numba:compile", _Compilations())
 
 
 def compiled(function: Kernel, **flags: Any) -> Kernel:
@@ -59,10 +78,13 @@ def compiled(function: Kernel, **flags: Any) -> Kernel:
         # Instead numba takes another folder, whose code may be of other sources.
         if folder not in Path(kernel.stats.cache_path).parents:
             raise OSError(f"{_ROOT} cannot be written")
+        new = not any(folder.glob("*/*.nbi"))
     except (OSError, RuntimeError) as error:
         # Python shows the same warning once in a process.
         warnings.warn(f"every process compiles its kernels anew: {error}", stacklevel=1)
-        kernel = numba.njit(nogil=True, **flags)(function)
+        kernel, new = numba.njit(nogil=True, **flags)(function), True
+    if new:
+        PROGRESS.missing.add(f"{function.__module__}.{function.__qualname__}")
     return cast(Kernel, kernel)
 
 

@@ -35,7 +35,18 @@ bag = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-Source = Annotated[Path, typer.Argument(help="rosbag2 folder, or one .mcap or .db3 file.")]
+
+
+def _existing(source: Path) -> Path:
+    if not source.exists():
+        refuse(f"there is no recording at {source}")
+    return source
+
+
+Source = Annotated[
+    Path,
+    typer.Argument(help="rosbag2 folder, or one .mcap or .db3 file.", callback=_existing),
+]
 
 
 @bag.command()

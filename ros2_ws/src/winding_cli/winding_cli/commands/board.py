@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winding_cli.terminal.output_path import check_output_file, staged
+from winding_cli.terminal.output_path import Force, check_output_file, staged
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import refused
 from winding_core.parameters import build, parameter, typed_values
@@ -49,11 +49,12 @@ def board(
     *,
     out: Annotated[Path, typer.Argument(help="Picture to write, such as board.png.")],
     dpi: Annotated[float, typer.Option(min=50.0, max=2400.0, help="Dots per inch.")] = 600.0,
+    force: Force = False,
 ) -> None:
     """Draw the board that `winding calibrate` looks for; print it at its true size."""
     from marker_tracker_node.camera.calibration import write_board
 
-    check_output_file(out)
+    check_output_file(out, force=force)
     with refused(ValueError):
         drawn = BoardOptions.board(typed)
         with staged(out) as place:

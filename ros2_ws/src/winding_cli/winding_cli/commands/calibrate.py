@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from winding_cli.commands.board import BoardOptions
-from winding_cli.terminal.output_path import check_output_file, staged
+from winding_cli.terminal.console import busy
+from winding_cli.terminal.output_path import Force, check_output_file, staged
 from winding_cli.terminal.record_options import Typed, with_options
 from winding_cli.terminal.refusal import refuse, refused
 
@@ -20,6 +21,7 @@ def calibrate(
     pictures: Annotated[list[Path], typer.Argument(help="Photographs, or folders of them.")],
     out: Annotated[Path, typer.Option("--output", "--out", help="Camera YAML to write.")],
     name: Annotated[str, typer.Option(help="Name of the camera.")] = "camera",
+    force: Force = False,
 ) -> None:
     """Fit camera matrix and distortion, and write the YAML that ROS tools read."""
     from marker_tracker_node.camera.calibration import calibrate as fit
@@ -34,9 +36,12 @@ def calibrate(
     ]
     if not files:
         refuse("there is no picture")
-    check_output_file(out, "--output")
-    with refused(OSError, ValueError):
-        photographs = [read_picture(file) for file in files]
+    check_output_file(out, "--output", force=force)
+    with refused(OSError, ValueError), busy("looking for boards", total=len(files)) as show:
+        photographs = []
+        for file in files:
+            photographs.append(read_picture(file))
+            show(advance=1)
         result = fit(photographs, BoardOptions.board(typed))
     with staged(out) as place:
         write_camera(place, result.camera, name)

@@ -7,13 +7,13 @@ import tempfile
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 from rich.markup import escape
 
-from winding_cli.terminal.console import Shown, record_table, result_console
-from winding_cli.terminal.output_path import check_output_file, write_json
+from winding_cli.terminal.console import Shown, busy, record_table, result_console
+from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json
 from winding_cli.terminal.record_options import Domain
 from winding_cli.terminal.refusal import FAILED, refuse
 from winding_cli.terminal.termination import interruptible
@@ -41,15 +41,16 @@ _COLUMNS = (
 
 
 def doctor(
-    json: Annotated[Path | None, typer.Option(help="Also write the findings to this file.")] = None,
+    json: Json = None,
     domain: Domain = None,
+    force: Force = False,
 ) -> None:
     """Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL."""
     from winding_cli.doctor.examination import examine
     from winding_supervisor.session.domain_lock import DomainError, chosen_domain, lock_folder
 
     source = "ROS_DOMAIN_ID" if os.environ.get("ROS_DOMAIN_ID") else "ROS_DOMAIN_ID is not set"
-    check_output_file(json, "--json")
+    check_output_file(json, "--json", force=force)
     refusal = ""
     try:
         chosen = chosen_domain(domain)
@@ -62,7 +63,7 @@ def doctor(
     with (
         interruptible(),
         tempfile.TemporaryDirectory(prefix="winding-doctor-") as logs,
-        console.status("looking at this machine"),
+        busy("looking at this machine"),
     ):
         findings = list(
             examine(

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from winding_cli.terminal.console import Shown, record_table, result_console
-from winding_cli.terminal.output_path import check_output_file, write_json
+from winding_cli.terminal.console import Shown, busy, record_table, result_console
+from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE
@@ -76,9 +76,8 @@ def identify(
         float | None,
         typer.Option(help="With --rig: the same of every other marker's place, in mm; else 0."),
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Also write the result to this file.")
-    ] = None,
+    json_file: Json = None,
+    force: Force = False,
 ) -> None:
     """Identify the cable's material from tracked markers by inverse winding, or from a test."""
     from cable_fem_node.identification import IdentificationError
@@ -91,7 +90,7 @@ def identify(
         refuse("--rig needs markers, --tensile has none")
     if not rig and (known_tension or fixing_mm is not None or scatter_mm is not None):
         refuse("--known-tension, --fixing-mm and --scatter-mm need --rig")
-    check_output_file(json_file, "--json")
+    check_output_file(json_file, "--json", force=force)
     with refused(IdentificationError, SourceError, BagError, ValueError):
         if tensile is not None:
             record = _tensile(tensile, RunParameters.from_typed(typed, case=RunParameters.case))
@@ -182,7 +181,8 @@ def _rig(
         fixing=fixing_mm * MILLIMETRE,
         scatter=scatter_mm * MILLIMETRE,
     )
-    record = rig_record(identify_rig(_first(runs, use), prior), runs)
+    with busy(f"identifying the rig from {len(runs)} runs"):
+        record = rig_record(identify_rig(_first(runs, use), prior), runs)
     print_rig(result_console(), record)
     return record
 
@@ -200,7 +200,8 @@ def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
     used, law = _first(runs, use), runs[0].config.law
     console = result_console()
     if len(runs) > 1 and law in ("neo_hookean", "mooney_rivlin"):
-        constants = identify_constants(used, law)
+        with busy(f"identifying the constants of law {law}"):
+            constants = identify_constants(used, law)
         record = print_constants(console, constants)
         record["refused"] = ""
         fit, young, ratio = (
@@ -209,7 +210,8 @@ def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
             constants.share / (1.0 - constants.share),
         )
     else:
-        estimate = identify_modulus(used)
+        with busy("identifying the modulus"):
+            estimate = identify_modulus(used)
         record = print_modulus(console, estimate)
         record["refused"] = estimate.refusal()
         fit, young, ratio = estimate.fit, estimate.young, runs[0].config.mooney_ratio

@@ -12,8 +12,15 @@ import numpy as np
 import typer
 
 from lay_control_node.planning.lay_plan import FULL_TURN, csv_text, plan_record, plan_turns
-from winding_cli.terminal.console import Shown, known, record_table, result_console
-from winding_cli.terminal.output_path import check_output_file, staged, write_json
+from winding_cli.terminal.console import Shown, busy, known, record_table, result_console
+from winding_cli.terminal.output_path import (
+    Force,
+    Json,
+    by_suffix,
+    check_output_file,
+    staged,
+    write_json,
+)
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse
 from winding_core.units import MILLIMETRE
@@ -76,21 +83,26 @@ def plan(
         bool, typer.Option("--solver/--no-solver", help="Wind the plan with the rod as well.")
     ] = True,
     picture: Annotated[Path | None, typer.Option(help="Draw the plan: .png, .svg or .pdf.")] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Also write the plan to this file.")
-    ] = None,
+    json_file: Json = None,
     csv_file: Annotated[
         Path | None,
         typer.Option("--csv", help="Write t_s, cylinder_rad, guide_m, tension_n for a PLC."),
     ] = None,
     period_ms: Annotated[float, typer.Option(help="Time between rows of the CSV, in ms.")] = 10.0,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(help="Plan, table or picture to write, by its ending; may be repeated."),
+    ] = None,
+    force: Force = False,
 ) -> None:
     """Plan the machine's motion that lays a program, and report what is out of reach, and why."""
     from cable_fem_node.dynamics.state import SolverError
     from lay_control_node.planning.planner import plan_lay
 
+    given = {".json": json_file, ".csv": csv_file, ".png .svg .pdf": picture}
+    json_file, csv_file, picture = by_suffix(output or (), given)
     for option, path in (("--picture", picture), ("--json", json_file), ("--csv", csv_file)):
-        check_output_file(path, option)
+        check_output_file(path, option, force=force)
     _check_options(start, tolerance_mm, slow_down, picture, period_ms, turns)
     laid: SolverLay | None = None
     try:
@@ -112,12 +124,15 @@ def plan(
         if solver:
             from winding_study.plans.solver_check import plan_with_solver
 
-            planned, laid = plan_with_solver(lambda lag: plan_with(lag=lag), config)
+            with busy("winding the plan with the rod"):
+                planned, laid = plan_with_solver(lambda lag: plan_with(lag=lag), config)
         else:
             planned = plan_with()
         controlled = _controlled(planned)
-    except (ValueError, SolverError) as error:
+    except ValueError as error:
         refuse(error)
+    except SolverError as error:
+        refuse(error, FAILED)
     print_plan(result_console(), planned, laid, controlled)
     missed = verdict(planned, laid, tolerance_mm)
     record = plan_record(planned)

@@ -13,20 +13,23 @@ from rich.console import Console
 
 from winding_cli.terminal.console import (
     Shown,
+    busy,
     known,
     marker_name,
-    progress_bar,
     record_table,
     result_console,
 )
 from winding_cli.terminal.output_path import (
+    Force,
+    Json,
+    by_suffix,
     check_output_file,
     check_output_folder,
     staged,
     write_json,
 )
 from winding_cli.terminal.record_options import Typed, spelled, with_options
-from winding_cli.terminal.refusal import refuse
+from winding_cli.terminal.refusal import FAILED, refuse
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 from winding_study.run_parameters import RunParameters
 
@@ -71,9 +74,7 @@ _CHECKS = (
 def predict(
     typed: Typed,
     *,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Also write the result to this file.")
-    ] = None,
+    json_file: Json = None,
     check: Annotated[
         bool, typer.Option("--check", help="Only check whether the solver can be right about it.")
     ] = False,
@@ -99,14 +100,23 @@ def predict(
             "elements of half the length; takes five times as long.",
         ),
     ] = False,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(help="Result, table or ParaView's file, by its ending; may be repeated."),
+    ] = None,
+    force: Force = False,
 ) -> None:
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
     from cable_fem_node.dynamics.state import SolverError
 
+    given = {".json": json_file, ".csv": csv_file, ".pvd": vtk_file}
+    json_file, csv_file, vtk_file = by_suffix(output or (), given)
     for option, file in (("--json", json_file), ("--csv", csv_file), ("--vtk", vtk_file)):
-        check_output_file(file, option)
+        check_output_file(file, option, force=force)
     if vtk_file is not None and vtk_file.suffix != ".pvd":
         refuse(f"--vtk needs a file whose name ends in .pvd, got {vtk_file}")
+    if vtk_file is not None:
+        check_output_folder(vtk_file.with_suffix(""), "--vtk", force=force)
     if pictures < 2:
         refuse(f"--pictures must be 2 or more, got {pictures}")
     try:
@@ -120,8 +130,10 @@ def predict(
         with cable_files(csv_file, vtk_file, run.frame_times(), pictures) as look:
             result = _wind(run, look)
         error_of = _discretisation(run, result) if richardson else None
-    except (ValueError, SolverError) as error:
+    except ValueError as error:
         refuse(error)
+    except SolverError as error:
+        refuse(error, FAILED)
     record = _record(result, run.element) | _error_record(error_of)
     _print(result, record)
     if json_file is not None:
@@ -134,7 +146,8 @@ def _print_checks(run: PlannedRun) -> None:
     console = result_console()
     title = "Whether the solver can be right about it"
     console.print(record_table(_CHECKS, run.checks(), words=1, title=title))
-    cost = expected_cost(run, time.process_time)
+    with busy("estimating the time"):
+        cost = expected_cost(run, time.process_time)
     console.print(cost_sentences(run, cost), highlight=False)
 
 
@@ -148,7 +161,8 @@ def _announce(run: PlannedRun) -> None:
             console.print(f"doubtful: {check.sentence}", highlight=False, soft_wrap=True)
     if run.element == "rod" and run.duration / run.config.resolved.step < _FEW_STEPS:
         return
-    cost = expected_cost(run, time.process_time)
+    with busy("estimating the time"):
+        cost = expected_cost(run, time.process_time)
     if cost.cpu_seconds < _LONG_S:
         return
     faster = ""
@@ -165,28 +179,20 @@ def _announce(run: PlannedRun) -> None:
 
 
 def _wind(run: PlannedRun, look: Look) -> Prediction:
-    from cable_fem_node.dynamics.compile import is_compiled
+    from rich.progress import TaskProgressColumn
 
-    console = Console(stderr=True)
-    if not is_compiled():
-        console.print("compiling the solver's kernels: once after installation, a minute at most")
-    if not console.is_terminal:
-        return run.wind(whole=False, look=look)
-    from rich.progress import TaskProgressColumn, TimeElapsedColumn
-
-    with progress_bar(TaskProgressColumn(), TimeElapsedColumn()) as bar:
-        task = bar.add_task(f"winding with the {run.element}", total=1.0)
-
-        def show(share: float) -> None:
-            bar.update(task, completed=share)
-
-        return run.wind(show, whole=False, look=look)
+    words = f"winding with the {run.element}"
+    with busy(words, TaskProgressColumn(), total=1.0) as show:
+        return run.wind(
+            lambda share: show(completed=share, description=words), whole=False, look=look
+        )
 
 
 def _discretisation(run: PlannedRun, result: Prediction) -> DiscretisationError:
     from cable_fem_node.winding.discretisation import discretisation_error
 
-    return discretisation_error(run, result)
+    with busy("winding again with elements of half the length"):
+        return discretisation_error(run, result)
 
 
 def _error_record(error: DiscretisationError | None) -> dict[str, Any]:
@@ -306,7 +312,6 @@ def cable_files(
         series: VtkSeries | None = None
         if vtk_file is not None:
             folder = vtk_file.with_suffix("")
-            check_output_folder(folder, "--vtk")
             collection = stack.enter_context(staged(vtk_file))
             series = VtkSeries(stack.enter_context(staged(folder)))
             files.append(series)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winding_cli.terminal.output_path import check_output_folder, staged
+from winding_cli.terminal.console import busy
+from winding_cli.terminal.output_path import Force, check_output_folder, staged
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import refuse, refused
 from winding_core.markers import DOT, MarkerLook
@@ -34,6 +35,7 @@ def render(
     noise: Annotated[float, typer.Option(help="Read noise in grey levels.")] = 1.5,
     bayer: Annotated[bool, typer.Option("--bayer", help="One colour per pixel.")] = False,
     seed: Annotated[int, typer.Option(help="Of the noise.")] = 1,
+    force: Force = False,
 ) -> None:
     """Render the measured lay of a case: frames, motion.csv, truth.csv, camera.yaml."""
     import numpy as np
@@ -59,7 +61,7 @@ def render(
     for option, number in (("--start-s", start_s), ("--noise", noise)):
         if not 0.0 <= number < math.inf:
             refuse(f"{option} must be finite and not negative, got {number:g}")
-    check_output_folder(folder)
+    check_output_folder(folder, force=force)
     with refused(ValueError):
         wound, drive = paper_case(case), DriveProfile()
         end = drive.positions(start_s + duration_s)[0]
@@ -71,7 +73,8 @@ def render(
         paint = Paint(markers=tuple(paint_of_hue(hue) for hue in look.hues))
 
     def instants() -> Iterator[tuple[float, Scene]]:
-        for k in range(round(duration_s * fps)):
+        for k in range(count):
+            show(completed=k)
             t = start_s + k / fps
             angle, guide = drive.positions(t)
             yield (
@@ -91,6 +94,7 @@ def render(
                 ),
             )
 
-    with staged(folder) as place:
+    count = round(duration_s * fps)
+    with staged(folder) as place, busy("drawing frames", total=count) as show:
         count = write_sequence(place, renderer, instants(), np.random.default_rng(seed))
     print(f"{count} frames of case {case} in {folder}")

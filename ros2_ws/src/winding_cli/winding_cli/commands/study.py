@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winding_cli.terminal.console import Shown, record_table, result_console
+from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import (
+    Force,
+    Json,
     check_output_file,
     check_output_folder,
     staged,
@@ -58,9 +59,12 @@ def study(
         float | None, typer.Option(help="Factor on the density; rod 1, solid 400.")
     ] = None,
     report: Annotated[
-        Path | None, typer.Option(help="Folder of the page and a CSV file of every table.")
+        Path | None,
+        typer.Option(
+            "--output", "--report", help="Folder of the page and a CSV file of every table."
+        ),
     ] = None,
-    json: Annotated[Path | None, typer.Option(help="File of all numbers.")] = None,
+    json: Json = None,
     lengths: Annotated[
         Path | None, typer.Option(help="File of predicted lengths, as `winding train` reads them.")
     ] = None,
@@ -94,6 +98,7 @@ def study(
             "--brake", help="A brake lands markers at angles within its reach, with --closed-loop."
         ),
     ] = False,
+    force: Force = False,
 ) -> None:
     """Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models."""
     from cable_fem_node.winding.prediction import ELEMENTS
@@ -114,9 +119,9 @@ def study(
     ):
         if number is not None and not 0.0 < number < float("inf"):
             refuse(f"--{name} must be positive and finite, got {number}")
-    check_output_file(json, "--json")
-    check_output_file(lengths, "--lengths")
-    check_output_folder(report, "--report")
+    check_output_file(json, "--json", force=force)
+    check_output_file(lengths, "--lengths", force=force)
+    check_output_folder(report, "--output", force=force)
     check_output_folder(store, "--store")
     if closed_loop:
         with refused(ValueError):
@@ -124,7 +129,7 @@ def study(
         return
     if calibrate_rig:
         if lengths is not None or report is not None:
-            refuse("--calibrate-rig winds nothing, so it has no --lengths and no --report")
+            refuse("--calibrate-rig winds nothing, so it has no --lengths and no --output")
         _calibrate(law, json)
         return
     if fem == "published" and lengths is not None:
@@ -205,7 +210,7 @@ def _deliver(
     lengths: Path | None,
     seeds: tuple[int, ...],
 ) -> None:
-    """Write the files that were asked for, and report one that was there before.
+    """Write the files that were asked for.
 
     Args:
         record: What was found.
@@ -222,10 +227,8 @@ def _deliver(
 
     identity = study_identity(record, origin_here(), seeds)
     if json is not None:
-        _announce(json)
         write_json(json, {"identity": identity.as_json(), **record.as_json()})
     if lengths is not None:
-        _announce(lengths)
         with staged(lengths) as place:
             text = format_lengths(predicted_lengths(record.results))
             place.write_text(text, encoding="utf-8")
@@ -237,12 +240,10 @@ def _calibrate(law: str | None, json: Path | None) -> None:
     """Fit the rig's span tension and print it."""
     from dataclasses import asdict
 
-    from rich.console import Console
-
     from winding_study.paper.calibration import LAW, calibrate
 
     console = result_console()
-    with Console(stderr=True).status("fitting five numbers thirteen times"):
+    with busy("fitting five numbers thirteen times"):
         fitted = calibrate(law or LAW)
     units = {"offset": " (F0), N", "diameter_gain": " (b), N", "build_up_length": " (L_c), m"}
     columns = (
@@ -261,22 +262,15 @@ def _calibrate(law: str | None, json: Path | None) -> None:
         "found on these very cells, so even the left-out number flatters it."
     )
     if json is not None:
-        _announce(json)
         write_json(json, {"calibration": fitted.as_json()})
 
 
 def _report(record: StudyRecord, folder: Path, stored: int, identity: Identity) -> None:
     from winding_study.paper.study_report import write_study
 
-    _announce(folder / "index.html")
     with staged(folder) as place:
         page = write_study(record, place, stored=stored, identity=identity)
     print(f"Report: {folder / page.name}")
-
-
-def _announce(path: Path) -> None:
-    if path.exists():
-        print(f"{path} was there and is replaced", file=sys.stderr)
 
 
 def _print(console: Console, table: DataTable) -> None:

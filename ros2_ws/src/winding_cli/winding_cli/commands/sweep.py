@@ -11,8 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from winding_cli.terminal.console import Shown, progress_bar, record_table, result_console
-from winding_cli.terminal.output_path import check_output_file, check_output_folder, staged
+from winding_cli.terminal.console import Shown, busy, record_table, result_console
+from winding_cli.terminal.output_path import (
+    Force,
+    check_output_file,
+    check_output_folder,
+    staged,
+)
 from winding_cli.terminal.refusal import FAILED, need_extra, refuse, refused
 from winding_cli.terminal.termination import end, interruptible
 from winding_core.parameters import option_kinds
@@ -52,7 +57,7 @@ def sweep(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--output", "--out", help="Table of all runs, .parquet or .npz by its suffix."
+            "--output", "--out", help="Table of all runs, .csv, .parquet or .npz by its ending."
         ),
     ] = None,
     store: Annotated[
@@ -75,6 +80,7 @@ def sweep(
     collect: Annotated[
         bool, typer.Option("--collect", help="Wind nothing: make the table of what is stored.")
     ] = False,
+    force: Force = False,
 ) -> None:
     """Wind every combination of parameters that a file describes and tabulate the results."""
     from winding_study.run_store import RunStore
@@ -82,10 +88,10 @@ def sweep(
     from winding_study.sweep.outcome import SUFFIXES
 
     if out is not None and out.suffix not in SUFFIXES:
-        refuse(f"--output must end in {' or '.join(SUFFIXES)}, got {out.name}")
+        refuse(f"--output must end in {', '.join(SUFFIXES)}, got {out.name}")
     if out is not None and out.suffix == ".parquet":
         need_extra("tables", f"--output {out.name}")
-    check_output_file(out, "--output")
+    check_output_file(out, "--output", force=force)
     check_output_folder(store, "--store")
     with refused(ValueError):
         part = Shard() if shard is None else Shard.parse(shard)
@@ -139,13 +145,15 @@ def _plan(path: Path, part: Any) -> tuple[tuple[str, ...], Plan]:
     except SpecError as error:
         refuse(f"{path}: {error}")
     rows = []
-    for number, given in enumerate(spec, start=1):
-        try:
-            parameters = RunParameters.from_typed(given)
-            run = parameters.plan()
-        except ValueError as error:
-            refuse(f"{path}: {_name(spec, number, given)}: {error}")
-        rows.append((number, run_key(run, solver_version()), parameters.as_typed(given), run))
+    with busy("checking the runs", total=len(spec)) as show:
+        for number, given in enumerate(spec, start=1):
+            try:
+                parameters = RunParameters.from_typed(given)
+                run = parameters.plan()
+            except ValueError as error:
+                refuse(f"{path}: {_name(spec, number, given)}: {error}")
+            rows.append((number, run_key(run, solver_version()), parameters.as_typed(given), run))
+            show(completed=number)
     wanted = set(part.keys([key for _, key, _, _ in rows]))
     if not wanted:
         refuse(f"{path}: shard {part.number}/{part.count} is empty: there are {len(rows)} runs")
@@ -192,16 +200,18 @@ def _wind(
     from winding_study.sweep.outcome import OK, SolverMismatchError
 
     if not is_compiled():
-        _say("compiling the solver's kernels: once after installation, a minute at most")
         # Processes that are started later find the machine code.
-        next(iter(plan.runs.values())).model()
+        with busy("compiling the solver's kernels"):
+            next(iter(plan.runs.values())).model()
     finished = len(done)
     try:
         with (
             interruptible(),
-            progress_bar(MofNCompleteColumn(), TimeRemainingColumn()) as progress,
+            busy(
+                "winding", MofNCompleteColumn(), TimeRemainingColumn(), total=len(plan.runs)
+            ) as show,
         ):
-            task = progress.add_task("winding", total=len(plan.runs), completed=finished)
+            show(completed=finished)
             failed = sum(str(results["status"]) != OK for results in done.values())
 
             def ended(results: Arrays) -> None:
@@ -209,7 +219,7 @@ def _wind(
                 finished += 1
                 failed += str(results["status"]) != OK
                 words = f"winding, {failed} failed" if failed else "winding"
-                progress.update(task, completed=finished, description=words)
+                show(completed=finished, description=words)
 
             return wind_missing(plan.runs, done, engine=engine, store=store, ended=ended)
     except KeyboardInterrupt:
@@ -236,10 +246,9 @@ def _deliver(
     columns = table_columns(plan.numbers, plan.keys, plan.inputs, results, solver=solver_version())
     print_summary(columns, varied)
     if out is not None:
-        replaced = out.exists()
         with staged(out) as place:
             write_table(place, columns)
-        _say(f"{'replaced' if replaced else 'wrote'} {out}: {len(plan.keys)} rows")
+        _say(f"wrote {out}: {len(plan.keys)} rows")
 
 
 def _say(sentence: str) -> None:

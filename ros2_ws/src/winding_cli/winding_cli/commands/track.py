@@ -12,8 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from marker_tracker_node.camera.image_formats import PixelReader
-from winding_cli.terminal.console import Shown, known, marker_name, record_table, result_console
-from winding_cli.terminal.output_path import check_output_file, staged, write_json
+from winding_cli.terminal.console import (
+    Shown,
+    busy,
+    known,
+    marker_name,
+    record_table,
+    result_console,
+)
+from winding_cli.terminal.output_path import Force, Json, check_output_file, staged, write_json
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.cable.condition import Condition
@@ -61,9 +68,7 @@ def track(
         float | None,
         typer.Option(help="Of pictures without times; of a video in place of its own times."),
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Also write what was found to this file.")
-    ] = None,
+    json_file: Json = None,
     lay: Annotated[
         Path | None, typer.Option(help="CSV of every turn on the cylinder, every 5 degrees.")
     ] = None,
@@ -78,6 +83,7 @@ def track(
         float,
         typer.Option(min=0.0, help="Standard deviation of its direction; a spirit level's."),
     ] = 10.0,
+    force: Force = False,
 ) -> None:
     """Track a recording and print where every marker lies."""
     from marker_tracker_node import PoseBelief, Tracker
@@ -93,7 +99,7 @@ def track(
     if not source.exists():
         refuse(f"{source} does not exist")
     for option, file in (("--output", out), ("--json", json_file), ("--lay", lay)):
-        check_output_file(file, option)
+        check_output_file(file, option, force=force)
     with refused(OSError, ValueError):
         belief = PoseBelief(
             position=camera_position_sigma_mm * MILLIMETRE,
@@ -124,13 +130,18 @@ def track(
         live.start(tracker)
         reader = PixelReader(encoding=read.encoding, significant_bits=read.significant_bits)
         frames = FrameSource(source, fps=fps, reader=reader)
-        rows = list(_measure(live, frames, drive, settings.limit))
+        with busy("tracking") as show:
+            rows = []
+            for row in _measure(live, frames, drive, settings.limit):
+                rows.append(row)
+                show(description=f"tracking, {len(rows)} frames")
     with staged(out) as place:
         write_measurements(place, rows)
     if lay is not None and follower.lay is not None:
         with staged(lay) as place:
             write_lay(place, follower.lay.report())
-    fit, unrefined = _refined(tracker, lens, belief) if refined else (None, "")
+    with busy("refining the camera's pose"):
+        fit, unrefined = _refined(tracker, lens, belief) if refined else (None, "")
     estimates = tracker.estimates()
     result = TrackedRecording(
         report=tracker.report(),

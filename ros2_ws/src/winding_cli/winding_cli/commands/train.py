@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winding_cli.terminal.console import Shown, record_table, result_console
-from winding_cli.terminal.output_path import check_output_folder, staged
+from winding_cli.terminal.console import Shown, busy, record_table, result_console
+from winding_cli.terminal.output_path import Force, check_output_folder, staged
 from winding_cli.terminal.refusal import need_extra, refuse, refused
 
 if TYPE_CHECKING:
@@ -67,10 +67,9 @@ def train(
         bool,
         typer.Option("--compare", help="Only print all models, over seeds 0, 1 and 2."),
     ] = False,
+    force: Force = False,
 ) -> None:
     """Learn the correction factor h and compare it, in-sample and by case left out, with others."""
-    from rich.console import Console
-
     from correction_node.models.weights import SHIPPED, save_factor, weights_directory
 
     need_extra("train", "training models")
@@ -93,9 +92,15 @@ def train(
         if (data, model) not in shipped:
             refuse(f"give --output: no weights of model {model} on data {data} are shipped")
         out = weights_directory(shipped[data, model])
-    check_output_folder(out, "--output")
-    with refused(ValueError), Console(stderr=True).status("learning") as status:
-        learned = learn(data_set, model, TrainingConfig(steps=steps), status.update, seed=seed)
+    check_output_folder(out, "--output", force=force)
+    with refused(ValueError), busy("learning") as show:
+        learned = learn(
+            data_set,
+            model,
+            TrainingConfig(steps=steps),
+            lambda words: show(description=words),
+            seed=seed,
+        )
     with staged(out) as place:
         save_factor(learned.factor, place)
     title = f"Mean error of a length, data '{data}', in % (Table 8's measure)"
@@ -112,12 +117,12 @@ def train(
 
 
 def _compare(data_set: DataSet, steps: int) -> None:
-    from rich.console import Console
-
     from correction_node.training.comparison import compare_models
 
-    with Console(stderr=True).status("learning") as status:
-        scores = compare_models(data_set, steps=steps, progress=status.update)
+    with busy("learning") as show:
+        scores = compare_models(
+            data_set, steps=steps, progress=lambda words: show(description=words)
+        )
     title = (
         f"Mean error of a length, data '{data_set.name}', in % (Table 8's measure); "
         "+- is largest minus smallest over three seeds"

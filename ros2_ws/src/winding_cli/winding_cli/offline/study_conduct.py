@@ -9,13 +9,11 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from winding_cli.terminal.console import progress_bar
+from winding_cli.terminal.console import busy
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_cli.terminal.termination import end, interruptible
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
     from winding_study.paper.case_result import CaseResult
     from winding_study.paper.study import StudyConfig
     from winding_study.paper.study_record import StudyRecord
@@ -52,8 +50,7 @@ def conduct(
     with refused(ValueError, code=FAILED):
         comparison = beside_experiment(config, cases, results)
     try:
-        with interruptible(), _progress() as progress:
-            task = progress.add_task("learning", total=None)
+        with interruptible(), busy("learning") as show:
             record = study_record(
                 config,
                 cases,
@@ -62,7 +59,7 @@ def conduct(
                 seeds=seeds,
                 steps=steps,
                 evidence=_evidence(),
-                progress=lambda text: progress.update(task, description=text),
+                progress=lambda text: show(description=text),
             )
     except KeyboardInterrupt:
         end("interrupted while the models were trained; what is wound is kept")
@@ -72,7 +69,8 @@ def conduct(
 def _wind(
     config: StudyConfig, cases: tuple[int, ...], folder: Path, processes: int
 ) -> tuple[tuple[CaseResult, ...], int]:
-    from cable_fem_node.dynamics.compile import is_compiled
+    from rich.progress import TimeRemainingColumn
+
     from winding_study.paper.study import CaseFailedError, wind_cases
     from winding_study.run_store import RunStore
 
@@ -81,32 +79,29 @@ def _wind(
     present = sum(store.path(key).exists() for key in keys)
     if present:
         _say(f"{present} of {len(cases)} cases are in {folder} already and are not wound again")
-    if present < len(cases) and not is_compiled():
-        _say("compiling the solver's kernels: once after installation, a minute at most")
     shares: dict[int, float] = {}
     try:
-        with interruptible(), _progress() as progress:
+        with (
+            interruptible(),
+            busy("winding", TimeRemainingColumn(), total=float(len(cases))) as show,
+        ):
             folder.mkdir(parents=True, exist_ok=True)
             store.remove_unfinished(before=time.time() - ABANDONED)
-            task = progress.add_task("winding", total=float(len(cases)))
 
             def share(number: int, done: float) -> None:
                 shares[number] = done
                 running = ", ".join(
                     f"{n} {100.0 * part:.0f} %" for n, part in sorted(shares.items()) if part < 1.0
                 )
-                progress.update(
-                    task, completed=there + sum(shares.values()), description=f"case {running}"
-                )
+                show(completed=there + sum(shares.values()), description=f"case {running}")
 
             def resumed(result: CaseResult) -> None:
                 nonlocal there
                 there += 1
-                progress.update(task, completed=there)
+                show(completed=there)
 
             def wound(result: CaseResult) -> None:
-                if not progress.console.is_terminal:
-                    _say(f"case {result.case} wound: {result.cpu_seconds:.1f} CPU seconds")
+                _say(f"case {result.case} wound: {result.cpu_seconds:.1f} CPU seconds")
 
             results = wind_cases(
                 config, wound, cases, processes, store, resumed=resumed, share=share, say=_say
@@ -146,9 +141,3 @@ def _keys(config: StudyConfig, cases: tuple[int, ...]) -> list[str]:
 
 def _say(sentence: str) -> None:
     print(sentence, file=sys.stderr, flush=True)
-
-
-def _progress() -> Progress:
-    from rich.progress import TimeElapsedColumn, TimeRemainingColumn
-
-    return progress_bar(TimeElapsedColumn(), TimeRemainingColumn())

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Progress, ProgressColumn
+    from rich.progress import ProgressColumn
     from rich.table import Table
 
 PIPE_WIDTH = 200
 MISSING = "-"
+# Time to the first line of progress in a log, and the longest between two [s].
+FIRST_LINE = 2.0
+_LONGEST_SILENCE = 60.0
+
+Show = Callable[..., None]
 
 
 class Shown(NamedTuple):
@@ -74,21 +82,69 @@ def result_console() -> Console:
     return console if console.is_terminal else Console(width=PIPE_WIDTH)
 
 
-def progress_bar(*columns: ProgressColumn) -> Progress:
-    """Return a bar on stderr, which goes when it has ended and shows on a terminal only.
+@contextmanager
+def busy(description: str, *columns: ProgressColumn, total: float | None = None) -> Iterator[Show]:
+    """Show on stderr that the command is at work: a bar on a terminal, else a line now and then.
+
+    What takes less than FIRST_LINE prints no line. Kernels that are compiled in the body are shown.
 
     Args:
+        description: What it is at.
         columns: What stands behind the description and the bar.
+        total: How much there is to do, as a count or a share (1); None where that is not known.
+
+    Yields:
+        Takes `description`, `completed`, `advance` or `total` as they change.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from winding_core.compile_progress import PROGRESS
 
     console = Console(stderr=True)
-    return Progress(
+    with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         *columns,
+        TimeElapsedColumn(),
         console=console,
         transient=True,
         disable=not console.is_terminal,
-    )
+    ) as bar:
+        task = bar.add_task(description, total=total)
+
+        def show(**changes: Any) -> None:
+            bar.update(task, **changes)
+
+        def line() -> str:
+            (state,) = bar.tasks
+            share = "" if not state.total else f", {state.percentage:.0f} %"
+            return f"winding: {state.description}{share}, {state.elapsed:.0f} s"
+
+        with (
+            PROGRESS.heard(lambda kernel: show(description=kernel.sentence)),
+            nullcontext() if console.is_terminal else _lines(line),
+        ):
+            yield show
+
+
+@contextmanager
+def _lines(line: Callable[[], str]) -> Iterator[None]:
+    """Print a line on stderr now and then, ever more rarely."""
+    over = threading.Event()
+
+    def work() -> None:
+        wait = FIRST_LINE
+        while not over.wait(wait):
+            # Its reader may have gone.
+            with suppress(BrokenPipeError):
+                print(line(), file=sys.stderr, flush=True)
+            wait = min(2.0 * wait, _LONGEST_SILENCE)
+
+    thread = threading.Thread(target=work, name="progress", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()

@@ -42,12 +42,12 @@ class ServiceCaller:
         return bool(self._client(service, name).service_is_ready())
 
     async def call(
-        self, service: type, name: str, request: Any, timeout: float, *, retry: bool = True
+        self, service: type, name: str, request: Any, timeout: float | None, *, retry: bool = True
     ) -> Any:
         """Return a service's response.
 
         Raises:
-            TimeoutError: No response within timeout [s].
+            TimeoutError: No response within timeout [s]; None waits without limit.
         """
         client = self._client(service, name)
         asked: dict[asyncio.Future[Any], Any] = {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
 from contextlib import asynccontextmanager
+from functools import partial
 from typing import Any
 
 from lifecycle_msgs.msg import State, Transition
@@ -17,11 +18,33 @@ from winding_ros.graph import GraphError
 
 
 @asynccontextmanager
-async def deadline(timeout: float, sentence: str) -> AsyncIterator[None]:
-    """Raise TimeoutError with a sentence when the body takes longer than timeout [s]."""
+async def deadline(
+    timeout: float, sentence: str, work: Callable[[], object] = lambda: None
+) -> AsyncIterator[None]:
+    """Raise TimeoutError with a sentence when the body takes too long.
+
+    Args:
+        timeout: How long the body may take while nothing works for it [s].
+        sentence: Of the error.
+        work: Returns what changes while somebody works; each change begins the time anew, so that
+            a slow computer is no reason to give up.
+    """
+
+    async def look(limit: asyncio.Timeout) -> None:
+        before = work()
+        while True:
+            await asyncio.sleep(timeout / _LOOKS)
+            if (now := work()) != before and not limit.expired():
+                before = now
+                limit.reschedule(asyncio.get_running_loop().time() + timeout)
+
     try:
-        async with asyncio.timeout(timeout):
-            yield
+        async with asyncio.timeout(timeout) as limit:
+            looking = asyncio.create_task(look(limit))
+            try:
+                yield
+            finally:
+                looking.cancel()
     except TimeoutError:
         raise TimeoutError(sentence) from None
 
@@ -30,9 +53,10 @@ CONFIGURE = Transition.TRANSITION_CONFIGURE
 ACTIVATE = Transition.TRANSITION_ACTIVATE
 DEACTIVATE = Transition.TRANSITION_DEACTIVATE
 CLEANUP = Transition.TRANSITION_CLEANUP
-# First starts import torch and compile kernels on a busy machine.
+# A node that neither answers nor works for so long is given up [s].
 START_TIMEOUT = 120.0
 CONFIGURE_TIMEOUT = 300.0
+_LOOKS = 20
 # A transition without an answer for so long is looked after.
 ANSWER_PATIENCE = 5.0
 _ANSWER_TIMEOUT = 30.0
@@ -41,6 +65,12 @@ _GOALS = {
     ACTIVATE: State.PRIMARY_STATE_ACTIVE,
     DEACTIVATE: State.PRIMARY_STATE_INACTIVE,
     CLEANUP: State.PRIMARY_STATE_UNCONFIGURED,
+}
+_VERBS = {
+    CONFIGURE: "configure",
+    ACTIVATE: "activate",
+    DEACTIVATE: "deactivate",
+    CLEANUP: "clean up",
 }
 # What leads back to unconfigured.
 _BACK = {
@@ -62,6 +92,7 @@ class LifecycleDriver:
         calls: Calls the nodes' services.
         namespace: Of the graph.
         reason: Returns why a node refused a transition just now.
+        work: Returns what changes while a node works; None where that is not known.
     """
 
     def __init__(
@@ -69,10 +100,12 @@ class LifecycleDriver:
         calls: ServiceCaller,
         namespace: str,
         reason: Callable[[str], Awaitable[str]],
+        work: Callable[[str], object] = lambda node: None,
     ) -> None:
         self._calls = calls
         self._namespace = f"/{namespace.strip('/')}".rstrip("/")
         self._reason = reason
+        self._work = work
 
     def unserved(self, nodes: Iterable[str]) -> str:
         """Return which node cannot be driven now, as a sentence; empty when all can."""
@@ -82,31 +115,41 @@ class LifecycleDriver:
                     return f"{node} does not serve {service} in {self._namespace or '/'}"
         return ""
 
-    async def state(self, node: str, timeout: float = _ANSWER_TIMEOUT) -> State:
+    async def first_state(self, node: str) -> State:
+        """Return the lifecycle state of a node that has just started.
+
+        Raises:
+            TimeoutError: It neither answers nor works for START_TIMEOUT.
+        """
+        late = f"{node} has not answered since it was started {START_TIMEOUT:g} s ago"
+        async with deadline(START_TIMEOUT, late, partial(self._work, node)):
+            return await self.state(node, None)
+
+    async def state(self, node: str, timeout: float | None = _ANSWER_TIMEOUT) -> State:
         """Return a node's lifecycle state.
 
         Raises:
-            TimeoutError: It does not answer within timeout [s].
+            TimeoutError: It does not answer within timeout [s]; None waits without limit.
         """
         answer = await self._call(node, "get_state", GetState.Request(), timeout)
         return answer.current_state
 
     async def change(self, node: str, transition: int, timeout: float = CONFIGURE_TIMEOUT) -> None:
-        """Ask for a transition until the node is where it leads, for up to timeout [s].
+        """Ask for a transition until the node is where it leads.
 
         An answer can be lost while client and server find each other. Then the node's state
         tells what became of the request; it answers when the transition is over.
 
         Raises:
             GraphError: It refused.
-            TimeoutError: It is not there in time.
+            TimeoutError: It is not there, and has neither answered nor worked for timeout [s].
         """
-        late = f"{node} did not finish transition {transition} in {timeout:g} s"
-        async with deadline(timeout, late):
+        late = f"{node} does not {_VERBS[transition]}: no answer and no work in {timeout:g} s"
+        async with deadline(timeout, late, partial(self._work, node)):
             while True:
                 response = await self.request(node, transition, ANSWER_PATIENCE)
                 if response is None:
-                    if (await self.state(node, timeout)).id == _GOALS[transition]:
+                    if (await self.state(node, None)).id == _GOALS[transition]:
                         return
                 elif response.success:
                     return
@@ -199,7 +242,7 @@ class LifecycleDriver:
     def _name(self, node: str, service: str) -> str:
         return f"{self._namespace}/{node}/{service}"
 
-    async def _call(self, node: str, service: str, request: Any, timeout: float) -> Any:
+    async def _call(self, node: str, service: str, request: Any, timeout: float | None) -> Any:
         return await self._calls.call(
             _SERVICES[service], self._name(node, service), request, timeout
         )

@@ -9,6 +9,7 @@ from typing import Any, Generic, TypeVar
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
+from winding_core.compile_progress import COMPILING, PROGRESS, Compiling
 from winding_core.parameters import ParameterError
 from winding_core.status import Level, Status
 from winding_ros.graph import NodeSpec
@@ -187,8 +188,9 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
 
     def _transition(self, name: str, *hooks: Callable[[], None]) -> TransitionCallbackReturn:
         try:
-            for hook in hooks:
-                hook()
+            with PROGRESS.heard(self._tell_compiling):
+                for hook in hooks:
+                    hook()
         except (ParameterError, ValueError, FileNotFoundError, EndingError) as error:
             self._failure = f"cannot {name}: {error}"
             self.get_logger().error(self._failure)
@@ -199,6 +201,18 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             return TransitionCallbackReturn.ERROR
         self._failure = ""
         return TransitionCallbackReturn.SUCCESS
+
+    def _tell_compiling(self, kernel: Compiling) -> None:
+        """Report what keeps the node from answering."""
+        self.get_logger().info(kernel.sentence)
+        values = {COMPILING: kernel.share}
+        self._tell([Status(name=self.get_name(), message=kernel.sentence, values=values)])
+
+    def _tell(self, statuses: list[Status]) -> None:
+        stamp = self.get_clock().now().nanoseconds * 1e-9
+        self._diagnostics.publish(
+            encode_diagnostics(stamp, statuses, hardware_id=self.get_namespace())
+        )
 
     def _LifecycleNodeMixin__on_change_state(self, request: Any, response: Any) -> Any:  # noqa: N802
         # rclpy 7.1 lets an invalid transition request escape spin() and kill the node; its
@@ -224,13 +238,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._silent_periods += 1
         changed = news(statuses) != news(self._last_told)
         if changed or self._silent_periods * _WATCH_PERIOD >= _REPEAT_PERIOD:
-            self._diagnostics.publish(
-                encode_diagnostics(
-                    self.get_clock().now().nanoseconds * 1e-9,
-                    statuses,
-                    hardware_id=self.get_namespace(),
-                )
-            )
+            self._tell(statuses)
             self._last_told = statuses
             self._silent_periods = 0
             self.endpoints.restart_queues()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import functools
+import io
 import os
 import signal
 import time
@@ -23,7 +25,7 @@ OK = "ok"
 
 # Exit code of a worker whose parent is gone.
 ORPHANED = 3
-SUFFIXES = (".parquet", ".npz")
+SUFFIXES = (".csv", ".parquet", ".npz")
 # Results that are one number, by column with its unit.
 NUMBERS = {
     "stretch": "stretch",
@@ -176,12 +178,13 @@ def _padded(rows: Sequence[Arrays], name: str) -> NDArray[np.float64]:
 
 
 def write_table(path: Path, columns: Columns) -> None:
-    """Write a table as Parquet or npz, by the file's suffix; an existing file is replaced whole.
+    """Write a table as CSV, Parquet or npz, by the file's suffix; one that exists is replaced.
 
-    In Parquet, NaN is null and what belongs to turns is a list of its own length.
+    In Parquet, NaN is null and what belongs to turns is a list of its own length. In CSV, NaN is
+    empty and what belongs to turns has a column for each turn, from 1.
 
     Raises:
-        ValueError: The suffix is neither.
+        ValueError: The suffix is another.
         OSError: The file cannot be written.
     """
     if path.suffix == ".npz":
@@ -189,8 +192,27 @@ def write_table(path: Path, columns: Columns) -> None:
         write_whole(path, lambda file: np.savez_compressed(file, **columns))  # type: ignore[arg-type]
     elif path.suffix == ".parquet":
         write_whole(path, functools.partial(_write_parquet, columns))
+    elif path.suffix == ".csv":
+        write_whole(path, functools.partial(_write_csv, columns))
     else:
-        raise ValueError(f"table must end in {' or '.join(SUFFIXES)}, got {path.name}")
+        raise ValueError(f"table must end in {', '.join(SUFFIXES)}, got {path.name}")
+
+
+def _write_csv(columns: Columns, file: Any) -> None:
+    flat: dict[str, list[Any]] = {}
+    for name, column in columns.items():
+        if column.ndim == 2:
+            flat |= {f"{name}_{n}": part for n, part in enumerate(column.T.tolist(), start=1)}
+        else:
+            flat[name] = column.tolist()
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+    writer = csv.writer(text)
+    writer.writerow(flat)
+    for row in zip(*flat.values(), strict=True):
+        writer.writerow(
+            "" if isinstance(value, float) and np.isnan(value) else value for value in row
+        )
+    text.detach()
 
 
 def _write_parquet(columns: Columns, file: Any) -> None:

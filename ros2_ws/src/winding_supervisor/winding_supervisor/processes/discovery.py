@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -41,31 +41,38 @@ class Discovery:
     ) -> None:
         self._client = client
         self._recorded = recorded
-        self._expected = expected_subscribers(recorded, graph)
+        self._graph = graph
         self._nodes = frozenset(spec.name for spec in graph)
 
-    async def complete(self) -> None:
+    async def complete(self, down: Callable[[], Collection[str]] = frozenset) -> None:
         """Wait until no subscriber is missing.
+
+        Args:
+            down: Returns which nodes are down now; they are not waited for.
 
         Raises:
             TimeoutError: Who is missing, as a sentence.
         """
         begin = time.monotonic()
-        while missing := self.missing(external=time.monotonic() - begin < _EXTERNAL_PATIENCE):
+        while missing := self.missing(
+            external=time.monotonic() - begin < _EXTERNAL_PATIENCE, down=down()
+        ):
             if time.monotonic() - begin > PATIENCE:
                 raise TimeoutError(
                     f"not every subscriber found its publisher in {PATIENCE:g} s: {missing[0]}"
                 )
             await asyncio.sleep(_POLL)
 
-    def missing(self, *, external: bool = True) -> list[str]:
+    def missing(self, *, external: bool = True, down: Collection[str] = ()) -> list[str]:
         """Return one sentence for each publisher that lacks subscribers.
 
         Args:
             external: Whether those from outside the graph are counted out.
+            down: Nodes that neither publish nor subscribe now.
         """
         found = []
-        for node, counts in self._expected.items():
+        up = tuple(spec for spec in self._graph if spec.name not in down)
+        for node, counts in expected_subscribers(self._recorded, up).items():
             for topic, count in counts.items():
                 matched = self._client.matched(node, topic)
                 if matched < count or (external and matched < count + self._outsiders(topic)):

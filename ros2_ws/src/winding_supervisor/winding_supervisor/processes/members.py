@@ -8,7 +8,7 @@ from dataclasses import fields
 
 from lifecycle_msgs.msg import State
 
-from winding_ros.client.lifecycle import CONFIGURE, START_TIMEOUT, LifecycleDriver, deadline
+from winding_ros.client.lifecycle import CONFIGURE, LifecycleDriver, deadline
 from winding_ros.graph import GraphError, NodeSpec, parameters_of
 from winding_supervisor.processes.node_process import NodeProcess
 
@@ -47,6 +47,10 @@ class AttachedNode:
 
     async def start(self) -> None:
         """Leave the start to whoever runs the node; its services are waited for."""
+
+    def work(self) -> object:
+        """Return nothing: what a process elsewhere does is not seen here."""
+        return None
 
     async def ended(self) -> int:
         """Wait for ever: the end of a process elsewhere shows in its signs of life alone."""
@@ -105,7 +109,7 @@ async def configure(driver: LifecycleDriver, member: Member) -> None:
         TimeoutError: It does not answer.
     """
     name = member.spec.name
-    state = await driver.state(name, START_TIMEOUT)
+    state = await driver.first_state(name)
     if isinstance(member, AttachedNode):
         await member.take_parameters()
     elif state.id != State.PRIMARY_STATE_UNCONFIGURED:

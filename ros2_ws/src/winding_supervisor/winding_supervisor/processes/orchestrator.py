@@ -6,9 +6,11 @@ import asyncio
 import contextlib
 from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from winding_core.compile_progress import COMPILING
 from winding_core.parameters import declarations
 from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
@@ -27,9 +29,10 @@ from winding_supervisor.processes.discovery import PATIENCE, Discovery
 from winding_supervisor.processes.members import AttachedNode, Member, configure, exit_error
 from winding_supervisor.processes.node_process import node_process
 
-# A successor may hang as its predecessor did; one that replays a long run only takes long.
+# A successor may hang as its predecessor did [s].
 _RESTART_PATIENCE = (20.0, 60.0, CONFIGURE_TIMEOUT)
 _POLL = 0.02
+_NARRATION_PERIOD = 2.0
 _FORGETTING = 0.5
 # The answer to a transition may overtake the sentence on the node's own output.
 _REFUSAL_PATIENCE = 5.0
@@ -51,12 +54,25 @@ class GraphConfig:
 
 
 class Orchestrator:
-    """Runs one graph; every wait is for a state, none for a time."""
+    """Runs one graph; every wait is for a state, none for a time.
 
-    def __init__(self, config: GraphConfig, client: AsyncClient) -> None:
+    Args:
+        config: How it is run.
+        client: Calls its services and hears its diagnostics.
+        tell: Takes a sentence now and then while nodes compile.
+    """
+
+    def __init__(
+        self,
+        config: GraphConfig,
+        client: AsyncClient,
+        tell: Callable[[str], object] = lambda sentence: None,
+    ) -> None:
         self.config = config
         self._client = client
-        self._transitions = LifecycleDriver(client, config.namespace, self._reason)
+        self._tell = tell
+        self._narrated = ""
+        self._transitions = LifecycleDriver(client, config.namespace, self._reason, self._work)
         self.processes: list[Member] = [self._process(spec) for spec in config.graph]
         self._active: set[str] = set()
         self._matching = Discovery(client, config.recorded, config.graph)
@@ -95,7 +111,7 @@ class Orchestrator:
     ) -> None:
         """Kill what is left of a node, start it anew and bring it to active.
 
-        A successor that hangs is killed and followed by another, which is given more time.
+        A successor that hangs or is killed is followed by another. No other node takes part.
 
         Args:
             name: The node.
@@ -105,15 +121,16 @@ class Orchestrator:
         Raises:
             GraphError, TimeoutError: It does not come up again.
         """
-        for attempt, patience in enumerate(_RESTART_PATIENCE, start=1):
-            sentence = f"was not active again {patience:g} s after it was started"
+        for patience in _RESTART_PATIENCE:
+            idle = f"no answer and no work in {patience:g} s"
             try:
-                async with deadline(patience, f"{name} {sentence}"):
+                async with deadline(patience, idle, partial(self._work, name)):
                     await self._replace(name, extra)
-            except TimeoutError:
-                if attempt == len(_RESTART_PATIENCE):
+            except (GraphError, TimeoutError) as error:
+                refused = isinstance(error, GraphError) and not self._killed(name)
+                if refused or patience == _RESTART_PATIENCE[-1]:
                     raise
-                late(sentence)
+                late(f"was not active again: {error}")
             else:
                 return
 
@@ -128,14 +145,30 @@ class Orchestrator:
         await self._while_alive(self._transitions.change(name, ACTIVATE, CONFIGURE_TIMEOUT), [new])
         self._active.add(name)
 
-    async def rematch(self, names: Collection[str]) -> None:
-        """Wait until the graph has forgotten killed processes and matches their successors."""
-        async with deadline(PATIENCE, f"the graph does not forget a killed {names}"):
-            while any(self._client.present(name) != 1 for name in names):
+    async def rematch(self, names: Collection[str]) -> frozenset[str]:
+        """Wait until the graph has forgotten killed processes and matches their successors.
+
+        A node that is down meanwhile is not waited for: its own restart matches it.
+
+        Returns:
+            Names of the nodes that are down; the machine goes on when they are up again.
+
+        Raises:
+            GraphError: A subscriber among those that are up does not find its publisher.
+            TimeoutError: The graph does not forget.
+        """
+        async with deadline(PATIENCE, f"the graph does not forget a killed {', '.join(names)}"):
+            while any(self._client.present(name) != 1 for name in set(names) - self.down()):
                 await asyncio.sleep(_POLL)
         # Each process forgets for itself, a little earlier or later than this one.
         await asyncio.sleep(_FORGETTING)
-        await self._while_alive(self._matched())
+        await self._matched()
+        return self.down()
+
+    def down(self) -> frozenset[str]:
+        """Return the names of the nodes that have ended, or are not active."""
+        ended = {item.spec.name for item in self.processes if item.return_code is not None}
+        return frozenset(ended | set(self._names) - self._active)
 
     async def adopt_parameters(self) -> dict[str, dict[str, object]]:
         """Return what every node is set to now; a node that is restarted gets the same.
@@ -225,12 +258,30 @@ class Orchestrator:
     async def _reason(self, name: str) -> str:
         return await self.process(name).refusal(_REFUSAL_PATIENCE)
 
+    def _killed(self, name: str) -> bool:
+        return (self.process(name).return_code or 0) < 0
+
+    def _work(self, name: str) -> object:
+        """Return what changes while a node works, wherever it runs."""
+        return self.process(name).work(), self._compiling(name)
+
+    def _compiling(self, name: str) -> str:
+        status = self._client.status(name)
+        return status.values.get(COMPILING, "") if status else ""
+
+    def _narrate(self) -> None:
+        found = {name: share for name in self._names if (share := self._compiling(name))}
+        sentence = ", ".join(f"{name} {share}" for name, share in found.items())
+        if sentence and sentence != self._narrated:
+            self._narrated = sentence
+            self._tell(f"compiling kernels (first start only): {sentence}")
+
     async def _configure_all(self) -> None:
         await asyncio.gather(*(configure(self._transitions, process) for process in self.processes))
 
     async def _matched(self) -> None:
         try:
-            await self._matching.complete()
+            await self._matching.complete(self.down)
         except TimeoutError as error:
             raise GraphError(str(error)) from None
 
@@ -240,7 +291,12 @@ class Orchestrator:
         task = asyncio.create_task(work)
         death = asyncio.create_task(self.first_death(among))
         try:
-            await asyncio.wait({task, death}, return_when=asyncio.FIRST_COMPLETED)
+            ended: set[asyncio.Task[Any]] = set()
+            while not ended:
+                ended, _ = await asyncio.wait(
+                    {task, death}, timeout=_NARRATION_PERIOD, return_when=asyncio.FIRST_COMPLETED
+                )
+                self._narrate()
             if task.done():
                 task.result()
                 return

@@ -230,7 +230,7 @@ class Run:
         describe_machine(config, axes, client.node, report)
         if axes:
             recorder.bags.note(parameter_notes(config.parameters(axes)))
-        orchestrator = Orchestrator(graph_config(config, axes), client)
+        orchestrator = Orchestrator(graph_config(config, axes), client, report)
         supervisor = Supervisor(
             orchestrator,
             machine,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_format
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,8 @@ from typing import Any
 from rich.progress import MofNCompleteColumn
 from rich.table import Table
 
-from winding_cli.terminal.console import progress_bar, result_console
+from winding_cli.terminal.console import busy, result_console
+from winding_cli.terminal.output_path import write_json
 
 
 def closed_loop(
@@ -35,13 +35,12 @@ def closed_loop(
     )
 
     config = ClosedLoopConfig(cases=cases, draws=draws, brake=brake)
-    with progress_bar(MofNCompleteColumn()) as bar:
-        task = bar.add_task("runs with hidden rigs", total=None)
-
-        def show(done: int, runs: int) -> None:
-            bar.update(task, completed=done, total=runs)
-
-        rows = closed_loop_study(config, processes=processes, progress=show)
+    with busy("runs with hidden rigs", MofNCompleteColumn()) as show:
+        rows = closed_loop_study(
+            config,
+            processes=processes,
+            progress=lambda done, runs: show(completed=done, total=runs),
+        )
     result_console().print(
         verdict(rows, LayTolerance.lay_tolerance), highlight=False, soft_wrap=True
     )
@@ -66,7 +65,7 @@ def closed_loop(
             )
         )
     if json is not None:
-        json.write_text(json_format.dumps([row.record() for row in rows], indent=1) + "\n")
+        write_json(json, [row.record() for row in rows])
 
 
 def _table(

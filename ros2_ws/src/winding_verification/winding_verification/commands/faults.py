@@ -4,32 +4,32 @@ from __future__ import annotations
 
 import sys
 from contextlib import AsyncExitStack
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from winding_cli.terminal.console import result_console
-from winding_cli.terminal.output_path import check_output_file, write_json
+from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_cli.terminal.ros_environment import joined
 
 
 def faults(
-    json: Annotated[Path | None, typer.Option(help="Also write the table to this file.")] = None,
+    json: Json = None,
     only: Annotated[
         str | None, typer.Option(help="Try only the rows whose name contains this text.")
     ] = None,
     domain: Annotated[
         int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")
     ] = None,
+    force: Force = False,
 ) -> None:
     """Kill, hold and mislead a running graph in every way of the table; exit 1 if it fails one."""
     from winding_supervisor.session.domain_lock import DomainError, domain_lock
     from winding_supervisor.session.interruption import Interruption, run_closing
     from winding_verification.faults import campaign
 
-    check_output_file(json, "--json")
+    check_output_file(json, "--json", force=force)
     names = {name for name in campaign.row_names() if (only or "") in name}
     if not names:
         refuse(f"no row of the fault table contains {only!r}")

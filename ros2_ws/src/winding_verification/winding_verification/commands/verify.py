@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
-from rich.console import Console
-from rich.progress import MofNCompleteColumn, TimeElapsedColumn
+from rich.progress import MofNCompleteColumn
 from rich.table import Table
 
-from winding_cli.terminal.console import progress_bar, result_console
-from winding_cli.terminal.output_path import check_output_file, write_json
+from winding_cli.terminal.console import busy, result_console
+from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json
 from winding_cli.terminal.refusal import FAILED, refuse
 
 if TYPE_CHECKING:
@@ -34,12 +33,11 @@ def verify(
             help="Other people's experiments instead: cosseratbench, DEFORM, a capstan's table.",
         ),
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Also write the rows to this file.")
-    ] = None,
+    json_file: Json = None,
+    force: Force = False,
 ) -> None:
     """Compare the solver with closed forms and reference solutions; exit code 1 if one fails."""
-    check_output_file(json_file, "--json")
+    check_output_file(json_file, "--json", force=force)
     if external is None:
         passed, records = _verify_suite(problems or [])
     elif external.is_dir():
@@ -88,8 +86,10 @@ def _compare_external(folder: Path, names: Sequence[str]) -> tuple[bool, list[di
         work, others = found_work(folder, names or NAMES)
         for found in _computed("computing", work):
             rows += found
-    except (ValueError, SolverError) as error:
+    except ValueError as error:
         refuse(error)
+    except SolverError as error:
+        refuse(error, FAILED)
     console = result_console()
     console.print(_external_table(rows))
     judged = [row for row in rows if row.bar is not None]
@@ -104,18 +104,11 @@ def _computed(
     verb: str, work: Sequence[tuple[str, Callable[[], Iterable[_Row]]]]
 ) -> Iterator[Iterable[_Row]]:
     """Yield the rows of each named piece of work, under a bar of progress."""
-    from cable_fem_node.dynamics.compile import is_compiled
-
-    if not is_compiled():
-        Console(stderr=True).print(
-            "compiling the solver's kernels: once after installation, a minute at most"
-        )
-    with progress_bar(MofNCompleteColumn(), TimeElapsedColumn()) as bar:
-        task = bar.add_task(verb, total=len(work))
+    with busy(verb, MofNCompleteColumn(), total=len(work)) as show:
         for name, rows in work:
-            bar.update(task, description=f"{verb} {name}")
+            show(description=f"{verb} {name}")
             yield rows()
-            bar.update(task, advance=1)
+            show(advance=1)
 
 
 def _table(title: str, left: Sequence[str], right: Sequence[str]) -> Table:
