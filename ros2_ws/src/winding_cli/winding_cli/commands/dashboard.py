@@ -39,7 +39,8 @@ def dashboard(
     """Serve the operator's page; Ctrl-C ends it."""
     from winding_cli.run.wanted_lay import held_against
     from winding_core.parameters import ParameterError, build, typed_values
-    from winding_ros.environment import ros_arguments
+    from winding_ros.environment import enclave_arguments, ros_arguments
+    from winding_ros.graph import PAGE
 
     try:
         from winding_dashboard.__main__ import main
@@ -62,4 +63,5 @@ def dashboard(
     if namespace:
         check_namespace(namespace)
     with joined(domain):
-        raise typer.Exit(main(["winding_dashboard", *ros_arguments(namespace)], values))
+        words = [*enclave_arguments(namespace, PAGE.name), *ros_arguments(namespace)]
+        raise typer.Exit(main(["winding_dashboard", *words], values))
