@@ -78,7 +78,8 @@ def _try_middleware(name: str, environment: Mapping[str, str]) -> None:
             f"no node came up under enclave {name} in {_TRIAL_TIMEOUT:g} s"
         ) from None
     if done.returncode != 0:
-        reason = [line for line in (done.stderr + done.stdout).splitlines() if "ecurity" in line]
+        lines = [line for line in (done.stderr + done.stdout).splitlines() if "[INFO]" not in line]
+        reason = [line for line in lines if "ecurity" in line]
         raise SecurityError(
             f"the middleware makes no node under enclave {name}: "
             + (reason[0].strip() if reason else f"exit code {done.returncode}")
