@@ -149,7 +149,7 @@ def test_a_keystore_without_a_key_is_refused(tmp_path: Path) -> None:
 
 def test_a_middleware_without_security_is_refused(tmp_path: Path) -> None:
     environment = keystore(tmp_path, *(spec.name for spec in GRAPH), "orchestrator")
-    with pytest.raises(SecurityError, match="makes no node under .*: [^[].*security"):
+    with pytest.raises(SecurityError, match=r"makes no node under .*: [^[].*security"):
         check_security("winding", dict(os.environ) | environment)
 
 

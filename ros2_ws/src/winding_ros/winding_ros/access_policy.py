@@ -100,12 +100,12 @@ def grants(taking_part: Participants) -> Iterator[Grant]:
             subscribe=_names(topics.published_by(topics.COMMANDER)),
             reply=(*_own(RIG.name, *_PARAMETERS), *served_by(RIG.name)),
         )
-    signs = [heartbeat_topic(name) for name in taking_part.enclaves if name != ORCHESTRATOR]
+    alive = [heartbeat_topic(name) for name in taking_part.enclaves if name != ORCHESTRATOR]
     yield Grant(
         enclave=ORCHESTRATOR,
         node=ORCHESTRATOR,
         publish=(heartbeat_topic(ORCHESTRATOR), *_names(topics.published_by(ORCHESTRATOR))),
-        subscribe=(topics.DIAGNOSTICS.name, topics.TRACE.name, *signs),
+        subscribe=(topics.DIAGNOSTICS.name, topics.TRACE.name, *alive),
         reply=(*_own(ORCHESTRATOR, *_PARAMETERS), *served_by(ORCHESTRATOR)),
         request=(*served_by(RIG.name), *lifecycle),
     )
