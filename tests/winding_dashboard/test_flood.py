@@ -6,11 +6,10 @@ import resource
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 import pytest
 
@@ -124,6 +123,30 @@ def crowd() -> Iterator[ExitStack]:
     resource.setrlimit(resource.RLIMIT_NOFILE, limits)
 
 
+@pytest.fixture
+def crowded(serving: Any, crowd: ExitStack) -> Callable[[bytes], tuple[int, Any]]:
+    """Serve the page of a made-up run to a crowd that begins a request and goes no further."""
+
+    def serve(opening: bytes) -> tuple[int, Any]:
+        port = serving.free_port()
+        page = crowd.enter_context(
+            subprocess.Popen(
+                ["sh", "-c", f'ulimit -n {FILES}; exec "$@"', "sh", sys.executable,
+                 str(Path(__file__).parent / "controlled_page.py"), str(port)],
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+        )  # fmt: skip
+        crowd.callback(page.terminate)
+        serving.wait_for_page(f"http://127.0.0.1:{port}/")
+        for _ in range(CROWD):
+            connection = crowd.enter_context(socket.create_connection(("127.0.0.1", port)))
+            connection.sendall(opening)
+        return port, page
+
+    return serve
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "opening",
@@ -136,40 +159,33 @@ def crowd() -> Iterator[ExitStack]:
     ids=["half headers", "half bodies", "nothing"],
 )
 def test_a_crowd_of_half_open_connections_keeps_no_stop_out(
-    serving: Any, crowd: ExitStack, opening: bytes
+    crowded: Any, crowd: ExitStack, opening: bytes
 ) -> None:
-    port = serving.free_port()
-    page = crowd.enter_context(
-        subprocess.Popen(
-            [
-                "sh",
-                "-c",
-                f'ulimit -n {FILES}; exec "$@"',
-                "sh",
-                sys.executable,
-                str(Path(__file__).parent / "controlled_page.py"),
-                str(port),
-            ],
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-    )
-    crowd.callback(page.terminate)
-    url = f"http://127.0.0.1:{port}/"
-    serving.wait_for_page(url)
-    where = (str(urlsplit(url).hostname), port)
-    for _ in range(CROWD):
-        connection = crowd.enter_context(socket.create_connection(where))
-        connection.sendall(opening)
-    asked = http.client.HTTPConnection(*where, timeout=60.0)
+    port, page = crowded(opening)
+    asked = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
     crowd.callback(asked.close)
     head = {"Content-Type": "application/json"}
     asked.request("POST", "/command/emergency_stop", body="{}", headers=head)
     assert asked.getresponse().status == 200
-    assert page.stdout is not None
     assert page.stdout.readline() == "told emergency_stop\n"
     opened = len(list(Path(f"/proc/{page.pid}/fd").iterdir()))
     assert opened < FILES // 2
     asked.close()
     asked.request("GET", "/snapshot")
     assert asked.getresponse().status == 200
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("by", ["mouse", "keyboard"])
+def test_a_browser_stops_the_machine_through_a_crowd(crowded: Any, browser: Any, by: str) -> None:
+    port, page = crowded(b"GET /snapshot HTTP/1.1\r\n")
+    tab = browser.new_page(viewport={"width": 390, "height": 844})
+    tab.goto(f"http://127.0.0.1:{port}/")
+    stop = tab.get_by_role("button", name="EMERGENCY STOP")
+    if by == "mouse":
+        stop.click()
+    else:
+        stop.focus()
+        tab.keyboard.press("Enter")
+    assert page.stdout.readline() == "told emergency_stop\n"
+    tab.close()
