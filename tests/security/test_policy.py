@@ -77,26 +77,17 @@ def test_commands_are_published_by_who_commands_in_this_run(
     assert published.get(topics.LAY_CONTROL, set()) & COMMANDS in (set(), of_lay)
 
 
-@pytest.mark.parametrize(
-    ("taking_part", "enclaves"),
-    [
-        (PLAIN, {"correction", "cable_fem", "marker_tracker", "winding_rig", "orchestrator"}),
-        (
-            Participants(graph=members(external=True, camera=False, control=False), page=True),
-            {"correction", "cable_fem", "winding_rig", "dashboard", "orchestrator"},
-        ),
-        (
-            WHOLE,
-            {"correction", "cable_fem", "marker_tracker", "winding_rig", "lay_control",
-             "dashboard", "orchestrator", "run_server", "commander"},
-        ),
-    ],
-)  # fmt: skip
-def test_who_takes_part_has_an_enclave_in_the_namespace(
-    taking_part: Participants, enclaves: set[str]
-) -> None:
-    root = ET.fromstring(sros2_policy("cell/a", taking_part))
-    assert {item.get("path") for item in root.iter("enclave")} == {f"/cell/a/{n}" for n in enclaves}
+def test_who_takes_part_has_an_enclave_in_the_namespace() -> None:
+    always = {"correction", "cable_fem", "winding_rig", "orchestrator"}
+    external = members(external=True, camera=False, control=False)
+    for taking_part, others in (
+        (PLAIN, {"marker_tracker"}),
+        (Participants(graph=external, page=True), {"dashboard"}),
+        (WHOLE, {"marker_tracker", "lay_control", "dashboard", "run_server", "commander"}),
+    ):
+        root = ET.fromstring(sros2_policy("cell/a", taking_part))
+        paths = {f"/cell/a/{node}" for node in always | others}
+        assert {item.get("path") for item in root.iter("enclave")} == paths
 
 
 def test_a_machines_driver_has_neither_clock_nor_lifecycle() -> None:
