@@ -6,6 +6,7 @@ import math
 import subprocess
 import sys
 import time
+from array import array
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,10 @@ NAMESPACE = "served"
 
 
 def test_options_become_words_of_the_command_line() -> None:
-    assert typed({"case": 4, "duration_s": 2.5, "camera": False, "rolling": True}) == [
+    goal = {"case": 4, "duration_s": 2.5, "camera": False, "rolling": True}
+    assert typed({**goal, "camera_position_mm": array("d", [1.5, 0.0, -2.0])}) == [
         "--case=4", "--duration-s=2.5", "--no-camera", "--rolling",
+        "--camera-position-mm=1.5,0.0,-2.0",
     ]  # fmt: skip
 
 
@@ -38,6 +41,7 @@ def test_options_become_words_of_the_command_line() -> None:
         ({"case": 4, "colour": "red"}, "a goal has no parameter colour"),
         ({"case": 4, "cylinder_scale": math.nan}, "cylinder_scale must be finite, got nan"),
         ({"case": 4, "control": "ram"}, "control must be one of off, watch, drive, got 'ram'"),
+        ({"case": 4, "young_mpa": None}, "young_mpa has no value"),
         ({"case": 4, "speed": "fast"}, "speed must be a float, got 'fast'"),
         ({"case": 4, "camera": 1}, "camera must be a bool, got '1'"),
         ({"case": 4, "machine": "external\0"}, "machine must be printable text, got"),

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import threading
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
@@ -156,6 +156,8 @@ def typed(options: Mapping[str, object]) -> list[str]:
         option = name.replace("_", "-")
         if isinstance(value, bool):
             words.append(f"--{option}" if value else f"--no-{option}")
+        elif isinstance(value, Iterable) and not isinstance(value, str):
+            words.append(f"--{option}={','.join(map(str, value))}")
         else:
             # In one word: no value can be taken for an option.
             words.append(f"--{option}={value}")

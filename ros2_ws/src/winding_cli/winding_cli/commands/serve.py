@@ -124,6 +124,8 @@ def check_goal(wanted: Mapping[str, object]) -> None:
     except ParameterError as error:
         raise GoalError(str(error)) from error
     for name, value in wanted.items():
+        if value is None:
+            raise GoalError(f"{name} has no value")
         kind = _HOW.get(name, type(value))
         # A whole number is taken where a float is declared, and True is no number.
         if type(value) is not kind and not (kind is float and type(value) is int):
