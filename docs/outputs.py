@@ -7,8 +7,6 @@ A page marks an output by a comment with its command, before a code block or, fo
 a line `<!-- end of output -->`:
 
     <!-- output of: winding predict --case 4 | sed -n 1,9p -->
-
-The access policy of `winding_bringup` is the output of `winding graph --sros2`.
 """
 
 from __future__ import annotations
@@ -23,7 +21,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
-POLICY = ROOT / "ros2_ws/src/winding_bringup/winding_bringup/policy/sros2_policy.xml"
 _OUTPUT = re.compile(
     r"^<!-- output of: (?P<command>.+?) -->\n"
     r"(?:(?P<fence>```\w*\n)(?P<block>.*?)(?=^```$)|\n(?P<text>.*?)(?=\n<!-- end of output -->$))",
@@ -67,19 +64,13 @@ class Output:
 
 
 def outputs() -> Iterator[Output]:
-    """Yield every output of every page, last first within a page, and the access policy."""
+    """Yield every output of every page, last first within a page."""
     for page in PAGES:
         for match in reversed([*_OUTPUT.finditer(page.read_text(encoding="utf-8"))]):
             group = "text" if match["fence"] is None else "block"
             yield Output(
                 file=page, command=match["command"], shown=match[group], start=match.start(group)
             )
-    yield Output(
-        file=POLICY,
-        command="winding graph --sros2",
-        shown=POLICY.read_text(encoding="utf-8"),
-        start=0,
-    )
 
 
 def main() -> int:

@@ -122,7 +122,7 @@ PACKAGES = {
         tests=("winding_verification", "faults"),
     ),
     "winding_bringup": Package(
-        description="Launch file, access policy and viewer layouts of the winding graph.",
+        description="Launch file, transport profile and viewer layouts of the winding graph.",
         floor=2,
         tests=("docs/test_viewers.py",),
     ),

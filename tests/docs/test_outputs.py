@@ -80,8 +80,6 @@ def test_a_stale_output_is_written_anew(tmp_path: Path, monkeypatch: pytest.Monk
         "<!-- output of: echo two -->\n\n| old |\n\n<!-- end of output -->\n",
         encoding="utf-8",
     )
-    policy = tmp_path / "policy.xml"
-    policy.write_text(OUTPUTS[-1].shown, encoding="utf-8")
     monkeypatch.setattr(module, "PAGES", (page,))
     monkeypatch.setattr(module, "ROOT", tmp_path)
     monkeypatch.setattr(

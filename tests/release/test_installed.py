@@ -125,7 +125,7 @@ def test_the_consumer_runs(installed: Path, tmp_path: Path) -> None:
     assert 0.0 <= float(ended.stdout) < 0.01
 
 
-def test_launch_file_policy_and_layouts_are_in_the_wheel(
+def test_launch_file_transport_and_layouts_are_in_the_wheel(
     installed: Path, run: Callable[..., str], tmp_path: Path
 ) -> None:
     program = (
@@ -136,7 +136,7 @@ def test_launch_file_policy_and_layouts_are_in_the_wheel(
     )
     assert run([installed / "bin" / "python", "-c", program], tmp_path).split() == [
         "twin.launch.py",
-        *("fastdds_localhost.xml", "sros2_policy.xml"),
+        "fastdds_localhost.xml",
         *("foxglove_layout.json", "winding.rviz"),
     ]
 

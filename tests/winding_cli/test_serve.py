@@ -1,9 +1,12 @@
 """`winding serve`: goal, feedback, cancel and result over DDS, with a run in its own process."""
 
+import inspect
 import json
+import math
 import subprocess
 import sys
 import time
+from array import array
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from winding_cli.cell.goals import GoalError, Goals, GoalState, typed
+from winding_cli.commands.run import run
 from winding_cli.commands.serve import check_goal
 from winding_ros import services, topics
 
@@ -23,8 +27,10 @@ NAMESPACE = "served"
 
 
 def test_options_become_words_of_the_command_line() -> None:
-    assert typed({"case": 4, "duration_s": 2.5, "camera": False, "rolling": True}) == [
-        "--case", "4", "--duration-s", "2.5", "--no-camera", "--rolling",
+    goal = {"case": 4, "duration_s": 2.5, "camera": False, "rolling": True}
+    assert typed({**goal, "camera_position_mm": array("d", [1.5, 0.0, -2.0])}) == [
+        "--case=4", "--duration-s=2.5", "--no-camera", "--rolling",
+        "--camera-position-mm=1.5,0.0,-2.0",
     ]  # fmt: skip
 
 
@@ -33,12 +39,46 @@ def test_options_become_words_of_the_command_line() -> None:
     [
         ({"case": 13}, "case must be one of 1 to 12, got 13"),
         ({"case": 4, "colour": "red"}, "a goal has no parameter colour"),
-        ({"case": 4, "output": "/etc"}, "a goal has no parameter output"),
+        ({"case": 4, "cylinder_scale": math.nan}, "cylinder_scale must be finite, got nan"),
+        ({"case": 4, "control": "ram"}, "control must be one of off, watch, drive, got 'ram'"),
+        ({"case": 4, "young_mpa": None}, "young_mpa has no value"),
+        ({"case": 4, "speed": "fast"}, "speed must be a float, got 'fast'"),
+        ({"case": 4, "camera": 1}, "camera must be a bool, got '1'"),
+        ({"case": 4, "machine": "external\0"}, "machine must be printable text, got"),
+        (
+            {"case": 2, "weights": "/srv/mine"},
+            "weights must be one of rod, .*, got '/srv/mine': a goal",
+        ),
+        ({"case": 2, "weights": "../rod"}, "weights must be one of rod"),
     ],
 )
 def test_a_goal_that_no_run_takes_is_refused(goal: dict[str, object], sentence: str) -> None:
     with pytest.raises(GoalError, match=sentence):
         check_goal(goal)
+
+
+def test_a_goal_sets_nothing_that_names_a_file_code_or_a_place() -> None:
+    places, taken = set(), set()
+    for name in inspect.signature(run).parameters:
+        try:
+            check_goal({"case": 5, name: "/srv/there"})
+            taken.add(name)
+        except GoalError as error:
+            if str(error) == f"a goal cannot set {name}: files, code and places are the server's":
+                places.add(name)
+    assert places >= {
+        *("program", "truth", "bag", "compression", "split_mb", "output", "report", "json"),
+        *("trace", "compose", "parameters", "domain", "namespace", "dashboard", "dashboard_port"),
+    }
+    # Words that the run compares with its own, and names of joints.
+    assert taken == {
+        *("lay", "machine", "start", "marker_colours", "cylinder_joint", "carriage_joint"),
+    }
+
+
+def test_a_goal_sets_how_it_is_wound() -> None:
+    check_goal({"case": 7, "duration_s": 3, "speed": 0, "weights": "paper", "machine": "external"})
+    check_goal({"case": 2, "camera": False, "turns": 2.5, "camera_position_mm": "1,2,3"})
 
 
 def goals(script: str, folder: Path) -> Goals:
@@ -54,6 +94,33 @@ def test_a_run_that_fails_is_aborted_with_its_last_words(tmp_path: Path) -> None
     )  # fmt: skip
 
 
+def test_a_goal_without_a_process_is_refused_and_the_next_is_taken(tmp_path: Path) -> None:
+    taken = Goals([str(tmp_path / "no such command")], tmp_path, time.time_ns)
+    for _ in range(2):
+        with pytest.raises(GoalError, match="no process can be started: No such file"):
+            taken.send({"case": 3})
+    assert taken.goal is None
+
+
+def test_a_run_is_recorded_beside_its_numbers_and_the_result_names_the_folder(
+    tmp_path: Path,
+) -> None:
+    script = """
+import json, sys
+from pathlib import Path
+folder = Path(sys.argv[-2].removeprefix("--output="))
+folder.mkdir(parents=True)
+(folder / "run.json").write_text(json.dumps({"words": sys.argv[1:]}))
+"""
+    taken = Goals([sys.executable, "-c", script], tmp_path, time.time_ns, record=True)
+    goal = taken.send({"case": 3})
+    taken.wait()
+    assert goal.result() == {
+        "folder": str(goal.folder),
+        "words": ["--case=3", f"--output={goal.folder}", f"--bag={goal.folder}/bag"],
+    }
+
+
 def test_a_second_goal_waits_for_the_end_of_the_first(tmp_path: Path) -> None:
     taken = goals("import signal; signal.pause()", tmp_path)
     first = taken.send({})
@@ -66,7 +133,7 @@ def test_a_second_goal_waits_for_the_end_of_the_first(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def server(tmp_path: Path) -> Iterator[None]:
+def server(tmp_path: Path) -> Iterator[Path]:
     process = subprocess.Popen(
         [sys.executable, "-m", "winding_cli.cli", "serve", "--namespace", NAMESPACE,
          "--output", str(tmp_path / "runs")],
@@ -75,7 +142,7 @@ def server(tmp_path: Path) -> Iterator[None]:
     assert process.stdout is not None
     try:
         assert any("waiting for goals" in line for line in process.stdout)
-        yield
+        yield tmp_path / "runs"
         process.terminate()
         assert process.wait(120.0) in (0, 130)
     finally:
@@ -84,7 +151,17 @@ def server(tmp_path: Path) -> Iterator[None]:
 
 @pytest.mark.processes
 @pytest.mark.timeout(600)
-def test_a_goal_is_wound_with_feedback_and_a_result(server: None, ros: Any) -> None:
+def test_a_goal_is_wound_with_feedback_and_a_result(
+    server: Path, ros: Any, command: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    second = command("serve", "--namespace", NAMESPACE, cwd=server.parent)
+    assert second.returncode == 2
+    assert f"already has a server of goals in namespace /{NAMESPACE}" in second.stderr
+    # Another user, or a container, has other locks.
+    monkeypatch.setenv("TMPDIR", str(server.parent))
+    third = command("serve", "--namespace", NAMESPACE, cwd=server.parent)
+    assert third.returncode == 2
+    assert f"has a server of goals in /{NAMESPACE}" in third.stderr
     node = ros.plain("controller")
     states: list[int] = []
     feedback: list[Any] = []
@@ -113,6 +190,8 @@ def test_a_goal_is_wound_with_feedback_and_a_result(server: None, ros: Any) -> N
     assert any("simulated" in message.status[0].message for message in feedback)
     result = call(services.GET_RESULT, Trigger.Request())
     assert result.success
-    assert json.loads(result.message)["joint_states"] == 2001
+    numbers = json.loads(result.message)
+    assert numbers["joint_states"] == 2001
+    assert [Path(numbers["folder"])] == list(server.iterdir())
     late = call(services.CANCEL_GOAL, CancelGoal.Request())
     assert late.return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED

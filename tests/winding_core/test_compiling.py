@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -127,19 +128,43 @@ def test_code_goes_to_the_users_own_folder_without_the_variable(checkout: Checko
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("broken", ["writable by others", "a file"])
-def test_a_cache_that_cannot_be_used_is_a_warning(checkout: Checkout, broken: str) -> None:
+@pytest.mark.parametrize(
+    ("broken", "reason"),
+    [
+        ("a file", "Not a directory"),
+        ("writable root", "winding-kernels belongs to another user, or others may write to it"),
+        ("writable kernel", r"outer-\w+ belongs to another user, or others may write to it"),
+        ("linked kernel", r"outer-\w+ is a link, which is not followed"),
+        ("kernel of another user", r"outer-\w+ belongs to another user"),
+        ("code of another user", r"\.nbi belongs to another user"),
+    ],
+)
+def test_a_cache_that_cannot_be_used_is_a_warning(
+    checkout: Checkout, broken: str, reason: str
+) -> None:
+    root = checkout.cache / "winding-kernels"
     if broken == "a file":
         checkout.cache.write_text("")
-        reason = "Not a directory"
     else:
         checkout.ask()
-        (checkout.cache / "winding-kernels").chmod(0o777)
-        reason = "winding-kernels belongs to another user, or others may write to it"
+        assert checkout.ask()[1] == "1"
+        (kernel,) = root.glob("kernels.deeper.outer.outer-*")
+        if broken == "writable root":
+            root.chmod(0o775)
+        elif broken == "writable kernel":
+            kernel.chmod(0o722)
+        elif broken == "linked kernel":
+            kernel.rename(checkout.folder / "elsewhere")
+            kernel.symlink_to(checkout.folder / "elsewhere")
+        elif os.geteuid() != 0:
+            pytest.skip("only root gives files to another user")
+        else:
+            given = kernel if broken.startswith("kernel") else next(kernel.rglob("*.nbi"))
+            os.chown(given, 65534, 65534)
     value, hits, _, warning = checkout.ask()
     assert (value, hits) == ("21.0", "0")
     assert "every process compiles its kernels anew: " in warning
-    assert reason in warning
+    assert re.search(reason, warning)
 
 
 def test_without_a_compiler_kernels_are_plain_python(checkout: Checkout) -> None:

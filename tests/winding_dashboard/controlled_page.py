@@ -13,7 +13,6 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import numpy as np
-import uvicorn
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -25,6 +24,7 @@ from winding_core.machine.readings import AxisReading
 from winding_core.markers import CABLE_DTYPE, Markers, wound_markers
 from winding_dashboard.page import commands
 from winding_dashboard.state.view_state import ViewState
+from winding_dashboard.web.listening import listen
 from winding_dashboard.web.server import application
 
 RADIUS = 0.017
@@ -137,7 +137,7 @@ def main(port: int, *, standing: bool) -> None:
         winding.cancel()
 
     app = application(page, token="", host="127.0.0.1", lifespan=lifespan)
-    uvicorn.run(app, host="127.0.0.1", port=port, log_level="warning")
+    listen(app, "127.0.0.1", port)
 
 
 if __name__ == "__main__":

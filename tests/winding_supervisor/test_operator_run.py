@@ -215,5 +215,4 @@ def test_page_that_is_refused_ends_the_start_with_its_sentence(
 
     with pytest.raises(GraphError, match=r"dashboard ended with exit code 2: host 0\.0\.0\.0 can"):
         asyncio.run(start())
-    # The file has the token.
     assert (tmp_path / "dashboard.yaml").stat().st_mode & 0o077 == 0

@@ -14,6 +14,7 @@ import hashlib
 import importlib.util
 import os
 import shutil
+import stat
 import sys
 import threading
 import warnings
@@ -123,17 +124,38 @@ def _opened(folder: Path | None) -> Path:
     if folder is None:
         raise RuntimeError("a kernel was defined outside of a module's source file")
     _ROOT.mkdir(mode=0o700, parents=True, exist_ok=True)
-    # Code is executed as it is found.
-    if _ROOT.stat().st_uid != os.getuid() or _ROOT.stat().st_mode & 0o022:
-        raise PermissionError(f"{_ROOT} belongs to another user, or others may write to it")
+    _check_own(_ROOT, 0o022)
     new = not folder.exists()
     folder.mkdir(mode=0o700, exist_ok=True)
+    # Numba's own files and folders have the user's usual mode, so others may not even reach them.
+    _check_own(folder, 0o077)
+    for inside in folder.rglob("*"):
+        # Another process of the user may be replacing it.
+        with contextlib.suppress(FileNotFoundError):
+            _check_own(inside, 0)
     os.utime(folder)
     for other in _ROOT.iterdir() if new else ():
         with contextlib.suppress(FileNotFoundError):
             if folder.stat().st_mtime - other.stat().st_mtime > _KEPT_FOR:
                 shutil.rmtree(other, ignore_errors=True)
     return folder
+
+
+def _check_own(path: Path, forbidden: int) -> None:
+    """Refuse what may not be this user's: code is executed as it is found.
+
+    Args:
+        path: Of a folder or a file.
+        forbidden: Bits that its mode may not have.
+
+    Raises:
+        PermissionError: It is a link, of another user, or open to others.
+    """
+    found = path.lstat()
+    if stat.S_ISLNK(found.st_mode):
+        raise PermissionError(f"{path} is a link, which is not followed")
+    if found.st_uid != os.geteuid() or found.st_mode & forbidden:
+        raise PermissionError(f"{path} belongs to another user, or others may write to it")
 
 
 def _folder(module: str, name: str) -> Path | None:

@@ -12,7 +12,6 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import rclpy
-import uvicorn
 from rclpy.context import Context
 from rclpy.parameter import Parameter
 from starlette.applications import Starlette
@@ -24,12 +23,11 @@ from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots
 from winding_dashboard.page.templates import Templates
+from winding_dashboard.web.listening import listen
 from winding_dashboard.web.server import Served, application
 from winding_ros.runtime.process import EXIT_REFUSED, end_with_supervisor
 
 _LOOK, _LIFECYCLE = 0.1, 1.0
-# Browsers that hold a connection must not hold up the end.
-_LAST_ANSWERS = 1
 
 
 def main(arguments: Sequence[str] | None = None, values: Mapping[str, object] | None = None) -> int:
@@ -105,14 +103,8 @@ def serve(node: DashboardNode) -> None:
 
     served = Served(session=session, snapshots=snapshots, runs=runs, templates=templates)
     print(f"operator's page: http://{parameters.host}:{parameters.port}", flush=True)
-    uvicorn.run(
-        application(served, token=parameters.token, host=parameters.host, lifespan=lifespan),
-        host=parameters.host.strip("[]"),
-        port=parameters.port,
-        log_level="warning",
-        access_log=False,
-        timeout_graceful_shutdown=_LAST_ANSWERS,
-    )
+    app = application(served, token=node.token, host=parameters.host, lifespan=lifespan)
+    listen(app, parameters.host.strip("[]"), parameters.port)
 
 
 async def _every(period: float, work: Callable[[], Awaitable[None]]) -> None:

@@ -45,6 +45,7 @@ class DashboardNode(Node):  # type: ignore[misc]
 
     Attributes:
         parameters: As the page was started.
+        token: Secret that a browser must bring; empty for none. It is no parameter.
         state: What the page shows.
         topic_reader: Takes the newest messages into the state.
         service_client: Calls the graph's services.
@@ -56,7 +57,7 @@ class DashboardNode(Node):  # type: ignore[misc]
     def __init__(self, context: Context, **kwargs: Any) -> None:
         super().__init__(NAME, context=context, **kwargs)
         self.parameters = declare_parameters(self, DashboardParameters)
-        self.parameters.check()
+        self.token = self.parameters.token()
         add_parameter_validation(self, DashboardParameters, lambda: True)
         self.state = ViewState(
             nodes=tuple(reversed(self.parameters.named_nodes or NODES)),

@@ -136,6 +136,19 @@ def controlled(graph: tuple[NodeSpec, ...] = GRAPH) -> tuple[NodeSpec, ...]:
     return (*others, LAY_CONTROL, *(spec for spec in graph if spec is RIG))
 
 
+def members(*, external: bool, camera: bool, control: bool) -> tuple[NodeSpec, ...]:
+    """Return the nodes of a run: a machine's driver stands for the rig, no camera needs no tracker.
+
+    Args:
+        external: Whether the machine has a driver of its own.
+        camera: Whether an external machine has a camera.
+        control: Whether the lay is controlled.
+    """
+    absent = ((RIG,) if external else ()) + ((TRACKER,) if external and not camera else ())
+    graph = tuple(spec for spec in GRAPH if spec not in absent)
+    return controlled(graph) if control else graph
+
+
 CAMERA_TOPICS = (topics.IMAGE, topics.CAMERA_INFO, topics.PREVIEW)
 # The simulated camera where it runs in the tracker's process.
 SIMULATED_CAMERA = "winding_rig_node.ros.hosted_camera:open_camera"

@@ -80,7 +80,8 @@ class GoalServer:
             return response
         found = goal.result()
         response.success = found is not None
-        response.message = goal.news if found is None else json.dumps(found)
+        left = f"{goal.news}; the run's folder is {goal.folder}"
+        response.message = left if found is None else json.dumps(found)
         return response
 
     def _report(self) -> None:
@@ -107,6 +108,20 @@ class GoalServer:
                 name = f"P{marker['id']}"
                 self._lengths[f"{name} predicted_m"] = f"{marker['s_fem']:.5f}"
                 self._lengths[f"{name} corrected_m"] = f"{marker['s']:.5f}"
+
+
+def is_served(node: Node, patience: float) -> bool:
+    """Return whether another node serves goals in the node's namespace.
+
+    Args:
+        node: Of a context of its own.
+        patience: Longest wait for discovery [s].
+    """
+    client = services.SEND_GOAL.client(node)
+    try:
+        return bool(client.wait_for_service(timeout_sec=patience))
+    finally:
+        node.destroy_client(client)
 
 
 def _status(goal: Goal) -> GoalStatus:

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import threading
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
@@ -53,12 +53,11 @@ class Goal:
         return self.lines[-1] if self.lines else ""
 
     def result(self) -> dict[str, Any] | None:
-        """Return the numbers that the run has left; None while there are none."""
+        """Return the run's folder and the numbers that it has left; None while there are none."""
         file = self.folder / "run.json"
         if not self.state.ended or not file.is_file():
             return None
-        found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        return found
+        return {"folder": str(self.folder), **json.loads(file.read_text(encoding="utf-8"))}
 
 
 class Goals:
@@ -68,16 +67,25 @@ class Goals:
         command: The run's command, to which the goal's options are added.
         folder: Gets a folder for every goal.
         clock: Time since the epoch [ns].
+        record: Whether every run is recorded, into `bag` in its folder.
 
     Attributes:
         goal: The newest; None before the first.
     """
 
-    def __init__(self, command: Sequence[str], folder: Path, clock: Callable[[], int]) -> None:
+    def __init__(
+        self,
+        command: Sequence[str],
+        folder: Path,
+        clock: Callable[[], int],
+        *,
+        record: bool = False,
+    ) -> None:
         self.goal: Goal | None = None
         self._command = list(command)
         self._folder = folder
         self._clock = clock
+        self._record = record
         self._process: subprocess.Popen[str] | None = None
         self._reader: threading.Thread | None = None
 
@@ -85,20 +93,26 @@ class Goals:
         """Begin a run with options of `winding run`, by name with underscores.
 
         Raises:
-            GoalError: Another goal is executing.
+            GoalError: Another goal is executing, or no process can be started.
         """
         if self.goal is not None and not self.goal.state.ended:
             raise GoalError(f"goal {self.goal.id} is executing; cancel it first")
         identity = uuid.uuid4()
         goal = Goal(id=identity, accepted_ns=self._clock(), folder=self._folder / str(identity))
-        self._process = subprocess.Popen(
-            [*self._command, *typed(options), "--output", str(goal.folder)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            # Both streams in their order, and news when there is news.
-            env={**os.environ, "PYTHONUNBUFFERED": "1"},
-        )
+        words = [*typed(options), f"--output={goal.folder}"]
+        if self._record:
+            words.append(f"--bag={goal.folder / 'bag'}")
+        try:
+            self._process = subprocess.Popen(
+                [*self._command, *words],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                # Both streams in their order, and news when there is news.
+                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            )
+        except OSError as error:
+            raise GoalError(f"no process can be started: {error.strerror}") from error
         self.goal = goal
         self._reader = threading.Thread(target=self._read, args=(goal, self._process))
         self._reader.start()
@@ -142,6 +156,9 @@ def typed(options: Mapping[str, object]) -> list[str]:
         option = name.replace("_", "-")
         if isinstance(value, bool):
             words.append(f"--{option}" if value else f"--no-{option}")
+        elif isinstance(value, Iterable) and not isinstance(value, str):
+            words.append(f"--{option}={','.join(map(str, value))}")
         else:
-            words += [f"--{option}", str(value)]
+            # In one word: no value can be taken for an option.
+            words.append(f"--{option}={value}")
     return words

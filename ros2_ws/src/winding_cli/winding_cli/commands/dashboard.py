@@ -25,10 +25,13 @@ def dashboard(
         str, typer.Option(help="Address to serve on; others than loopback need a token.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="TCP port of the page.")] = 8080,
-    token: Annotated[
-        str,
-        typer.Option(envvar="WINDING_DASHBOARD_TOKEN", help="Secret that a browser must bring."),
-    ] = "",
+    token_file: Annotated[
+        Path | None,
+        typer.Option(
+            help="File of the secret that a browser must bring, mode 0600; else "
+            "WINDING_DASHBOARD_TOKEN of the environment."
+        ),
+    ] = None,
     runs: Annotated[
         Path | None, typer.Option(help="Folder whose runs are listed with verdict and report.")
     ] = None,
@@ -36,7 +39,8 @@ def dashboard(
     """Serve the operator's page; Ctrl-C ends it."""
     from winding_cli.run.wanted_lay import held_against
     from winding_core.parameters import ParameterError, build, typed_values
-    from winding_ros.environment import ros_arguments
+    from winding_ros.environment import enclave_arguments, ros_arguments
+    from winding_ros.graph import PAGE
 
     try:
         from winding_dashboard.__main__ import main
@@ -45,7 +49,9 @@ def dashboard(
         if error.name not in ("starlette", "uvicorn"):
             raise
         refuse("the page needs its web server: pip install cable-winding-twin[dashboard]")
-    values: dict[str, object] = {"host": host, "port": port, "token": token}
+    values: dict[str, object] = {"host": host, "port": port}
+    if token_file is not None:
+        values["token_file"] = str(token_file.absolute())
     if runs is not None:
         if not runs.is_dir():
             refuse(f"--runs {runs} is no folder")
@@ -57,4 +63,5 @@ def dashboard(
     if namespace:
         check_namespace(namespace)
     with joined(domain):
-        raise typer.Exit(main(["winding_dashboard", *ros_arguments(namespace)], values))
+        words = [*enclave_arguments(namespace, PAGE.name), *ros_arguments(namespace)]
+        raise typer.Exit(main(["winding_dashboard", *words], values))

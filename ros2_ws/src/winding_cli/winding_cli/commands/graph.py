@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from winding_cli.terminal.record_options import spelled
-from winding_cli.terminal.refusal import refused
+from winding_cli.terminal.refusal import refuse, refused
+from winding_cli.terminal.ros_environment import check_namespace
 from winding_core.parameters import Declaration, declarations
 from winding_ros.graph import PAGE, controlled, parameters_of
 from winding_ros.runtime.heartbeat import LEASE, PERIOD, heartbeat_topic
@@ -29,21 +30,44 @@ def graph(
     ] = False,
     case: Annotated[int, typer.Option(help="Row of Table 1 in the URDF.")] = 4,
     namespace: Annotated[str, typer.Option(help="Namespace in the policy.")] = "winding",
+    machine: Annotated[
+        str, typer.Option(help="In the policy: simulated, or external with a driver of its own.")
+    ] = "simulated",
+    camera: Annotated[
+        bool, typer.Option("--camera/--no-camera", help="Whether an external machine has one.")
+    ] = True,
+    control: Annotated[
+        bool, typer.Option("--control", help="The policy's run has a wanted lay.")
+    ] = False,
+    dashboard: Annotated[
+        bool, typer.Option("--dashboard", help="The policy's run has an operator's page.")
+    ] = False,
+    serve: Annotated[
+        bool, typer.Option("--serve", help="The policy's runs are goals of `winding serve`.")
+    ] = False,
+    commander: Annotated[
+        bool, typer.Option("--commander", help="A program of yours commands the machine.")
+    ] = False,
 ) -> None:
     """Show the nodes, their topics and who listens."""
     from winding_core.cable.condition import Condition
     from winding_core.machine.axes import MachineAxes
     from winding_core.run_options import CameraPlacement
     from winding_core.urdf import machine_urdf
-    from winding_ros.graph import as_mermaid, as_text
-    from winding_ros.security import sros2_policy
+    from winding_ros.access_policy import Participants, sros2_policy
+    from winding_ros.graph import as_mermaid, as_text, members
 
     if urdf:
         with refused(ValueError):
             what = Condition.from_typed({"case": case}, spelling=spelled).resolved()
         print(machine_urdf(what, MachineAxes(), CameraPlacement()), end="")
     elif sros2:
-        print(sros2_policy(namespace), end="")
+        if machine not in ("simulated", "external"):
+            refuse(f"--machine must be simulated or external, got {machine}")
+        check_namespace(namespace)
+        nodes = members(external=machine == "external", camera=camera, control=control)
+        taking_part = Participants(graph=nodes, page=dashboard, server=serve, commander=commander)
+        print(sros2_policy(namespace, taking_part), end="")
     elif interfaces:
         print(as_markdown())
     else:

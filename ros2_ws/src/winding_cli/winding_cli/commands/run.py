@@ -228,7 +228,13 @@ def run(
     )
     camera_source = composed_camera(compose, external, attach=attach, secure=secure)
     if secure:
-        refuse_open(namespace, dashboard=dashboard, lay_control=bool(wished))
+        refuse_open(
+            namespace,
+            page=dashboard,
+            external=external is not None,
+            camera=camera,
+            control=bool(wished),
+        )
     lay = lay_of(lay, published=wound.is_published, composed=bool(camera_source), wish=wished)
     from winding_cli.run.delivery import DeliveryOptions, RunDelivery
     from winding_cli.run.winding import wind

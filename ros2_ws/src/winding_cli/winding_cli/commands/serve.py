@@ -12,21 +12,59 @@ from typing import Annotated
 
 import typer
 
+from correction_node.models.weights import SHIPPED
 from winding_cli.cell.goals import GoalError, Goals
 from winding_cli.commands.run import run
 from winding_cli.terminal.output_path import check_output_folder
 from winding_cli.terminal.record_options import Domain, Namespace
+from winding_cli.terminal.refusal import refuse, refused
 from winding_cli.terminal.ros_environment import check_namespace, joined, plain_node
 from winding_core.cable.condition import Condition
-from winding_core.parameters import ParameterError, options, refuse_unknown
+from winding_core.error_verdict import ErrorLimit
+from winding_core.lay.errors import LayTolerance
+from winding_core.machine.axes import MachineAxes
+from winding_core.markers import MarkerParameters
+from winding_core.parameters import ParameterError, options, refuse_unknown, typed_values
+from winding_core.run_options import (
+    CameraClockParameters,
+    CameraPixels,
+    CameraPlacement,
+    LayParameters,
+    LayWish,
+)
 
-# Every goal gets them from the server.
-_OWN = ("output", "namespace", "domain", "dashboard", "dashboard_port")
+# What is wound, on which machine, how it is seen and judged. None of it names a file but `program`.
+_RECORDS = (
+    Condition,
+    MachineAxes,
+    CameraClockParameters,
+    MarkerParameters,
+    CameraPlacement,
+    CameraPixels,
+    LayParameters,
+    LayWish,
+    LayTolerance,
+    ErrorLimit,
+)
+_FILES = ("program",)
+# Options of the run beside its records that say how it is wound. All others are the server's: they
+# name files or code, or where the graph runs.
+_HOW = {
+    **dict.fromkeys(("lay", "weights", "machine", "start"), str),
+    **dict.fromkeys(("camera", "attach", "secure"), bool),
+    **dict.fromkeys(("frame_rate", "seed"), int),
+    **dict.fromkeys(("speed", "camera_noise", "turns", "wound_length_mm", "standing_s"), float),
+}
+# Discovery of a server that runs already [s].
+_LOOK = 1.5
 
 
 def serve(
     *,
     output: Annotated[Path, typer.Option(help="Gets a folder for every goal.")] = Path("runs"),
+    record: Annotated[
+        bool, typer.Option("--record", help="Record every run into `bag` in its folder.")
+    ] = False,
     namespace: Namespace = "winding",
     domain: Domain = None,
 ) -> None:
@@ -34,15 +72,28 @@ def serve(
     check_namespace(namespace)
     check_output_folder(output, "--output")
     with joined(domain) as place:
-        from winding_cli.cell.goal_node import GoalServer
+        from winding_cli.cell.goal_node import GoalServer, is_served
         from winding_ros.topics import RUN_SERVER
+        from winding_supervisor.session.domain_lock import DomainError, server_lock
 
         command = [sys.executable, "-m", "winding_cli.cli", "run", "--namespace", namespace]
-        goals = Goals([*command, "--domain", str(place.domain)], output, time.time_ns)
-        print(f"waiting for goals on /{namespace}/run/send_goal; Ctrl-C ends", flush=True)
+        goals = Goals(
+            [*command, "--domain", str(place.domain)],
+            output.absolute(),
+            time.time_ns,
+            record=record,
+        )
         try:
-            with suppress(KeyboardInterrupt), plain_node(RUN_SERVER, namespace) as (node, executor):
+            with (
+                refused(DomainError),
+                server_lock(place.domain, namespace),
+                suppress(KeyboardInterrupt),
+                plain_node(RUN_SERVER, namespace) as (node, executor),
+            ):
+                if is_served(node, _LOOK):
+                    refuse(f"DDS domain {place.domain} has a server of goals in /{namespace}")
                 GoalServer(node, goals, check_goal)
+                print(f"waiting for goals on /{namespace}/run/send_goal; Ctrl-C ends", flush=True)
                 while True:
                     # A signal is only seen between two waits.
                     executor.spin_once(timeout_sec=0.1)
@@ -51,18 +102,38 @@ def serve(
 
 
 def check_goal(wanted: Mapping[str, object]) -> None:
-    """Refuse what no run takes.
+    """Refuse what no goal may ask for: files, code, what is the server's, and what no run takes.
 
     Args:
         wanted: Options of `winding run` by name, with underscores.
 
     Raises:
-        GoalError: An unknown option or a value that cannot be.
+        GoalError: The first option that is refused, in one sentence.
     """
-    known = [name for name in inspect.signature(run).parameters if name not in _OWN]
-    typed = {name: value for name, value in wanted.items() if name in options(Condition)}
+    known = {name: record for record in _RECORDS for name in options(record)}
+    for name in wanted:
+        if name in _FILES or (
+            name in inspect.signature(run).parameters and name not in (*known, *_HOW)
+        ):
+            raise GoalError(f"a goal cannot set {name}: files, code and places are the server's")
     try:
-        refuse_unknown(wanted, known, owner="a goal")
-        Condition.from_typed(typed)
+        refuse_unknown(wanted, [*known, *_HOW], owner="a goal")
+        for record in _RECORDS:
+            typed_values(record, {n: v for n, v in wanted.items() if known.get(n) is record})
+        Condition.from_typed({n: v for n, v in wanted.items() if known.get(n) is Condition})
     except ParameterError as error:
         raise GoalError(str(error)) from error
+    for name, value in wanted.items():
+        if value is None:
+            raise GoalError(f"{name} has no value")
+        kind = _HOW.get(name, type(value))
+        # A whole number is taken where a float is declared, and True is no number.
+        if type(value) is not kind and not (kind is float and type(value) is int):
+            raise GoalError(f"{name} must be a {kind.__name__}, got {str(value)[:80]!r}")
+        if isinstance(value, str) and not value.isprintable():
+            raise GoalError(f"{name} must be printable text, got {value[:80]!r}")
+    if wanted.get("weights", "rod") not in SHIPPED:
+        raise GoalError(
+            f"weights must be one of {', '.join(SHIPPED)}, got {str(wanted['weights'])[:80]!r}: "
+            "a goal cannot name a folder"
+        )

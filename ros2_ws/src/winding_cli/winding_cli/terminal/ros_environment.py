@@ -34,14 +34,23 @@ def check_namespace(namespace: str) -> None:
         refuse(f"namespace must be made of letters, digits, _ and /, got {namespace!r}")
 
 
-def refuse_open(namespace: str, *, dashboard: bool, lay_control: bool = False) -> None:
-    """Refuse a graph whose nodes, and page where there is one, are not held to their policies."""
-    from winding_ros.graph import GRAPH, PAGE, controlled
+def refuse_open(namespace: str, *, page: bool, external: bool, camera: bool, control: bool) -> None:
+    """Refuse a run whose nodes, and page where there is one, are not held to their policies.
+
+    Args:
+        namespace: Of the graph.
+        page: Whether an operator's page is served.
+        external: Whether the machine has a driver of its own.
+        camera: Whether an external machine has a camera.
+        control: Whether the lay is controlled.
+    """
+    from winding_ros.access_policy import Participants
+    from winding_ros.graph import members
     from winding_ros.security import SecurityError, check_security
 
+    nodes = members(external=external, camera=camera, control=control)
     with refused(SecurityError):
-        graph = controlled() if lay_control else GRAPH
-        check_security(namespace, graph=(*graph, PAGE) if dashboard else graph)
+        check_security(namespace, taking_part=Participants(graph=nodes, page=page))
 
 
 @contextmanager
@@ -74,10 +83,11 @@ def plain_node(name: str, namespace: str = "") -> Iterator[tuple[Node, SingleThr
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
 
-    from winding_ros.environment import ros_arguments
+    from winding_ros.environment import enclave_arguments, ros_arguments
 
     context = Context()
-    rclpy.init(context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
+    words = [name, *enclave_arguments(namespace, name)]
+    rclpy.init(args=words, context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
     node = Node(name, context=context, cli_args=ros_arguments(namespace))
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)

@@ -1,9 +1,13 @@
-"""Parameters of the operator's page."""
+"""Parameters of the operator's page, and its token, which is none: whoever joins reads those."""
 
 from __future__ import annotations
 
 import ipaddress
+import os
+import stat
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import ParameterError, parameter
@@ -11,6 +15,9 @@ from winding_core.run_options import CameraPlacement, OperatorLimits
 
 # Sixteen characters of a random token are more than anybody can try over a network.
 MINIMUM_TOKEN = 16
+# The token itself, where there is no file of it. It is inherited and does not show in `ps`.
+TOKEN_VARIABLE = "WINDING_DASHBOARD_TOKEN"
+_LONGEST_TOKEN = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +28,11 @@ class DashboardParameters(CameraPlacement, MachineAxes, OperatorLimits):
         "127.0.0.1", "address that the page is served on; others than loopback need a token"
     )
     port: int = parameter(8080, "TCP port of the page", low=1, high=65535)
-    token: str = parameter("", "secret that a browser must bring; empty for none")
+    token_file: str = parameter(
+        "",
+        "file of the secret that a browser must bring, readable by its owner alone; empty for the "
+        f"environment variable {TOKEN_VARIABLE}, or for none",
+    )
 
     runs: str = parameter(
         "", "folder whose runs are listed with verdict and report; empty for no list"
@@ -43,17 +54,54 @@ class DashboardParameters(CameraPlacement, MachineAxes, OperatorLimits):
         """Whether only this machine can reach the page."""
         return is_loopback(self.host)
 
-    def check(self) -> None:
-        """Refuse a page that anybody on the network could command.
+    def token(self, environment: Mapping[str, str] = os.environ) -> str:
+        """Return the secret that a browser must bring; empty for none.
 
         Raises:
-            ParameterError: The host is no address, or it is not loopback and there is no token.
+            ParameterError: The host is no address, or others reach it and the secret is too short,
+                or others can read its file.
         """
-        if not self.loopback and len(self.token) < MINIMUM_TOKEN:
-            raise ParameterError(
-                f"host {self.host} can be reached from other machines: parameter token needs at "
-                f"least {MINIMUM_TOKEN} characters, got {len(self.token)}"
+        if self.token_file:
+            secret = _read_secret(Path(self.token_file))
+        else:
+            secret = environment.get(TOKEN_VARIABLE, "")
+        if (secret or not self.loopback) and len(secret) < MINIMUM_TOKEN:
+            reach = (
+                "" if self.loopback else f"host {self.host} can be reached from other machines: "
             )
+            raise ParameterError(
+                f"{reach}the token needs at least {MINIMUM_TOKEN} characters, got {len(secret)}; "
+                f"it comes from token_file or {TOKEN_VARIABLE}"
+            )
+        return secret
+
+    def check(self) -> None:
+        """Refuse a page that anybody on the network could command; raise as `token` does."""
+        self.token()
+
+
+def _read_secret(path: Path) -> str:
+    """Return the text of a file that is its user's alone.
+
+    Raises:
+        ParameterError: It is not, or it cannot be read.
+    """
+    try:
+        # A pipe without a writer must not hold the page up.
+        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+            found = os.fstat(file.fileno())
+            if found.st_uid != os.geteuid() or found.st_mode & 0o077:
+                raise ParameterError(
+                    f"token_file {path} must be its user's alone: owner {os.geteuid()} and mode "
+                    f"0600, got {found.st_uid} and {stat.S_IMODE(found.st_mode):04o}"
+                )
+            if not stat.S_ISREG(found.st_mode):
+                raise ParameterError(f"token_file {path} is no file")
+            return file.read(_LONGEST_TOKEN).decode("ascii").strip()
+    except OSError as error:
+        raise ParameterError(f"token_file {path} cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError:
+        raise ParameterError(f"token_file {path} must hold ASCII text") from None
 
 
 def is_loopback(host: str) -> bool:

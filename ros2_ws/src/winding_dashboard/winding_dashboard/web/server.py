@@ -13,7 +13,7 @@ from typing import Any
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import (
     FileResponse,
     HTMLResponse,
@@ -31,13 +31,15 @@ from winding_dashboard.page.session import TITLES, OperatorSession
 from winding_dashboard.page.snapshot import Snapshots, Wanted
 from winding_dashboard.page.templates import Templates, page_content
 from winding_dashboard.state.marker_rows import MOST_MARKERS
-from winding_dashboard.web.access import Gate
+from winding_dashboard.web.access import OF_REPORTS, Gate
 
 _DATA = Path(__file__).parents[1] / "data"
 _COMPRESSED_FROM = 1000
 # Who asks for motion must have seen the machine as it was so lately [s].
 SEEN_WITHIN = 5.0
 _LARGEST_REQUEST = 100_000
+# Digits of a whole number that counts snapshots or picks a case.
+_LONGEST_NUMBER = 15
 _STEEPEST = 80.0
 # Whatever the page believes, these are carried out.
 _ALWAYS = (commands.STOP, commands.EMERGENCY_STOP)
@@ -119,10 +121,15 @@ class _Pages:
 
     async def report(self, request: Request) -> Response:
         path = str(request.path_params["path"])
-        file = self._runs.file(path)
+        try:
+            file = self._runs.file(path)
+            found = None if file is None else file.stat()
+        except (OSError, ValueError):
+            # No file system takes such a name, or the file has just gone.
+            file = None
         if file is None:
             return PlainTextResponse(f"there is no report {path}", 404)
-        return FileResponse(file)
+        return FileResponse(file, stat_result=found, headers=OF_REPORTS)
 
     async def command(self, request: Request) -> Response:
         name = str(request.path_params["name"])
@@ -191,16 +198,33 @@ class _Pages:
 
 
 async def _json(request: Request) -> dict[str, Any] | None:
+    """Return the object that a request brings; None for anything that cannot be written again."""
     # A form of another site cannot send this type.
     if request.headers.get("content-type", "").split(";")[0] != "application/json":
         return None
-    if int(request.headers.get("content-length", _LARGEST_REQUEST)) >= _LARGEST_REQUEST:
+    length = request.headers.get("content-length", "")
+    if not (length.isdecimal() and len(length) <= _LONGEST_NUMBER):
+        return None
+    if int(length) >= _LARGEST_REQUEST:
         return None
     try:
-        body = json.loads(await request.body())
-    except ValueError:
+        body = json.loads(await request.body(), parse_int=_whole_number)
+        # Neither infinite numbers nor halves of characters, which no answer could repeat.
+        json.dumps(body, ensure_ascii=False, allow_nan=False).encode()
+    except (ValueError, RecursionError, ClientDisconnect):
         return None
     return body if isinstance(body, dict) else None
+
+
+def _whole_number(text: str) -> int:
+    """Return a whole number of a request.
+
+    Raises:
+        ValueError: It has too many digits.
+    """
+    if len(text) > _LONGEST_NUMBER:
+        raise ValueError(f"a whole number has at most {_LONGEST_NUMBER} digits, got {len(text)}")
+    return int(text)
 
 
 def _wanted(query: Mapping[str, str]) -> Wanted:

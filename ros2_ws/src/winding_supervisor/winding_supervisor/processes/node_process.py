@@ -211,7 +211,6 @@ def node_process(
         parameters_file: The user's, or None.
     """
     own = log_directory / f"{spec.name}.yaml"
-    # The page's has a token.
     own.touch(mode=0o600)
     content = {f"/{namespace}/{spec.name}": {"ros__parameters": dict(parameters)}}
     own.write_text(yaml.safe_dump(content), encoding="utf-8")

@@ -1,16 +1,20 @@
-"""One graph per DDS domain and namespace on a machine: a second one is refused."""
+"""One graph, and one server of goals, per DDS domain and namespace: a second one is refused."""
 
 from __future__ import annotations
 
 import fcntl
 import getpass
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 MAX_DOMAIN = 232
+# Neither folder nor file may be a link: whoever plants one would choose what is opened.
+_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+_FILE = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 
 
 class DomainError(ValueError):
@@ -39,17 +43,69 @@ def domain_lock(domain: int, namespace: str) -> Iterator[None]:
     """Hold a (domain, namespace) for this process; the lock goes with the process, however it ends.
 
     Raises:
-        DomainError: Another graph on this machine holds it.
+        DomainError: Another graph on this machine holds it, or the lock may be another user's.
     """
-    folder = lock_folder()
-    folder.mkdir(exist_ok=True)
-    path = folder / f"domain-{domain}-{namespace.replace('/', '-')}.lock"
-    with path.open("w") as lock:
+    taken = f"DDS domain {domain} already runs a graph in namespace /{namespace}"
+    with _held(f"domain-{domain}-{namespace.replace('/', '-')}.lock", taken):
+        yield
+
+
+@contextmanager
+def server_lock(domain: int, namespace: str) -> Iterator[None]:
+    """Hold the place of the server of goals of a (domain, namespace), beside the graph's own lock.
+
+    Raises:
+        DomainError: As in `domain_lock`.
+    """
+    taken = f"DDS domain {domain} already has a server of goals in namespace /{namespace}"
+    with _held(f"server-{domain}-{namespace.replace('/', '-')}.lock", taken):
+        yield
+
+
+@contextmanager
+def _held(name: str, taken: str) -> Iterator[None]:
+    """Hold a lock file of this user's folder.
+
+    Args:
+        name: Of the file.
+        taken: What a refusal says of the lock that another process holds.
+    """
+    path = lock_folder() / name
+    try:
+        path.parent.mkdir(mode=0o700, exist_ok=True)
+        folder = os.open(path.parent, _FOLDER)
+        try:
+            _check_own(path.parent, folder)
+            lock = os.open(name, _FILE, 0o600, dir_fd=folder)
+        finally:
+            os.close(folder)
+    except OSError as error:
+        raise DomainError(
+            f"the lock {path} cannot be held: {error.strerror}; no link is followed"
+        ) from error
+    try:
+        _check_own(path, lock)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise DomainError(
-                f"DDS domain {domain} already runs a graph in namespace /{namespace}; choose "
-                "another with --domain or --namespace"
-            ) from None
+            raise DomainError(f"{taken}; choose another with --domain or --namespace") from None
         yield
+    finally:
+        os.close(lock)
+
+
+def _check_own(path: Path, descriptor: int) -> None:
+    """Refuse what another user owns or may write to.
+
+    Raises:
+        DomainError: It is so, or a file is none.
+    """
+    found = os.fstat(descriptor)
+    if found.st_uid != os.geteuid():
+        raise DomainError(f"the lock {path} belongs to user {found.st_uid}: remove it")
+    if found.st_mode & 0o022:
+        raise DomainError(
+            f"the lock {path} has mode {stat.S_IMODE(found.st_mode):04o}: others may write to it"
+        )
+    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+        raise DomainError(f"the lock {path} is no file")

@@ -1,0 +1,76 @@
+"""Serves the page on a socket until a signal."""
+
+from __future__ import annotations
+
+import resource
+import socket
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from starlette.types import ASGIApp
+
+from winding_dashboard.web.connections import Bounds, Connection, Connections
+
+# Connections that the system holds ready, and how many of them are taken in one turn: each takes a
+# file descriptor before another one can be closed for it.
+_QUEUE, _AT_ONCE = 1024, 8
+# Files that reports, logs and the graph may still open.
+_SPARE = 32
+_FEWEST = 16
+# Browsers that hold a connection must not hold up the end [s].
+_LAST_ANSWERS = 1
+
+
+def listen(app: ASGIApp, host: str, port: int) -> None:
+    """Serve an application until a signal.
+
+    Args:
+        app: What answers.
+        host: Address.
+        port: TCP port.
+
+    Raises:
+        SystemExit: The port is taken; the reason has been printed.
+    """
+    config = uvicorn.Config(
+        app,
+        host=host,
+        port=port,
+        log_level="error",
+        access_log=False,
+        http="h11",
+        ws="none",
+        proxy_headers=False,
+        server_header=False,
+        backlog=_AT_ONCE,
+        timeout_graceful_shutdown=_LAST_ANSWERS,
+    )
+    config.load()
+    speaks_http, connections = config.http_protocol_class, Connections(bounds_here())
+
+    def connection(**given: Any) -> Connection:
+        return Connection(speaks_http(**given), connections)
+
+    config.http_protocol_class = connection  # type: ignore[assignment]
+    with suppress(KeyboardInterrupt):
+        _Server(config).run(sockets=[config.bind_socket()])
+
+
+def bounds_here() -> Bounds:
+    """Return how many connections this process can keep beside the files that it needs."""
+    most, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    opened = sum(1 for _ in Path("/proc/self/fd").iterdir())
+    usual = Bounds()
+    # A closed connection holds its descriptor for another turn.
+    total = max(_FEWEST, min(usual.total, most - opened - _SPARE - 4 * _AT_ONCE))
+    return Bounds(total=total, per_peer=min(usual.per_peer, total))
+
+
+class _Server(uvicorn.Server):
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        # What asyncio takes in one turn and what the system holds ready are one number there.
+        for listener in sockets or ():
+            listener.listen(_QUEUE)
