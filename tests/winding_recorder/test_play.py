@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
-from winding_recorder.bags.description import BagError, jazzy_channel
+from winding_recorder.bags.description import BagError, StoredMessage, jazzy_channel
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.reading import messages_of, opened
 from winding_recorder.bags.writer import BagWriter
@@ -138,7 +138,7 @@ def test_latched_topics_reach_who_comes_late(
     topic = renamed(topics.FEM_PREDICTION)
     channel = jazzy_channel(topic.name, topic.type_name, depth=topic.depth, latched=True)
     writer = BagWriter(tmp_path / "bag", [channel], BagConfig())
-    writer.write(0, 0, bytes(serialize_message(PointCloud2())))
+    writer.write(0, StoredMessage(bytes(serialize_message(PointCloud2())), 0, 0))
     writer.close()
     player = play(tmp_path / "bag", Pacing(1.0))
     ros.spin_until(lambda: player.published == 1)

@@ -13,7 +13,7 @@ from made_bags import channel_of
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from winding_core.markers import MARKER_DTYPE
-from winding_recorder.bags.description import PARAMETERS, BagError
+from winding_recorder.bags.description import PARAMETERS, BagError, StoredMessage
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
@@ -51,7 +51,8 @@ def record(folder: Path, arrivals: list[tuple[Topic, Any]], *, harm: float = 0.0
             markers["theta"][0] = harm
             data = with_stamp(encode_cloud(0.0, markers), stamp_bytes(data))
         data = decoder.canonical(topic.type_name, data)
-        writer.write(RECORDED.index(topic), serialised_stamp_ns(data), data)
+        stamp = serialised_stamp_ns(data)
+        writer.write(RECORDED.index(topic), StoredMessage(data, stamp, stamp))
 
     handler = FemHandler(FemParameters(**PARAMETERS_OF_RUN))
     for answer in handler.begin(0.0):

@@ -122,14 +122,14 @@ def test_a_cloud_that_contradicts_itself_is_refused(bags: Any, tmp_path: Path) -
     from rclpy.serialization import serialize_message
     from sensor_msgs.msg import PointCloud2
 
-    from winding_recorder.bags.description import jazzy_channel
+    from winding_recorder.bags.description import StoredMessage, jazzy_channel
     from winding_recorder.bags.mcap_file import BagConfig
     from winding_recorder.bags.writer import BagWriter
 
     cloud = PointCloud2(height=1, width=5, point_step=8, row_step=40)
     channel = jazzy_channel("/c", "sensor_msgs/msg/PointCloud2", depth=1, latched=False)
     writer = BagWriter(tmp_path / "bag", [channel], BagConfig())
-    writer.write(0, 0, bytes(serialize_message(cloud)))
+    writer.write(0, StoredMessage(bytes(serialize_message(cloud)), 0, 0))
     writer.close()
     with pytest.raises(BagError, match="contradicts itself"):
         export(tmp_path / "bag", tmp_path / "tables", "csv")

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from winding_recorder.bags.description import Channel
+from winding_recorder.bags.description import Channel, StoredMessage
 
 # Readers seek to the beginning of a chunk, and a killed recorder loses the open one.
 CHUNK_BYTES = 256 * 1024
@@ -152,8 +152,8 @@ class McapFile:
         index = (self._chunks + 1) * (2 * _RECORD_OVERHEAD + 10 * len(self._channels))
         return 2 * self._described_bytes + index + self._sink.pending + self._open_bytes
 
-    def write(self, channel: int, stamp_ns: int, data: bytes, sequence: int) -> bool:
-        """Take a message; its stamp [ns] is both log and publish time.
+    def write(self, channel: int, message: StoredMessage) -> bool:
+        """Take a message.
 
         Returns:
             Whether the chunk before it was stored.
@@ -161,7 +161,7 @@ class McapFile:
         Raises:
             OSError: The chunk before it could not be stored.
         """
-        size = len(data) + _MESSAGE_OVERHEAD
+        size = len(message.data) + _MESSAGE_OVERHEAD
         full = self._messages > 0 and self._open_bytes + size > self._chunk_bytes
         try:
             if full:
@@ -170,7 +170,11 @@ class McapFile:
             self._open_bytes += size
             self._messages += 1
             self._writer.add_message(
-                self._channels[channel], stamp_ns, data, stamp_ns, sequence & 0xFFFFFFFF
+                self._channels[channel],
+                message.arrived_ns,
+                message.data,
+                message.published_ns,
+                message.sequence & 0xFFFFFFFF,
             )
         return full
 
