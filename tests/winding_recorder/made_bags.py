@@ -5,6 +5,7 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
+from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from rosbags.highlevel import AnyReader
@@ -121,6 +122,15 @@ class Bags:
             for link, stamp, data in reader.messages():
                 writer.write(links[link.id], stamp, data)
         return folder
+
+    @staticmethod
+    def messages(folder: Path) -> list[tuple[str, Message]]:
+        """Return (topic, message) of the only file of a recording, in the order of arrival."""
+        with storage_file(folder).open("rb") as stream:
+            return [
+                (channel.topic, message)
+                for _, channel, message in make_reader(stream).iter_messages()
+            ]
 
     @staticmethod
     def counts(path: Path) -> Counter[str]:

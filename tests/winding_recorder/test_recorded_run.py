@@ -115,6 +115,16 @@ def test_a_folder_that_is_no_recording_is_refused_in_one_sentence(
     assert "winding: " in refused.stderr
 
 
+@pytest.mark.parametrize("action", ["info", "check", "replay", "play", "export", "recover"])
+def test_a_recording_that_is_not_there_is_no_command(
+    command: Callable[..., Any], tmp_path: Path, action: str
+) -> None:
+    options = {"replay": ["--node", "fem"], "export": ["--output", "t"], "recover": ["new"]}
+    refused = command("bag", action, "missing", *options.get(action, []), cwd=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr.strip() == "winding: there is no recording at missing"
+
+
 def test_any_reader_finds_every_topic_of_the_contract(bag: Path) -> None:
     with AnyReader([bag]) as reader:
         found = {connection.topic: connection for connection in reader.connections}

@@ -39,6 +39,15 @@ def test_joint_states_become_columns_by_joint(made: Path, tmp_path: Path, form: 
     assert table["cylinder_joint.velocity"][500].as_py() == pytest.approx(0.87, rel=1e-9)
 
 
+def test_stamp_and_arrival_stand_side_by_side(bags: Any, tmp_path: Path) -> None:
+    folder = bags.whole(tmp_path / "bag", 40, began=1_700_000_000_000_000_000)
+    files = export(folder, tmp_path / "t", "parquet", frozenset({"/winding/rig/tension"}))
+    table = pyarrow.parquet.read_table(files[0])
+    np.testing.assert_allclose(table["t"], [0.0, 0.01, 0.02, 0.03], atol=1e-12)
+    # Seconds since the epoch are carried to 0.2 us.
+    np.testing.assert_allclose(np.array(table["arrival"]) - 1.7e9, table["t"], atol=1e-6)
+
+
 def test_pictures_leave_their_pixels_in_the_bag(made: Path, tmp_path: Path) -> None:
     (file,) = export(made, tmp_path / "t", "csv", frozenset({"/winding/camera/image_raw"}))
     table = pyarrow.csv.read_csv(file)

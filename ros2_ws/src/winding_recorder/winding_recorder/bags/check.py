@@ -67,7 +67,7 @@ def check(path: Path) -> Verdict:
     return verdict
 
 
-# (topic, arrived [ns], published [ns], bytes)
+# Topic, arrival [ns], publication [ns] and bytes of each message.
 Messages = Iterator[tuple[str, int, int, bytes]]
 
 

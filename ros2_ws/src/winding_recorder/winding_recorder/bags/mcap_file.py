@@ -11,6 +11,8 @@ from winding_recorder.bags.description import Channel, StoredMessage
 
 # Readers seek to the beginning of a chunk, and a killed recorder loses the open one.
 CHUNK_BYTES = 256 * 1024
+# The index of a file is kept in memory until it ends: 9 MB of a minute with pictures.
+SPLIT_BYTES = 2_000_000_000
 _NEVER_FULL = 2**62
 COMPRESSIONS = ("none", "zstd")
 NOTES_BEFORE = "winding_run"
@@ -73,15 +75,19 @@ class Sink:
         """Close without storing what is left."""
         os.close(self._descriptor)
 
-    def close(self) -> None:
+    def close(self, *, sync: bool) -> None:
         """Store what is left and close.
+
+        Args:
+            sync: Whether to wait for the disk.
 
         Raises:
             OSError: There is no room; the file ends with the last flush that succeeded.
         """
         try:
             self.flush()
-            os.fsync(self._descriptor)
+            if sync:
+                os.fsync(self._descriptor)
         finally:
             os.close(self._descriptor)
 
@@ -91,7 +97,8 @@ class BagConfig:
     """How a recording is stored."""
 
     compression: str = "none"  # Of the chunks, "none" or "zstd"
-    split_bytes: int = 0  # A file that has become so long is followed by a new one; 0 for one file
+    # A file that has become so long is followed by a new one; 0 for one file.
+    split_bytes: int = SPLIT_BYTES
     chunk_bytes: int = CHUNK_BYTES  # Longest chunk; a longer message has a chunk of its own
 
     def __post_init__(self) -> None:
@@ -190,12 +197,13 @@ class McapFile:
             self._open_bytes = self._messages = 0
         self._writer.flush()
 
-    def close(self, metadata: str, notes: Mapping[str, str]) -> None:
+    def close(self, metadata: str, notes: Mapping[str, str], *, sync: bool) -> None:
         """Write the summary and close.
 
         Args:
             metadata: The file's metadata.yaml, which rosbag2 keeps inside the file as well.
             notes: What is known of the recording now that it has ended.
+            sync: Whether to wait for the disk.
 
         Raises:
             OSError: There is no room.
@@ -208,7 +216,7 @@ class McapFile:
         except OSError:
             self._sink.abandon()
             raise
-        self._sink.close()
+        self._sink.close(sync=sync)
 
     def _register(self, channel: Channel) -> int:
         if channel.type_name not in self._schemas:

@@ -143,7 +143,7 @@ class BagWriter:
         self._notes |= notes or {}
         self._reserve.release()
         if not self._ended:
-            self._end_file()
+            self._end_file(sync=True)
         text = self._described(self._extents).text()
         # Half a description would hide the files that are whole.
         draft = self.folder / f".{METADATA}"
@@ -163,16 +163,17 @@ class BagWriter:
     def _split(self) -> None:
         self._file.flush()
         self._reserve.release()
-        self._end_file()
+        # What waits behind the messages of a further file must not wait for the disk.
+        self._end_file(sync=False)
         self._stored_before += self._file.stored
         self._reserve = Reserve(self.folder / _RESERVE)
         self._hold(0)
         self._file = self._next_file()
 
-    def _end_file(self) -> None:
+    def _end_file(self, *, sync: bool) -> None:
         self._ended = True
         own = inner_text(self._described(self._extents[-1:]))
-        self._file.close(own, self._notes)
+        self._file.close(own, self._notes, sync=sync)
 
     def _described(self, extents: Sequence[Extent]) -> Description:
         return Description(channels=self._channels, extents=extents, notes=self._notes)

@@ -237,8 +237,8 @@ class OperatorRun:
 
     def _note_over(self, buffer: RunBuffer, ended: str) -> OperatedRun:
         self._open, self._over = False, time.monotonic()
-        folders = tuple(self._recorder.bags.folders)
-        bags, self._bags = folders[self._bags :], len(folders)
+        recorded = self._recorder.bags
+        bags, self._bags = recorded.present(self._bags), len(recorded.folders)
         run = OperatedRun(
             buffer=buffer,
             wound=dict(self._wound) if self._reading is None or self._reading.done() else {},

@@ -139,7 +139,7 @@ class Run:
             wall_s=wall,
             recording_error=recorder.error,
             events=tuple(self._log.events[self._events :]),
-            bags=tuple(recorder.bags.folders[self._bags :]),
+            bags=recorder.bags.present(self._bags),
             ended=ended,
             limits=self._limits(),
             simulated=self.config.machine is None,
