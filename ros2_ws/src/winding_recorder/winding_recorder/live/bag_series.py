@@ -234,8 +234,8 @@ class BagSeries:
         return self._writer is not None and not self._writer.present
 
     def present(self, first: int = 0) -> tuple[Path, ...]:
-        """Return the bags from that number on that are still there."""
-        return tuple(folder for folder in self.folders[first:] if folder.is_dir())
+        """Return the bags from that number on of which there is still a file."""
+        return tuple(folder for folder in self.folders[first:] if any(folder.glob("*.mcap")))
 
     def join(self) -> None:
         """Wait until every bag that was left is closed."""
